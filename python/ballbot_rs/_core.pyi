@@ -178,11 +178,11 @@ class Params:
     `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
     `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
     `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how much
-    less the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers a turn, 12), `roller_phases` (0 rad),
-    `floor_tilt` (rotation vector x, y that turns a level floor into this one, 0 rad).
+    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how
+    much smaller the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers per turn, 12), `roller_phases`
+    (0 rad), `floor_tilt` (rotation vector x, y that rotates a level floor into this floor, 0 rad).
     Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
-    `docs/conventions.md` has all ranges.
+    see `docs/conventions.md` for all ranges.
 
     Raises:
         ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
@@ -203,8 +203,8 @@ class Params:
         wheel_radius: float,  # Radius r_w of a wheel, m.
         wheel_zenith: float,  # Zenith angle α of the wheel contacts, rad.
         wheel_azimuths: npt.ArrayLike = ...,  # Azimuths β_i of the three wheel contacts, rad.
-        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact less `wheel_zenith`, rad.
-        body_com_offset: npt.ArrayLike = ...,  # Place (x, y) of the CoM of the body off the mast, m.
+        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact minus `wheel_zenith`, rad.
+        body_com_offset: npt.ArrayLike = ...,  # Offset (x, y) of the CoM of the body from the mast, m.
         body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
         max_wheel_torque: float = 5.0,  # Largest torque of one motor, N·m.
         gravity: float = 9.81,  # Gravitational acceleration, m/s².
@@ -220,10 +220,10 @@ class Params:
         floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
         roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction.
         roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction, s/m.
-        roller_ripple: float = 0.0,  # Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m.
-        roller_count: float = 12.0,  # Rollers of a wheel that pass the ball in a turn, of all its rows.
+        roller_ripple: float = 0.0,  # Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m.
+        roller_count: float = 12.0,  # Rollers of a wheel, in all its rows, that pass the ball per turn.
         roller_phases: npt.ArrayLike = ...,  # Phase of the ripple of each wheel, rad.
-        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.
+        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad.
     ) -> Self: ...
     # End of the generated part.
     @property
@@ -261,10 +261,10 @@ class Params:
         """Azimuths β_i of the three wheel contacts, rad."""
     @property
     def wheel_zenith_offsets(self) -> tuple[float, float, float]:
-        """Zenith of each wheel contact less `wheel_zenith`, rad."""
+        """Zenith of each wheel contact minus `wheel_zenith`, rad."""
     @property
     def body_com_offset(self) -> tuple[float, float]:
-        """Place (x, y) of the CoM of the body off the mast, m."""
+        """Offset (x, y) of the CoM of the body from the mast, m."""
     @property
     def body_products_of_inertia(self) -> tuple[float, float, float]:
         """Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²."""
@@ -312,27 +312,27 @@ class Params:
         """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
     @property
     def roller_ripple(self) -> float:
-        """Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m."""
+        """Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m."""
     @property
     def roller_count(self) -> float:
-        """Rollers of a wheel that pass the ball in a turn, of all its rows."""
+        """Rollers of a wheel, in all its rows, that pass the ball per turn."""
     @property
     def roller_phases(self) -> tuple[float, float, float]:
         """Phase of the ripple of each wheel, rad."""
     @property
     def floor_tilt(self) -> tuple[float, float]:
-        """Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad."""
+        """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad."""
     @property
     def gravity_vector(self) -> tuple[float, float, float]:
-        """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level one."""
+        """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor."""
     def slope_lean(self) -> tuple[float, float]:
-        """Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
+        """Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
-        """Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at which its
-        lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball, sticking until then, slips; `motor`, at which a motor
-        gives its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+        """Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
+        which its lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball begins to slip; `motor`, at which
+        a motor reaches its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
         """
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
@@ -347,17 +347,17 @@ class Params:
     @property
     def slender_half_length(self) -> float:
         """Half length of a slender mast about the CoM with the body's largest moment of inertia about an axis across the mast,
-        m: the body is drawn, and touches the floor, as tall as this.
+        m: the body is drawn, and touches the floor, with this height.
         """
     @property
     def equilibrium_wheel_loads(self) -> tuple[float, float, float]:
-        """Load of each wheel on the ball in equilibrium on a level floor, where the CoM is above the ball's center and no motor
-        drives, N.
+        """Load of each wheel on the ball in equilibrium on a level floor, with the CoM above the ball's center and without
+        motor torque, N.
         """
     @property
     def is_symmetric(self) -> bool:
-        """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have one zenith and are 120 deg
-        apart. The model `planar` takes only such robots.
+        """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith and are
+        120 deg apart. The model `planar` takes only such robots.
         """
     @staticmethod
     def paper() -> Params:
@@ -426,11 +426,11 @@ class State:
     ) -> Self: ...
     @staticmethod
     def at_rest(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
-        """At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
+        """At rest on the floor at the origin: rotated by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
     @staticmethod
     def at_equilibrium(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
-        turned by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
+        rotated by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
         center of mass is on the mast.
         """
     @staticmethod
@@ -447,7 +447,7 @@ class State:
         """The inverse of `to_array`."""
     def to_array(self) -> _Array:
         """All values, shape (32,): position (3), quaternion (4), velocity (3) and angular velocity (3) of the ball, the
-        same of the body, wheel angles (3), wheel speeds (3).
+        same for the body, wheel angles (3), wheel speeds (3).
         """
     def replace(self, **changes: npt.ArrayLike) -> State:
         """Copy with some fields changed."""
@@ -525,13 +525,13 @@ class Contacts:
         """Steps since the reset in which sticking and slipping contacts were not found at the first attempt."""
     @property
     def unsolved_steps(self) -> int:
-        """Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
-        other in the model `rigid`.
+        """Searched steps in which no impulses satisfied the contact conditions, or, in the model `rigid`, the impulses of
+        wheels and bot did not converge with each other.
         """
     @property
     def friction_utilization(self) -> _Array:
-        """Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
-        to 1.
+        """Fraction of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid
+        up to 1.
         """
     def __reduce__(self) -> tuple[Any, tuple[Params, _Array, bool, tuple[int, int]]]: ...
     def _repr_html_(self) -> str: ...
@@ -540,17 +540,17 @@ class Contacts:
 class Terrain:
     """Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
 
-    Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on
-    straight across them, with the slope there; an episode of an environment that leaves it is truncated.
+    Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
+    continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
 
     Raises:
-        ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
+        ValueError: a surface steeper than 1.05 rad, or numbers that do not define a surface.
     """
 
     @staticmethod
     def plane(slope: float, direction: float = 0.0) -> Terrain:
-        """A plane through the origin of the angle `slope`, rad, that rises towards `direction`, an angle from the x axis, rad. It
-        has no edges.
+        """A plane through the origin with the angle `slope`, rad, that rises towards `direction`, an angle from the x
+        axis, rad. It has no edges.
         """
     @staticmethod
     def from_heights(heights: npt.ArrayLike, cell: float) -> Terrain:
@@ -561,18 +561,18 @@ class Terrain:
         size: npt.ArrayLike,
         cell: float = 0.02,
     ) -> Terrain:
-        """The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
-        most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns one.
+        """The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of
+        at most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns an array.
         """
     @staticmethod
     def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
         """A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-        "curb", "cobbles" or "mix". `terrain_kinds()` has their parameters.
+        "curb", "cobbles" or "mix". `terrain_kinds()` lists their parameters.
         """
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
-        """Height at `x` and `y`, m: a number, or an array of the shape that both have together."""
+        """Height at `x` and `y`, m: a number, or an array of their broadcast shape."""
     def normal(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
-        """Upward unit vector across the ground at `x` and `y`, shape (..., 3)."""
+        """Upward unit normal of the ground at `x` and `y`, shape (..., 3)."""
     def gradient(self, x: npt.ArrayLike, y: npt.ArrayLike) -> npt.NDArray[np.float64]:
         """Derivatives of the height by x and y at `x` and `y`, shape (..., 2)."""
     def slope_at(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
@@ -586,7 +586,9 @@ class Terrain:
         """Steepest slope anywhere, rad."""
     @property
     def curvature(self) -> tuple[float, float]:
-        """Largest curvature of a valley and of a crest anywhere, 1/m. A ball takes valleys of at most half its own curvature."""
+        """Largest curvature of a valley and of a crest anywhere, 1/m. A ball can roll through valleys of at most half its
+        own curvature.
+        """
     @property
     def size(self) -> tuple[float, float]:
         """Lengths along x and y, m; infinite for a plane."""
@@ -596,8 +598,8 @@ class Terrain:
         """
     @property
     def recipe(self) -> dict[str, Any] | None:
-        """What `generate` makes this terrain of: a dict with `kind`, `seed` and all parameters, as the option `terrain` of
-        environments takes it; None for one from heights or a function.
+        """Arguments of `generate` for this terrain: a dict with `kind`, `seed` and all parameters, as the option `terrain`
+        of environments takes it; None for a terrain from heights or a function.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -613,11 +615,11 @@ class Ballbot:
 
     Args:
         params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-        model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
+        model: "contact" (contacts and friction on the ground, dedicated solver), "rigid" (the same with rapier3d), "spatial"
             (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
-        terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level. "contact" and
-            "rigid" take any, "spatial" planes, "planar" none.
+        terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level. "contact"
+            and "rigid" take any, "spatial" planes, "planar" none.
 
     Raises:
         ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
@@ -634,25 +636,25 @@ class Ballbot:
     def terrain(self) -> Terrain | None:
         """The ground; None is level."""
     def set_terrain(self, terrain: _Ground | None) -> None:
-        """Puts the robot on other ground, a `Terrain`, the name of a kind or a dict of what generates one, None for level ground:
-        at rest upright above the origin.
+        """Puts the robot on different ground, upright at rest above the origin: a `Terrain`, the name of a kind, a dict
+        for `Terrain.generate`, or None for level ground.
 
         Raises:
-            ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it
-                was then.
+            ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is
+                then unchanged.
         """
     def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
-        """Starts anew at rest with the ball on the ground, its center above `x` and `y`, m, turned to the heading `yaw`, rad.
-        `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean in which
+        """Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
+        is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
         it stands still on the slope there.
 
         Raises:
             ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
         """
     def reset(self, state: State | None = None) -> None:
-        """Starts anew from `state`; None is at rest upright above the origin.
+        """Restarts from `state`; None is upright at rest above the origin.
 
-        A state has no contact forces: `contact` and `rigid` find them anew in their next step. A snapshot has them.
+        A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
 
         Raises:
             ValueError: a state out of bounds, below the floor, or with slip where the model has none.
@@ -663,25 +665,25 @@ class Ballbot:
         Raises:
             ValueError: a torque that is not finite or beyond `params.max_wheel_torque`; nothing has moved then.
             DivergedError: the state has left the simulation's bounds.
-            KeyboardInterrupt: Ctrl-C during a long call; `time` says how far the robot has come.
+            KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robot has come.
         """
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
-        """Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
+        """Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).
 
         The models `contact` and `rigid` spread it over their next time step.
         """
     def set_params(self, params: _Robot) -> None:
-        """Replaces the robot's parameters; they outlive a reset.
+        """Replaces the robot's parameters; they persist over resets.
 
-        With the same geometry (radii, wheel angles, place of the center of mass) the motion goes on; otherwise the robot
-        starts anew, at rest upright.
+        With the same geometry (radii, wheel angles, position of the center of mass) the motion continues; otherwise the
+        robot restarts upright at rest.
 
         Raises:
             ValueError: the parameters do not describe a robot that the model can simulate; nothing has changed then.
         """
     @property
     def state(self) -> State:
-        """The present state."""
+        """The current state."""
     @property
     def contacts(self) -> Contacts:
         """Contact forces of the last step; `contact` and `rigid` return zeros until the first step."""
@@ -701,14 +703,14 @@ class Ballbot:
     def sim_dt(self) -> float:
         """Time step, s."""
     def snapshot(self) -> bytes:
-        """Everything that the future depends on, for `restore`."""
+        """The complete state, for `restore`."""
     def restore(self, snapshot: bytes) -> None:
         """Continues, to the last bit, from a snapshot of a robot with the same arguments.
 
-        Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+        Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
 
         Raises:
-            ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+            ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
         """
     def __getnewargs__(self) -> tuple[Params, str, float]: ...
     def __getstate__(self) -> bytes: ...
@@ -720,8 +722,8 @@ class SpatialModel:
 
     The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
     (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
-    shape (6,); shape (5,) without the last with `ball_spins_about_vertical=False`, which constrains that spin to zero.
-    `absolute_wheel_spin=False` is the paper's wheel energy, in which the spin of a wheel counts relative to the body.
+    shape (6,); shape (5,) without the spin for `ball_spins_about_vertical=False`, which constrains it to zero.
+    `absolute_wheel_spin=False` is the paper's wheel energy, which uses the spin of a wheel relative to the body.
     """
 
     def __new__(
@@ -780,7 +782,7 @@ class PlanarModel:
 class LinearModel:
     """The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
 
-    The ball is free to spin about the vertical; its spin is that of motion from rest under motor torques.
+    The ball is free to spin about the vertical; its spin follows from motion from rest under motor torques.
     """
 
     STATES: ClassVar[list[str]]
@@ -796,9 +798,9 @@ class LinearModel:
         """Matrices A (10×10) and B (10×3) of x⁺ = A x + B u for inputs held over `dt` seconds; exact."""
 
 def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
-    """Sensors by name (`SENSORS` has them), or from the table `[sensors]` of a robot's TOML file.
+    """Sensors by name (see `SENSORS`), or from the table `[sensors]` of a robot's TOML file.
 
-    Every option with its value, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
+    All options with their values, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
 
     Raises:
         ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the
@@ -811,12 +813,12 @@ def estimator_constants(
     sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
     control_dt: float = 0.01,
 ) -> dict[str, float | _Array]:
-    """The numbers by name that the estimator of a robot with these sensors computes with; `ballbot export --estimator` writes
-    them as C.
+    """The constants, by name, of the estimator of a robot with these sensors; `ballbot export --estimator` writes them as
+    C.
 
     Args:
         params: the robot; None is the paper's.
-        sensors: as `sensors=` of an environment; None is exact ones.
+        sensors: as `sensors=` of an environment; None is exact sensors.
         control_dt: time between two readings, s.
 
     Raises:
@@ -824,10 +826,12 @@ def estimator_constants(
     """
 
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
-    """Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`."""
+    """Kinds of terrains by name: a dict of the arguments of `Terrain.generate`, each with `default`, `unit`, `limit` and
+    `doc`.
+    """
 
 def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
-    """Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
+    """Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
     the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
     """
 
@@ -838,10 +842,10 @@ def _toml_table(text: str) -> dict[str, Any]:
     """The table of a TOML text. The parser limits how deep it nests."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
-    """Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
-    which the joints' `velocity` is `speed_limit`.
+    """Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, whose
+    joint `velocity` is `speed_limit`.
 
-    Every option with its value, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
+    All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
     a path.
 
     Raises:
@@ -854,7 +858,7 @@ def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
 def load_events(
     name_or_path: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None,
 ) -> list[dict[str, Any]]:
-    """The events that a name stands for, as a list of dicts, one an event: what `events=` takes.
+    """Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 
     Args:
         name_or_path: "mild", "hard", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
@@ -862,7 +866,7 @@ def load_events(
 
     Raises:
         ValueError: an unknown name, malformed TOML, or an event with an unknown or missing key or a value of the wrong
-            kind; the message has its place and term.
+            kind; the message has its index and term.
         TypeError: something else.
         OSError: the file cannot be read.
     """
@@ -872,10 +876,10 @@ def virtual_to_wheel_torques(
     virtual_torques: npt.ArrayLike,
     mapping: Literal["consistent", "as_printed"] | str = "consistent",
 ) -> _Array:
-    """Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
+    """Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's eq. (8).
 
-    `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large, and which is
-    a ValueError for wheels that do not have one zenith and 120 deg between them.
+    `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
+    ValueError for wheels without a common zenith and 120 deg spacing.
     """
 
 def wheel_to_virtual_torques(params: Params, wheel_torques: npt.ArrayLike) -> _Array:
@@ -887,13 +891,13 @@ class Controller:
 
     Args:
         name: "lqr", "pid", "lqi", "lqr_pi", "mpc", "mppi", "cascade_pid", "hierarchical_sliding_mode", "pd_inverse_dynamics",
-            "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered one.
+            "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered law.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
-        control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
-        max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
-            a wheel of the upright robot slips.
-        traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
-            limit, a number from 0.01 to 1 another share, None is True, for "pid" False.
+        control_dt: time between two calls, s; None is the period that the law is designed for, or 0.01.
+        max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque
+            at which a wheel of the upright robot slips.
+        traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
+            friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
         options: weights or gains of the law.
 
     Raises:
@@ -916,30 +920,29 @@ class Controller:
     ) -> _Array:
         """Wheel torques for the next `control_dt`, shape (3,), N·m.
 
-        `setpoint` is a mapping of parts, such as a `Reference` gives; those that the law does not follow are left out, but it
-        must follow one of them. In its place parts may be keywords, of which each must be one of `setpoint_parts`: `position`
-        and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat
-        output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad), `yaw_rate`
-        (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
+        `setpoint` is a mapping of parts, such as a `Reference` gives; parts that the law does not follow are ignored,
+        but it must follow at least one. Instead, parts may be keywords, each in `setpoint_parts`: `position`
+        and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the
+        flat output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad),
+        `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
         """
     def reset(self) -> None:
-        """Forgets the past."""
+        """Clears the memory of the law."""
     def constants(self) -> dict[str, float | _Array]:
-        """The numbers that it computes torques with, by name: numbers, vectors and matrices. `ballbot export` writes them
-        as C.
+        """Constants of the law, by name: numbers, vectors and matrices. `ballbot export` writes them as C.
 
         Raises:
-            ValueError: a law that does not give them.
+            ValueError: a law that does not provide them.
         """
     @property
     def name(self) -> str:
-        """The name by which it is chosen."""
+        """Name of the law."""
     @property
     def control_dt(self) -> float:
         """Time between two calls, s."""
     @property
     def setpoint_parts(self) -> list[str]:
-        """The parts of a setpoint that it follows."""
+        """Parts of a setpoint that it follows."""
 
 class Pid(Controller):
     """The paper's PID with filtered derivative, on both components of the tilt from the equilibrium; it holds neither position
@@ -988,11 +991,11 @@ class Lqr(Controller):
         max_torque: as in `Controller`.
         traction: as in `Controller`; None is True.
         weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
-            `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
-            largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
-            those of position may. Besides, `delay` (0 s), the time between a torque and its effect, a multiple of
-            `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which the lean in equilibrium is
-            estimated, which a slope, a force or a wrong center of mass change.
+            `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175
+            rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
+            largest speed that deviations of position may command. Also `delay` (0 s), the time between a torque and its
+            effect, a multiple of `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which
+            the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it.
 
     Raises:
         ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -1046,20 +1049,20 @@ class Lqr(Controller):
 
 @final
 class Reference:
-    """A motion of the ball with the lean and the torques that it takes: setpoints over time, from rest at the time 0.
+    """A motion of the ball with the required lean and torques: setpoints over time, from rest at time 0.
 
-    Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that takes
-    more traction or torque than the robot has is refused with the time that would do.
+    Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that
+    needs more traction or torque than the robot has is rejected; the message has a time that would suffice.
 
     Arguments of all of them:
-        params: the robot that is to follow it; None is the robot that `simulate` and `Batch.rollout` run it on, and the
-            paper's for all else.
-        yaw: heading at first, rad.
-        yaw_rate: rate to which the heading comes within a second, rad/s.
-        friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
+        params: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
+            otherwise the paper's.
+        yaw: initial heading, rad.
+        yaw_rate: rate that the heading reaches within a second, rad/s.
+        friction: fraction of the friction limit of the wheels that the motion may use, from 0.01 to 1; None allows any.
 
     Raises:
-        ValueError: numbers that make no motion, or a motion that the robot cannot follow.
+        ValueError: numbers that do not define a motion, or a motion that the robot cannot follow.
     """
 
     @staticmethod
@@ -1128,8 +1131,8 @@ class Reference:
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
     ) -> Reference:
-        """At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and takes
-        `change` seconds.
+        """At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and
+        takes `change` seconds.
         """
     @staticmethod
     def circle(
@@ -1177,46 +1180,49 @@ class Reference:
         """The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
 
         Raises:
-            ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another robot, which
-                leans otherwise.
+            ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another
+                robot, which leans differently.
         """
     @property
     def params(self) -> Params | None:
-        """The robot that it was made with; None if none was named."""
+        """The robot that it was made with; None if none was given."""
     @property
     def duration(self) -> float | None:
         """When the motion ends, s; None if it does not."""
     @property
     def demand(self) -> float:
-        """Largest share of the friction limit, the load or the torque of a wheel that the motion takes."""
+        """Largest fraction of the friction limit, the load or the torque of a wheel that the motion uses."""
     def slowdown(self, friction: float = 1.0) -> float | None:
-        """The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does."""
+        """The smallest factor by which the motion must be slowed down for its demand to be `friction`; None if no factor
+        below 1000 suffices.
+        """
     def __reduce__(self) -> tuple[Any, tuple[Any, ...]]:
         """Calls the method that made it."""
 
 @final
 class Batch:
-    """Environments of one task that are stepped together in Rust; the front ends are made of it.
+    """Environments of one task that are stepped together in Rust; the basis of all front ends.
 
-    Environment i, seeded with `seed + i`, does what it would do alone, to the last bit, for any `num_threads`.
+    Environment i, seeded with `seed + i`, gives the same results as alone, to the last bit, for any `num_threads`.
 
     Args:
         num_envs: number of robots, at most 2^20.
         task: name of the task, one of `TASKS`.
-        autoreset: "same_step", "next_step" or "disabled": when an environment whose episode has ended is reset.
+        autoreset: "same_step", "next_step" or "disabled": when an environment is reset after its episode has ended.
         num_threads: threads that step the robots, at most 256; None takes all cores.
-        seed: of the first environment.
+        seed: seed of the first environment.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
-            `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-            ideal motors), `sensors` (as `actuators`; None is none), `terrain`, `scan` and `depth` (dicts of options; None is none), `level`, `observation` ("ground_truth" or "sensors"), `history`
-            (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
-            random), and the options of the task.
+            `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
+            None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
+            of options; None means the robots have none), `level`, `observation` ("ground_truth" or "sensors"),
+            `history` (how many of the last observations are given together), `scale_observations`, `reward` (scales
+            by term), `events` (as in `load_events`: randomization and pushes), and the options of the task.
 
     Raises:
         ValueError: an unknown name, or a number out of range; the message has the value and the limit.
         TypeError: an unknown option.
-        MemoryError: the environments need more memory than there is.
-        RuntimeError: of any method, while another thread is in one.
+        MemoryError: the environments need more memory than is available.
+        RuntimeError: from any method, while another thread is in a method.
     """
 
     def __new__(
@@ -1234,16 +1240,16 @@ class Batch:
         """Number of environments."""
     @property
     def num_threads(self) -> int:
-        """Number of threads that step them."""
+        """Number of threads that step the environments."""
     @property
     def task(self) -> str:
         """Name of the task."""
     @property
     def autoreset(self) -> str:
-        """When an environment whose episode has ended is reset."""
+        """When an environment is reset after its episode has ended."""
     @property
     def options(self) -> dict[str, Any]:
-        """All options of the task and of its environment, as they are used, but for `params` and `model`."""
+        """All options of the task and of its environment with the values in use, except `params` and `model`."""
     @property
     def model(self) -> str:
         """Model of the robots."""
@@ -1264,11 +1270,11 @@ class Batch:
         """Steps after which an episode is truncated."""
     @property
     def history(self) -> int:
-        """How many observations, the last ones, are given together."""
+        """How many of the last observations are given together."""
     @property
     def observation_len(self) -> int:
-        """How many numbers an observation has: its rows, `history` times, the last ones at the end; then those of the height scan
-        and of the depth camera.
+        """Length of an observation: its rows, `history` times, newest last; then the readings of the height scan and of
+        the depth camera.
         """
     @property
     def scale_observations(self) -> bool:
@@ -1285,14 +1291,14 @@ class Batch:
 
         Args:
             mask: which environments to reset, shape (num_envs,), bool; None resets all.
-            seeds: one an environment to start its random numbers from, at its next reset; None leaves them as they are.
-            starts: one `State` an environment; None draws one.
+            seeds: one per environment for its random numbers, from its next reset on; None leaves them unchanged.
+            starts: one `State` per environment; None samples one.
 
         Raises:
             ValueError: a wrong shape, or a state that the model cannot represent.
         """
     def stagger(self) -> None:
-        """Spreads the ends of the present episodes evenly, so that environments reset together are not truncated together."""
+        """Spreads the ends of the current episodes evenly, so that environments reset together are not truncated together."""
     def step(
         self, actions: npt.ArrayLike
     ) -> tuple[npt.NDArray[np.float32], _Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
@@ -1303,60 +1309,63 @@ class Batch:
             (num_envs,) bool; all fresh.
 
         Raises:
-            ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
-            KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
+            ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved in
+                these cases.
+            KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved; all must be reset.
         """
     def step_with(
         self, actions: npt.ArrayLike, motion: Callable[[_Array, _Array], npt.ArrayLike]
     ) -> tuple[npt.NDArray[np.float32], _Array, npt.NDArray[np.bool_], npt.NDArray[np.bool_]]:
-        """As `step`, with a motion that another engine simulates: commands, rewards, observations and ends are those of the
-        task.
+        """As `step`, with a motion that another engine simulates; the task still computes commands, rewards, observations
+        and episode ends.
 
         Args:
             actions: as in `step`.
-            motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows as
-                `State.to_array`, and what pushes are to do to the bodies over the first time step, shape (num_envs, 6): an
-                impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the states
-                at the end. One that is not finite or out of bounds ends its episode as diverged.
+            motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows
+                as `State.to_array`, and the pushes on the bodies over the first time step, shape (num_envs, 6): an
+                impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the
+                states at the end. A state that is not finite or out of bounds ends its episode as diverged.
 
-        Models without slip (`planar`, `spatial`) are refused. Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
+        Models without slip (`planar`, `spatial`) are rejected. Contact forces are unknown, as is contact of the body
+        with the floor; the options `actuators` have no effect.
 
         Raises:
-            ValueError: as `step`, another shape of states, or a quaternion that is not of unit length. What `motion` raises; all environments must then be reset.
+            ValueError: as `step`. Also for a wrong shape of states or a quaternion without unit length; after these,
+                and after any exception of `motion`, all environments must be reset.
         """
     def final_observations(self) -> npt.NDArray[np.float32]:
-        """Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows have no
-        meaning.
+        """Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows are
+        meaningless.
         """
     def infos(self) -> list[dict[str, Any]]:
-        """Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, `is_success` and
+        """Infos of the last step for Stable-Baselines3, one dict per environment: `TimeLimit.truncated`, `is_success` and
         `termination` (as in `endings`); where an episode ended also `terminal_observation` and its metrics, 0 where
         `metrics` has NaN.
 
-        No dict is one that a caller still holds or wrote into.
+        Dicts that a caller still holds, or has added entries to, are not reused.
         """
     def endings(self) -> tuple[npt.NDArray[np.bool_], npt.NDArray[np.int64]]:
         """Whether each environment is a success if its episode ends with the last step, shape (num_envs,), bool, and the
         reasons for termination as indices into `TASKS[task]["terminations"]` plus one, int64, 0 where there is none.
         """
     def ending(self, index: int) -> tuple[bool, str | None]:
-        """The same of environment `index`: whether it is a success, and the name of the reason or None."""
+        """The same for environment `index`: whether it is a success, and the name of the reason or None."""
     @overload
     def metrics(self, index: None = None) -> _Array: ...
     @overload
     def metrics(self, index: int) -> dict[str, float]: ...
     def running_metrics(self) -> _Array:
-        """Metrics of the present episodes so far, shape (num_envs, metrics), as infos have them: 0 before the first step of an
+        """Metrics of the current episodes so far, shape (num_envs, metrics), as in infos: 0 before the first step of an
         episode and where `metrics` has NaN.
         """
     def setpoint(self, index: int) -> dict[str, Any]:
-        """What the task asks of a controller on the robot of environment `index`, now, by part: as `Controller` takes it."""
+        """Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it."""
     def command(self, index: int | None = None) -> _Array:
-        """The present command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
+        """The current command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
         `TASKS[task]["command"]`.
         """
     def set_command(self, index: int, command: npt.ArrayLike) -> None:
-        """Gives environment `index` a command, shape (k,), which holds to the end of its episode. The next observation shows
+        """Sets the command of environment `index`, shape (k,), until the end of its episode. The next observation shows
         it, and so does `observations`.
 
         Raises:
@@ -1373,23 +1382,23 @@ class Batch:
     def observations(self) -> npt.NDArray[np.float32]:
         """Last observations of all environments, shape (num_envs, observation_len), float32; zeros before the first reset."""
     def estimates(self) -> _Array:
-        """States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
-        rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator. Wheel angles are those
-        of the readings, from the start of the episode on, where those of `states()` go on from the state that the episode
-        began with. Before the first reset they are those of the robots at rest.
+        """States estimated from the last readings of the sensors, as the task observes them, shape (num_envs, 32),
+        float64, rows as `State.to_array` lays them out. Compared with `states()` they show the errors of the estimator.
+        Wheel angles are the readings, which count from the start of the episode; in `states()` they continue from the
+        initial state of the episode. Before the first reset these are the states of the robots at rest.
 
         Raises:
-            ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
+            ValueError: the task observes the true state (`observation="sensors"` makes it observe the estimates).
         """
     def estimate(self, index: int) -> State:
-        """The same of the robot of environment `index`, as a `State`; beside `state`.
+        """The same for the robot of environment `index`, as a `State`; compare with `state`.
 
         Raises:
             ValueError: as `estimates`.
         """
     def privileged_observations(self, index: int | None = None) -> npt.NDArray[np.float32]:
-        """Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
-        `observation="ground_truth"` and `history=1` they are the observations.
+        """Rows of the observations computed from the true states, float32, with the same scaling: for critics. With
+        `observation="ground_truth"` and `history=1` they equal the observations.
 
         Of all environments, shape (num_envs, k), or of environment `index`, shape (k,).
         """
@@ -1397,16 +1406,16 @@ class Batch:
         """Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
         frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
 
-        Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset they are
-        those of the robots at rest.
+        Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset
+        these are readings of the robots at rest.
 
         Raises:
             ValueError: the robots have no sensors (`sensors=`).
         """
     @property
     def observation_layout(self) -> dict[str, tuple[int, ...]]:
-        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan` and `depth` if
-        the robots have them, as `scans` and `depths` shape them.
+        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan`
+        and `depth` if the robots have them, in the shapes of `scans` and `depths`.
         """
     def scans(self, index: int | None = None) -> npt.NDArray[np.float32]:
         """Last readings of the height scans, float32, m: how far the ground is below the lowest point of the ball at each point of
@@ -1423,7 +1432,7 @@ class Batch:
             ValueError: the robots have no depth camera (`depth=`).
         """
     def levels(self) -> npt.NDArray[np.int64]:
-        """Levels of the tiles that the present episodes began on, shape (num_envs,), int64; 0 for terrains without tiles."""
+        """Levels of the tiles that the current episodes began on, shape (num_envs,), int64; 0 for terrains without tiles."""
     @overload
     def contacts(self, index: None = None) -> dict[str, npt.NDArray[Any]]: ...
     @overload
@@ -1432,43 +1441,41 @@ class Batch:
     def terrain(self) -> Terrain | None:
         """The ground; None is level."""
     def on_ground(self, state: State, index: int = 0) -> State:
-        """A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
-        moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
-        tilt. The same state on level ground.
+        """Moves a state on level ground of the robot of environment `index` to the same place on its ground, as starts are
+        moved: the ball touches the ground and rolls with the same horizontal velocity, and the static lean there is
+        added to the tilt. On level ground the state is unchanged.
         """
     def params(self, index: int = 0) -> Params:
         """Parameters of the robot of environment `index`."""
     def nominal_params(self, index: int = 0) -> Params:
-        """Parameters that the robot of environment `index` has without events: those it was made with, or of `set_params`."""
+        """Parameters of the robot of environment `index` without events: its initial ones, or those of `set_params`."""
     @overload
     def draws(self, index: None = None) -> dict[str, _Array]: ...
     @overload
     def draws(self, index: int) -> dict[str, Any]: ...
     def repeated_draws(self, index: int = 0) -> int:
-        """How many draws of the events of environment `index` made a robot that cannot be, and were repeated, since its seed."""
+        """How many draws of the events of environment `index` gave an invalid robot and were repeated, since its seed."""
     def push_count(self, index: int = 0) -> int:
-        """How many pushes events and the task have given the robot of environment `index` in its episode."""
+        """How many pushes events and the task have applied to the robot of environment `index` in its episode."""
     def actuators(self, index: int = 0) -> dict[str, Any]:
-        """Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
-        them.
-        """
+        """All options of the motors of environment `index`: from the batch, as changed by events."""
     def sensors(self, index: int = 0) -> dict[str, Any]:
-        """Options of the sensors of environment `index`, every one with its value: those of the batch, exact ones without, or what
-        events made of them.
+        """All options of the sensors of environment `index`: from the batch (exact sensors by default), as changed by
+        events.
         """
     def set_params(self, index: int, params: _Robot) -> None:
-        """Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
-        from.
+        """Replaces the parameters of the robot of environment `index`; they persist over resets, and events start from
+        them.
 
-        With the same geometry (radii, wheel angles, place of the center of mass) its motion goes on; otherwise the
-        environment must be reset before its next step. The torque of an action stays that of the batch.
+        With the same geometry (radii, wheel angles, position of the center of mass) its motion continues; otherwise the
+        environment must be reset before its next step. The torque of an action does not change.
 
         Raises:
             ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
                 changed then.
         """
     def push(self, index: int, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
-        """Gives the body of one robot an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM)."""
+        """Applies an impulse (inertial frame, N·s) to the body of one robot at `point` (body frame, m; None is its CoM)."""
     def control(
         self,
         controller: Controller,
@@ -1478,20 +1485,22 @@ class Batch:
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
-        They are within ±1: `max_wheel_torque`, the torque of an action, is a limit of the controller, too. Its default is less
-        than a robot that leans can use: `max_wheel_torque=params.max_wheel_torque` leaves the controller its own limits. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+        They are within ±1: `max_wheel_torque`, the torque of an action, also limits the controller. Its default is less
+        than a leaning robot can use: with `max_wheel_torque=params.max_wheel_torque` only the controller's own limits
+        apply. The controller gets what the task observes: with `observation="sensors"` the states of `estimates()`,
+        else the true states.
 
-        What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
+        The controller's memory of a robot advances with each call; it is reset with the robot's episode, and when
         another controller is used.
 
         Args:
             controller: sampled at the batch's `control_dt`.
-            setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
-                takes the task's.
-            privileged: whether the controller takes the true states whatever the task observes, as a teacher does.
+            setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
+                the task's.
+            privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
 
         Raises:
-            ValueError: the controller is sampled at another rate, or a wrong shape.
+            ValueError: the controller has a different sampling rate, or a wrong shape.
             TypeError: a part that the controller does not follow.
         """
     def rollout(
@@ -1510,41 +1519,44 @@ class Batch:
 
         Args:
             controller: as in `control`.
-            steps: how many.
-            setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
-                A reference without `params` is that of the controller's robot; it goes on where an episode ends and another
-                begins.
+            steps: number of control steps.
+            setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
+                one per robot. A reference without `params` uses the controller's robot; it continues when an episode
+                ends and the next begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-                `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
-                step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
-                `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
+                `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows, the first
+                before the first step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`,
+                `success`, `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one
+                row per step.
             privileged: as in `control`.
-            impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
-            points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.
-            start_time: when the first step is, for references, s.
+            impulses: impulses on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame,
+                N·s.
+            points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
+            start_time: time of the first step, for references, s.
 
         Returns:
-            Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
-            a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
+            Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
+            `draws` is a dict of arrays by term. Where an episode ends, the row after it depends on `autoreset`.
 
         Raises:
-            ValueError: an unknown record, a reference of another robot than the controller's, or as `control` and `step`.
+            ValueError: an unknown record, a reference for a robot other than the controller's, or as `control` and
+                `step`.
             TypeError: as `control`.
-            MemoryError: the records need more memory than there is.
-            KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
-                reset.
+            MemoryError: the records need more memory than is available.
+            KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
+                all must be reset.
         """
     def snapshot(self, index: int) -> bytes:
-        """Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`; what a
-        controller keeps of the robot is not part of it, and starts anew.
+        """The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's
+        memory of the robot is not included, and is reset.
         """
     def restore(self, index: int, snapshot: bytes) -> None:
         """Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
 
-        Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+        Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
 
         Raises:
-            ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+            ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
         """
 
 @final
@@ -1560,7 +1572,7 @@ class Renderer:
             counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
             moves with the ball, and `target` is relative to its contact point with the floor).
         num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
-        terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level.
+        terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level.
 
     Raises:
         ValueError: a number out of range. TypeError: an unknown camera setting.

@@ -1,9 +1,9 @@
-//! Steps of whole batches, resets included, and what the core could do at most:
+//! Steps of whole batches, including resets, and the peak of the core:
 //! `cargo bench -p ballbot-core --bench batch`.
 //!
 //! An element of a batch is one environment's control step, which is five model steps. An element of the peak is a
-//! floating-point operation, a fused multiply-add being two: a step of the contact model has as many as the test
-//! `operations_of_a_step_are_as_documented` counts, so that a batch of it reaches 5 · that · (elements/s) of them.
+//! floating-point operation, a fused multiply-add being two: the test `operations_of_a_step_are_as_documented` counts N
+//! of them in a step of the contact model, so that a batch reaches 5 · N · (elements/s).
 
 mod runner;
 
@@ -41,7 +41,7 @@ fn batches(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Every effect of the motors at once, beside ideal ones.
+/// Every effect of the motors at once, compared with ideal motors.
 fn motors(criterion: &mut Criterion) {
     let all = MotorOptions {
         delay: 0.026,
@@ -64,7 +64,7 @@ fn motors(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What events cost: robots that differ, their resets with ten terms, and what is checked when a batch is made.
+/// Cost of events: different robots, their resets with ten terms, and the checks when a batch is created.
 fn events(criterion: &mut Criterion) {
     const ENVS: usize = 1024;
     let hard = load_events("hard").expect("it is part of the crate");
@@ -85,7 +85,7 @@ fn events(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What uneven ground costs a step and a reset.
+/// Cost of uneven ground in a step and a reset.
 fn ground(criterion: &mut Criterion) {
     const ENVS: usize = 1024;
     let hills = Terrain::generate("noise", 0, &[("slope", 0.15)]).expect("the default size");
@@ -99,7 +99,7 @@ fn ground(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What a height scan and a depth camera of 25 Hz cost a step on uneven ground.
+/// Cost of a height scan and a depth camera at 25 Hz in a step on uneven ground.
 fn perception(criterion: &mut Criterion) {
     const ENVS: usize = 256;
     let hills = Arc::new(Terrain::generate("noise", 0, &[("slope", 0.15)]).expect("the default size"));
@@ -121,7 +121,7 @@ fn perception(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// What wheels of rollers cost a step.
+/// Cost of roller wheels in a step.
 fn rollers(criterion: &mut Criterion) {
     const ENVS: usize = 1024;
     let round = runner::config(ModelKind::Contact);
@@ -159,7 +159,7 @@ fn chains<S: Simd, const CHAINS: usize>(simd: S, factor: f64, term: f64) -> [f64
     out
 }
 
-/// Runs as many chains as hide an addition's latency and yet fit the registers; how many they are.
+/// Runs as many chains as hide an addition's latency and still fit the registers; returns their number.
 fn run_chains(factor: f64, term: f64) -> usize {
     let level = Level::new();
     #[cfg(target_arch = "x86_64")]
@@ -188,7 +188,7 @@ fn run_chains(factor: f64, term: f64) -> usize {
     0
 }
 
-/// Multiply-adds of one core in lanes: what the contact model's flops are a share of.
+/// Multiply-adds of one core in lanes: the peak that the contact model's flops are compared with.
 fn peak(criterion: &mut Criterion) {
     // Towards term / (1 − factor), neither overflowing nor denormal.
     let (factor, term) = (black_box(0.5), black_box(1.0));

@@ -1,6 +1,6 @@
 //! One call of each controller, for one robot and for eight: `cargo bench -p ballbot-core --bench controllers`.
 //!
-//! Calm robots stay within the traction; of wild ones the torques are scaled down, and `mpc` iterates.
+//! Calm robots stay within the traction; for wild robots the torques are scaled down, and `mpc` iterates.
 
 use ballbot_core::control::{Controller, LaneWidth, Setpoint, SetpointCells, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};

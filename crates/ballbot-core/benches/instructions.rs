@@ -1,7 +1,7 @@
-//! What `make instructions` counts the instructions of, one workload a run: `instructions <model> <workload> <times>`.
+//! The workloads whose instructions `make instructions` counts, one per run: `instructions <model> <workload> <times>`.
 //!
 //! The work before the counted part is the same for every number of times, so that the difference between a run with
-//! some and a run with none is the counted part alone.
+//! some and a run with none is only the counted part.
 
 mod runner;
 
@@ -13,14 +13,14 @@ use runner::Runner;
 /// Time step of the models, s.
 const SIM_DT: f64 = 0.001;
 
-/// Steps before the counted ones, over which the contacts of a start come to rest and caches and buffers are filled.
+/// Steps before the counted steps, in which the contacts of a start settle and caches and buffers are filled.
 const SETTLING: usize = 100;
 const SETTLING_BATCH: usize = 5;
 
 /// Environments of a batch.
 const ENVS: usize = 64;
 
-/// No robot is to fall over within the counted steps: it would be another motion.
+/// No robot may fall over within the counted steps: that would be a different motion.
 const UPRIGHT: f64 = 0.3;
 
 /// Leaning a little, rolling and turning.
@@ -33,7 +33,7 @@ fn robot(kind: ModelKind) -> Ballbot {
     Ballbot::new(&Params::paper(), kind, SIM_DT).expect("the paper's robot can be built")
 }
 
-/// Steps of one robot, in one call: it looks after every 64th only whether the robot has diverged.
+/// Steps of one robot, in one call: it checks for divergence only after every 64th step.
 fn steps(kind: ModelKind, times: usize) {
     let mut robot = robot(kind);
     let torques = [0.02, -0.01, 0.01];
@@ -47,7 +47,7 @@ fn steps(kind: ModelKind, times: usize) {
 fn resets(kind: ModelKind, times: usize) {
     let mut robot = robot(kind);
     let start = start(robot.params());
-    // The first may find buffers that have yet to grow.
+    // In the first run, buffers may still grow.
     for _ in 0..=times {
         robot.reset(&start).expect("every model can start from here");
     }
@@ -69,7 +69,7 @@ fn batch_resets(kind: ModelKind, times: usize) {
     }
 }
 
-/// The instructions that robots in lanes are computed with, which valgrind may hide from the program.
+/// The instruction set for robots in lanes, which valgrind may hide from the program.
 fn lanes() -> &'static str {
     let level = Level::new();
     #[cfg(target_arch = "x86_64")]

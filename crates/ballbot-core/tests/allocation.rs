@@ -22,7 +22,7 @@ thread_local! {
 
 struct Counting;
 
-// SAFETY: every call is passed on to the system's allocator as it is, which keeps the contract of the trait.
+// SAFETY: every call is passed unchanged to the system's allocator, which keeps the contract of the trait.
 #[expect(unsafe_code, reason = "an allocator is an unsafe trait")]
 unsafe impl GlobalAlloc for Counting {
     unsafe fn alloc(&self, layout: Layout) -> *mut u8 {
@@ -82,10 +82,10 @@ fn steps_allocate_nothing() {
     for model in [ModelKind::Planar, ModelKind::Spatial] {
         assert_eq!(allocations(&endless(model), None), 0, "{model}");
     }
-    // Resets included.
+    // Including resets.
     let brief = BalanceConfig { max_episode_steps: 2, ..endless(ModelKind::Contact) };
     assert_eq!(allocations(&brief, None), 0, "contact");
-    // Events included: at resets and, the friction and pushes, within episodes.
+    // Including events: at resets, and friction and pushes within episodes.
     let push = Event { when: When::Every([0.01, 0.02]), ..Event::new("push", [0.0, 1e-3]) };
     let friction = Event { when: When::At(0.01), optional: true, ..Event::new("floor_dynamic_friction", [0.9, 1.0]) };
     let events = vec![push, friction, Event::new("gravity", [9.0, 10.0]), Event::new("ball_radius", [0.112, 0.113])];
@@ -125,7 +125,7 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = endless(model);
         let lqr = Lqr::new(&config.params, config.control_dt).unwrap();
         assert_eq!(allocations(&config, Some(&lqr)), 0, "{model} under LQR");
-        // The PID has a rate of its own.
+        // The PID has a different rate.
         for kind in controller_kinds().iter().filter(|kind| kind.control_dt.is_none()) {
             let options: &[(&str, &[f64])] = match kind.name {
                 "lqr" => &[("delay", &[0.03]), ("lean_observer", &[1.0])],
@@ -139,7 +139,7 @@ fn steps_under_a_controller_allocate_nothing() {
         let sensors = Some(SensorOptions { latency: 0.02, ..SensorOptions::default() });
         let measured = BalanceConfig { sensors, observation: Observation::Sensors, ..config.clone() };
         assert_eq!(allocations(&measured, Some(&lqr)), 0, "{model} under LQR on estimates");
-        // A law with memory, at the rate of its gains; resets of `contact` included.
+        // A law with memory, at the rate of its gains; including resets of `contact`.
         let steps = if model == ModelKind::Contact { 2 } else { usize::MAX };
         let config = BalanceConfig { control_dt: Pid::PAPER_CONTROL_DT, max_episode_steps: steps, ..config };
         let pid = Pid::new(&config.params, config.control_dt, &PidGains::default(), TorqueMap::Consistent).unwrap();

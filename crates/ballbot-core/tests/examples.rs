@@ -1,4 +1,4 @@
-//! The examples run and end well. `cargo test` builds them beside the tests.
+//! The examples run and end well. `cargo test` builds them together with the tests.
 
 use std::path::PathBuf;
 use std::process::Command;

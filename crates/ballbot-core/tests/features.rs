@@ -1,4 +1,4 @@
-//! Without the cargo feature `rigid` the model of that name is refused, and all others run.
+//! Without the cargo feature `rigid` the model of that name is rejected, and all others run.
 
 use ballbot_core::{Ballbot, ModelKind, Params};
 

@@ -2,7 +2,7 @@
 //! latency, scans and pictures with dropouts, goals, torques, pushes, resets and throws out of bounds. Nothing may panic, all
 //! numbers are finite and within their bounds, only thrown robots diverge, and memory does not grow.
 //!
-//! An ordinary test run takes a few seconds of it; `make soak` sets `BALLBOT_SOAK_RIGID` and `BALLBOT_SOAK_CONTACT`, the time
+//! An ordinary test run takes a few seconds; `make soak` sets `BALLBOT_SOAK_RIGID` and `BALLBOT_SOAK_CONTACT`, the time
 //! steps of the two models.
 
 use ballbot_core::actuator::MotorOptions;
@@ -22,11 +22,11 @@ use std::time::Instant;
 const NUM_ENVS: usize = 64;
 const NUM_THREADS: usize = 2;
 
-/// Time steps where no others are given.
+/// Default count of time steps.
 const RIGID_STEPS: usize = 20_000;
 const CONTACT_STEPS: usize = 200_000;
 
-/// Largest magnitude of an observation: rows are scaled, what instruments see is in meters.
+/// Largest magnitude of an observation: rows are scaled, readings of instruments are in meters.
 const LARGEST: f32 = 10.0;
 
 /// Largest command of a goal, m.
@@ -38,10 +38,10 @@ const MEMORY: i64 = 4096;
 /// Largest number of a state, in SI units.
 const MAX_MAGNITUDE: f64 = 1e9;
 
-/// How an episode ended that nothing ended.
+/// How an episode that reached its length ended.
 const LASTED: &str = "at its full length";
 
-/// A push that a robot may survive, and one that throws it out of bounds, N·s.
+/// A push that a robot may survive, and a push that throws it out of bounds, N·s.
 const PUSH: f64 = 1.0;
 const THROW: f64 = 1e3;
 
@@ -57,7 +57,7 @@ struct Soak {
     outcomes: Vec<Outcome>,
     /// Environments thrown since the last step.
     thrown: Vec<bool>,
-    /// Episodes by what ended them, [`LASTED`] by none.
+    /// Episodes by their reason for ending, [`LASTED`] for none.
     ends: BTreeMap<&'static str, usize>,
 }
 
@@ -118,7 +118,7 @@ impl Soak {
 
     /// Disturbances between two steps.
     fn disturb(&mut self) -> Result<(), Error> {
-        // Torques that last a few steps, or they would cancel.
+        // Torques that last a few steps; otherwise they would cancel.
         for action in &mut self.actions {
             if self.rng.random_bool(0.1) {
                 // Calm often enough for some to survive to the end.
@@ -181,7 +181,7 @@ impl Soak {
     }
 }
 
-/// Resident memory of this process, KiB; none where the system does not report it.
+/// Resident memory of this process, KiB; `None` where the system does not report it.
 fn resident() -> Option<i64> {
     let status = std::fs::read_to_string("/proc/self/status").ok()?;
     let line = status.lines().find_map(|line| line.strip_prefix("VmRSS:"))?;
@@ -210,7 +210,7 @@ fn run(model: ModelKind, steps: usize) {
     assert!(ended(DIVERGED) > 0 && ended(LASTED) > 10 && soak.ends.len() > 2, "episodes are missing: {:?}", soak.ends);
 }
 
-/// One after the other: each watches the memory of the whole process.
+/// One after the other: each monitors the memory of the whole process.
 #[test]
 fn long_runs_are_finite_with_constant_memory() {
     let steps =

@@ -40,7 +40,7 @@ fn run(config: &BalanceConfig, n: usize, mode: Autoreset, threads: usize) -> Run
     all
 }
 
-/// With numbers of environments whose steps are worth two helping threads and more.
+/// With numbers of environments whose steps justify two or more worker threads.
 fn assert_independent_of_threads(model: ModelKind, n: usize, threads: &[usize]) {
     // Short episodes, many of which end in a fall.
     let config = BalanceConfig {

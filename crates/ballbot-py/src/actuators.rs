@@ -10,7 +10,7 @@ use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 use std::path::Path;
 
-/// Motors from None (ideal ones), a mapping of options, a name or the path of a TOML file.
+/// Motors from None (ideal motors), a mapping of options, a name or the path of a TOML file.
 pub(crate) fn actuators(value: &Bound<'_, PyAny>) -> PyResult<MotorOptions> {
     if value.is_none() {
         return Ok(MotorOptions::default());
@@ -29,7 +29,7 @@ pub(crate) fn actuators(value: &Bound<'_, PyAny>) -> PyResult<MotorOptions> {
 /// Motors from a name or the path of a TOML file or a URDF; `None` for anything else.
 fn named(value: &Bound<'_, PyAny>) -> Option<PyResult<MotorOptions>> {
     if let Some(path) = toml_path(value) {
-        // A path object of either format comes here.
+        // A path object of either format reaches this point.
         return Some(if is_urdf(&path) { from_urdf(&path) } else { call(|| MotorOptions::from_toml_file(&path)) });
     }
     let name = value.extract::<String>().ok()?;
@@ -52,7 +52,7 @@ fn from_mapping(options: &Bound<'_, PyMapping>) -> PyResult<MotorOptions> {
     MotorOptions::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice()))).map_err(to_python)
 }
 
-/// All options of motors by name; None for ideal ones.
+/// All options of motors by name; None for ideal motors.
 pub(crate) fn to_object(py: Python<'_>, options: &MotorOptions) -> PyResult<Option<Py<PyDict>>> {
     if options.is_ideal() { Ok(None) } else { to_dict(py, options).map(|dict| Some(dict.unbind())) }
 }
@@ -62,10 +62,10 @@ pub(crate) fn to_dict<'py>(py: Python<'py>, options: &MotorOptions) -> PyResult<
     field_dict(py, options)
 }
 
-/// Motors by name (`ACTUATORS` has them), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, of
-/// which the joints' `velocity` is `speed_limit`.
+/// Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, whose
+/// joint `velocity` is `speed_limit`.
 ///
-/// Every option with its value, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
+/// All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
 /// a path.
 ///
 /// Raises:

@@ -29,34 +29,35 @@ use pyo3::types::{PyBytes, PyDict, PyList};
 use pyo3::{PyTraverseError, PyVisit};
 use std::sync::Arc;
 
-/// Environments of one task that are stepped together in Rust; the front ends are made of it.
+/// Environments of one task that are stepped together in Rust; the basis of all front ends.
 ///
-/// Environment i, seeded with `seed + i`, does what it would do alone, to the last bit, for any `num_threads`.
+/// Environment i, seeded with `seed + i`, gives the same results as alone, to the last bit, for any `num_threads`.
 ///
 /// Args:
 ///     num_envs: number of robots, at most 2^20.
 ///     task: name of the task, one of `TASKS`.
-///     autoreset: "same_step", "next_step" or "disabled": when an environment whose episode has ended is reset.
+///     autoreset: "same_step", "next_step" or "disabled": when an environment is reset after its episode has ended.
 ///     num_threads: threads that step the robots, at most 256; None takes all cores.
-///     seed: of the first environment.
+///     seed: seed of the first environment.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
-///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file; None is
-///         ideal motors), `sensors` (as `actuators`; None is none), `terrain`, `scan` and `depth` (dicts of options; None is none), `level`, `observation` ("ground_truth" or "sensors"), `history`
-///         (how many observations, the last ones, are given together), `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: what is drawn at
-///         random), and the options of the task.
+///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
+///         None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
+///         of options; None means the robots have none), `level`, `observation` ("ground_truth" or "sensors"),
+///         `history` (how many of the last observations are given together), `scale_observations`, `reward` (scales
+///         by term), `events` (as in `load_events`: randomization and pushes), and the options of the task.
 ///
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range; the message has the value and the limit.
 ///     TypeError: an unknown option.
-///     MemoryError: the environments need more memory than there is.
-///     RuntimeError: of any method, while another thread is in one.
+///     MemoryError: the environments need more memory than is available.
+///     RuntimeError: from any method, while another thread is in a method.
 #[pyclass(name = "Batch", module = "ballbot_rs", frozen)]
 pub(crate) struct PyBatch {
     inner: Exclusive<Inner>,
     options: Py<PyDict>,
 }
 
-/// What one thread at a time may change.
+/// State that only one thread at a time may change.
 struct Inner {
     batch: Batch,
     actions: Vec<f32>,
@@ -68,10 +69,10 @@ struct Inner {
 type Array1<'py, T> = Bound<'py, PyArray1<T>>;
 type Array2<'py, T> = Bound<'py, PyArray2<T>>;
 
-/// What a step gives: observations, rewards, terminated, truncated.
+/// Result of a step: observations, rewards, terminated, truncated.
 type Step<'py> = (Array2<'py, f32>, Array1<'py, f64>, Array1<'py, bool>, Array1<'py, bool>);
 
-/// Rows that are written between two looks at Python's signals.
+/// Rows that are written between two checks of Python's signals.
 const ROWS_PER_SIGNAL_CHECK: usize = 4096;
 
 /// A fresh array that `fill` writes into, row by row.
@@ -115,7 +116,7 @@ fn starts(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Option<State>>> {
     objects("starts", value, n)?.iter().map(state).collect()
 }
 
-/// What ends a step whose motion is from Python.
+/// Error that ends a step with a motion from Python.
 struct Failure(PyErr);
 
 impl From<PyErr> for Failure {
@@ -131,7 +132,7 @@ impl From<ballbot_core::Error> for Failure {
 }
 
 impl PyBatch {
-    /// What `step` writes, by any kind of step.
+    /// Results of `step`, from any kind of step.
     fn stepped<'py>(
         &self,
         py: Python<'py>,
@@ -199,7 +200,7 @@ impl PyBatch {
 
     fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
         visit.call(&self.options)?;
-        // An environment that is in use is not garbage.
+        // An environment in use is not garbage.
         self.inner.read().map_or(Ok(()), |inner| inner.infos.traverse(&visit))
     }
 
@@ -215,7 +216,7 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.len())
     }
 
-    /// Number of threads that step them.
+    /// Number of threads that step the environments.
     #[getter]
     fn num_threads(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.num_threads())
@@ -227,13 +228,13 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.task().name)
     }
 
-    /// When an environment whose episode has ended is reset.
+    /// When an environment is reset after its episode has ended.
     #[getter]
     fn autoreset(&self) -> PyResult<&'static str> {
         Ok(self.inner.read()?.batch.autoreset().name())
     }
 
-    /// All options of the task and of its environment, as they are used, but for `params` and `model`.
+    /// All options of the task and of its environment with the values in use, except `params` and `model`.
     #[getter]
     fn options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let options = self.options.bind(py).copy()?;
@@ -290,14 +291,14 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.max_episode_steps())
     }
 
-    /// How many observations, the last ones, are given together.
+    /// How many of the last observations are given together.
     #[getter]
     fn history(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.history())
     }
 
-    /// How many numbers an observation has: its rows, `history` times, the last ones at the end; then those of the height scan
-    /// and of the depth camera.
+    /// Length of an observation: its rows, `history` times, newest last; then the readings of the height scan and of
+    /// the depth camera.
     #[getter]
     fn observation_len(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.observation_len())
@@ -315,8 +316,8 @@ impl PyBatch {
     ///
     /// Args:
     ///     mask: which environments to reset, shape (num_envs,), bool; None resets all.
-    ///     seeds: one an environment to start its random numbers from, at its next reset; None leaves them as they are.
-    ///     starts: one `State` an environment; None draws one.
+    ///     seeds: one per environment for its random numbers, from its next reset on; None leaves them unchanged.
+    ///     starts: one `State` per environment; None samples one.
     ///
     /// Raises:
     ///     ValueError: a wrong shape, or a state that the model cannot represent.
@@ -347,7 +348,7 @@ impl PyBatch {
         Ok(observations)
     }
 
-    /// Spreads the ends of the present episodes evenly, so that environments reset together are not truncated together.
+    /// Spreads the ends of the current episodes evenly, so that environments reset together are not truncated together.
     fn stagger(&self) -> PyResult<()> {
         self.inner.write()?.batch.stagger();
         Ok(())
@@ -360,26 +361,29 @@ impl PyBatch {
     ///     (num_envs,) bool; all fresh.
     ///
     /// Raises:
-    ///     ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved then.
-    ///     KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved then: all must be reset.
+    ///     ValueError: a wrong shape, an action that is not finite, or an episode that is over; nothing has moved in
+    ///         these cases.
+    ///     KeyboardInterrupt: Ctrl-C during a long step. Some robots have moved; all must be reset.
     fn step<'py>(&self, py: Python<'py>, actions: &Bound<'py, PyAny>) -> PyResult<Step<'py>> {
         self.stepped(py, actions, |batch, values, buffers| interruptible(py, || batch.step(values, buffers)))
     }
 
-    /// As `step`, with a motion that another engine simulates: commands, rewards, observations and ends are those of the
-    /// task.
+    /// As `step`, with a motion that another engine simulates; the task still computes commands, rewards, observations
+    /// and episode ends.
     ///
     /// Args:
     ///     actions: as in `step`.
-    ///     motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows as
-    ///         `State.to_array`, and what pushes are to do to the bodies over the first time step, shape (num_envs, 6): an
-    ///         impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the states
-    ///         at the end. One that is not finite or out of bounds ends its episode as diverged.
+    ///     motion: called once, after the events of the step, with the states of all robots, shape (num_envs, 32), rows
+    ///         as `State.to_array`, and the pushes on the bodies over the first time step, shape (num_envs, 6): an
+    ///         impulse (N·s) and its moment about the center of mass (N·m·s), both in the inertial frame. Returns the
+    ///         states at the end. A state that is not finite or out of bounds ends its episode as diverged.
     ///
-    /// Models without slip (`planar`, `spatial`) are refused. Contact forces are not known, nor whether the body touches the floor, and the options `actuators` have no effect.
+    /// Models without slip (`planar`, `spatial`) are rejected. Contact forces are unknown, as is contact of the body
+    /// with the floor; the options `actuators` have no effect.
     ///
     /// Raises:
-    ///     ValueError: as `step`, another shape of states, or a quaternion that is not of unit length. What `motion` raises; all environments must then be reset.
+    ///     ValueError: as `step`. Also for a wrong shape of states or a quaternion without unit length; after these,
+    ///         and after any exception of `motion`, all environments must be reset.
     fn step_with<'py>(
         &self,
         py: Python<'py>,
@@ -405,19 +409,19 @@ impl PyBatch {
         })
     }
 
-    /// Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows have no
-    /// meaning.
+    /// Last observations of the episodes that the last step ended, shape (num_envs, observation_len); other rows are
+    /// meaningless.
     fn final_observations<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f32>> {
         let inner = self.inner.read()?;
         let shape = [inner.batch.len(), inner.batch.observation_len()];
         PyArray1::from_slice(py, &inner.final_observations).reshape(shape)
     }
 
-    /// Infos of the last step for Stable-Baselines3, one dict an environment: `TimeLimit.truncated`, `is_success` and
+    /// Infos of the last step for Stable-Baselines3, one dict per environment: `TimeLimit.truncated`, `is_success` and
     /// `termination` (as in `endings`); where an episode ended also `terminal_observation` and its metrics, 0 where
     /// `metrics` has NaN.
     ///
-    /// No dict is one that a caller still holds or wrote into.
+    /// Dicts that a caller still holds, or has added entries to, are not reused.
     fn infos<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyList>> {
         let mut inner = self.inner.write()?;
         let Inner { batch, outcomes, final_observations, infos, .. } = &mut *inner;
@@ -448,7 +452,7 @@ impl PyBatch {
         Ok((success, PyArray1::from_iter(py, codes)))
     }
 
-    /// The same of environment `index`: whether it is a success, and the name of the reason or None.
+    /// The same for environment `index`: whether it is a success, and the name of the reason or None.
     fn ending(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<(bool, Option<&'static str>)> {
         let inner = self.inner.read()?;
         inner.batch.check_index(index).map_err(to_python)?;
@@ -456,7 +460,7 @@ impl PyBatch {
         Ok((outcome.success, outcome.terminated))
     }
 
-    /// Terms of the last reward: of environment `index` as a dict, or of all, shape (num_envs, terms), in the order of
+    /// Reward terms of the last step: of environment `index` as a dict, or of all, shape (num_envs, terms), in the order of
     /// `TASKS[task]["rewards"]`. Zeros right after a reset.
     #[pyo3(signature = (index=None))]
     fn reward_terms<'py>(
@@ -480,7 +484,7 @@ impl PyBatch {
         Ok(dict.into_any())
     }
 
-    /// The present command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
+    /// The current command: of environment `index`, shape (k,), or of all, shape (num_envs, k), its parts as in
     /// `TASKS[task]["command"]`.
     #[pyo3(signature = (index=None))]
     fn command<'py>(
@@ -499,7 +503,7 @@ impl PyBatch {
         Ok(PyArray1::from_vec(py, values).into_any())
     }
 
-    /// Gives environment `index` a command, shape (k,), which holds to the end of its episode. The next observation shows
+    /// Sets the command of environment `index`, shape (k,), until the end of its episode. The next observation shows
     /// it, and so does `observations`.
     ///
     /// Raises:
@@ -511,7 +515,7 @@ impl PyBatch {
         inner.batch.set_command(index, &command).map_err(to_python)
     }
 
-    /// What the task asks of a controller on the robot of environment `index`, now, by part: as `Controller` takes it.
+    /// Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it.
     fn setpoint<'py>(
         &self,
         py: Python<'py>,
@@ -528,9 +532,9 @@ impl PyBatch {
         Ok(dict)
     }
 
-    /// Metrics of the present episode of environment `index` so far, as a dict, or of all, shape (num_envs, metrics), in
-    /// the order of `TASKS[task]["metrics"]`; before its first step those of the last episode. NaN where there is none, and
-    /// where an episode is too short for one.
+    /// Metrics of the current episode of environment `index` so far, as a dict, or of all, shape (num_envs, metrics),
+    /// in the order of `TASKS[task]["metrics"]`; before its first step, metrics of the last episode. NaN where there is
+    /// no metric, or the episode is too short for it.
     #[pyo3(signature = (index=None))]
     fn metrics<'py>(
         &self,
@@ -551,7 +555,7 @@ impl PyBatch {
         Ok(dict.into_any())
     }
 
-    /// Metrics of the present episodes so far, shape (num_envs, metrics), as infos have them: 0 before the first step of an
+    /// Metrics of the current episodes so far, shape (num_envs, metrics), as in infos: 0 before the first step of an
     /// episode and where `metrics` has NaN.
     fn running_metrics<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
         let batch = &mut self.inner.write()?.batch;
@@ -582,8 +586,8 @@ impl PyBatch {
         rows(py, inner.batch.len(), inner.batch.observation_len(), read)
     }
 
-    /// Rows of the observations computed from the true states, float32, scaled alike: what a critic may see. With
-    /// `observation="ground_truth"` and `history=1` they are the observations.
+    /// Rows of the observations computed from the true states, float32, with the same scaling: for critics. With
+    /// `observation="ground_truth"` and `history=1` they equal the observations.
     ///
     /// Of all environments, shape (num_envs, k), or of environment `index`, shape (k,).
     #[pyo3(signature = (index=None))]
@@ -603,13 +607,13 @@ impl PyBatch {
         Ok(PyArray1::from_vec(py, row).into_any())
     }
 
-    /// States that follow from the last readings of the sensors, as the task observes them, shape (num_envs, 32), float64,
-    /// rows as `State.to_array` lays them out. Beside `states()` they show the errors of the estimator. Wheel angles are those
-    /// of the readings, from the start of the episode on, where those of `states()` go on from the state that the episode
-    /// began with. Before the first reset they are those of the robots at rest.
+    /// States estimated from the last readings of the sensors, as the task observes them, shape (num_envs, 32),
+    /// float64, rows as `State.to_array` lays them out. Compared with `states()` they show the errors of the estimator.
+    /// Wheel angles are the readings, which count from the start of the episode; in `states()` they continue from the
+    /// initial state of the episode. Before the first reset these are the states of the robots at rest.
     ///
     /// Raises:
-    ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe these).
+    ///     ValueError: the task observes the true state (`observation="sensors"` makes it observe the estimates).
     fn estimates<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
         let inner = self.inner.read()?;
         rows(py, inner.batch.len(), State::LEN, |i, row| {
@@ -618,7 +622,7 @@ impl PyBatch {
         })
     }
 
-    /// The same of the robot of environment `index`, as a `State`; beside `state`.
+    /// The same for the robot of environment `index`, as a `State`; compare with `state`.
     ///
     /// Raises:
     ///     ValueError: as `estimates`.
@@ -629,8 +633,8 @@ impl PyBatch {
     /// Last readings of the sensors, latency included, by name: `gyro` (rad/s), `specific_force` (m/s²), both in the body
     /// frame, `wheel_angles` (rad, since the start of the episode) and `wheel_rates` (rad/s).
     ///
-    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset they are
-    /// those of the robots at rest.
+    /// Of all environments, shape (num_envs, 3) each, or of environment `index`, shape (3,). Before the first reset
+    /// these are readings of the robots at rest.
     ///
     /// Raises:
     ///     ValueError: the robots have no sensors (`sensors=`).
@@ -643,8 +647,8 @@ impl PyBatch {
         readings(py, &self.inner.read()?.batch, index)
     }
 
-    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan` and `depth` if
-    /// the robots have them, as `scans` and `depths` shape them.
+    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan`
+    /// and `depth` if the robots have them, in the shapes of `scans` and `depths`.
     #[getter]
     fn observation_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.inner.read()?;
@@ -695,7 +699,7 @@ impl PyBatch {
         perceived(py, &inner.batch, index, 1, shape)
     }
 
-    /// Levels of the tiles that the present episodes began on, shape (num_envs,), int64; 0 for terrains without tiles.
+    /// Levels of the tiles that the current episodes began on, shape (num_envs,), int64; 0 for terrains without tiles.
     fn levels<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py, i64>> {
         let inner = self.inner.read()?;
         let level = |i| inner.batch.level(i).map(|level| level as i64).map_err(to_python);
@@ -706,7 +710,7 @@ impl PyBatch {
     ///
     /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s), `floor_force` and `bot_floor_force` (N) have the shape
     /// (num_envs, 3), `floor_slip_velocity` (m/s) (num_envs, 2), `bot_on_floor`, `searched_steps` and
-    /// `unsolved_steps` (num_envs,); `Contacts` says what they are.
+    /// `unsolved_steps` (num_envs,); see `Contacts`.
     #[pyo3(signature = (index=None))]
     fn contacts<'py>(
         &self,
@@ -747,9 +751,9 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))
     }
 
-    /// A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
-    /// moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
-    /// tilt. The same state on level ground.
+    /// Moves a state on level ground of the robot of environment `index` to the same place on its ground, as starts are
+    /// moved: the ball touches the ground and rolls with the same horizontal velocity, and the static lean there is
+    /// added to the tilt. On level ground the state is unchanged.
     #[pyo3(signature = (state, index=0))]
     fn on_ground(&self, state: &PyState, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyState> {
         self.inner.read()?.batch.on_ground(index, &state.0).map(PyState).map_err(to_python)
@@ -761,18 +765,18 @@ impl PyBatch {
         Ok(PyParams(self.inner.read()?.batch.params(index).map_err(to_python)?.clone()))
     }
 
-    /// Parameters that the robot of environment `index` has without events: those it was made with, or of `set_params`.
+    /// Parameters of the robot of environment `index` without events: its initial ones, or those of `set_params`.
     #[pyo3(signature = (index=0))]
     fn nominal_params(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyParams> {
         Ok(PyParams(self.inner.read()?.batch.nominal_params(index).map_err(to_python)?.clone()))
     }
 
-    /// Present draws of the events, by term, with the id (`"body_mass:1"`) where one was given.
+    /// Current draws of the events, by term, with the id (`"body_mass:1"`) where one was given.
     ///
     /// Of all environments, shape (num_envs,), or (num_envs, k) for terms of k numbers; of environment `index` a number
-    /// or shape (k,). NaN where nothing was drawn, as before the first event of an episode. With "abs" a draw is the
-    /// value, with "add" and "scale" what is added to the nominal one or multiplies it. Of a push it is the impulse (N·s;
-    /// m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass).
+    /// or shape (k,). NaN where nothing was sampled, as before the first event of an episode. With "abs" a draw is the
+    /// value, with "add" it is added to the nominal value, with "scale" it multiplies it. For a push it is the impulse
+    /// (N·s; m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass).
     #[pyo3(signature = (index=None))]
     fn draws<'py>(
         &self,
@@ -782,20 +786,19 @@ impl PyBatch {
         draws(py, &self.inner.read()?.batch, index)
     }
 
-    /// How many draws of the events of environment `index` made a robot that cannot be, and were repeated, since its seed.
+    /// How many draws of the events of environment `index` gave an invalid robot and were repeated, since its seed.
     #[pyo3(signature = (index=0))]
     fn repeated_draws(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<u32> {
         self.inner.read()?.batch.repeated_draws(index).map_err(to_python)
     }
 
-    /// How many pushes events and the task have given the robot of environment `index` in its episode.
+    /// How many pushes events and the task have applied to the robot of environment `index` in its episode.
     #[pyo3(signature = (index=0))]
     fn push_count(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<u32> {
         self.inner.read()?.batch.push_count(index).map_err(to_python)
     }
 
-    /// Options of the motors of environment `index`, every one with its value: those of the batch, or what events made of
-    /// them.
+    /// All options of the motors of environment `index`: from the batch, as changed by events.
     #[pyo3(signature = (index=0))]
     fn actuators<'py>(
         &self,
@@ -805,8 +808,8 @@ impl PyBatch {
         to_dict(py, self.inner.read()?.batch.actuators(index).map_err(to_python)?)
     }
 
-    /// Options of the sensors of environment `index`, every one with its value: those of the batch, exact ones without, or what
-    /// events made of them.
+    /// All options of the sensors of environment `index`: from the batch (exact sensors by default), as changed by
+    /// events.
     #[pyo3(signature = (index=0))]
     fn sensors<'py>(
         &self,
@@ -816,11 +819,11 @@ impl PyBatch {
         field_dict(py, self.inner.read()?.batch.sensors(index).map_err(to_python)?)
     }
 
-    /// Replaces the parameters of the robot of environment `index`; they outlive resets, and are those that events draw
-    /// from.
+    /// Replaces the parameters of the robot of environment `index`; they persist over resets, and events start from
+    /// them.
     ///
-    /// With the same geometry (radii, wheel angles, place of the center of mass) its motion goes on; otherwise the
-    /// environment must be reset before its next step. The torque of an action stays that of the batch.
+    /// With the same geometry (radii, wheel angles, position of the center of mass) its motion continues; otherwise the
+    /// environment must be reset before its next step. The torque of an action does not change.
     ///
     /// Raises:
     ///     ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
@@ -831,7 +834,7 @@ impl PyBatch {
         call(|| batch.set_params(index, &params))
     }
 
-    /// Gives the body of one robot an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
+    /// Applies an impulse (inertial frame, N·s) to the body of one robot at `point` (body frame, m; None is its CoM).
     #[pyo3(signature = (index, impulse, point=None))]
     fn push(
         &self,
@@ -847,20 +850,22 @@ impl PyBatch {
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
-    /// They are within ±1: `max_wheel_torque`, the torque of an action, is a limit of the controller, too. Its default is less
-    /// than a robot that leans can use: `max_wheel_torque=params.max_wheel_torque` leaves the controller its own limits. It takes what the task observes: with `observation="sensors"` the states of `estimates()`, else the true ones.
+    /// They are within ±1: `max_wheel_torque`, the torque of an action, also limits the controller. Its default is less
+    /// than a leaning robot can use: with `max_wheel_torque=params.max_wheel_torque` only the controller's own limits
+    /// apply. The controller gets what the task observes: with `observation="sensors"` the states of `estimates()`,
+    /// else the true states.
     ///
-    /// What the controller keeps of a robot advances with each call; it starts anew with the robot's episode, and when
+    /// The controller's memory of a robot advances with each call; it is reset with the robot's episode, and when
     /// another controller is used.
     ///
     /// Args:
     ///     controller: sampled at the batch's `control_dt`.
-    ///     setpoints: parts by name, each of all robots or with one row a robot; parts that are not named are zero. None
-    ///         takes the task's.
-    ///     privileged: whether the controller takes the true states whatever the task observes, as a teacher does.
+    ///     setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
+    ///         the task's.
+    ///     privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
     ///
     /// Raises:
-    ///     ValueError: the controller is sampled at another rate, or a wrong shape.
+    ///     ValueError: the controller has a different sampling rate, or a wrong shape.
     ///     TypeError: a part that the controller does not follow.
     #[pyo3(signature = (controller, setpoints=None, *, privileged=false))]
     fn control<'py>(
@@ -890,29 +895,32 @@ impl PyBatch {
     ///
     /// Args:
     ///     controller: as in `control`.
-    ///     steps: how many.
-    ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list of one each.
-    ///         A reference without `params` is that of the controller's robot; it goes on where an episode ends and another
-    ///         begins.
+    ///     steps: number of control steps.
+    ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
+    ///         one per robot. A reference without `params` uses the controller's robot; it continues when an episode
+    ///         ends and the next begins.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
-    ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows of which the first is before the first
-    ///         step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`, `success`,
-    ///         `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one row a step.
+    ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows, the first
+    ///         before the first step, and `actions`, `torques` (as commanded), `rewards`, `terminated`, `truncated`,
+    ///         `success`, `metrics` (of the task, of the episode of the step), `push_counts` (as `push_count`) with one
+    ///         row per step.
     ///     privileged: as in `control`.
-    ///     impulses: on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame, N·s.
-    ///     points: where on each body, shape (num_envs, 3), body frame, m; None is its CoM.
-    ///     start_time: when the first step is, for references, s.
+    ///     impulses: impulses on each body before each of the first k steps, shape (k, num_envs, 3), inertial frame,
+    ///         N·s.
+    ///     points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
+    ///     start_time: time of the first step, for references, s.
     ///
     /// Returns:
-    ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number a robot; `draws` is
-    ///     a dict of them by term. Where an episode ends, the row after it depends on `autoreset`.
+    ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
+    ///     `draws` is a dict of arrays by term. Where an episode ends, the row after it depends on `autoreset`.
     ///
     /// Raises:
-    ///     ValueError: an unknown record, a reference of another robot than the controller's, or as `control` and `step`.
+    ///     ValueError: an unknown record, a reference for a robot other than the controller's, or as `control` and
+    ///         `step`.
     ///     TypeError: as `control`.
-    ///     MemoryError: the records need more memory than there is.
-    ///     KeyboardInterrupt: Ctrl-C. The robots have come some of the way then; where a single step takes long, all must be
-    ///         reset.
+    ///     MemoryError: the records need more memory than is available.
+    ///     KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
+    ///         all must be reset.
     #[pyo3(
         signature = (
             controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false, impulses=None,
@@ -958,8 +966,8 @@ impl PyBatch {
         Stepped { batch, outcomes, final_observations }.rollout(py, &closed_loop, steps, &record)
     }
 
-    /// Everything that the future of environment `index` depends on, its robot's parameters included, for `restore`; what a
-    /// controller keeps of the robot is not part of it, and starts anew.
+    /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's
+    /// memory of the robot is not included, and is reset.
     fn snapshot<'py>(
         &self,
         py: Python<'py>,
@@ -970,10 +978,10 @@ impl PyBatch {
 
     /// Continues, to the last bit, from a snapshot of an environment with the same task, model and options.
     ///
-    /// Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+    /// Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
     ///
     /// Raises:
-    ///     ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+    ///     ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
     fn restore(&self, #[pyo3(from_py_with = index)] index: usize, snapshot: &[u8]) -> PyResult<()> {
         let mut inner = self.inner.write()?;
         call(|| inner.batch.load(index, snapshot))?;

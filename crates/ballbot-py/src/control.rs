@@ -21,12 +21,12 @@ use pyo3::types::{PyDict, PyMapping};
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
 
-/// How many numbers a part of a setpoint has.
+/// Length of a part of a setpoint.
 fn part_len(name: &str) -> usize {
     Setpoint::default().part(name).len()
 }
 
-/// Setpoints of `n` robots from a mapping; a value is that of all robots, or has one row a robot.
+/// Setpoints of `n` robots from a mapping; a value applies to all robots, or has one row per robot.
 pub(crate) fn setpoints(
     controller: &PyController,
     law: &dyn Controller,
@@ -74,7 +74,7 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
     options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect()
 }
 
-/// Limits of torques as arguments give them, in place of those of a law.
+/// Torque limits from arguments, in place of the limits of a law.
 fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>) -> PyResult<LimitOptions> {
     let traction = match traction.filter(|value| !value.is_none()) {
         None => own.traction,
@@ -103,13 +103,13 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///
 /// Args:
 ///     name: "lqr", "pid", "lqi", "lqr_pi", "mpc", "mppi", "cascade_pid", "hierarchical_sliding_mode", "pd_inverse_dynamics",
-///         "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered one.
+///         "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered law.
 ///     params: the robot: `Params`, or the name of a preset; None is the paper's.
-///     control_dt: time between two calls, s; None is the one that the law is made for, or 0.01.
-///     max_torque: no wheel torque exceeds it, N·m; None is the motors' limit with `traction`, else 0.9 of the torque at which
-///         a wheel of the upright robot slips.
-///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the friction
-///         limit, a number from 0.01 to 1 another share, None is True, for "pid" False.
+///     control_dt: time between two calls, s; None is the period that the law is designed for, or 0.01.
+///     max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque
+///         at which a wheel of the upright robot slips.
+///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
+///         friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
 ///     options: weights or gains of the law.
 ///
 /// Raises:
@@ -119,7 +119,7 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 pub(crate) struct PyController {
     name: String,
     class: &'static str,
-    /// The robot that it is made for.
+    /// The robot that it is designed for.
     pub(crate) params: Params,
     pub(crate) law: Exclusive<Box<dyn Controller>>,
 }
@@ -144,7 +144,7 @@ impl PyController {
 }
 
 impl PyController {
-    /// Writes those parts of a mapping that the law follows.
+    /// Writes the parts of a mapping that the law follows.
     fn write_setpoint(&self, law: &dyn Controller, setpoint: &Bound<'_, PyAny>, target: &mut Setpoint) -> PyResult<()> {
         let Ok(setpoint) = setpoint.cast::<PyMapping>() else {
             let kind = setpoint.get_type().name()?;
@@ -207,11 +207,11 @@ impl PyController {
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
     ///
-    /// `setpoint` is a mapping of parts, such as a `Reference` gives; those that the law does not follow are left out, but it
-    /// must follow one of them. In its place parts may be keywords, of which each must be one of `setpoint_parts`: `position`
-    /// and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the flat
-    /// output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad), `yaw_rate`
-    /// (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
+    /// `setpoint` is a mapping of parts, such as a `Reference` gives; parts that the law does not follow are ignored,
+    /// but it must follow at least one. Instead, parts may be keywords, each in `setpoint_parts`: `position`
+    /// and `velocity` (x, y of the ball, inertial frame, m and m/s), `acceleration`, `jerk` and `snap` (x, y of the
+    /// flat output, inertial frame, m/s² and its derivatives: lean and torques are fed forward from them), `yaw` (rad),
+    /// `yaw_rate` (rad/s), `tilt` (x, y, heading frame, rad). Other parts are a TypeError.
     #[pyo3(signature = (state, setpoint=None, **parts))]
     fn __call__<'py>(
         &self,
@@ -237,17 +237,16 @@ impl PyController {
         Ok(array(py, &law.wheel_torques(&state.0, &target)))
     }
 
-    /// Forgets the past.
+    /// Clears the memory of the law.
     fn reset(&self) -> PyResult<()> {
         self.law.write()?.reset();
         Ok(())
     }
 
-    /// The numbers that it computes torques with, by name: numbers, vectors and matrices. `ballbot export` writes them
-    /// as C.
+    /// Constants of the law, by name: numbers, vectors and matrices. `ballbot export` writes them as C.
     ///
     /// Raises:
-    ///     ValueError: a law that does not give them.
+    ///     ValueError: a law that does not provide them.
     fn constants<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let law = self.law.read()?;
         let constants = law.constants().ok_or_else(|| {
@@ -256,7 +255,7 @@ impl PyController {
         constants_dict(py, &constants)
     }
 
-    /// The name by which it is chosen.
+    /// Name of the law.
     #[getter]
     fn name(&self) -> &str {
         &self.name
@@ -268,7 +267,7 @@ impl PyController {
         Ok(self.law.read()?.control_dt())
     }
 
-    /// The parts of a setpoint that it follows.
+    /// Parts of a setpoint that it follows.
     #[getter]
     fn setpoint_parts(&self) -> PyResult<Vec<&'static str>> {
         Ok(self.law.read()?.parts().to_vec())
@@ -349,11 +348,11 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///     max_torque: as in `Controller`.
 ///     traction: as in `Controller`; None is True.
 ///     weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
-///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175 rad), the
-///         largest lean that deviations of position and velocity may ask for, and `max_speed` (1 m/s), the largest speed that
-///         those of position may. Besides, `delay` (0 s), the time between a torque and its effect, a multiple of
-///         `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which the lean in equilibrium is
-///         estimated, which a slope, a force or a wrong center of mass change.
+///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175
+///         rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
+///         largest speed that deviations of position may command. Also `delay` (0 s), the time between a torque and its
+///         effect, a multiple of `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which
+///         the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it.
 ///
 /// Raises:
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.

@@ -13,9 +13,9 @@ use pyo3::sync::PyOnceLock;
 
 /// Element types of array-likes.
 pub(crate) trait Number: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py> {
-    /// Kinds of NumPy's types that are taken for it.
+    /// Kinds of NumPy types that are accepted for it.
     const KINDS: &'static [u8];
-    /// What they are, in words.
+    /// Name of these types in messages.
     const NAME: &'static str;
 }
 
@@ -34,14 +34,14 @@ impl Number for bool {
     const NAME: &'static str = "bools";
 }
 
-/// Length of a sequence from which on it is refused before NumPy sees it.
+/// Length from which a sequence is rejected before NumPy sees it.
 const LONG: usize = 1 << 16;
 
 fn too_many(name: &str, found: usize, most: usize) -> PyErr {
     InvalidInputError::new_err(format!("{name} has {found} entries, expected at most {most}"))
 }
 
-/// An array-like as an array of the type that NumPy gives it.
+/// An array-like as an array of the type that NumPy chooses.
 fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -> PyResult<Bound<'py, PyUntypedArray>> {
     let py = value.py();
     let wrong = |what: String| PyTypeError::new_err(format!("{name} must be an array of {}, not {what}", T::NAME));
@@ -49,7 +49,7 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -
     let array = match value.cast_exact::<PyUntypedArray>() {
         Ok(array) => array.clone(),
         Err(_) => {
-            // NumPy would make objects of all of a range.
+            // NumPy would turn a whole range into objects.
             if let Ok(len) = value.len()
                 && len > most.max(LONG)
             {
@@ -74,13 +74,13 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -
     Ok(array)
 }
 
-/// Count of elements of an array that memory alone limits.
+/// Count of elements of an array that only memory limits.
 pub(crate) const ANY_COUNT: usize = usize::MAX;
 
-/// Most numbers of an option or of a motion: the core takes fewer, and says how many.
+/// Maximum count of numbers of an option or of a motion: the core takes fewer, and reports how many.
 pub(crate) const OPTION_COUNT: usize = 4096;
 
-/// A shape as Python writes it.
+/// A shape in Python notation.
 fn tuple(sizes: &[String]) -> String {
     match sizes {
         [one] => format!("({one},)"),
@@ -104,13 +104,13 @@ fn check_shape<T: Number>(name: &str, found: &[usize], shape: &[Option<usize>], 
     Ok(())
 }
 
-/// Reads the elements of an array-like in C order into `out` and returns them as an array: the only way of an array into the
-/// core.
+/// Reads the elements of an array-like in C order into `out` and returns them as an array: the only way for an array to
+/// enter the core.
 ///
-/// `name` is its name in messages; `shape` is the required shape, with `None` for any length along an axis, and `most` the
-/// largest count of elements. All real numeric types and memory layouts are accepted; text, times, objects, complex numbers
-/// and masked arrays are not. Type, shape and count are checked before anything is copied, and memory is reserved before it
-/// is used: a view of a few bytes can have any shape.
+/// `name` is used in messages; `shape` is the required shape, with `None` for any length along an axis; `most` is the
+/// largest count of elements. All real numeric types and memory layouts are accepted; text, times, objects, complex
+/// numbers and masked arrays are not. Type, shape and count are checked before anything is copied, and memory is
+/// reserved before it is used: a view of a few bytes can have any shape.
 pub(crate) fn read_elements<'py, T: Number>(
     name: &str,
     value: &Bound<'py, PyAny>,

@@ -9,14 +9,15 @@ import_exception!(ballbot_rs._errors, DivergedError);
 import_exception!(ballbot_rs._errors, UrdfError);
 import_exception!(ballbot_rs._errors, InvalidInputError);
 
-/// A core error as the exception that Python users expect of it.
+/// A core error as the exception that Python users expect.
 pub(crate) fn to_python(error: Error) -> PyErr {
     let message = error.to_string();
     match error {
         Error::Urdf { .. } => UrdfError::new_err(message),
         Error::Diverged { .. } => DivergedError::new_err(message),
         Error::Io { path, source } => match source.raw_os_error() {
-            // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself. Its text has the number.
+            // With an errno, OSError becomes FileNotFoundError, PermissionError, ... by itself. Its text has the
+            // number.
             Some(code) => {
                 let (text, number) = (source.to_string(), format!(" (os error {code})"));
                 let text = text.strip_suffix(&number).unwrap_or(&text).to_owned();
@@ -30,7 +31,7 @@ pub(crate) fn to_python(error: Error) -> PyErr {
     }
 }
 
-/// The error of pickling, or copying, an object of a class that has nothing to be pickled as.
+/// The error for pickling or copying an object of a class that does not support it.
 pub(crate) fn not_pickled(class: &str, instead: &str) -> PyResult<()> {
     Err(PyTypeError::new_err(format!("{class} objects cannot be pickled or copied: {instead}")))
 }

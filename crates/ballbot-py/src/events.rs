@@ -9,11 +9,11 @@ use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyInt, PyList, PyMapping, PySequence, PyString};
 use std::path::PathBuf;
 
-/// Most values of a list, and how deep lists may be nested.
+/// Maximum number of values of a list, and how deep lists may be nested.
 const MAX_VALUES: usize = 64;
 const MAX_DEPTH: usize = 3;
 
-/// Events: the name of a set, the path of a TOML file, one dict or a list of them; None is none.
+/// Events: the name of a set, the path of a TOML file, a dict or a list of dicts; None is no events.
 pub(crate) fn events(given: &Bound<'_, PyAny>) -> PyResult<Vec<Event>> {
     if given.is_none() {
         return Ok(Vec::new());
@@ -56,7 +56,7 @@ fn event(place: usize, entries: &Bound<'_, PyMapping>) -> PyResult<Event> {
     Event::from_entries(place, &read).map_err(to_python)
 }
 
-/// A value of a key; None for what no key has.
+/// A value of a key; None for a type that no key has.
 fn value(given: &Bound<'_, PyAny>, depth: usize) -> Option<Value> {
     if let Ok(flag) = given.cast::<PyBool>() {
         return Some(Value::Flag(flag.is_true()));
@@ -65,7 +65,7 @@ fn value(given: &Bound<'_, PyAny>, depth: usize) -> Option<Value> {
         return text.extract().ok().map(Value::Text);
     }
     if let Ok(whole) = given.cast::<PyInt>() {
-        // What an integer type does not hold is out of every range.
+        // A number that does not fit an integer type is out of every range.
         return Some(whole.extract().map_or_else(|_| Value::Other("a number beyond ±2^63".to_owned()), Value::Whole));
     }
     if let Ok(number) = real(given) {
@@ -106,7 +106,7 @@ pub(crate) fn to_list<'py>(py: Python<'py>, events: &[Event]) -> PyResult<Bound<
     Ok(list)
 }
 
-/// What [`crate::batch::PyBatch::draws`] returns.
+/// Result of [`crate::batch::PyBatch::draws`].
 pub(crate) fn draws<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -> PyResult<Bound<'py, PyDict>> {
     let chosen = match index {
         None => 0..batch.len(),
@@ -154,7 +154,7 @@ pub(crate) fn draw_records<'py>(
     Ok(dict)
 }
 
-/// The events that a name stands for, as a list of dicts, one an event: what `events=` takes.
+/// Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 ///
 /// Args:
 ///     name_or_path: "mild", "hard", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
@@ -162,7 +162,7 @@ pub(crate) fn draw_records<'py>(
 ///
 /// Raises:
 ///     ValueError: an unknown name, malformed TOML, or an event with an unknown or missing key or a value of the wrong
-///         kind; the message has its place and term.
+///         kind; the message has its index and term.
 ///     TypeError: something else.
 ///     OSError: the file cannot be read.
 #[pyfunction]
@@ -170,7 +170,7 @@ pub(crate) fn load_events<'py>(py: Python<'py>, name_or_path: &Bound<'py, PyAny>
     to_list(py, &events(name_or_path)?)
 }
 
-/// Adds what is known by name.
+/// Adds the tables of names.
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("EVENT_SETS", event_sets())?;
     module.add_function(wrap_pyfunction!(load_events, module)?)

@@ -1,14 +1,14 @@
-//! Values behind Python objects, which several threads may reach.
+//! Values behind Python objects that several threads may access.
 
 use pyo3::exceptions::PyRuntimeError;
 use pyo3::prelude::*;
 use std::sync::{RwLock, RwLockReadGuard, RwLockWriteGuard, TryLockError};
 
-/// A value behind a Python object. Methods release the GIL while they compute, so another thread may call one then; it
-/// gets an error, and does not wait for what may take minutes.
+/// A value behind a Python object. Methods release the GIL while they compute, so another thread may call a method
+/// meanwhile; it gets an error instead of waiting for what may take minutes.
 pub(crate) struct Exclusive<T> {
     value: RwLock<T>,
-    /// What users call the object.
+    /// Name of the object for users.
     name: &'static str,
 }
 
@@ -21,7 +21,7 @@ impl<T> Exclusive<T> {
     pub(crate) fn read(&self) -> PyResult<RwLockReadGuard<'_, T>> {
         match self.value.try_read() {
             Ok(value) => Ok(value),
-            // The panic became an exception; the value is as valid as after any refused call.
+            // The panic became an exception; the value is as valid as after any rejected call.
             Err(TryLockError::Poisoned(value)) => Ok(value.into_inner()),
             Err(TryLockError::WouldBlock) => Err(self.busy()),
         }

@@ -6,7 +6,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 
-/// The numbers of a mapping by name; `kind` is what the mapping is in messages.
+/// The numbers of a mapping by name; `kind` names the mapping in messages.
 pub(crate) fn named_numbers(kind: &str, options: &Bound<'_, PyMapping>) -> PyResult<Vec<(String, Vec<f64>)>> {
     let mut fields = Vec::new();
     for item in options.items()? {

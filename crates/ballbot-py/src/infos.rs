@@ -1,4 +1,4 @@
-//! A pool of the info dicts of steps that end no episode, without a thousand allocations per step.
+//! A pool of info dicts for steps that end no episode; it avoids a thousand allocations per step.
 
 use ballbot_core::batch::Outcome;
 use pyo3::intern;
@@ -13,8 +13,8 @@ const DICT_POOL_SIZE: usize = 3;
 /// Entries of the info of every step.
 const ENTRIES: usize = 3;
 
-/// Pool of info dicts with what Stable-Baselines3 gets at every step. A dict is reused only if it has no other entry and
-/// no other reference. One that is still referenced by the caller is replaced by a new one.
+/// Pool of info dicts with what Stable-Baselines3 gets at every step. A dict is reused only if it has no other entry
+/// and no other reference. A dict that the caller still references is replaced by a new dict.
 #[derive(Default)]
 pub(crate) struct StepInfos {
     pools: [Vec<Py<PyDict>>; DICT_POOL_SIZE],
@@ -43,7 +43,7 @@ impl StepInfos {
         self.next = (self.next + 1) % DICT_POOL_SIZE;
         dicts.resize_with(outcomes.len(), || PyDict::new(py).unbind());
         for (dict, outcome) in dicts.iter_mut().zip(outcomes) {
-            // SAFETY: the pointer is that of a live object, and the GIL is held.
+            // SAFETY: the pointer belongs to a live object, and the GIL is held.
             #[expect(unsafe_code, reason = "PyO3 has no safe reader of reference counts")]
             let owners = unsafe { pyo3::ffi::Py_REFCNT(dict.as_ptr()) };
             let fill = |dict: &Bound<'py, PyDict>| {

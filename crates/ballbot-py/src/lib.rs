@@ -1,6 +1,6 @@
 //! Python bindings of `ballbot-core`: conversions and names, no physics and no rewards.
 //!
-//! A crate with tasks or controllers of its own registers them and calls [`fill`] from a module of its own.
+//! A crate with custom tasks or controllers registers them and calls [`fill`] from its own module.
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
@@ -42,7 +42,7 @@ fn _core(module: &Bound<'_, PyModule>) -> PyResult<()> {
 /// Adds all classes, functions and tables to an extension module.
 ///
 /// # Errors
-/// What Python raises.
+/// Exceptions of Python.
 pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("__version__", env!("CARGO_PKG_VERSION"))?;
     module.add("PAPER_BALL_VISCOUS_FRICTION", ballbot_core::PAPER_BALL_VISCOUS_FRICTION)?;

@@ -19,8 +19,8 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 ///
 /// The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
 /// (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
-/// shape (6,); shape (5,) without the last with `ball_spins_about_vertical=False`, which constrains that spin to zero.
-/// `absolute_wheel_spin=False` is the paper's wheel energy, in which the spin of a wheel counts relative to the body.
+/// shape (6,); shape (5,) without the spin for `ball_spins_about_vertical=False`, which constrains it to zero.
+/// `absolute_wheel_spin=False` is the paper's wheel energy, which uses the spin of a wheel relative to the body.
 #[pyclass(name = "SpatialModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PySpatialModel(SpatialModel);
 
@@ -181,7 +181,7 @@ fn dynamic<'py, const M: usize, const N: usize>(
 
 /// The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
 ///
-/// The ball is free to spin about the vertical; its spin is that of motion from rest under motor torques.
+/// The ball is free to spin about the vertical; its spin follows from motion from rest under motor torques.
 #[pyclass(name = "LinearModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyLinearModel(LinearModel);
 
@@ -262,10 +262,10 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
     Ok(v)
 }
 
-/// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, in the sign of the paper's eq. (8).
+/// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's eq. (8).
 ///
-/// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large, and which is
-/// a ValueError for wheels that do not have one zenith and 120 deg between them.
+/// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
+/// ValueError for wheels without a common zenith and 120 deg spacing.
 #[pyfunction]
 #[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
 pub(crate) fn virtual_to_wheel_torques<'py>(

@@ -7,12 +7,12 @@ use pyo3::exceptions::PyOverflowError;
 use pyo3::prelude::*;
 use pyo3::types::{PyFloat, PyInt};
 
-/// A real number: an int, a float, or anything that NumPy takes for one.
+/// A real number: an int, a float, or anything that NumPy treats as a number.
 pub(crate) fn real(value: &Bound<'_, PyAny>) -> PyResult<f64> {
     if value.is_instance_of::<PyFloat>() || value.is_instance_of::<PyInt>() {
         return value.extract();
     }
-    // NumPy's own scalars are told by their dtype: `float` would take a time for a number.
+    // NumPy's own scalars are identified by their dtype: `float` would accept a time as a number.
     if value.hasattr("dtype")? {
         return Ok(shaped::<f64, 0>("the value", value, [])?[0]);
     }
@@ -67,7 +67,7 @@ pub(crate) fn optional_index(value: &Bound<'_, PyAny>) -> PyResult<Option<usize>
     if value.is_none() { Ok(None) } else { index(value).map(Some) }
 }
 
-/// The error of a whole number that an integer type does not hold.
+/// The error for a whole number that does not fit an integer type.
 fn out_of_range(value: &Bound<'_, PyAny>, error: &PyErr, limit: &str) -> Option<PyErr> {
     error.is_instance_of::<PyOverflowError>(value.py()).then(|| {
         // Python refuses to write out the largest numbers.
@@ -76,7 +76,7 @@ fn out_of_range(value: &Bound<'_, PyAny>, error: &PyErr, limit: &str) -> Option<
     })
 }
 
-/// A count that Python gave.
+/// A count from Python.
 pub(crate) fn count(name: &str, value: i64, least: i64) -> PyResult<usize> {
     usize::try_from(value)
         .ok()

@@ -63,7 +63,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
     Ok(())
 }
 
-/// All options as they are used, but for `params` and `model`.
+/// All options with the values in use, except `params` and `model`.
 pub(crate) fn resolved<'py>(
     py: Python<'py>,
     config: &dyn TaskConfig,

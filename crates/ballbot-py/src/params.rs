@@ -21,11 +21,11 @@ use std::path::PathBuf;
 /// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
 /// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
 /// `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how much
-/// less the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers a turn, 12), `roller_phases` (0 rad),
-/// `floor_tilt` (rotation vector x, y that turns a level floor into this one, 0 rad).
+/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how
+/// much smaller the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers per turn, 12), `roller_phases`
+/// (0 rad), `floor_tilt` (rotation vector x, y that rotates a level floor into this floor, 0 rad).
 /// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
-/// `docs/conventions.md` has all ranges.
+/// see `docs/conventions.md` for all ranges.
 ///
 /// Raises:
 ///     ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
@@ -198,13 +198,13 @@ impl PyParams {
         self.0.wheel_azimuths.into()
     }
 
-    /// Zenith of each wheel contact less `wheel_zenith`, rad.
+    /// Zenith of each wheel contact minus `wheel_zenith`, rad.
     #[getter]
     fn wheel_zenith_offsets(&self) -> (f64, f64, f64) {
         self.0.wheel_zenith_offsets.into()
     }
 
-    /// Place (x, y) of the CoM of the body off the mast, m.
+    /// Offset (x, y) of the CoM of the body from the mast, m.
     #[getter]
     fn body_com_offset(&self) -> (f64, f64) {
         self.0.body_com_offset.into()
@@ -300,13 +300,13 @@ impl PyParams {
         self.0.roller_friction_slope
     }
 
-    /// Ripple of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m.
+    /// Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m.
     #[getter]
     fn roller_ripple(&self) -> f64 {
         self.0.roller_ripple
     }
 
-    /// Rollers of a wheel that pass the ball in a turn, of all its rows.
+    /// Rollers of a wheel, in all its rows, that pass the ball per turn.
     #[getter]
     fn roller_count(&self) -> f64 {
         self.0.roller_count
@@ -318,27 +318,27 @@ impl PyParams {
         self.0.roller_phases.into()
     }
 
-    /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad.
+    /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad.
     #[getter]
     fn floor_tilt(&self) -> (f64, f64) {
         self.0.floor_tilt.into()
     }
 
-    /// Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level one.
+    /// Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor.
     #[getter]
     fn gravity_vector(&self) -> (f64, f64, f64) {
         <[f64; 3]>::from(self.0.gravity_vector()).into()
     }
 
-    /// Tilt (x, y) from the floor's normal in which the robot stands still on the slope of `floor_tilt`, rad, as
+    /// Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
     /// `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
     fn slope_lean(&self) -> PyResult<(f64, f64)> {
         self.0.slope_lean().map(|lean| (lean.x, lean.y)).map_err(to_python)
     }
 
-    /// Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at which its
-    /// lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball, sticking until then, slips; `motor`, at which a motor
-    /// gives its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+    /// Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
+    /// which its lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball begins to slip; `motor`, at which
+    /// a motor reaches its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
     #[pyo3(signature = (fall_tilt=0.349_065_850_398_865_9))]
     fn slope_limits<'py>(
         &self,
@@ -374,21 +374,21 @@ impl PyParams {
     }
 
     /// Half length of a slender mast about the CoM with the body's largest moment of inertia about an axis across the mast,
-    /// m: the body is drawn, and touches the floor, as tall as this.
+    /// m: the body is drawn, and touches the floor, with this height.
     #[getter]
     fn slender_half_length(&self) -> f64 {
         self.0.slender_half_length()
     }
 
-    /// Load of each wheel on the ball in equilibrium on a level floor, where the CoM is above the ball's center and no motor
-    /// drives, N.
+    /// Load of each wheel on the ball in equilibrium on a level floor, with the CoM above the ball's center and without
+    /// motor torque, N.
     #[getter]
     fn equilibrium_wheel_loads(&self) -> (f64, f64, f64) {
         self.0.equilibrium_wheel_loads().into()
     }
 
-    /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have one zenith and are 120 deg
-    /// apart. The model `planar` takes only such robots.
+    /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith and are
+    /// 120 deg apart. The model `planar` takes only such robots.
     #[getter]
     fn is_symmetric(&self) -> bool {
         self.0.is_symmetric()
@@ -415,7 +415,7 @@ pub(crate) fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
     }
 }
 
-/// Parameters from an object, the name of a preset or the path of a TOML file; those of the paper for `None`.
+/// Parameters from an object, the name of a preset or the path of a TOML file; the paper's for `None`.
 pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
     let Some(params) = params else { return Ok(Params::paper()) };
     if let Ok(params) = params.cast::<PyParams>() {

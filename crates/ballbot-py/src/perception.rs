@@ -1,4 +1,4 @@
-//! Instruments that look at the ground, and levels of terrains, from and to Python.
+//! Instruments that observe the ground, and levels of terrains, from and to Python.
 
 use crate::errors::to_python;
 use crate::fields::{field_dict, named_numbers};
@@ -23,12 +23,12 @@ pub(crate) fn instrument<I: Instrument>(value: &Bound<'_, PyAny>) -> PyResult<Op
     I::from_fields(fields).map(Some).map_err(to_python)
 }
 
-/// All options of an instrument by name; None for robots without.
+/// All options of an instrument by name; None for robots without it.
 pub(crate) fn instrument_object<I: Instrument>(py: Python<'_>, options: Option<&I>) -> PyResult<Option<Py<PyDict>>> {
     options.map(|options| field_dict(py, options).map(Bound::unbind)).transpose()
 }
 
-/// The name of levels that environments climb.
+/// The name of the curriculum of levels.
 const CURRICULUM: &str = "curriculum";
 
 /// Levels from None (any), a number or "curriculum".
@@ -53,7 +53,7 @@ pub(crate) fn levels(value: &Bound<'_, PyAny>) -> PyResult<Levels> {
     Ok(Levels::One(level))
 }
 
-/// The same as options have them.
+/// Levels in the form of an option.
 pub(crate) fn levels_object(py: Python<'_>, levels: Levels) -> PyResult<Bound<'_, PyAny>> {
     Ok(match levels {
         Levels::Any => py.None().into_bound(py),
@@ -62,14 +62,14 @@ pub(crate) fn levels_object(py: Python<'_>, levels: Levels) -> PyResult<Bound<'_
     })
 }
 
-/// The error of reading an instrument that the robots do not have.
+/// The error for reading an instrument that the robots do not have.
 pub(crate) fn missing(name: &str) -> PyErr {
     PyValueError::new_err(format!(
         "the robots have no {name}: make the environments with {name}={{}}, or options in it"
     ))
 }
 
-/// Readings of an instrument, one array a robot, or that of robot `index`; `shape` is that of one.
+/// Readings of an instrument, one array per robot, or the array of robot `index`; `shape` is the shape of one reading.
 pub(crate) fn perceived<'py>(
     py: Python<'py>,
     batch: &Batch,

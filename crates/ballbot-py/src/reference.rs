@@ -15,20 +15,20 @@ use pyo3::types::{PyDict, PySequence, PyTuple};
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
-/// A motion of the ball with the lean and the torques that it takes: setpoints over time, from rest at the time 0.
+/// A motion of the ball with the required lean and torques: setpoints over time, from rest at time 0.
 ///
-/// Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that takes
-/// more traction or torque than the robot has is refused with the time that would do.
+/// Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that
+/// needs more traction or torque than the robot has is rejected; the message has a time that would suffice.
 ///
 /// Arguments of all of them:
-///     params: the robot that is to follow it; None is the robot that `simulate` and `Batch.rollout` run it on, and the
-///         paper's for all else.
-///     yaw: heading at first, rad.
-///     yaw_rate: rate to which the heading comes within a second, rad/s.
-///     friction: share of the friction limit of the wheels that the motion may take, from 0.01 to 1; None allows any.
+///     params: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
+///         otherwise the paper's.
+///     yaw: initial heading, rad.
+///     yaw_rate: rate that the heading reaches within a second, rad/s.
+///     friction: fraction of the friction limit of the wheels that the motion may use, from 0.01 to 1; None allows any.
 ///
 /// Raises:
-///     ValueError: numbers that make no motion, or a motion that the robot cannot follow.
+///     ValueError: numbers that do not define a motion, or a motion that the robot cannot follow.
 #[pyclass(name = "Reference", module = "ballbot_rs", frozen)]
 pub(crate) struct PyReference {
     kind: &'static str,
@@ -38,7 +38,7 @@ pub(crate) struct PyReference {
     reference: Reference,
 }
 
-/// What all motions have.
+/// Arguments of all motions.
 struct Common {
     turning: Turning,
     friction: Option<f64>,
@@ -165,8 +165,8 @@ impl PyReference {
         new("square", params, Motion::Stops { points, times }, &common(yaw, yaw_rate, friction))
     }
 
-    /// At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and takes
-    /// `change` seconds.
+    /// At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and
+    /// takes `change` seconds.
     #[staticmethod]
     #[pyo3(signature = (velocities, times, change, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -253,7 +253,7 @@ impl PyReference {
     /// Setpoints at `times`, shape (n,), s: arrays by name, with n rows each.
     fn sample<'py>(&self, py: Python<'py>, times: &Bound<'_, PyAny>) -> PyResult<Bound<'py, PyDict>> {
         let times = finite_elements("times", times, &[None], ANY_COUNT)?;
-        // Beside the setpoints, a part in the core and in NumPy.
+        // In addition to the setpoints, a part in the core and in NumPy.
         require_memory("the setpoints", times.len(), 2 * size_of::<Setpoint>()).map_err(to_python)?;
         let setpoints: Vec<Setpoint> = times.iter().map(|t| self.reference.at(*t)).collect();
         let parts = PyDict::new(py);
@@ -274,13 +274,14 @@ impl PyReference {
         self.reference.duration()
     }
 
-    /// Largest share of the friction limit, the load or the torque of a wheel that the motion takes.
+    /// Largest fraction of the friction limit, the load or the torque of a wheel that the motion uses.
     #[getter]
     fn demand(&self) -> f64 {
         self.reference.demand()
     }
 
-    /// The least factor by which the motion must be slowed down for its demand to be `friction`; None if none below 1000 does.
+    /// The smallest factor by which the motion must be slowed down for its demand to be `friction`; None if no factor
+    /// below 1000 suffices.
     #[pyo3(signature = (friction=1.0))]
     fn slowdown(&self, py: Python<'_>, #[pyo3(from_py_with = real)] friction: f64) -> PyResult<Option<f64>> {
         py.detach(|| self.reference.slowdown(friction)).map_err(to_python)
@@ -289,15 +290,15 @@ impl PyReference {
     /// The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
     ///
     /// Raises:
-    ///     ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another robot, which
-    ///         leans otherwise.
+    ///     ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another
+    ///         robot, which leans differently.
     fn for_robot(&self, params: &Bound<'_, PyAny>) -> PyResult<Self> {
         let params = or_paper(Some(params))?;
         let reference = call(|| self.on(&params))?;
         Ok(Self { kind: self.kind, params: Some(params), friction: self.friction, reference })
     }
 
-    /// The robot that it was made with; None if none was named.
+    /// The robot that it was made with; None if none was given.
     #[getter]
     fn params(&self) -> Option<PyParams> {
         self.params.clone().map(PyParams)
@@ -341,11 +342,11 @@ impl PyReference {
     }
 }
 
-/// References that robots follow, each for itself or one for all.
+/// References that robots follow, one per robot or one for all.
 pub(crate) struct References(Vec<Reference>);
 
 impl References {
-    /// From one or a sequence of one for each of `n` robots; `None` if the value is neither.
+    /// References from a single one or a sequence with one for each of `n` robots; `None` if the value is neither.
     pub(crate) fn extracted(
         controller: &PyController,
         law: &dyn Controller,
@@ -381,7 +382,7 @@ impl References {
         }
     }
 
-    /// Checks that the setpoints of both times are within their limits.
+    /// Checks that the setpoints at both times are within their limits.
     pub(crate) fn check(&self, times: [f64; 2]) -> Result<()> {
         self.0.iter().try_for_each(|reference| times.iter().try_for_each(|t| reference.at(*t).validate()))
     }

@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use std::path::PathBuf;
 
-/// Most arrows of a picture, and most pictures of a batch.
+/// Maximum number of arrows of a picture, and of pictures of a batch.
 const MOST_ARROWS: usize = 1 << 16;
 const MOST_STATES: usize = 1 << 20;
 
@@ -31,7 +31,7 @@ const MOST_STATES: usize = 1 << 20;
 ///         counter-clockwise from x), `elevation` (rad), `field_of_view` (vertical, rad), `follows` (bool: the camera
 ///         moves with the ball, and `target` is relative to its contact point with the floor).
 ///     num_threads: number of threads, at most 256; None is one per core. Pictures do not depend on it.
-///     terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level.
+///     terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level.
 ///
 /// Raises:
 ///     ValueError: a number out of range. TypeError: an unknown camera setting.

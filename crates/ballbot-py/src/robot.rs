@@ -13,18 +13,18 @@ use pyo3::prelude::*;
 use pyo3::types::PyBytes;
 use std::sync::Arc;
 
-/// Steps that take no time worth interrupting.
+/// Steps that take too little time to be worth interrupting.
 const SHORT_RUN: usize = 1000;
 
 /// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 ///
 /// Args:
 ///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-///     model: "contact" (contacts and friction on the ground, specialized), "rigid" (the same by rapier3d), "spatial"
+///     model: "contact" (contacts and friction on the ground, dedicated solver), "rigid" (the same with rapier3d), "spatial"
 ///         (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
-///     terrain: the ground, a `Terrain`, the name of a kind or a dict of what generates one; None is level. "contact" and
-///         "rigid" take any, "spatial" planes, "planar" none.
+///     terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level. "contact"
+///         and "rigid" take any, "spatial" planes, "planar" none.
 ///
 /// Raises:
 ///     ValueError: an unknown model, a number out of range, or ground that the model does not simulate.
@@ -60,20 +60,20 @@ impl PyBallbot {
         Ok(self.0.read()?.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))
     }
 
-    /// Puts the robot on other ground, a `Terrain`, the name of a kind or a dict of what generates one, None for level ground:
-    /// at rest upright above the origin.
+    /// Puts the robot on different ground, upright at rest above the origin: a `Terrain`, the name of a kind, a dict
+    /// for `Terrain.generate`, or None for level ground.
     ///
     /// Raises:
-    ///     ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is as it
-    ///         was then.
+    ///     ValueError: ground that the model does not simulate, or with valleys too narrow for the ball; the robot is
+    ///         then unchanged.
     fn set_terrain(&self, terrain: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let ground = terrain.map_or(Ok(None), ground)?;
         let mut robot = self.0.write()?;
         call(|| robot.set_terrain(ground.as_ref()))
     }
 
-    /// Starts anew at rest with the ball on the ground, its center above `x` and `y`, m, turned to the heading `yaw`, rad.
-    /// `tilt` is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean in which
+    /// Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
+    /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
     /// it stands still on the slope there.
     ///
     /// Raises:
@@ -91,9 +91,9 @@ impl PyBallbot {
         call(|| robot.place_on_ground(x, y, yaw, tilt.map(Into::into)))
     }
 
-    /// Starts anew from `state`; None is at rest upright above the origin.
+    /// Restarts from `state`; None is upright at rest above the origin.
     ///
-    /// A state has no contact forces: `contact` and `rigid` find them anew in their next step. A snapshot has them.
+    /// A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
     ///
     /// Raises:
     ///     ValueError: a state out of bounds, below the floor, or with slip where the model has none.
@@ -109,7 +109,7 @@ impl PyBallbot {
     /// Raises:
     ///     ValueError: a torque that is not finite or beyond `params.max_wheel_torque`; nothing has moved then.
     ///     DivergedError: the state has left the simulation's bounds.
-    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` says how far the robot has come.
+    ///     KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robot has come.
     #[pyo3(signature = (wheel_torques, steps=1))]
     fn step(
         &self,
@@ -127,7 +127,7 @@ impl PyBallbot {
         interruptible(py, || robot.step(&torques, steps))
     }
 
-    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; None is its CoM).
+    /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).
     ///
     /// The models `contact` and `rigid` spread it over their next time step.
     #[pyo3(signature = (impulse, point=None))]
@@ -138,10 +138,10 @@ impl PyBallbot {
         call(|| robot.push(&impulse, point.as_ref()))
     }
 
-    /// Replaces the robot's parameters; they outlive a reset.
+    /// Replaces the robot's parameters; they persist over resets.
     ///
-    /// With the same geometry (radii, wheel angles, place of the center of mass) the motion goes on; otherwise the robot
-    /// starts anew, at rest upright.
+    /// With the same geometry (radii, wheel angles, position of the center of mass) the motion continues; otherwise the
+    /// robot restarts upright at rest.
     ///
     /// Raises:
     ///     ValueError: the parameters do not describe a robot that the model can simulate; nothing has changed then.
@@ -151,7 +151,7 @@ impl PyBallbot {
         call(|| robot.set_params(&params)).map(|_| ())
     }
 
-    /// The present state.
+    /// The current state.
     #[getter]
     fn state(&self) -> PyResult<PyState> {
         Ok(PyState(self.0.read()?.state()))
@@ -194,17 +194,17 @@ impl PyBallbot {
         Ok(self.0.read()?.sim_dt())
     }
 
-    /// Everything that the future depends on, for `restore`.
+    /// The complete state, for `restore`.
     fn snapshot<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyBytes>> {
         Ok(PyBytes::new(py, &self.0.read()?.save()))
     }
 
     /// Continues, to the last bit, from a snapshot of a robot with the same arguments.
     ///
-    /// Restore only what `snapshot` gave: its checksum finds damage, not forgery.
+    /// Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
     ///
     /// Raises:
-    ///     ValueError: the bytes are not that, or their numbers not finite; nothing has changed then.
+    ///     ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
     fn restore(&self, snapshot: &[u8]) -> PyResult<()> {
         let mut robot = self.0.write()?;
         call(|| robot.load(snapshot))

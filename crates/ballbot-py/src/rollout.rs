@@ -1,4 +1,4 @@
-//! A closed loop on a batch, recorded without Python in it.
+//! A closed loop on a batch, recorded without Python in the loop.
 
 use crate::control::{PyController, setpoints};
 use crate::convert::objects;
@@ -34,13 +34,13 @@ pub(crate) static CONTACT_PARTS: [ContactPart; 5] = [
 
 /// Where the numbers of a [`Record`] come from.
 enum Source {
-    /// Anything: writes the row of a robot.
+    /// A function that writes the row of a robot.
     Row(fn(&Batch, &Last<'_>, usize, &mut [f64])),
     /// A flag of the last outcome, as 0 or 1.
     Flag(fn(&Outcome) -> bool),
     /// The contacts.
     Contact(fn(&Contacts) -> [f64; 3]),
-    /// What events have drawn.
+    /// Draws of the events.
     Draws,
 }
 
@@ -53,7 +53,7 @@ struct Record {
     source: Source,
 }
 
-/// What the last step of a rollout wrote.
+/// Results of the last step of a rollout.
 struct Last<'a> {
     actions: &'a [f32],
     observations: &'a [f32],
@@ -200,17 +200,17 @@ impl Record {
     }
 }
 
-/// What the robots of a rollout are to do.
+/// Setpoints of the robots of a rollout.
 pub(crate) enum Targets {
     /// The setpoints of their tasks.
     Task,
-    /// The same at all steps.
+    /// The same setpoints at all steps.
     Same(Vec<Setpoint>),
     References(References),
 }
 
 impl Targets {
-    /// From None, parts by name, or references.
+    /// Targets from None, parts by name, or references.
     pub(crate) fn extracted(
         controller: &PyController,
         law: &dyn Controller,
@@ -225,20 +225,20 @@ impl Targets {
     }
 }
 
-/// A controller on all robots of a batch, and what happens to them.
+/// A controller on all robots of a batch, and the impulses on the robots.
 pub(crate) struct ClosedLoop<'a> {
     pub(crate) controller: &'a dyn Controller,
     pub(crate) targets: Targets,
     pub(crate) privileged: bool,
-    /// On each robot before each of the first steps, N·s.
+    /// Impulses on each robot before each of the first steps, N·s.
     pub(crate) impulses: Vec<f64>,
-    /// Where on each body, body frame, m; without any its CoM.
+    /// Points of application on each body, body frame, m; if empty, its CoM.
     pub(crate) points: Vec<f64>,
     pub(crate) start_time: f64,
 }
 
 impl ClosedLoop<'_> {
-    /// Checks what would fail after some of the steps.
+    /// Checks in advance what would fail after some of the steps.
     fn check(&self, batch: &Batch, steps: usize) -> ballbot_core::Result<()> {
         let pushes = self.impulses.len() / (3 * batch.len());
         if pushes > steps {
@@ -253,7 +253,7 @@ impl ClosedLoop<'_> {
         }
     }
 
-    /// Gives the robots the impulses of a step.
+    /// Applies the impulses of a step to the robots.
     fn push(&self, batch: &mut Batch, step: usize) -> ballbot_core::Result<()> {
         let width = 3 * batch.len();
         let impulses = self.impulses.get(step * width..(step + 1) * width).unwrap_or_default();
@@ -267,7 +267,7 @@ impl ClosedLoop<'_> {
     }
 }
 
-/// A batch, and where its steps write what the Python object keeps.
+/// A batch, and the buffers of the Python object that its steps write into.
 pub(crate) struct Stepped<'a> {
     pub(crate) batch: &'a mut Batch,
     pub(crate) outcomes: &'a mut [Outcome],
@@ -359,7 +359,7 @@ impl Stepped<'_> {
     }
 }
 
-/// Writes what is recorded after `step` steps.
+/// Writes the records after `step` steps.
 fn write_records(batch: &Batch, last: &Last<'_>, step: usize, records: &[&Record], recorded: &mut [Vec<f64>]) {
     let n = batch.len();
     for (record, out) in records.iter().zip(recorded) {

@@ -15,7 +15,7 @@ use pyo3::types::{PyDict, PyMapping};
 /// Names of the parts of readings, three numbers each.
 const PARTS: [&str; 4] = ["gyro", "specific_force", "wheel_angles", "wheel_rates"];
 
-/// Sensors from None (none), a mapping of options, a name or the path of a TOML file.
+/// Sensors from None (no sensors), a mapping of options, a name or the path of a TOML file.
 pub(crate) fn sensors(value: &Bound<'_, PyAny>) -> PyResult<Option<SensorOptions>> {
     if value.is_none() {
         return Ok(None);
@@ -42,12 +42,12 @@ fn named(value: &Bound<'_, PyAny>) -> Option<PyResult<SensorOptions>> {
     Some(SensorOptions::preset(&name).map_err(to_python))
 }
 
-/// All options of sensors by name; None for robots without.
+/// All options of sensors by name; None for robots without sensors.
 pub(crate) fn sensors_object(py: Python<'_>, options: Option<&SensorOptions>) -> PyResult<Option<Py<PyDict>>> {
     options.map(|options| field_dict(py, options).map(Bound::unbind)).transpose()
 }
 
-/// What [`crate::batch::PyBatch::readings`] returns.
+/// Result of [`crate::batch::PyBatch::readings`].
 pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>) -> PyResult<Bound<'py, PyDict>> {
     if let Some(index) = index {
         batch.check_index(index).map_err(to_python)?;
@@ -72,12 +72,12 @@ pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>
     Ok(dict)
 }
 
-/// The numbers by name that the estimator of a robot with these sensors computes with; `ballbot export --estimator` writes
-/// them as C.
+/// The constants, by name, of the estimator of a robot with these sensors; `ballbot export --estimator` writes them as
+/// C.
 ///
 /// Args:
 ///     params: the robot; None is the paper's.
-///     sensors: as `sensors=` of an environment; None is exact ones.
+///     sensors: as `sensors=` of an environment; None is exact sensors.
 ///     control_dt: time between two readings, s.
 ///
 /// Raises:
@@ -97,9 +97,9 @@ pub(crate) fn estimator_constants<'py>(
     constants_dict(py, &estimator.constants())
 }
 
-/// Sensors by name (`SENSORS` has them), or from the table `[sensors]` of a robot's TOML file.
+/// Sensors by name (see `SENSORS`), or from the table `[sensors]` of a robot's TOML file.
 ///
-/// Every option with its value, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
+/// All options with their values, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
 ///
 /// Raises:
 ///     ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the

@@ -1,4 +1,4 @@
-//! Short texts of objects, for prompts and notebooks; all digits are in their attributes.
+//! Short texts of objects, for prompts and notebooks; their attributes have all digits.
 
 use std::fmt::Write;
 
@@ -14,14 +14,14 @@ pub(crate) fn number(value: f64) -> String {
     if size != 0.0 && !(1e-3..1e5).contains(&size) {
         return format!("{value:.3e}");
     }
-    // Four digits: as many behind the point as are left by those before it.
+    // Four digits: those not before the decimal point follow it.
     let before = if size < 1.0 { 1 } else { size.log10().floor() as usize + 1 };
     let text = format!("{value:.*}", 4_usize.saturating_sub(before));
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
     if text == "-0" { "0".into() } else { text.into() }
 }
 
-/// A table of HTML with a row each of a name, numbers and a unit.
+/// An HTML table whose rows have a name, numbers and a unit.
 pub(crate) fn table<'a>(rows: impl IntoIterator<Item = (&'a str, Vec<f64>, &'a str)>) -> String {
     let mut text = String::from("<table>");
     for (name, values, unit) in rows {

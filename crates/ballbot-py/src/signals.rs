@@ -1,12 +1,12 @@
-//! Long computations without the GIL, which Python's signals (Ctrl-C) end.
+//! Long computations without the GIL that Python's signals (Ctrl-C) can interrupt.
 
 use crate::errors::call;
 use pyo3::prelude::*;
 use std::cell::RefCell;
 use std::rc::Rc;
 
-/// Runs a call into the core without the GIL. About every 50 ms it lets Python handle its signals; what a handler raises,
-/// as KeyboardInterrupt, ends the call.
+/// Runs a call into the core without the GIL. About every 50 ms it lets Python handle its signals; an exception of a
+/// handler, such as KeyboardInterrupt, ends the call.
 pub(crate) fn interruptible<T: Send>(
     py: Python<'_>,
     work: impl FnOnce() -> ballbot_core::Result<T> + Send,

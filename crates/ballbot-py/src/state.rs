@@ -48,7 +48,7 @@ const NAMES: [&str; 10] = [
     "body_velocity",
 ];
 
-/// Of [`NAMES`].
+/// Units of [`NAMES`].
 const UNITS: [&str; 10] = ["m", "m/s", "rad/s", "w, x, y, z", "rad/s", "rad/s", "w, x, y, z", "rad", "m", "m/s"];
 
 #[pymethods]
@@ -91,7 +91,7 @@ impl PyState {
         Ok(Self(state))
     }
 
-    /// At rest on the floor at the origin: turned by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
+    /// At rest on the floor at the origin: rotated by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
     #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
     fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
@@ -100,7 +100,7 @@ impl PyState {
     }
 
     /// At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
-    /// turned by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
+    /// rotated by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
     /// center of mass is on the mast.
     #[staticmethod]
     #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
@@ -141,7 +141,7 @@ impl PyState {
     }
 
     /// All values, shape (32,): position (3), quaternion (4), velocity (3) and angular velocity (3) of the ball, the
-    /// same of the body, wheel angles (3), wheel speeds (3).
+    /// same for the body, wheel angles (3), wheel speeds (3).
     fn to_array<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.0.to_array())
     }
@@ -280,10 +280,10 @@ fn tilted(
     })
 }
 
-/// What pickle keeps of contacts: the arguments of [`_contacts_of`].
+/// Pickled contacts: the arguments of [`_contacts_of`].
 type Pickled<'py> = (PyParams, Array<'py>, bool, (u64, u64));
 
-/// Contacts of a robot from what pickle kept: loads, tractions and slip speeds of the wheels, force and slip velocity of
+/// Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
 /// the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
 #[pyfunction]
 pub(crate) fn _contacts_of(
@@ -366,15 +366,15 @@ impl PyContacts {
         self.contacts.searched_steps
     }
 
-    /// Those of them in which no impulses met the contact conditions, or those of wheels and bot did not settle with each
-    /// other in the model `rigid`.
+    /// Searched steps in which no impulses satisfied the contact conditions, or, in the model `rigid`, the impulses of
+    /// wheels and bot did not converge with each other.
     #[getter]
     fn unsolved_steps(&self) -> u64 {
         self.contacts.unsolved_steps
     }
 
-    /// Share of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid up
-    /// to 1.
+    /// Fraction of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid
+    /// up to 1.
     #[getter]
     fn friction_utilization<'py>(&self, py: Python<'py>) -> Array<'py> {
         array(py, &self.contacts.friction_utilization(&self.params))

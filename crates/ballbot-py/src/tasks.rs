@@ -87,7 +87,7 @@ pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(tasks)
 }
 
-/// Controllers by name: summary, sampling time, parts of the setpoint, share of traction, options.
+/// Controllers by name: summary, sampling time, parts of the setpoint, fraction of traction, options.
 pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let controllers = PyDict::new(py);
     for kind in controller_kinds() {
@@ -102,7 +102,7 @@ pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(controllers)
 }
 
-/// Adds what is known by name.
+/// Adds the tables of names.
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
     planning::register().map_err(to_python)?;

@@ -13,11 +13,11 @@ use std::sync::Arc;
 
 /// Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
 ///
-/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its middle is the origin. Beyond its edges it goes on
-/// straight across them, with the slope there; an episode of an environment that leaves it is truncated.
+/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
+/// continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
 ///
 /// Raises:
-///     ValueError: a surface steeper than 1.05 rad, or numbers that make no surface.
+///     ValueError: a surface steeper than 1.05 rad, or numbers that do not define a surface.
 #[pyclass(name = "Terrain", module = "ballbot_rs", frozen, eq)]
 #[derive(PartialEq)]
 pub(crate) struct PyTerrain(pub(crate) Arc<Terrain>);
@@ -27,7 +27,7 @@ fn made(py: Python<'_>, make: impl FnOnce() -> ballbot_core::Result<Terrain> + S
     py.detach(|| call(make)).map(|terrain| PyTerrain(Arc::new(terrain)))
 }
 
-/// Numbers of a function of x and y, of the shape that the two have together.
+/// Numbers of a function of x and y, in their broadcast shape.
 fn mapped<'py>(
     py: Python<'py>,
     x: &Bound<'py, PyAny>,
@@ -39,7 +39,7 @@ fn mapped<'py>(
     let pair = numpy.call_method1("broadcast_arrays", (x, y))?;
     let (x, y) = (pair.get_item(0)?, pair.get_item(1)?);
     let shape: Vec<usize> = x.getattr("shape")?.extract()?;
-    // Both coordinates are copied twice: a view of a few bytes has any shape.
+    // Both coordinates are copied twice: a view of a few bytes can have any shape.
     let count = shape.iter().fold(1_usize, |count, n| count.saturating_mul(*n));
     let needs = || format!("a result of shape {shape:?}");
     require_memory(needs(), count, size_of::<f64>() * (4 + width)).map_err(to_python)?;
@@ -60,8 +60,8 @@ fn mapped<'py>(
 
 #[pymethods]
 impl PyTerrain {
-    /// A plane through the origin of the angle `slope`, rad, that rises towards `direction`, an angle from the x axis, rad. It
-    /// has no edges.
+    /// A plane through the origin with the angle `slope`, rad, that rises towards `direction`, an angle from the x
+    /// axis, rad. It has no edges.
     #[staticmethod]
     #[pyo3(signature = (slope, direction=0.0))]
     fn plane(#[pyo3(from_py_with = real)] slope: f64, #[pyo3(from_py_with = real)] direction: f64) -> PyResult<Self> {
@@ -77,8 +77,8 @@ impl PyTerrain {
         made(heights.py(), || Terrain::from_heights(&values, nodes, cell))
     }
 
-    /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of at
-    /// most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns one.
+    /// The surface of a function over a rectangle of `size`, the lengths along x and y, m, from its values in steps of
+    /// at most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns an array.
     #[staticmethod]
     #[pyo3(signature = (height, size, cell=0.02))]
     fn from_function<'py>(
@@ -100,7 +100,7 @@ impl PyTerrain {
     }
 
     /// A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-    /// "curb", "cobbles" or "mix". `terrain_kinds()` has their parameters.
+    /// "curb", "cobbles" or "mix". `terrain_kinds()` lists their parameters.
     #[staticmethod]
     #[pyo3(signature = (kind, seed=0, **parameters))]
     fn generate(
@@ -120,7 +120,7 @@ impl PyTerrain {
         made(py, || Terrain::generate(kind, seed, &numbers))
     }
 
-    /// Height at `x` and `y`, m: a number, or an array of the shape that both have together.
+    /// Height at `x` and `y`, m: a number, or an array of their broadcast shape.
     fn height<'py>(
         &self,
         py: Python<'py>,
@@ -130,7 +130,7 @@ impl PyTerrain {
         mapped(py, x, y, |x, y, out| out.push(self.0.height(x, y)), 1)
     }
 
-    /// Upward unit vector across the ground at `x` and `y`, shape (..., 3).
+    /// Upward unit normal of the ground at `x` and `y`, shape (..., 3).
     fn normal<'py>(
         &self,
         py: Python<'py>,
@@ -181,7 +181,8 @@ impl PyTerrain {
         self.0.slope()
     }
 
-    /// Largest curvature of a valley and of a crest anywhere, 1/m. A ball takes valleys of at most half its own curvature.
+    /// Largest curvature of a valley and of a crest anywhere, 1/m. A ball can roll through valleys of at most half its
+    /// own curvature.
     #[getter]
     fn curvature(&self) -> (f64, f64) {
         let [valley, crest] = self.0.curvature();
@@ -215,8 +216,8 @@ impl PyTerrain {
         Ok((heights, cell))
     }
 
-    /// What `generate` makes this terrain of: a dict with `kind`, `seed` and all parameters, as the option `terrain` of
-    /// environments takes it; None for one from heights or a function.
+    /// Arguments of `generate` for this terrain: a dict with `kind`, `seed` and all parameters, as the option `terrain`
+    /// of environments takes it; None for a terrain from heights or a function.
     #[getter]
     fn recipe<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(recipe) = self.0.recipe() else { return Ok(None) };
@@ -252,7 +253,8 @@ impl PyTerrain {
     }
 }
 
-/// Kinds of terrains by name: a dict of what `Terrain.generate` takes, each with `default`, `unit`, `limit` and `doc`.
+/// Kinds of terrains by name: a dict of the arguments of `Terrain.generate`, each with `default`, `unit`, `limit` and
+/// `doc`.
 #[pyfunction]
 pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
@@ -323,7 +325,7 @@ pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>
     Err(PyTypeError::new_err(format!("terrain must be {expected}, not {kind}")))
 }
 
-/// What options keep of a terrain: its recipe, or the fingerprint of its heights.
+/// A terrain in options: its recipe, or the fingerprint of its heights.
 pub(crate) fn terrain_object<'py>(
     py: Python<'py>,
     terrain: Option<&Arc<Terrain>>,

@@ -1,4 +1,4 @@
-//! A batch with somewhere to write to, for the benchmarks.
+//! A batch with its buffers, for the benchmarks.
 
 use ballbot_core::ModelKind;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
@@ -34,7 +34,7 @@ impl Runner {
         batch.reset(None, &mut observations).expect("the buffer fits");
         Self {
             batch,
-            // Each robot drifts its own way until it falls and is reset.
+            // Each robot drifts in its own direction until it falls and is reset.
             actions: (0..n * ACTION_LEN).map(|i| 0.05 * (i as f32).sin()).collect(),
             final_observations: observations.clone(),
             observations,
@@ -58,7 +58,7 @@ impl Runner {
         self.batch.step(&self.actions, &mut buffers).expect("actions are finite and buffers fit");
     }
 
-    /// Starts all environments anew.
+    /// Resets all environments.
     #[allow(dead_code, reason = "not every benchmark resets")]
     pub fn reset(&mut self) {
         self.batch.reset(None, &mut self.observations).expect("the buffer fits");

@@ -1,19 +1,19 @@
-//! What a motor does to a command that has arrived: strength → lag → torque-speed curve → speed limit → peak torque.
+//! How a motor processes a command that has arrived: strength → lag → torque-speed curve → speed limit → peak torque.
 
 use super::options::MotorOptions;
 use crate::error::{Result, check};
 use crate::lanes::{Lane, Memory, Value};
 use crate::params::Params;
 
-/// Share of the speed limit over which the torque fades.
+/// Fraction of the speed limit over which the torque fades.
 const FADE: f64 = 0.1;
 
-/// Constants of three motors, `V` of all robots (`f64`) or of each; `None` is an effect that no robot has.
+/// Constants of three motors, with `V` for all robots (`f64`) or for each; `None` is an effect that no robot has.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Chain<V> {
     /// Torque of a command of 1 at each wheel, N·m.
     pub torque: [V; 3],
-    /// Share of the distance to its command that the torque goes in a model step, 1 − exp(−dt / lag); 0: there is no lag.
+    /// Fraction of the distance to its command that the torque covers in a model step, 1 − exp(−dt / lag); 0: no lag.
     pub share: Option<V>,
     pub curve: Option<Curve<V>>,
     pub limit: Option<SpeedLimit<V>>,
@@ -35,15 +35,15 @@ pub(super) struct Curve<V> {
 pub(super) struct SpeedLimit<V> {
     /// rad/s.
     pub speed: V,
-    /// Share of the torque that is left for each rad/s below.
+    /// Fraction of the torque that remains for each rad/s below.
     pub share: V,
 }
 
 impl Chain<f64> {
-    /// Of valid options; a command of 1 is `action_torque` (N·m).
+    /// The chain of valid options; a command of 1 is `action_torque` (N·m).
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a peak torque beyond that of the robot.
+    /// [`crate::Error::OutOfRange`] for a peak torque beyond the robot's limit.
     pub fn new(options: &MotorOptions, params: &Params, action_torque: f64, sim_dt: f64) -> Result<Self> {
         let MotorOptions { strength, lag, stall_torque, no_load_speed, speed_limit, peak_torque, .. } = *options;
         if peak_torque > 0.0 {
@@ -60,7 +60,7 @@ impl Chain<f64> {
 
     /// As [`super::Motors::check_robot`].
     pub fn check_robot(&self, params: &Params, sim_dt: f64) -> Result<()> {
-        // Beyond the no-load speed the back-EMF brakes with more than the command.
+        // Beyond the no-load speed the back-EMF brakes with more torque than commanded.
         let commanded = self.torque.into_iter().fold(0.0, f64::max);
         let largest = if self.curve.is_some() { self.peak } else { self.peak.min(commanded) };
         params.check_torque("the largest torque of the actuators", largest)?;
@@ -82,12 +82,12 @@ impl Chain<f64> {
 }
 
 impl<V: Copy> Chain<V> {
-    /// How many numbers [`Chain::torques`] keeps: the torques of the lag, N·m.
+    /// Count of numbers that [`Chain::torques`] keeps: the torques of the lag, N·m.
     pub fn memory_len(&self) -> usize {
         if self.share.is_some() { 3 } else { 0 }
     }
 
-    /// Torques of the next model step; the memory from `first` on has those of the lag.
+    /// Torques of the next model step; the memory from `first` on holds the torques of the lag.
     #[inline(always)]
     pub fn torques<L: Lane>(
         &self,

@@ -1,19 +1,19 @@
-//! The actuators of [`crate::batch::EnvConfig`] in one type.
+//! The actuators of [`crate::batch::EnvConfig`] as one type.
 
 use super::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::error::Result;
 use crate::lanes::{Lane, Memory};
 use crate::params::Params;
 
-/// An actuator that is chosen when environments are made. The choice costs less than environments of each would take to
-/// compile.
+/// An actuator that is chosen when environments are created. The run-time choice costs less than compiling environments
+/// for each.
 #[derive(Clone)]
 pub enum Drive {
     /// Ideal motors.
     Ideal(Ideal),
-    /// Motors that are alike on all robots.
+    /// Motors that are identical on all robots.
     Motors(Motors),
-    /// Motors of each robot.
+    /// Motors that differ from robot to robot.
     Individual(IndividualMotors),
 }
 

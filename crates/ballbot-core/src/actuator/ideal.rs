@@ -3,7 +3,7 @@
 use super::Actuator;
 use crate::lanes::{Lane, Memory};
 
-/// A motor that gives the commanded share of its largest torque, at once and at any speed.
+/// A motor that gives the commanded fraction of its largest torque, instantly and at any speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Ideal {
     /// Torque of a command of 1, N·m.

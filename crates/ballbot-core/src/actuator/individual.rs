@@ -14,7 +14,8 @@ const CONSTANTS: usize = 11;
 /// A torque or speed beyond any other.
 const NONE: f64 = 1e30;
 
-/// [`super::Motors`] with options of each robot, to the last bit. The memory begins with the constants of the robot.
+/// [`super::Motors`] with individual options per robot, equal to the last bit. The memory begins with the constants of
+/// the robot.
 #[derive(Clone, Debug, PartialEq)]
 pub struct IndividualMotors {
     action_torque: f64,
@@ -31,7 +32,7 @@ impl IndividualMotors {
     /// Motors of robots with options of up to `largest`; as [`super::Motors::new`].
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a longest delay that is no whole number of model steps.
+    /// [`crate::Error::OutOfRange`] for a longest delay that is not a whole number of model steps.
     pub fn new(largest: &MotorOptions, action_torque: f64, sim_dt: f64, substeps: usize) -> Result<Self> {
         let lag = largest.lag > 0.0;
         let longest = DeadTime::new(largest, sim_dt)?;
@@ -97,7 +98,7 @@ impl Actuator for IndividualMotors {
     fn equip(&self, options: &MotorOptions, params: &Params, memory: &mut [f64]) {
         let (chain, time) = self.of(options, params).expect("the options have passed `fits`");
         let Curve { stall, slope } = chain.curve.unwrap_or(Curve { stall: NONE, slope: 0.0 });
-        // A factor of at least 1 up to any speed.
+        // The factor is at least 1 at any speed.
         let SpeedLimit { speed, share } = chain.limit.unwrap_or(SpeedLimit { speed: NONE, share: 1.0 });
         let [a, b, c] = chain.torque;
         let times = [time.fixed, time.jitter].map(|steps| steps as f64);

@@ -1,16 +1,16 @@
-//! Commands on their way to the motors, each with a dead time of its own.
+//! Commands in transit to the motors, each with a separate dead time.
 
 use super::options::MotorOptions;
 use crate::error::{Result, check};
 use crate::lanes::{Cell, Lane, Memory, philox};
 
-/// Most model steps of a dead time.
+/// Maximum number of model steps of a dead time.
 const MAX_STEPS: f64 = 10_000.0;
 
-/// What keeps these random numbers apart from those of other stages under the same key.
+/// Separates these random numbers from those of other stages under the same key.
 const STREAM: u32 = u32::from_le_bytes(*b"wait");
 
-/// Dead time of a command and the longest that is added to it at random, model steps.
+/// Dead time of a command and the largest random addition to it, model steps.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct DeadTime {
     pub fixed: usize,
@@ -19,7 +19,7 @@ pub(super) struct DeadTime {
 
 impl DeadTime {
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a time that is no whole number of model steps, and for more of them than are kept.
+    /// [`crate::Error::OutOfRange`] for a time that is not a whole number of model steps, or longer than what is kept.
     pub fn new(options: &MotorOptions, sim_dt: f64) -> Result<Self> {
         let whole = |name: &str, seconds: f64| {
             let steps = seconds / sim_dt;
@@ -38,20 +38,20 @@ impl DeadTime {
         Ok(Self { fixed: whole("delay", options.delay)?, jitter: whole("delay_jitter", options.delay_jitter)? })
     }
 
-    /// The longest.
+    /// The longest dead time.
     pub fn longest(self) -> usize {
         self.fixed + self.jitter
     }
 }
 
-/// A line of commands, one a control step. The memory has the model step within the control step; of a line with jitter two
-/// words of a key, the episode and the commands so far; then of the present command and each before it the model step,
-/// from that of the command on, at which it arrives, and its three numbers.
+/// A delay line of commands, one per control step. The memory holds the model step within the control step; with
+/// jitter, two words of a key, the episode and the count of commands so far; then, for the current command and each
+/// earlier one, the model step after the command at which it arrives, and its three numbers.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Line {
-    /// Place of its numbers in the memory.
+    /// Index of its numbers in the memory.
     pub first: usize,
-    /// Commands that are kept, the present one among them.
+    /// Commands that are kept, including the current one.
     commands: usize,
     /// Model steps in a control step.
     substeps: usize,
@@ -62,7 +62,7 @@ pub(super) struct Line {
 const KEY: usize = 4;
 
 impl Line {
-    /// For dead times of up to `longest`.
+    /// A line for dead times of up to `longest`.
     pub fn new(first: usize, longest: DeadTime, substeps: usize) -> Self {
         let commands = longest.longest().div_ceil(substeps) + 1;
         Self { first, commands, substeps, jitter: longest.jitter > 0 }
@@ -72,7 +72,7 @@ impl Line {
         1 + self.key_len() + 4 * self.commands
     }
 
-    /// Whether it can keep commands as long as a dead time asks.
+    /// Whether it can keep commands for as long as a dead time requires.
     pub fn holds(&self, time: DeadTime) -> bool {
         time.longest() <= (self.commands - 1) * self.substeps && (self.jitter || time.jitter == 0)
     }
@@ -94,7 +94,7 @@ impl Line {
     pub fn delayed<L: Lane>(&self, commands: [L; 3], fixed: L, jitter: L, memory: &mut Memory<'_, L>) -> [L; 3] {
         let step = memory.get(self.first);
         let kept = |age: usize| self.first + 1 + self.key_len() + 4 * age;
-        // Robots are driven together: a control step of one is that of all.
+        // Robots are driven together: their control steps coincide.
         let begins = step.le(step.zero());
         if L::any(begins) {
             for age in (1..self.commands).rev() {
@@ -105,7 +105,7 @@ impl Line {
             }
             let mut arrives = fixed;
             if self.jitter {
-                // Even over 0, 1, ..., jitter once it is rounded up.
+                // Uniform over 0, 1, ..., jitter once it is rounded up.
                 let share = self.next_share(memory);
                 arrives += share.mul_add(jitter + 1.0, share.splat(-1.0)).max(share.zero());
             }

@@ -20,16 +20,16 @@ use crate::params::Params;
 
 /// The stage between a command in [-1, 1] and the torque at a wheel's shaft. Written once over lanes.
 pub trait Actuator: Clone + Send + Sync + 'static {
-    /// How many numbers the stage keeps from one model step to the next; zeros at the start of an episode.
+    /// Count of numbers that the stage keeps from one model step to the next; zeros at the start of an episode.
     const MEMORY: usize;
 
-    /// Whether the torques depend on the commands alone, so that they hold over a control step.
+    /// Whether the torques depend only on the commands, so that they are constant over a control step.
     #[inline(always)]
     fn is_held(&self) -> bool {
         false
     }
 
-    /// Whether each robot has options of its own, which [`Actuator::equip`] takes; events may change them then.
+    /// Whether each robot has individual options, set by [`Actuator::equip`]; events may then change them.
     fn is_individual(&self) -> bool {
         false
     }
@@ -39,8 +39,8 @@ pub trait Actuator: Clone + Send + Sync + 'static {
         Self::MEMORY
     }
 
-    /// Begins an episode of one robot, in a memory of zeros. Random numbers of the stage follow from the key, that of the
-    /// environment's seed, and the episode, which counts from the seed on.
+    /// Begins an episode of one robot, in a memory of zeros. Random numbers of the stage follow from the key of the
+    /// environment's seed and the episode, which counts from the seed.
     fn begin(&self, key: [u32; 2], episode: u32, memory: &mut [f64]) {
         let _ = (key, episode, memory);
     }
@@ -59,7 +59,7 @@ pub trait Actuator: Clone + Send + Sync + 'static {
         let _ = (options, params, memory);
     }
 
-    /// Torques of the next model step, N·m. `wheel_speeds` are those of the encoders, rad/s. An episode begins with the
+    /// Torques of the next model step, N·m. `wheel_speeds` are the encoder rates, rad/s. An episode begins with the
     /// first model step of a control step; the commands are the same in all model steps of a control step.
     fn torques<L: Lane>(&self, commands: [L; 3], wheel_speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3];
 }

@@ -1,4 +1,4 @@
-//! Motors with dead time, lag, a torque-speed curve and limits, alike on all robots.
+//! Motors with dead time, lag, a torque-speed curve and limits, identical on all robots.
 
 use super::Actuator;
 use super::chain::Chain;
@@ -15,7 +15,7 @@ pub struct Motors {
     wait: Wait,
 }
 
-/// The way of a command to the motors.
+/// The delay of a command to the motors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Wait {
     None,
@@ -26,28 +26,28 @@ enum Wait {
 /// A dead time, in control steps and the model steps beyond them.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Delay {
-    /// Control steps whose commands are over when the delay is.
+    /// Whole control steps in the delay.
     steps: usize,
-    /// Model steps at the start of a control step in which the command is still one older.
+    /// Model steps at the start of a control step in which the previous command still applies.
     rest: usize,
     /// Model steps in a control step.
     substeps: usize,
 }
 
 impl Delay {
-    /// Commands that are kept of each motor, the present one among them.
+    /// Commands that are kept for each motor, including the current one.
     fn commands(self) -> usize {
         self.steps + usize::from(self.rest > 0) + 1
     }
 }
 
 impl Motors {
-    /// Motors in model steps of `sim_dt` (s), `substeps` to a control step, on robots of which `params` is one; a command
-    /// of 1 is `action_torque` (N·m).
+    /// Motors in model steps of `sim_dt` (s), `substeps` to a control step, on robots such as `params`; a command of 1
+    /// is `action_torque` (N·m).
     ///
     /// # Errors
-    /// Those of [`MotorOptions::validate`]; [`crate::Error::OutOfRange`] for a delay that is no whole number of model steps, and
-    /// for motors that [`Motors::check_robot`] refuses.
+    /// Those of [`MotorOptions::validate`]; [`crate::Error::OutOfRange`] for a delay that is not a whole number of
+    /// model steps, and for motors that [`Motors::check_robot`] rejects.
     pub fn new(
         options: &MotorOptions,
         params: &Params,
@@ -79,8 +79,8 @@ impl Motors {
         self.chain.check_robot(params, sim_dt)
     }
 
-    /// The commands of a delay ago. The memory from `first` on has the model step within the control step, then the
-    /// commands of this control step and those before it, three each.
+    /// The commands of a delay ago. The memory from `first` on holds the model step within the control step, then the
+    /// commands of this control step and earlier ones, three each.
     #[inline(always)]
     fn delayed<L: Lane>(delay: Delay, commands: [L; 3], first: usize, memory: &mut Memory<'_, L>) -> [L; 3] {
         let step = memory.get(first);
@@ -114,7 +114,7 @@ impl Motors {
 }
 
 impl Actuator for Motors {
-    /// Of motors without lag and delay; see [`Motors::memory_len`].
+    /// Length for motors without lag and delay; see [`Motors::memory_len`].
     const MEMORY: usize = 0;
 
     /// The torques of the lag, N·m, then the numbers of the delay.

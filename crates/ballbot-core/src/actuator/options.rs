@@ -6,10 +6,10 @@ use crate::fields::{Fields, Limit};
 use crate::params::robot_file::RobotFile;
 use std::path::Path;
 
-/// Least speed limit and no-load speed, rad/s.
+/// Smallest speed limit and no-load speed, rad/s.
 const LEAST_SPEED: f64 = 1e-3;
 
-/// What a name of motors stands for in messages.
+/// What a name of motors is called in messages.
 const KIND: &str = "actuators";
 
 /// The name of ideal motors.
@@ -39,7 +39,7 @@ fields! {
 }
 
 impl MotorOptions {
-    /// Options from named numbers, the others at their defaults. A single `strength` is that of all three motors.
+    /// Options from named numbers, the others at their defaults. A single `strength` applies to all three motors.
     ///
     /// # Errors
     /// [`Error::UnknownName`], [`Error::Length`]; those of [`MotorOptions::validate`].
@@ -113,7 +113,7 @@ impl MotorOptions {
         Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
-    /// Whether the torque is the commanded one, at once and at any speed.
+    /// Whether the torque equals the command, instantly and at any speed.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
     }

@@ -10,7 +10,7 @@ pub enum Autoreset {
     /// It is reset by the next step, which ignores its action and gives a reward of zero.
     #[default]
     NextStep,
-    /// It is reset within the same step; the last observation of the episode is kept apart.
+    /// It is reset within the same step; the last observation of the episode is stored separately.
     SameStep,
     /// It must be reset by the caller before it is stepped again.
     Disabled,

@@ -25,7 +25,7 @@ use crate::thread_pool::{WorkerThreads, thread_count};
 use nalgebra::Vector3;
 use std::sync::{Arc, Mutex, PoisonError};
 
-/// Environments of one task that are stepped together, on as many threads as asked. Environment i is seeded with
+/// Environments of one task that are stepped together, on the requested number of threads. Environment i is seeded with
 /// `seed + i`. Results do not depend on the number of threads.
 /// ```
 /// use ballbot_core::ModelKind;
@@ -60,27 +60,27 @@ pub struct Batch {
     pub(super) ground: Option<Arc<Ground>>,
     pub(super) perception: Option<Arc<Perception>>,
     pub(super) plan: Option<Arc<Plan>>,
-    /// Options of the stages, without events.
+    /// Options of the stages before events.
     pub(super) stages: Stages,
-    /// Environments in order, `width` to a chunk; the last may have fewer.
+    /// Environments in order, `width` per chunk; the last chunk may have fewer.
     pub(super) chunks: Vec<Box<dyn Chunk>>,
     pub(super) width: usize,
     pub(super) autoreset: Autoreset,
-    /// Threads of a step, the caller's among them.
+    /// Threads of a step, including the caller's.
     threads: usize,
     /// Worker threads.
     pub(super) helpers: WorkerThreads,
-    /// Whether a step ended before its end: some robots have moved, others have not.
+    /// Whether a step was interrupted: some robots have moved, others have not.
     pub(super) interrupted: bool,
 }
 
-/// Most environments of a batch.
+/// Maximum number of environments of a batch.
 const MAX_ENVS: usize = 1 << 20;
 
 /// Minimum work for each worker thread, s.
 const WORK_PER_THREAD: f64 = 50e-6;
 
-/// Into how many pieces a step is cut for each thread, to even out the cost of falling robots and busy processors.
+/// Number of pieces of a step per thread, to even out the cost of falling robots and busy processors.
 const PIECES_PER_THREAD: usize = 8;
 
 /// Checks a number of environments.
@@ -95,13 +95,13 @@ fn check_count(num_envs: usize) -> Result<()> {
 }
 
 impl Batch {
-    /// `num_envs` environments on up to `num_threads` threads: as many as there are cores if `None`, never more than there
-    /// are environments (eights of them in the contact model), and fewer where waking one would not pay.
+    /// `num_envs` environments on up to `num_threads` threads; `None` means one per core. There are never more threads
+    /// than environments (groups of eight in the contact model), and fewer where waking a thread would not pay off.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for zero environments or threads, or more than 2²⁰ or 256; what [`EnvConfig::validate`] and
-    /// [`Ballbot::new`] find; [`Error::Memory`] if there is not enough for the environments; [`Error::Interrupted`] in
-    /// [`crate::stoppable`].
+    /// [`Error::Inconsistent`] for zero environments or threads, or more than 2²⁰ or 256; errors of
+    /// [`EnvConfig::validate`] and [`Ballbot::new`]; [`Error::Memory`] if there is not enough memory for the
+    /// environments; [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn new<T: Task>(
         config: &EnvConfig<T>,
         num_envs: usize,
@@ -115,7 +115,7 @@ impl Batch {
         Self::build(config, &config.drive()?, &config.onboard()?, num_envs, autoreset, num_threads, seed)
     }
 
-    /// [`Batch::new`] with stages of one's own between action and torque, in place of [`EnvConfig::actuators`], and between
+    /// [`Batch::new`] with custom stages between action and torque, in place of [`EnvConfig::actuators`], and between
     /// state and observation, in place of [`EnvConfig::sensors`].
     ///
     /// # Errors
@@ -136,7 +136,7 @@ impl Batch {
         Self::build(config, actuator, sensor, num_envs, autoreset, num_threads, seed)
     }
 
-    /// Of a valid configuration.
+    /// Builds the batch from a valid configuration.
     fn build<T: Task, A: Actuator, S: Sensor>(
         config: &EnvConfig<T>,
         actuator: &A,
@@ -224,7 +224,7 @@ impl Batch {
         self.len == 0
     }
 
-    /// Number of threads that step them.
+    /// Number of threads that step the environments.
     pub fn num_threads(&self) -> usize {
         self.threads
     }
@@ -297,10 +297,10 @@ impl Batch {
         Ok(self.chunks[chunk].contacts(i))
     }
 
-    /// Terms of the last reward of one environment, in the order of [`TaskDescription::terms`].
+    /// Reward terms of the last step of one environment, in the order of [`TaskDescription::terms`].
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element a term.
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element per term.
     pub fn reward_terms(&self, index: usize, out: &mut [f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.expect_len("reward terms", out.len(), self.description.terms.len())?;
@@ -308,7 +308,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Gives the body of one robot an impulse; see [`Ballbot::push`].
+    /// Applies an impulse to the body of one robot; see [`Ballbot::push`].
     ///
     /// # Errors
     /// As [`Batch::state`] and [`Ballbot::push`].
@@ -317,7 +317,7 @@ impl Batch {
         self.chunks[chunk].push(i, impulse, point)
     }
 
-    /// Everything that the future of one environment depends on, as bytes for [`Batch::load`].
+    /// The complete state of one environment, as bytes for [`Batch::load`].
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -326,12 +326,12 @@ impl Batch {
         Ok(self.chunks[chunk].save(i))
     }
 
-    /// Continues one environment from bytes of [`Batch::save`] of an environment with the same task, model and time step;
-    /// its robot's parameters are part of them. What a controller keeps of the robot starts anew.
+    /// Continues one environment from bytes of [`Batch::save`] of an environment with the same task, model and time
+    /// step; they include the robot's parameters. A controller's memory of the robot is reset.
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not that, or their numbers not finite. The environment is then
-    /// left as it was.
+    /// As [`Batch::state`]; [`Error::Decode`] if the bytes are not such a snapshot, or its numbers are not finite. The
+    /// environment is then unchanged.
     pub fn load(&mut self, index: usize, bytes: &[u8]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         let chunk = &mut self.chunks[chunk];
@@ -344,16 +344,16 @@ impl Batch {
         Ok(())
     }
 
-    /// The chunk of an environment, and its place there.
+    /// The chunk of an environment, and its index in the chunk.
     pub(super) fn locate(&self, index: usize) -> Result<(usize, usize)> {
         self.check_index(index)?;
         Ok((index / self.width, index % self.width))
     }
 
-    /// Checks that there is an environment `index`.
+    /// Checks that environment `index` exists.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] if there is none.
+    /// [`Error::OutOfRange`] if it does not.
     pub fn check_index(&self, index: usize) -> Result<()> {
         if index < self.len {
             return Ok(());
@@ -365,13 +365,13 @@ impl Batch {
         })
     }
 
-    /// All environments: their chunks and places.
+    /// All environments: their chunks and indices.
     pub(super) fn places(&self) -> impl Iterator<Item = (usize, usize)> + use<> {
         let width = self.width;
         (0..self.len).map(move |index| (index / width, index % width))
     }
 
-    /// Spreads the ends of the present episodes evenly over the length of an episode, so that environments reset
+    /// Spreads the ends of the current episodes evenly over the length of an episode, so that environments reset
     /// together are not truncated together.
     pub fn stagger(&mut self) {
         let n = self.len();
@@ -381,11 +381,11 @@ impl Batch {
         }
     }
 
-    /// Steps every environment. `actions` has one row of three an environment, in [-1, 1].
+    /// Steps every environment. `actions` has one row of three per environment, in [-1, 1].
     ///
     /// # Errors
     /// [`Error::Length`] for buffers of the wrong length, [`Error::OutOfRange`] for an action that is not finite,
-    /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved then.
+    /// [`Error::Inconsistent`] with [`Autoreset::Disabled`] where an episode is over. Nothing has moved in these cases.
     /// [`Error::Interrupted`] in [`crate::stoppable`]: some environments have moved, and all must be reset.
     pub fn step(&mut self, actions: &[f32], buffers: &mut StepBuffers<'_>) -> Result<()> {
         self.check_actions(actions)?;

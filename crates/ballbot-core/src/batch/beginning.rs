@@ -1,4 +1,4 @@
-//! Episodes of a chunk begin.
+//! Starts of the episodes of a chunk.
 
 use super::environments::Environments;
 use super::events::key_of;
@@ -32,14 +32,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
         self.begin_readings(i);
         self.begin_perceiving(i);
-        // What is observed anew before the first step repeats the first reading.
+        // An observation repeated before the first step repeats the first reading.
         let Ledger { sensor, last_sensor, .. } = &mut self.one;
         last_sensor.copy_from_slice(sensor);
         self.observe(i, observation);
         self.repeat_observation(i, observation);
     }
 
-    /// A start on level ground of robot `i` on its own.
+    /// Moves a start of robot `i` on level ground to its own ground.
     pub(super) fn on_ground(&self, i: usize, start: State) -> State {
         match self.robots.ground() {
             Some(ground) => ground.adapted(self.robots.params(i), self.robots.wheels(i), &start),
@@ -60,11 +60,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             }
         }
         let start = self.on_ground(i, start);
-        // The extreme starts were accepted, and bound this one.
+        // The extreme starts were accepted, and they bound this start.
         self.begin(i, &start, observation);
     }
 
-    /// Takes the end of an episode of robot `i` into account for the level of its next one.
+    /// Updates the level of the next episode of robot `i` from the end of its last episode.
     pub(super) fn note_level(&mut self, i: usize) {
         if self.config.levels == Levels::Curriculum {
             R::Cell::take(&self.ledger, i, &mut self.one);

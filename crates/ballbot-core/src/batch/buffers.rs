@@ -1,11 +1,11 @@
 //! Where a step writes its results.
 
-/// Result of a step besides the observation.
+/// Result of a step, except the observation.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Outcome {
     /// Sum of the reward's terms.
     pub reward: f64,
-    /// Reason for which the episode was terminated, if it was.
+    /// Why the episode was terminated, if it was.
     pub terminated: Option<&'static str>,
     /// Whether the episode reached its last step.
     pub truncated: bool,
@@ -20,7 +20,7 @@ impl Outcome {
     }
 }
 
-/// Where a step writes its results: one element an environment, observations one row an environment.
+/// Where a step writes its results: one element per environment; observations have one row per environment.
 pub struct StepBuffers<'a> {
     /// Observations, n × [`super::Batch::observation_len`].
     pub observations: &'a mut [f32],
@@ -30,14 +30,14 @@ pub struct StepBuffers<'a> {
     pub terminated: &'a mut [bool],
     /// Whether each episode was truncated.
     pub truncated: &'a mut [bool],
-    /// Rows of ended episodes get their last observation; other rows are left alone.
+    /// Rows of ended episodes get their last observation; other rows are left unchanged.
     pub final_observations: &'a mut [f32],
     /// Outcome of each step.
     pub outcomes: &'a mut [Outcome],
 }
 
 impl<'a> StepBuffers<'a> {
-    /// The same buffers, borrowed for a shorter time.
+    /// The same buffers, reborrowed.
     pub(super) fn reborrow(&mut self) -> StepBuffers<'_> {
         StepBuffers {
             observations: self.observations,

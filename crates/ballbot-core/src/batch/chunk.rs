@@ -1,4 +1,4 @@
-//! What a batch steps as one: a single environment of any model, or eight of the contact model in lanes.
+//! The unit that a batch steps: a single environment of any model, or eight of the contact model in lanes.
 
 use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
@@ -11,7 +11,7 @@ use crate::setpoint::Setpoint;
 use crate::state::{Contacts, State};
 use nalgebra::Vector3;
 
-/// Environments of one task, whichever it is. Indices count within the chunk.
+/// Environments of any one task. Indices count within the chunk.
 pub trait Chunk: Send + Sync {
     /// Steps all of them; the caller has checked actions and buffers.
     fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>);
@@ -19,20 +19,21 @@ pub trait Chunk: Send + Sync {
     /// Fires the events that are due, before [`Chunk::step_to`].
     fn begin_step(&mut self, autoreset: Autoreset);
 
-    /// A step after [`Chunk::begin_step`] whose motion is not simulated here: `states` has its end for each environment.
+    /// A step after [`Chunk::begin_step`] whose motion is not simulated here: `states` holds the final state of each
+    /// environment.
     fn step_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State], buffers: StepBuffers<'_>);
 
-    /// Writes the actions of a controller, on the true states if it is `privileged`, else on those that the task observes;
-    /// `setpoints` has one an environment, or is empty for those of the task.
+    /// Writes the actions of a controller, from the true states if `privileged`, else from the states that the task
+    /// observes; `setpoints` has one per environment, or is empty for the task's own.
     fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]);
 
-    /// Begins an episode from a given state, or one drawn at random, and writes its first observation.
+    /// Begins an episode from a given or random state, and writes its first observation.
     ///
     /// # Errors
-    /// What [`crate::Ballbot::reset`] finds in the state.
+    /// Those of [`crate::Ballbot::reset`].
     fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()>;
 
-    /// Checks that a reset, after a new seed if there is one, would take a state.
+    /// Checks that a reset, after a new seed if there is one, would accept a state.
     ///
     /// # Errors
     /// As [`Chunk::reset`].
@@ -44,28 +45,29 @@ pub trait Chunk: Send + Sync {
     /// Last readings of the height scan and the depth camera, m.
     fn perceived(&self, i: usize) -> [&[f32]; 2];
 
-    /// Level of the tile of the present episode.
+    /// Level of the tile of the current episode.
     fn level(&self, i: usize) -> usize;
 
     /// Writes the terms of the last reward.
     fn reward_terms(&self, i: usize, out: &mut [f64]);
 
-    /// Writes the metrics of the present episode so far; before its first step those of the last one, or NaN.
+    /// Writes the metrics of the current episode so far; before its first step, metrics of the last episode, or NaN.
     fn metrics(&self, i: usize, out: &mut [f64]);
 
-    /// Writes the metrics of the present episodes so far, robot after robot; 0 before their first step and where there is none.
+    /// Writes the metrics of the current episodes so far, robot by robot; 0 before their first step and where there is
+    /// none.
     fn running_metrics(&mut self, out: &mut [f64]);
 
-    /// Writes the present command.
+    /// Writes the current command.
     fn command(&self, i: usize, out: &mut [f64]);
 
-    /// Gives a command that holds to the end of the episode, and observes the robot anew.
+    /// Sets a command until the end of the episode, and observes the robot again.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] before the first episode; what [`crate::task::Task::check_command`] finds.
+    /// [`crate::Error::Inconsistent`] before the first episode; errors of [`crate::task::Task::check_command`].
     fn set_command(&mut self, i: usize, command: &[f64]) -> Result<()>;
 
-    /// What the task asks of a controller.
+    /// The task's setpoint for a controller.
     fn setpoint(&mut self, i: usize) -> Setpoint;
 
     /// State of the robot.
@@ -74,10 +76,10 @@ pub trait Chunk: Send + Sync {
     /// Contact forces of the last model step.
     fn contacts(&self, i: usize) -> Contacts;
 
-    /// Last readings of the sensors, if the robot has any; of the robot at rest before its first episode.
+    /// Last readings of the sensors, if the robot has any; before its first episode, readings of the robot at rest.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;
 
-    /// State that follows from the last readings, if the task observes it.
+    /// State estimated from the last readings, if the task observes it.
     fn estimate(&self, i: usize) -> Option<State>;
 
     /// Writes the rows of an observation of the true state.
@@ -89,13 +91,13 @@ pub trait Chunk: Send + Sync {
     /// Parameters that the robot has without events.
     fn nominal_params(&self, i: usize) -> &Params;
 
-    /// Present draws of the events; NaN where there is none.
+    /// Current draws of the events; NaN where there is none.
     fn draws(&self, i: usize) -> &[f64];
 
     /// Options of the stages of the robot, if there are events.
     fn drawn_stages(&self, i: usize) -> Option<&Stages>;
 
-    /// How many draws of the events made a robot that cannot be, and were repeated, since the last seed.
+    /// How many draws of the events gave an invalid robot and were repeated, since the last seed.
     fn repeated_draws(&self, i: usize) -> u32;
 
     /// Pushes of the events in the episode.
@@ -107,33 +109,33 @@ pub trait Chunk: Send + Sync {
     /// As [`super::Batch::set_params`].
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()>;
 
-    /// Gives the robot's body an impulse.
+    /// Applies an impulse to the robot's body.
     ///
     /// # Errors
     /// As [`crate::Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
 
-    /// What pushes have yet to do to the body, as [`super::Outside::pushes`] has it.
+    /// The pending push on the body, in the form of [`super::Outside::pushes`].
     fn pending_push(&self, i: usize) -> [f64; 6];
 
-    /// Starts the random numbers anew with the next episode.
+    /// Reseeds the random numbers from the next episode on.
     fn seed(&mut self, i: usize, seed: u64);
 
-    /// Ends the present episode after `steps` steps instead of the configured number.
+    /// Ends the current episode after `steps` steps instead of the configured number.
     fn shorten(&mut self, i: usize, steps: usize);
 
     /// The first environment whose episode has ended, or has not begun.
     fn first_over(&self) -> Option<usize>;
 
-    /// Whether there has been a reset at all.
+    /// Whether any reset has happened.
     fn begun(&self) -> bool;
 
-    /// Everything that the future of an environment depends on.
+    /// The complete state of an environment.
     fn save(&self, i: usize) -> Vec<u8>;
 
-    /// Continues from what [`Chunk::save`] gave.
+    /// Continues from bytes of [`Chunk::save`].
     ///
     /// # Errors
-    /// [`Error::Decode`] if the bytes are not that.
+    /// [`Error::Decode`] if the bytes are not such a snapshot.
     fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()>;
 }

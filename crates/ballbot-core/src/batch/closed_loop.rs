@@ -13,29 +13,29 @@ use std::sync::{Mutex, PoisonError};
 /// A controller on all robots of a batch, as [`Batch::control`] and [`Batch::step_under`] take it.
 #[derive(Clone, Copy)]
 pub struct Under<'a> {
-    /// The controller; what it keeps of a robot starts anew with its episode, and when another controller is used.
+    /// The controller; its memory of a robot is reset with each episode, and when another controller is used.
     pub controller: &'a dyn Controller,
-    /// One an environment; `None` takes those of the task.
+    /// One setpoint per environment; `None` takes the task's setpoints.
     pub setpoints: Option<&'a [Setpoint]>,
-    /// Whether the controller takes the true states even where the task observes estimated ones, as a teacher does.
+    /// Whether the controller gets the true states even where the task observes estimates, as a teacher does.
     pub privileged: bool,
 }
 
 impl<'a> Under<'a> {
-    /// A controller on what the task observes, with the setpoints of the task.
+    /// A controller that gets what the task observes, with the setpoints of the task.
     pub fn new(controller: &'a dyn Controller) -> Self {
         Self { controller, setpoints: None, privileged: false }
     }
 }
 
 impl Batch {
-    /// Writes the actions of a controller on every robot, n × 3, in [-1, 1]: the torque of an action is a
-    /// limit of the controller. It takes the states that the task observes: those of [`Batch::estimate`] with
-    /// [`super::Observation::Sensors`].
+    /// Writes the actions of a controller on every robot, n × 3, in [-1, 1]: the torque of an action is a limit of the
+    /// controller. It gets the states that the task observes: with [`super::Observation::Sensors`] these are
+    /// [`Batch::estimate`].
     ///
     /// # Errors
-    /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller is sampled at another
-    /// rate than the batch; [`crate::Error::Interrupted`] as in [`Batch::step`].
+    /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller and the
+    /// batch have different sampling rates; [`crate::Error::Interrupted`] as in [`Batch::step`].
     pub fn control(&mut self, under: &Under<'_>, actions: &mut [f32]) -> Result<()> {
         self.check_control(under, actions.len())?;
         let setpoints = under.setpoints.unwrap_or_default();
@@ -43,7 +43,7 @@ impl Batch {
         let mut first = 0;
         for (chunk, actions) in self.chunks.iter_mut().zip(actions.chunks_mut(self.width * ACTION_LEN)) {
             if let Err(stop) = watch.check() {
-                // What the controller keeps of some robots has advanced.
+                // The controller's memory of some robots has advanced.
                 self.interrupted = true;
                 return Err(stop);
             }
@@ -55,7 +55,7 @@ impl Batch {
         Ok(())
     }
 
-    /// One control step under a controller: [`Batch::control`], then [`Batch::step`] with its actions, which are left in
+    /// One control step under a controller: [`Batch::control`], then [`Batch::step`] with its actions, which remain in
     /// `actions`.
     ///
     /// # Errors
@@ -78,7 +78,7 @@ impl Batch {
                 let n = actions.len() / ACTION_LEN;
                 let from = first + k * width;
                 chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), privileged, actions);
-                // A controller on a robot that has diverged may give no number; the robot is reset, not stepped on.
+                // For a diverged robot a controller may return no finite number; the robot is reset, not stepped.
                 actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
                 let (now, later) = rest.split(n);
                 rest = later;

@@ -1,4 +1,4 @@
-//! Commands of the robots of a chunk: drawn by the task, or set by hand.
+//! Commands of the robots of a chunk: sampled by the task, or set by hand.
 
 use super::environments::Environments;
 use super::ledger::{Ledger, Ledgers};
@@ -10,7 +10,7 @@ use crate::sensor::Sensor;
 use crate::task::{Moment, Task};
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
-    /// Draws a command for robot `i`; `one` is its ledger. Returns after how many steps the next one is due.
+    /// Samples a command for robot `i`; `one` is its ledger. Returns after how many steps the next command is due.
     pub(super) fn draw_command(&mut self, i: usize) -> f64 {
         let state = self.robots.lane_state(i);
         let params = self.robots.params(i);
@@ -22,7 +22,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         steps
     }
 
-    /// Draws commands where they are due; the observation then shows them.
+    /// Samples commands where they are due; the observation then shows them.
     pub(super) fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
         let episode = &self.ledger.episode;
         if episode.steps.get(i) < episode.next_command.get(i) {
@@ -34,7 +34,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.observe(i, observation);
     }
 
-    /// Gives robot `i` a command that holds to the end of its episode.
+    /// Sets the command of robot `i` until the end of its episode.
     ///
     /// # Errors
     /// As [`super::chunk::Chunk::set_command`].
@@ -60,7 +60,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
-    /// Takes the ledger of robot `i` as it was before its last reading, which is then repeated, not followed by another.
+    /// Restores the ledger of robot `i` from before its last reading; the reading is then repeated instead of followed
+    /// by another.
     fn take_before_reading(&mut self, i: usize) {
         R::Cell::take(&self.ledger, i, &mut self.one);
         let Ledger { sensor, last_sensor, .. } = &mut self.one;

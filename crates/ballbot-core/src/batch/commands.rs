@@ -5,10 +5,10 @@ use crate::error::{Error, Result, check};
 use crate::setpoint::Setpoint;
 
 impl Batch {
-    /// The present command of one environment, in the order of [`crate::task::TaskDescription::command`].
+    /// The current command of one environment, in the order of [`crate::task::TaskDescription::command`].
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element for each part of the command.
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element per part of the command.
     pub fn command(&self, index: usize, out: &mut [f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.expect_len("command", out.len(), self.description.command.len())?;
@@ -16,7 +16,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Gives one environment a command, which holds to the end of its episode; the next observation shows it.
+    /// Sets the command of one environment until the end of its episode; the next observation shows it.
     ///
     /// # Errors
     /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands, and before the first reset;
@@ -35,7 +35,7 @@ impl Batch {
         self.chunks[chunk].set_command(i, command)
     }
 
-    /// What the task asks of a controller on one robot, now: that of its command, if it has one.
+    /// The current setpoint of the task for a controller of one robot; it follows the command, if there is one.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -44,12 +44,12 @@ impl Batch {
         Ok(self.chunks[chunk].setpoint(i))
     }
 
-    /// Metrics of the present episode of one environment so far, in the order of
-    /// [`crate::task::TaskDescription::metrics`]; before its first step those of the last episode. NaN where there is none,
-    /// and where an episode is too short for one.
+    /// Metrics of the current episode of one environment so far, in the order of
+    /// [`crate::task::TaskDescription::metrics`]; before its first step, metrics of the last episode. NaN where there
+    /// is no metric, or the episode is too short for it.
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element a metric.
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element per metric.
     pub fn metrics(&self, index: usize, out: &mut [f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.expect_len("metrics", out.len(), self.description.metrics.len())?;
@@ -57,11 +57,11 @@ impl Batch {
         Ok(())
     }
 
-    /// Metrics of the present episodes of all environments so far, one row an environment; 0 before the first step of an
+    /// Metrics of the current episodes of all environments so far, one row per environment; 0 before the first step of an
     /// episode and where [`Batch::metrics`] has NaN. Allocates nothing.
     ///
     /// # Errors
-    /// [`Error::Length`] unless `out` has one element a metric and environment.
+    /// [`Error::Length`] unless `out` has one element per metric and environment.
     pub fn running_metrics(&mut self, out: &mut [f64]) -> Result<()> {
         let len = self.description.metrics.len();
         self.expect_len("metrics", out.len(), self.len() * len)?;

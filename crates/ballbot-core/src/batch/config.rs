@@ -15,7 +15,7 @@ use crate::task::{Balance, RewardScales, Task, TaskDescription};
 use crate::terrain::{Ground, Terrain, static_lean};
 use std::sync::Arc;
 
-/// Most observations that are given together.
+/// Maximum number of observations that are given together.
 const MAX_HISTORY: usize = 1000;
 
 /// Least torque of an action of 1, N·m.
@@ -35,13 +35,14 @@ pub struct EnvConfig<T> {
     /// Steps after which an episode is truncated.
     pub max_episode_steps: usize,
     /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
-    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not ones that throw it.
+    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not torques that throw it.
     pub max_wheel_torque: Option<f64>,
-    /// The ground; `None` for that of the task, which is level for most. Starts are moved to it and lean as it does; an episode that leaves it is truncated.
+    /// The ground; `None` for the ground of the task, which is level for most tasks. Starts are moved to the ground
+    /// with the static lean there; an episode that leaves the ground is truncated.
     pub terrain: Option<Arc<Terrain>>,
     /// The motors between actions and torques.
     pub actuators: MotorOptions,
-    /// The sensors of the robots; `None` for robots without, which nothing can be read of.
+    /// The sensors of the robots; `None` for robots without sensors, which have no readings.
     pub sensors: Option<SensorOptions>,
     /// The height scan, if the robots have one.
     pub scan: Option<ScanOptions>,
@@ -49,9 +50,9 @@ pub struct EnvConfig<T> {
     pub depth: Option<DepthOptions>,
     /// Levels of the tiles that episodes begin on, if the terrain has tiles.
     pub levels: Levels,
-    /// What the rows of an observation are computed from.
+    /// Source of the rows of an observation.
     pub observation: Observation,
-    /// How many observations, the last ones, are given together.
+    /// How many of the last observations are given together.
     pub history: usize,
     /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
     pub scale_observations: bool,
@@ -59,7 +60,7 @@ pub struct EnvConfig<T> {
     pub reward: RewardScales,
     /// Options of the task.
     pub task: T,
-    /// What is drawn at random of the robots and hits them, besides where they start.
+    /// Randomization of the robots and pushes, in addition to random starts.
     pub events: Vec<Event>,
 }
 
@@ -97,8 +98,8 @@ impl<T: Task> EnvConfig<T> {
         self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
     }
 
-    /// All numbers that the future of an environment depends on, besides its robot's parameters. An estimator is that of the
-    /// robot without events and `set_params`, which a snapshot does not have otherwise.
+    /// All numbers that the future of an environment depends on, except its robot's parameters. An estimator is
+    /// designed for the robot before events and `set_params`, which a snapshot does not store otherwise.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let scaled = f64::from(u8::from(self.scale_observations));
         let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
@@ -150,8 +151,8 @@ impl<T: Task> EnvConfig<T> {
         Motors::new(&self.actuators, &self.params, self.action_torque(), self.sim_dt, self.substeps()?)
     }
 
-    /// The sensors of [`EnvConfig::sensors`], exact ones if a task observes by sensors that are not given; `None` if there
-    /// are none. Those of events on sensors are of each robot.
+    /// The sensors of [`EnvConfig::sensors`]; exact sensors if a task observes through sensors that are not given;
+    /// `None` if there are none. With events on sensors, each robot has its own.
     ///
     /// # Errors
     /// Those of [`EnvConfig::substeps`] and [`Onboard::new`]; [`Error::Inconsistent`] for events on sensors that are not given.
@@ -175,7 +176,7 @@ impl<T: Task> EnvConfig<T> {
         Onboard::individual(&options, &largest, self.control_dt, observer).map(Some)
     }
 
-    /// The instruments that look at the ground, if there are any.
+    /// The instruments that observe the ground, if there are any.
     ///
     /// # Errors
     /// Those of [`Perception::new`].
@@ -184,7 +185,7 @@ impl<T: Task> EnvConfig<T> {
         Perception::new(scan, depth, &self.params, self.control_dt, self.scale_observations)
     }
 
-    /// The options of the stages without events.
+    /// The options of the stages before events.
     pub(super) fn stages(&self) -> Stages {
         Stages { actuators: self.actuators.clone(), sensors: self.sensors.clone().unwrap_or_default() }
     }
@@ -241,7 +242,7 @@ impl<T: Task> EnvConfig<T> {
         self.check_events(&plan, &self.params)
     }
 
-    /// Checks that events on the torque of the motors limit a torque that actions ask for.
+    /// Checks that events on the torque of the motors limit a torque that actions can command.
     fn check_torque_limits(&self, plan: &Plan) -> Result<()> {
         const TERM: &str = "max_wheel_torque";
         let limits = |event: &Event| event.term == TERM && !event.optional;
@@ -264,7 +265,7 @@ impl<T: Task> EnvConfig<T> {
         Err(refused(place, TERM, &reason))
     }
 
-    /// Checks that the robots can start on the terrain, and that no event changes what it does not go with.
+    /// Checks that the robots can start on the terrain, and that no event changes something incompatible with it.
     fn check_terrain(&self) -> Result<()> {
         let tiles = self.terrain.as_ref().and_then(|terrain| terrain.tiles());
         self.levels.check(tiles)?;
@@ -297,7 +298,7 @@ impl<T: Task> EnvConfig<T> {
         Ok(())
     }
 
-    /// The same with the ground of the task where none is chosen.
+    /// The same configuration, with the task's ground where none is chosen.
     ///
     /// # Errors
     /// Those of [`Task::terrain`].
@@ -319,10 +320,10 @@ impl<T: Task> EnvConfig<T> {
         self.terrain.as_ref().map(|terrain| Ground::shared(terrain, self.params.ball_radius)).transpose()
     }
 
-    /// The events as they are carried out, if there are any.
+    /// The plan of the events, if there are any.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for an event that cannot be, whatever the robot.
+    /// [`Error::Inconsistent`] for an event that is invalid for any robot.
     pub(super) fn plan(&self) -> Result<Option<Arc<Plan>>> {
         let pushes = self.task.pushes(&self.params).map(|pushes| Event {
             when: When::Every(pushes.every),
@@ -336,13 +337,13 @@ impl<T: Task> EnvConfig<T> {
         Ok(Some(Arc::new(Plan::new(&events, self.sim_dt, self.control_dt)?)))
     }
 
-    /// Checks that every robot that the events may make of a valid one can be run.
+    /// Checks that every robot that the events may produce from a valid robot can be run.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] with the term of an event that may make another.
+    /// [`Error::Inconsistent`] with the term of an event that may produce an invalid robot.
     pub(super) fn check_events(&self, plan: &Plan, nominal: &Params) -> Result<()> {
         self.validate_robot(nominal)?;
-        // Computed once: it takes longer than all else.
+        // Computed once: it takes longer than everything else.
         let (torque, motors, substeps) = (self.action_torque(), self.not_ideal()?, self.substeps()?);
         let robot = |robot: &Setup| {
             let params = &robot.params;
@@ -364,7 +365,7 @@ impl<T: Task> EnvConfig<T> {
         }
         let starts = |robot: &Setup| {
             let params = &robot.params;
-            // `contact` takes every robot, and refuses starts by the robot's shape alone.
+            // `contact` accepts every robot, and rejects starts only because of the robot's shape.
             if *params == nominal.params || self.model == ModelKind::Contact && same_geometry(params, &nominal.params) {
                 return Ok(());
             }
@@ -374,9 +375,9 @@ impl<T: Task> EnvConfig<T> {
         plan.check(&nominal, &Tests { robot: &robot, starts: &starts })
     }
 
-    /// Whether a robot that events have made can be, besides what its model asks of its parameters.
+    /// Whether a robot changed by events is valid, in addition to the checks of its model.
     pub(super) fn judge<A: Actuator>(&self, actuator: &A) -> impl Fn(&Setup) -> Result<()> {
-        // Those of the configuration have passed.
+        // The sensors of the configuration have passed.
         let passed = self.sensors.clone().unwrap_or_default();
         move |robot| {
             actuator.fits(&robot.stages.actuators, &robot.params)?;
@@ -390,7 +391,7 @@ impl<T: Task> EnvConfig<T> {
         }
     }
 
-    /// Checks that a robot (a valid one) can be driven by the actions of this environment.
+    /// Checks that a valid robot can be driven by the actions of this environment.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] if an action exceeds the motors' limit.

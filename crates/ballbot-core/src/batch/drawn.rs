@@ -1,4 +1,4 @@
-//! The robots of a batch, and what events have drawn of them.
+//! The robots of a batch, and the draws of their events.
 
 use super::batch::Batch;
 use crate::actuator::MotorOptions;
@@ -16,19 +16,20 @@ impl Batch {
         Ok(self.chunks[chunk].params(i))
     }
 
-    /// Replaces the parameters of one robot; they outlive resets, and are those that events draw from. If the geometry
-    /// (radii, wheel angles, place of the CoM)
-    /// is the same, its motion goes on; otherwise the environment must be reset before its next step.
+    /// Replaces the parameters of one robot; they persist over resets, and events start from them. If the geometry
+    /// (radii, wheel angles, CoM position) is unchanged, its motion continues; otherwise the environment must be reset
+    /// before its next step.
     ///
     /// # Errors
-    /// As [`Batch::state`]; those of [`Params::validate`]; [`crate::Error::OutOfRange`] or [`crate::Error::Inconsistent`] if the task,
-    /// its actions or its events do not fit the robot. The robot is then left as it was.
+    /// As [`Batch::state`]; those of [`Params::validate`]; [`crate::Error::OutOfRange`] or
+    /// [`crate::Error::Inconsistent`] if the task, its actions or its events do not fit the robot. The robot is then
+    /// unchanged.
     pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.chunks[chunk].set_params(i, params)
     }
 
-    /// Parameters that one robot has without events: those it was made with, or of the last [`Batch::set_params`].
+    /// Parameters of one robot without events: its initial ones, or those of the last [`Batch::set_params`].
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -37,7 +38,8 @@ impl Batch {
         Ok(self.chunks[chunk].nominal_params(i))
     }
 
-    /// Present draws of the events of one environment, in the order of [`Batch::draw_columns`]; NaN where there is none.
+    /// Current draws of the events of one environment, in the order of [`Batch::draw_columns`]; NaN where there is
+    /// none.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -46,7 +48,7 @@ impl Batch {
         Ok(self.chunks[chunk].draws(i))
     }
 
-    /// How many draws of the events of one environment made a robot that cannot be, and were repeated, since it was seeded.
+    /// How many draws of the events of one environment gave an invalid robot and were repeated, since it was seeded.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -55,7 +57,7 @@ impl Batch {
         Ok(self.chunks[chunk].repeated_draws(i))
     }
 
-    /// How many pushes events and the task have given one robot in its episode.
+    /// How many pushes events and the task have applied to one robot in its episode.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -64,8 +66,8 @@ impl Batch {
         Ok(self.chunks[chunk].push_count(i))
     }
 
-    /// Present options of the motors of one robot: those of the configuration, or what events made of them. Meaningless for
-    /// an actuator of one's own.
+    /// Current options of the motors of one robot: from the configuration, as changed by events. Meaningless for a
+    /// custom actuator.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -74,8 +76,8 @@ impl Batch {
         Ok(&self.chunks[chunk].drawn_stages(i).unwrap_or(&self.stages).actuators)
     }
 
-    /// Present options of the sensors of one robot: those of the configuration, exact ones without, or what events made of
-    /// them. Meaningless for sensors of one's own.
+    /// Current options of the sensors of one robot: from the configuration (exact sensors by default), as changed by
+    /// events. Meaningless for custom sensors.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -84,8 +86,8 @@ impl Batch {
         Ok(&self.chunks[chunk].drawn_stages(i).unwrap_or(&self.stages).sensors)
     }
 
-    /// [`super::Event::label`] of each event, and how many numbers it draws: those of the parameter, or impulse (N·s; m/s
-    /// with [`super::Operation::Scale`]), azimuth (rad) and height (m) of a push.
+    /// [`super::Event::label`] of each event, and how many numbers it samples: the numbers of the parameter, or impulse
+    /// (N·s; m/s with [`super::Operation::Scale`]), azimuth (rad) and height (m) of a push.
     pub fn draw_columns(&self) -> impl Iterator<Item = (String, usize)> {
         self.plan.iter().flat_map(|plan| &plan.events).map(|event| (event.event.label(), event.width))
     }

@@ -16,7 +16,7 @@ use crate::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
 
-/// The environment of a single robot, whichever its stages.
+/// The environment of a single robot, with any stages.
 trait SingleChunk: Chunk {
     /// The robot.
     fn robot(&self) -> &Ballbot;
@@ -37,8 +37,8 @@ impl<T: Task, A: Actuator, S: Sensor> SingleChunk for Environments<Single, T, A,
 
 /// An environment of task `T` with the actuators and sensors of its configuration.
 ///
-/// Random numbers of starts come from ChaCha8, seeded by `seed_from_u64`; those of events and motors from Philox4x32-10, whose
-/// key is the first two words of that seed.
+/// Random numbers of starts come from ChaCha8, seeded by `seed_from_u64`; random numbers of events and motors come from
+/// Philox4x32-10, whose key is the first two words of that seed.
 pub struct Environment<T: Task = Balance> {
     config: Arc<EnvConfig<T>>,
     inner: Box<dyn SingleChunk>,
@@ -52,7 +52,7 @@ impl<T: Task> Environment<T> {
     /// An environment that must be reset before its first step.
     ///
     /// # Errors
-    /// What [`EnvConfig::validate`] and [`Ballbot::new`] find.
+    /// Those of [`EnvConfig::validate`] and [`Ballbot::new`].
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         let config = &config.with_terrain()?;
         config.validate()?;
@@ -76,17 +76,17 @@ impl<T: Task> Environment<T> {
         &self.config
     }
 
-    /// How many numbers an observation has.
+    /// Length of an observation.
     pub fn observation_len(&self) -> usize {
         self.observation.len()
     }
 
-    /// Starts the random numbers anew with the next episode; the present one keeps its own.
+    /// Reseeds the random numbers from the next episode on; the current episode keeps its own.
     pub fn seed(&mut self, seed: u64) {
         self.inner.seed(0, seed);
     }
 
-    /// Begins an episode from a start drawn at random, and writes its first observation.
+    /// Begins an episode from a random start, and writes its first observation.
     ///
     /// # Panics
     /// If `observation` is not of length [`Environment::observation_len`].
@@ -95,15 +95,15 @@ impl<T: Task> Environment<T> {
         self.inner.reset(0, None, observation).expect("a start that the task draws was accepted when it was made");
     }
 
-    /// Begins an episode from a given state, without drawing it at random; a command of the task is drawn.
+    /// Begins an episode from a given state instead of a random start; a command of the task is still sampled.
     ///
     /// # Errors
-    /// What [`Ballbot::reset`] finds.
+    /// Those of [`Ballbot::reset`].
     pub fn reset_to(&mut self, start: &State, observation: &mut [f32]) -> Result<()> {
         self.inner.reset(0, Some(start), observation)
     }
 
-    /// Whether the episode has ended, or none has begun.
+    /// Whether the episode has ended or has not begun.
     pub fn over(&self) -> bool {
         self.inner.first_over().is_some()
     }
@@ -205,7 +205,7 @@ impl<T: Task> Environment<T> {
         self.inner.robot_mut()
     }
 
-    /// Everything that the future depends on, as bytes for [`Environment::load`].
+    /// The complete state, as bytes for [`Environment::load`].
     pub fn save(&self) -> Vec<u8> {
         self.inner.save(0)
     }

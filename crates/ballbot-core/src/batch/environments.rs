@@ -1,4 +1,4 @@
-//! Environments that are stepped as one: a single one of any model, or eight of the contact model in lanes.
+//! Environments that are stepped together: a single environment of any model, or eight of the contact model in lanes.
 
 use super::autoreset::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
@@ -24,7 +24,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use std::sync::Arc;
 
-/// Numbers that a controller keeps of each robot.
+/// Numbers that a controller keeps for each robot.
 pub(super) struct ControlMemory<C> {
     /// [`Controller::id`] of the controller that the numbers belong to.
     owner: u64,
@@ -38,30 +38,30 @@ pub struct Environments<R: Robots, T, A, S> {
     pub(super) actuator: A,
     substeps: usize,
     action_torque: f64,
-    /// How many robots are environments; the others stand still.
+    /// How many robots belong to environments; the others stand still.
     pub(super) used: usize,
     pub(super) robots: R,
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
     pub(super) ledger: Ledger<R::Cell>,
-    /// Room for the ledger of one robot.
+    /// Scratch space for the ledger of one robot.
     pub(super) one: Ledger<f64>,
     pub(super) control: ControlMemory<R::Cell>,
-    /// Whether there has been a reset at all.
+    /// Whether any reset has happened.
     pub(super) begun: bool,
     pub(super) over: Vec<bool>,
     pub(super) rngs: Vec<ChaCha8Rng>,
-    /// Seeds that the next episodes begin with; the present ones keep their random numbers.
+    /// Seeds that the next episodes begin with; the current episodes keep their random numbers.
     pub(super) next_seeds: Vec<Option<u64>>,
     /// Episodes begun since the last seed.
     pub(super) episodes: Vec<u32>,
-    /// Metrics of the last episode that ended, environment after environment.
+    /// Metrics of the last episode that ended, environment by environment.
     metrics: Vec<f64>,
-    /// Room for those of one.
+    /// Scratch space for the metrics of one environment.
     measured: Vec<f64>,
-    /// What is drawn at random of the robots, if anything is.
+    /// The randomization of the robots, if there is any.
     pub(super) events: Option<Box<Randomized>>,
-    /// Instruments that look at the ground, if there are any.
+    /// Instruments that observe the ground, if there are any.
     pub(super) sight: Option<Box<Sight>>,
     /// Levels of a curriculum that the environments have reached.
     pub(super) levels: Vec<u32>,
@@ -71,8 +71,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Environments with seeds `seed`, `seed + 1`, ...; each must be reset before its first step.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the model does not accept every start that the task may draw, and for events on motors that
-    /// the actuator does not take.
+    /// [`Error::Inconsistent`] if the model does not accept every start that the task may sample, and for events on
+    /// motors that the actuator does not support.
     pub fn new(
         config: &Arc<EnvConfig<T>>,
         step: &Arc<TaskStep<T, S>>,
@@ -149,10 +149,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
-    /// Replaces the parameters of robot `i` as they are.
+    /// Replaces the parameters of robot `i` without applying events.
     pub(super) fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
         params.validate()?;
-        // A robot that events made may have weaker motors than an action asks for.
+        // A robot changed by events may have weaker motors than an action commands.
         if !self.has_own_motors() {
             self.config.validate_robot(params)?;
         }
@@ -169,7 +169,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         Ok(())
     }
 
-    /// Measures the present episode of robot `i`.
+    /// Measures the current episode of robot `i`.
     fn measure(&mut self, i: usize) {
         self.read_memory(i);
         self.measured.clear();
@@ -181,7 +181,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.task.iter_mut().zip(&self.ledger.task).for_each(|(number, cell)| *number = cell.get(i));
     }
 
-    /// Keeps the metrics of the episode of robot `i`, which ends.
+    /// Keeps the metrics of the episode of robot `i` as it ends.
     fn keep_metrics(&mut self, i: usize) {
         let len = self.step.metrics();
         if len > 0 {
@@ -201,7 +201,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         autoreset == Autoreset::NextStep && self.over[i]
     }
 
-    /// Writes what a step gives, and begins the episodes that follow those that it ended.
+    /// Writes the results of a step, and begins a new episode where it ended one.
     fn write_step(&mut self, autoreset: Autoreset, mut buffers: StepBuffers<'_>) {
         let width = self.ledger.observation.len() + self.perceived();
         for i in 0..self.used {

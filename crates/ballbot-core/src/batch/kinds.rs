@@ -1,4 +1,4 @@
-//! Tasks by name: those of this crate, and those that other crates register.
+//! Tasks by name: tasks of this crate, and tasks that other crates register.
 
 use super::autoreset::Autoreset;
 use super::batch::Batch;
@@ -17,7 +17,7 @@ use crate::terrain::Terrain;
 use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError, RwLock};
 
-/// A configuration of a task that is known by its name alone.
+/// A configuration of a task that is known only by name.
 pub trait TaskConfig: Send {
     /// Replaces the robots' parameters.
     fn set_params(&mut self, params: Params);
@@ -47,9 +47,9 @@ pub trait TaskConfig: Send {
     fn set_levels(&mut self, levels: Levels);
     /// The levels of the tiles that episodes begin on.
     fn levels(&self) -> Levels;
-    /// Replaces what observations are computed from.
+    /// Replaces the observation source.
     fn set_observation(&mut self, observation: Observation);
-    /// What observations are computed from.
+    /// The observation source.
     fn observation(&self) -> Observation;
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///
@@ -107,13 +107,13 @@ static TASKS: [&dyn TaskKind; 7] = [
     &Kind::<OpenBallBot>(PhantomData),
 ];
 
-/// Robots for tasks that are defined outside of the core: no task by itself, so it is in no list.
+/// Robots for tasks that are defined outside the core: not a task by itself, so it is not listed.
 static BARE: &dyn TaskKind = &Kind::<Bare>(PhantomData);
 
 /// The tasks of other crates.
 static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());
 
-/// Makes a task known by its name, as those of this crate are; the example of [`Task`] does.
+/// Registers a task by its name, like the tasks of this crate; see the example of [`Task`].
 ///
 /// # Errors
 /// [`Error::Inconsistent`] if its name is taken.
@@ -132,10 +132,10 @@ pub fn task_kinds() -> Vec<&'static dyn TaskKind> {
     TASKS.into_iter().chain(registered.iter().copied()).collect()
 }
 
-/// A task by its name; `bare` is that of [`Bare`].
+/// A task by its name; `bare` is [`Bare`].
 ///
 /// # Errors
-/// [`Error::UnknownName`] if there is none.
+/// [`Error::UnknownName`] if there is no such task.
 pub fn task_kind(name: &str) -> Result<&'static dyn TaskKind> {
     if name == Bare::NAME {
         return Ok(BARE);

@@ -1,11 +1,11 @@
-//! Numbers that environments keep from step to step, of one robot or of eight.
+//! Numbers that environments keep from step to step, for one robot or eight.
 
 use crate::lanes::{Cell, EIGHT, Eight, cells};
 use crate::task::ACTION_LEN;
 use serde::{Deserialize, Serialize};
 
 cells! {
-    /// The present episode, and the result of its last step.
+    /// The current episode, and the result of its last step.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct Episode {
         pub steps: T,
@@ -15,11 +15,11 @@ cells! {
         /// The step from which a new command is due.
         pub next_command: T,
         pub reward: T,
-        /// Middle of the tile of the terrain, m; 0 without tiles.
+        /// Center of the terrain tile, m; 0 without tiles.
         pub origin: [T; 2],
         /// Level of the tile.
         pub level: T,
-        /// 0 if the episode goes on, otherwise 1 + the index of the reason.
+        /// 0 if the episode continues, otherwise 1 + the index of the reason.
         pub termination: T,
         /// 1 if the episode reached its last step, else 0.
         pub truncated: T,
@@ -28,7 +28,7 @@ cells! {
     }
 }
 
-/// An episode with the numbers whose count depends on the task and its stages.
+/// An episode, with the numbers whose count depends on the task and its stages.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Ledger<C> {
     pub episode: Episode<C>,
@@ -41,10 +41,10 @@ pub struct Ledger<C> {
     pub terms: Vec<C>,
 }
 
-/// Largest magnitude of a saved number; f32 holds it.
+/// Largest magnitude of a saved number; f32 can hold it.
 const MAX_NUMBER: f64 = 1e30;
 
-/// How many numbers the parts of a [`Ledger`] have.
+/// Lengths of the parts of a [`Ledger`].
 #[derive(Clone, Copy, Debug)]
 pub struct Sizes {
     pub task: usize,
@@ -55,7 +55,8 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// About how many numbers a ledger has, with the rows that a step writes and what is kept of the last episode.
+    /// Approximate count of numbers of a ledger, including the rows that a step writes and what is kept of the last
+    /// episode.
     pub fn numbers(&self) -> usize {
         self.task + self.actuator + 2 * self.sensor + 3 * self.observation + self.terms
     }
@@ -85,7 +86,7 @@ impl<C: Cell> Ledger<C> {
         [task, actuator, sensor, last_sensor, observation, terms]
     }
 
-    /// Whether a saved ledger may take the place of this one: the same sizes, and numbers that can be.
+    /// Whether a saved ledger may replace this ledger: same sizes, valid numbers.
     pub fn fits(&self, saved: &Ledger<f64>) -> bool {
         let Episode { steps, limit, last_action, reward, origin, level, .. } = saved.episode;
         let mut numbers = saved
@@ -95,7 +96,7 @@ impl<C: Cell> Ledger<C> {
             .chain(&last_action)
             .chain(&origin)
             .chain([&steps, &limit, &reward, &level]);
-        // All of them are shown, or squared, as they are.
+        // All of them are shown or squared without further checks.
         numbers.all(|number| number.abs() <= MAX_NUMBER)
             && self.parts().map(<[C]>::len) == saved.parts().map(<[f64]>::len)
     }
@@ -117,7 +118,7 @@ impl Ledger<f64> {
     }
 }
 
-/// Cells of which the numbers of one robot are taken out and put back.
+/// Cells from which the numbers of one robot can be read, and to which they can be written back.
 pub trait Ledgers: Cell + Sized {
     /// Copies the numbers of robot `i` to `one`, which has the same sizes.
     fn take(all: &Ledger<Self>, i: usize, one: &mut Ledger<f64>);

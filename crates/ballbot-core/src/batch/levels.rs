@@ -1,29 +1,29 @@
-//! Which tiles of a terrain episodes begin on.
+//! The terrain tiles that episodes begin on.
 
 use crate::error::{Error, Result};
 use crate::terrain::Tiles;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
-/// Levels of the tiles that episodes begin on; the column is drawn evenly.
+/// Levels of the tiles that episodes begin on; the column is sampled uniformly.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Levels {
-    /// Any, drawn evenly.
+    /// Any level, sampled uniformly.
     #[default]
     Any,
-    /// This one.
+    /// This level.
     One(usize),
-    /// Each environment has its own: from the easiest up after episodes that did what was asked, down after others. After the
-    /// hardest they are drawn evenly.
+    /// Each environment has its own level: it starts at the easiest, goes up after episodes that did what was
+    /// commanded, and down after others. After the hardest level, levels are sampled uniformly.
     Curriculum,
 }
 
-/// Shares of what an episode was asked for from which on the next one is harder, and below which it is easier.
+/// Completed fractions of the command: from the first on the next episode is harder, below the second it is easier.
 const HARDER: f64 = 0.8;
 const EASIER: f64 = 0.4;
 
 impl Levels {
-    /// The same as a number of a snapshot.
+    /// The level as a number of a snapshot.
     pub(super) fn number(self) -> f64 {
         match self {
             Self::Any => -1.0,
@@ -32,7 +32,7 @@ impl Levels {
         }
     }
 
-    /// Checks that a terrain has them.
+    /// Checks that a terrain has these levels.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a level that its tiles do not have, and for levels of a terrain without tiles.
@@ -50,7 +50,7 @@ impl Levels {
         }
     }
 
-    /// Column and level of the tile of an episode; `reached` is that of the environment.
+    /// Column and level of the tile of an episode; `reached` is the level of the environment.
     #[doc(hidden)]
     pub fn draw(self, tiles: &Tiles, reached: &mut u32, rng: &mut ChaCha8Rng) -> [usize; 2] {
         let column = rng.random_range(0..tiles.columns);
@@ -67,7 +67,8 @@ impl Levels {
         [column, level]
     }
 
-    /// The level after an episode that did a share of what was asked of it; that above the hardest stands for any.
+    /// The level after an episode that did a fraction of what was commanded; the level above the hardest means any
+    /// level.
     #[doc(hidden)]
     pub fn after(reached: u32, share: f64, fell: bool) -> u32 {
         if fell || share < EASIER {

@@ -1,4 +1,4 @@
-//! The states that sensors give, for tasks, and gave last, for controllers, of one robot or of eight.
+//! The states that sensors give now, for tasks, and gave last, for controllers; for one robot or eight.
 
 use crate::lane_state::{LaneState, StateCells};
 use crate::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
@@ -7,10 +7,10 @@ use fearless_simd::Simd;
 
 /// Cells in which a sensor keeps its numbers.
 pub trait Measured: Cell {
-    /// Replaces true states by those that the sensor gave last; `one` is room for its numbers of one robot.
+    /// Replaces true states by the last states of the sensor; `one` is scratch space for its numbers of one robot.
     fn measure<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
 
-    /// Replaces true states by those that the sensor reads; `one` is room for its numbers of one robot.
+    /// Replaces true states by states that the sensor reads; `one` is scratch space for its numbers of one robot.
     fn read<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
 }
 

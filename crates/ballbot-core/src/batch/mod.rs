@@ -1,7 +1,7 @@
-//! Environments: tasks on robots, many of them in step.
+//! Environments: tasks on robots, many of them stepped together.
 //!
-//! A control step is: action → actuator → model steps → sensor → task. It is written once (`environments`), for one robot of
-//! any model and for eight robots of the contact model in lanes.
+//! A control step is: action → actuator → model steps → sensor → task. It is written once (`environments`), for one
+//! robot of any model and for eight robots of the contact model in lanes.
 
 mod autoreset;
 #[allow(clippy::module_inception, reason = "the batch itself")]

@@ -1,16 +1,16 @@
-//! What tasks observe robots by.
+//! Observation source of tasks.
 
 use crate::error::{Error, Result};
 use crate::names;
 use std::str::FromStr;
 
-/// What the rows of an observation are computed from, and what controllers take.
+/// Source of the rows of an observation, and of the states that controllers get.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Observation {
     /// The true state.
     #[default]
     GroundTruth,
-    /// The state that follows from the readings of the sensors.
+    /// The state estimated from the readings of the sensors.
     Sensors,
 }
 
@@ -18,7 +18,7 @@ impl Observation {
     /// All kinds.
     pub const ALL: [Self; 2] = [Self::GroundTruth, Self::Sensors];
 
-    /// The name by which it is chosen.
+    /// Name in options.
     pub fn name(self) -> &'static str {
         match self {
             Self::GroundTruth => "ground_truth",

@@ -1,4 +1,4 @@
-//! What is observed of the robots of a batch: by tasks, by sensors, and without them.
+//! Observations of the robots of a batch: by tasks, by sensors, and without sensors.
 
 use super::batch::Batch;
 use crate::error::{Error, Result};
@@ -7,19 +7,19 @@ use crate::sensor::Readings;
 use crate::state::State;
 
 impl Batch {
-    /// How many numbers an observation has: its rows, [`Batch::history`] times, then what the height scan and the depth
-    /// camera read.
+    /// Length of an observation: its rows, [`Batch::history`] times, then the readings of the height scan and the depth
+    /// camera.
     pub fn observation_len(&self) -> usize {
         self.description.rows.len() * self.history + self.perception.as_ref().map_or(0, |seen| seen.width())
     }
 
-    /// The instruments that look at the ground.
+    /// The instruments that observe the ground.
     pub fn perception(&self) -> Option<&Perception> {
         self.perception.as_deref()
     }
 
-    /// Last readings of the height scan and the depth camera of one robot, m, without scaling; empty ones for instruments that
-    /// it does not have.
+    /// Last readings of the height scan and the depth camera of one robot, m, unscaled; empty for instruments that it
+    /// does not have.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -28,7 +28,7 @@ impl Batch {
         Ok(self.chunks[chunk].perceived(i))
     }
 
-    /// How many observations, the last ones, are given together.
+    /// How many of the last observations are given together.
     pub fn history(&self) -> usize {
         self.history
     }
@@ -44,7 +44,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Last readings of the sensors of one robot; before its first reset those of the robot at rest.
+    /// Last readings of the sensors of one robot; before its first reset, readings of the robot at rest.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Inconsistent`] for robots without sensors ([`super::EnvConfig::sensors`]).
@@ -53,9 +53,9 @@ impl Batch {
         self.chunks[chunk].readings(i).ok_or_else(no_sensors)
     }
 
-    /// State of one robot that follows from the last readings of its sensors, as the task observes it. The spin of the ball
-    /// is part of it, its attitude that of a ball that rolls; wheel angles count from the start of the episode. Before the first
-    /// reset it is that of the robot at rest.
+    /// State of one robot estimated from the last readings of its sensors, as the task observes it. It includes the
+    /// spin of the ball; the attitude of the ball assumes that it rolls; wheel angles count from the start of the
+    /// episode. Before the first reset it is the state of the robot at rest.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Inconsistent`] if the task observes the true state ([`super::EnvConfig::observation`]).
@@ -64,12 +64,12 @@ impl Batch {
         self.chunks[chunk].estimate(i).ok_or_else(no_estimator)
     }
 
-    /// How many numbers a privileged observation has.
+    /// Length of a privileged observation.
     pub fn privileged_observation_len(&self) -> usize {
         self.task().rows.len()
     }
 
-    /// The rows of the observation of one environment, computed from the true state, scaled alike.
+    /// The rows of the observation of one environment, computed from the true state, with the same scaling.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::privileged_observation_len`] elements.
@@ -81,12 +81,12 @@ impl Batch {
     }
 }
 
-/// The error of reading robots that have no sensors.
+/// The error for reading robots without sensors.
 pub(super) fn no_sensors() -> Error {
     Error::Inconsistent("the robots have no sensors: make the environments with sensors, exact ones for example".into())
 }
 
-/// The error of asking for an estimate where there is none.
+/// The error for requesting an estimate where there is none.
 pub(super) fn no_estimator() -> Error {
     Error::Inconsistent("the robots have no estimator: make the environments with observation = sensors".into())
 }

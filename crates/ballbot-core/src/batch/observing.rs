@@ -1,4 +1,4 @@
-//! What is observed of the robots of a chunk.
+//! Observations of the robots of a chunk.
 
 use super::environments::Environments;
 use super::events::Randomized;
@@ -26,7 +26,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.step.sensor.begin(&start, &mut self.one.sensor);
     }
 
-    /// The numbers of the sensors of robot `i`. Before its first episode they are those of the robot as it stands, at rest.
+    /// The numbers of the sensors of robot `i`. Before its first episode they are the readings of the robot at rest in
+    /// its current state.
     pub(super) fn sensor_numbers(&self, i: usize) -> impl Fn(usize) -> f64 {
         let at_rest = (self.episodes[i] == 0 && !self.ledger.sensor.is_empty()).then(|| {
             let mut one = Ledger::new(self.step.sizes());
@@ -39,7 +40,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         move |number| at_rest.as_ref().map_or_else(|| self.ledger.sensor[number].get(i), |numbers| numbers[number])
     }
 
-    /// Writes the states of all robots as the task observes them. Of a robot before its first episode it is that at rest.
+    /// Writes the states of all robots as the task observes them. Before its first episode a robot is observed at rest.
     pub(super) fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
         self.robots.read(states);
         if self.episodes.iter().all(|episodes| *episodes > 0) {
@@ -54,7 +55,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         R::Cell::measure(&self.step.sensor, &mut memory, &mut self.one.sensor, states);
     }
 
-    /// Gives the sensors of robot `i` its present gravity, within an episode.
+    /// Gives the sensors of robot `i` its current gravity, within an episode.
     pub(super) fn note_gravity(&mut self, i: usize) {
         let gravity = self.robots.params(i).gravity_vector();
         // A reading that is repeated starts from the numbers before it.
@@ -66,14 +67,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
     }
 
-    /// Gives the first observation of an episode in place of those that there are not yet.
+    /// Fills the history with the first observation of an episode.
     pub(super) fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
         if self.repeat_rows(i) {
             self.write_observation(i, observation);
         }
     }
 
-    /// The same for an observation that is asked for later. Returns whether there are others.
+    /// The same for an observation that is requested later. Returns whether there is a history.
     pub(super) fn repeat_rows(&mut self, i: usize) -> bool {
         let rows = self.step.rows();
         let (newest, older) = self.ledger.observation.split_at_mut(rows);
@@ -83,13 +84,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         !older.is_empty()
     }
 
-    /// Observes robot `i` anew; `one` is its ledger.
+    /// Observes robot `i` again; `one` is its ledger.
     pub(super) fn observe(&mut self, i: usize, observation: &mut [f32]) {
         self.observe_silently(i);
         self.write_observation(i, observation);
     }
 
-    /// The same for an observation that is asked for later.
+    /// The same for an observation that is requested later.
     pub(super) fn observe_silently(&mut self, i: usize) {
         let state = self.robots.lane_state(i);
         self.step.observe(&state, &mut self.one);
@@ -116,7 +117,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         row.iter_mut().zip(&self.one.observation).for_each(|(out, value)| *out = *value as f32);
     }
 
-    /// Starts the random numbers of the sensors anew.
+    /// Reseeds the random numbers of the sensors.
     pub(super) fn seed_sensors(&mut self, i: usize) {
         if self.ledger.sensor.is_empty() {
             return;
@@ -129,7 +130,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 }
 
-/// What the sensors of robot `i` take from an episode that begins in `state`.
+/// Data for the sensors of robot `i` about an episode that begins in `state`.
 fn episode_start<'a>(
     robots: &impl Robots,
     events: Option<&'a Randomized>,
@@ -141,7 +142,7 @@ fn episode_start<'a>(
     EpisodeStart { gravity: robots.params(i).gravity_vector().into(), state, key: sensor_key(rng), options }
 }
 
-/// Key of the random numbers of sensors: the first words of the environment's seed, for a generator of their own.
+/// Key of the random numbers of sensors: the first words of the environment's seed, for a separate generator.
 fn sensor_key(rng: &ChaCha8Rng) -> [u32; 2] {
     let seed = rng.get_seed();
     [0, 4].map(|first| u32::from_le_bytes([seed[first], seed[first + 1], seed[first + 2], seed[first + 3]]))

@@ -1,4 +1,4 @@
-//! Steps whose motion another engine simulates.
+//! Steps whose motion is simulated by another engine.
 
 use super::batch::Batch;
 use super::buffers::StepBuffers;
@@ -8,26 +8,27 @@ use crate::robot::ModelKind;
 use crate::state::State;
 use crate::task::ACTION_LEN;
 
-/// What moves robots outside, as [`Batch::step_with`] gives it.
+/// Input of an external engine, as [`Batch::step_with`] provides it.
 pub struct Outside {
-    /// States before the motion, one a robot.
+    /// States before the motion, one per robot.
     pub states: Vec<State>,
-    /// What pushes are to do to the body of each robot over the first time step: an impulse, N·s, and its moment about the
+    /// Push on the body of each robot over the first time step: an impulse, N·s, and its moment about the
     /// center of mass, N·m·s, both in the inertial frame.
     pub pushes: Vec<[f64; 6]>,
 }
 
 impl Batch {
-    /// [`Batch::step`] with a motion from outside: commands, rewards, observations and ends are those of the task.
+    /// [`Batch::step`] with an external motion: the task still computes commands, rewards, observations and episode
+    /// ends.
     ///
-    /// `motion` is given the robots after the events of the step, and returns their states at its end. One that is not finite or
-    /// out of bounds ends the episode as diverged. Contact forces are not known, nor whether the body touches the floor; options
-    /// of the actuators have no effect.
+    /// `motion` gets the robots after the events of the step and returns their states at the end of the step. A state
+    /// that is not finite or out of bounds ends the episode as diverged. Contact forces are unknown, as is contact of
+    /// the body with the floor; actuator options have no effect.
     ///
     /// # Errors
-    /// As [`Batch::step`], in one thread; [`Error::Inconsistent`] for a model without slip, which cannot hold any state. Those of
-    /// `motion`, [`Error::Length`] for another number of states than robots, and [`Error::OutOfRange`] for a quaternion that is
-    /// not of unit length: the step is then interrupted, and all environments must be reset.
+    /// As [`Batch::step`], in one thread; [`Error::Inconsistent`] for a model without slip, which cannot hold every
+    /// state. Errors of `motion`, [`Error::Length`] unless there is one state per robot, and [`Error::OutOfRange`] for
+    /// a quaternion without unit length: these interrupt the step, and all environments must be reset.
     pub fn step_with<E: From<Error>>(
         &mut self,
         actions: &[f32],
@@ -51,7 +52,7 @@ impl Batch {
         for (i, state) in after.iter().enumerate() {
             for (name, turn) in [("ball", &state.ball_quaternion), ("body", &state.body_quaternion)] {
                 let length = turn.quaternion().norm();
-                // One that is not finite has diverged.
+                // A state that is not finite has diverged.
                 if length.is_finite() {
                     check(format_args!("length of {name}_quaternion of robot {i}"), length, "1 within 1e-6", |l| {
                         (l - 1.0).abs() <= 1e-6

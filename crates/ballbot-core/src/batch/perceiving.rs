@@ -1,4 +1,4 @@
-//! What the robots of a chunk perceive of the ground.
+//! How the robots of a chunk perceive the ground.
 
 use super::environments::Environments;
 use super::events::key_of;
@@ -9,7 +9,7 @@ use crate::perception::View;
 use crate::sensor::Sensor;
 use crate::task::Task;
 
-/// What tells the random numbers of instruments from those of events and sensors under the same seed.
+/// Separates the random numbers of instruments from those of events and sensors under the same seed.
 const KEY: u32 = 0x5CA9_0001;
 
 fn key(seed: [u8; 32]) -> [u32; 2] {
@@ -32,13 +32,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         sight.perception.begin(&mut sight.seen[i], key, self.episodes[i], &view, terrain);
     }
 
-    /// Puts back what the instruments of robot `i` depend on besides their readings.
+    /// Restores what the instruments of robot `i` depend on, except their readings.
     pub(super) fn restore_perceiving(&mut self, i: usize) {
         let Some(sight) = &mut self.sight else { return };
         sight.perception.restore(&mut sight.seen[i], key(self.rngs[i].get_seed()), self.episodes[i]);
     }
 
-    /// Samples and reads what is due after a step of robot `i`.
+    /// Takes the samples and readings that are due after a step of robot `i`.
     pub(super) fn perceive(&mut self, i: usize) {
         let Some(sight) = &mut self.sight else { return };
         let view = || View::of(&self.robots.lane_state(i), self.robots.params(i).ball_radius);

@@ -1,9 +1,9 @@
-//! Chunks of a batch in pieces, one a task of a thread.
+//! Chunks of a batch in pieces, one per thread task.
 
 use super::buffers::StepBuffers;
 use super::chunk::Chunk;
 
-/// `per_piece` chunks of `width` environments at a time, with their share of the buffers.
+/// `per_piece` chunks of `width` environments at a time, with their part of the buffers.
 pub(super) fn pieces<'a>(
     chunks: &'a mut [Box<dyn Chunk>],
     per_piece: usize,

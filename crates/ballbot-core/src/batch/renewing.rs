@@ -1,4 +1,4 @@
-//! What events make of the robots of a chunk.
+//! How events change the robots of a chunk.
 
 use super::autoreset::Autoreset;
 use super::environments::Environments;
@@ -12,7 +12,7 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
-    /// Makes robot `i` what it is in a new episode; it must then be placed.
+    /// Applies the events of a new episode to robot `i`; it must then be placed.
     pub(super) fn renew(&mut self, i: usize) {
         if let Some(seed) = self.next_seeds[i].take() {
             self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
@@ -31,18 +31,18 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
     }
 
-    /// Whether each robot has motors of its own.
+    /// Whether each robot has separate motors.
     pub(super) fn has_own_motors(&self) -> bool {
         self.actuator.is_individual() && self.events.is_some()
     }
 
-    /// Gives the stages of robot `i` what they take of its parameters, within an episode.
+    /// Updates the stages of robot `i` from its parameters, within an episode.
     pub(super) fn inform(&mut self, i: usize) {
         self.equip(i);
         self.note_gravity(i);
     }
 
-    /// Gives robot `i` its present motors.
+    /// Gives robot `i` its current motors.
     fn equip(&mut self, i: usize) {
         let Some(events) = self.events.as_ref().filter(|_| self.actuator.is_individual()) else { return };
         let (all, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
@@ -58,7 +58,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             let step = self.ledger.episode.steps.get(i);
             if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
                 let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
-                // The shape stays, and with it the place of the CoM.
+                // The shape does not change, so the CoM stays where it is.
                 if events.fire(&mut self.robots, i, source, step, &self.config.judge(&self.actuator)) {
                     self.inform(i);
                 }

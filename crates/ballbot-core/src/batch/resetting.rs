@@ -1,26 +1,26 @@
-//! Episodes of a batch begin.
+//! Resets of a batch.
 
 use super::batch::Batch;
 use crate::error::{Error, Result};
 use crate::interrupt::Watch;
 use crate::state::State;
 
-/// What [`Batch::reset_with`] does; each slice has one element an environment.
+/// Request for [`Batch::reset_with`]; each slice has one element per environment.
 #[derive(Clone, Copy, Debug, Default)]
 pub struct ResetRequest<'a> {
-    /// Which environments to reset; all without one.
+    /// Which environments to reset; `None` resets all.
     pub mask: Option<&'a [bool]>,
-    /// Seeds to start the random numbers from; `None` leaves them as they are.
+    /// Seeds for the random numbers; `None` leaves them unchanged.
     pub seeds: Option<&'a [Option<u64>]>,
-    /// States to begin with; `None` draws one.
+    /// Initial states; `None` samples one.
     pub starts: Option<&'a [Option<State>]>,
 }
 
 impl Batch {
-    /// Seeds the environments, one number each, from their next reset on; `None` leaves one as it is.
+    /// Seeds the environments, one number each, from their next reset on; `None` leaves an environment unchanged.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there is one entry for each environment.
+    /// [`Error::Length`] unless there is one entry per environment.
     pub fn seed(&mut self, seeds: &[Option<u64>]) -> Result<()> {
         self.expect_len("seeds", seeds.len(), self.len())?;
         for ((chunk, i), seed) in self.places().zip(seeds) {
@@ -31,7 +31,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Resets the environments whose `mask` is set (all without one) and writes the observations of all.
+    /// Resets the environments whose `mask` is set (all without a mask) and writes the observations of all.
     ///
     /// # Errors
     /// [`Error::Length`] for buffers of the wrong length.
@@ -39,12 +39,12 @@ impl Batch {
         self.reset_with(&ResetRequest { mask, ..ResetRequest::default() }, observations)
     }
 
-    /// Seeds environments, resets them from given states or from ones drawn at random, and writes the observations of
-    /// all. An environment that starts from a given state does not draw one.
+    /// Seeds environments, resets them from given or random states, and writes the observations of all. An environment
+    /// that starts from a given state does not sample a state.
     ///
     /// # Errors
-    /// [`Error::Length`] for anything of the wrong length, [`Error::Inconsistent`] for the start of an environment that
-    /// the mask leaves alone, and what [`crate::Ballbot::reset`] finds in a start. Nothing has changed then.
+    /// [`Error::Length`] for any wrong length, [`Error::Inconsistent`] for a start of an environment that the mask
+    /// excludes, and errors of [`crate::Ballbot::reset`] for a start. Nothing has changed in these cases.
     /// [`Error::Interrupted`] in [`crate::stoppable`]; all environments must be reset then.
     pub fn reset_with(&mut self, request: &ResetRequest<'_>, observations: &mut [f32]) -> Result<()> {
         let n = self.len();

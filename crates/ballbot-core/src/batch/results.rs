@@ -1,12 +1,12 @@
-//! Results of steps in memory of their own.
+//! Owned buffers for the results of steps.
 
 use super::batch::Batch;
 use super::buffers::{Outcome, StepBuffers};
 
-/// Results of steps in memory of their own, for a batch to write into again and again.
+/// Owned buffers for the results of steps, which a batch writes into repeatedly.
 #[derive(Clone, Debug, PartialEq)]
 pub struct StepResults {
-    /// Observations, one row of [`Batch::observation_len`] an environment; [`Batch::reset`] writes them, too.
+    /// Observations, one row of [`Batch::observation_len`] per environment; [`Batch::reset`] writes them, too.
     pub observations: Vec<f32>,
     /// Rewards.
     pub rewards: Vec<f64>,
@@ -21,7 +21,7 @@ pub struct StepResults {
 }
 
 impl StepResults {
-    /// Zeros, of the lengths that the batch writes.
+    /// Zeros, in the lengths that the batch writes.
     pub fn new(batch: &Batch) -> Self {
         let n = batch.len();
         let rows = vec![0.0; n * batch.observation_len()];
@@ -35,7 +35,7 @@ impl StepResults {
         }
     }
 
-    /// For the next step to write into.
+    /// The buffers for the next step.
     pub fn buffers(&mut self) -> StepBuffers<'_> {
         StepBuffers {
             observations: &mut self.observations,

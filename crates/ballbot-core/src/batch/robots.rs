@@ -27,7 +27,8 @@ pub trait Robots: Send + Sync {
     /// Their numbers in memory.
     type Cell: Ledgers + LaneWidth + Measured;
 
-    /// Advances all by `steps` model steps under commands in [-1, 1]. `one` is room for the actuator of one robot.
+    /// Advances all by `steps` model steps under commands in [-1, 1]. `one` is scratch space for the actuator of one
+    /// robot.
     fn drive<A: Actuator>(
         &mut self,
         actuator: &A,
@@ -37,7 +38,8 @@ pub trait Robots: Send + Sync {
         steps: usize,
     );
 
-    /// Concludes a control step; `one` is room for the ledger of one robot, `com_directions` are as in [`TaskStep::run`].
+    /// Concludes a control step; `one` is scratch space for the ledger of one robot, `com_directions` are as in
+    /// [`TaskStep::run`].
     fn conclude<T: Task, S: Sensor>(
         &self,
         step: &TaskStep<T, S>,
@@ -53,25 +55,25 @@ pub trait Robots: Send + Sync {
     /// Writes the states of all.
     fn read(&self, states: &mut StateCells<Self::Cell>);
 
-    /// Starts robot `i` anew from an accepted state.
+    /// Restarts robot `i` from an accepted state.
     fn place(&mut self, i: usize, state: &State);
 
-    /// Keeps robots from `used` on, which belong to no environment, at rest upright.
+    /// Keeps the robots from index `used` on, which belong to no environment, upright at rest.
     fn park(&mut self, used: usize);
 
-    /// Checks that [`Robots::place`] would take a state.
+    /// Checks that [`Robots::place`] would accept a state.
     ///
     /// # Errors
     /// As [`Ballbot::reset`].
     fn accepts(&self, i: usize, state: &State) -> Result<()>;
 
-    /// [`Robots::accepts`] of a robot with other parameters, valid ones.
+    /// [`Robots::accepts`] of a robot with other valid parameters.
     ///
     /// # Errors
     /// As [`Ballbot::new`] and [`Ballbot::reset`].
     fn accepts_as(&self, params: &Params, state: &State) -> Result<()>;
 
-    /// Checks that [`Robots::set_params`] would take parameters.
+    /// Checks that [`Robots::set_params`] would accept parameters.
     ///
     /// # Errors
     /// As [`Ballbot::set_params`].
@@ -80,7 +82,7 @@ pub trait Robots: Send + Sync {
     /// State of robot `i`.
     fn state(&self, i: usize) -> State;
 
-    /// The same for computations that are written over lanes.
+    /// The same for computations written over lanes.
     fn lane_state(&self, i: usize) -> LaneState<f64>;
 
     /// Contact forces of the last step of robot `i`.
@@ -107,13 +109,13 @@ pub trait Robots: Send + Sync {
     /// As [`Model::pending_push`](crate::model::Model::pending_push).
     fn pending_push(&self, i: usize) -> [f64; 6];
 
-    /// What [`Robots::load`] needs of robot `i`.
+    /// Bytes of robot `i` for [`Robots::load`].
     fn save(&self, i: usize) -> Vec<u8>;
 
-    /// Continues from what [`Robots::save`] gave of a robot of the same model and parameters.
+    /// Continues from bytes of [`Robots::save`] of a robot of the same model and parameters.
     ///
     /// # Errors
-    /// [`Error::Decode`] if the bytes are not that.
+    /// [`Error::Decode`] if the bytes are not such a snapshot.
     fn load(&mut self, i: usize, bytes: &[u8]) -> Result<()>;
 }
 
@@ -389,7 +391,7 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     }
 }
 
-/// The error of bytes that are no snapshot of an environment like this one.
+/// The error for bytes that are not a snapshot of such an environment.
 pub fn refused(reason: String) -> Error {
     Error::Decode { what: "snapshot of an environment".into(), reason }
 }

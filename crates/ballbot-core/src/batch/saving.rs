@@ -17,7 +17,7 @@ use rand_chacha::rand_core::SeedableRng;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Everything that the future of an environment depends on.
+/// The complete state of an environment.
 #[derive(Serialize, Deserialize)]
 struct Snapshot {
     task: String,
@@ -37,7 +37,7 @@ struct Snapshot {
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
-    /// What [`super::chunk::Chunk::save`] gives.
+    /// As [`super::chunk::Chunk::save`].
     pub(super) fn save_one(&self, i: usize) -> Vec<u8> {
         let mut ledger = Ledger::new(self.step.sizes());
         R::Cell::take(&self.ledger, i, &mut ledger);

@@ -13,7 +13,7 @@ impl Batch {
         self.ground.as_ref().map(|ground| ground.terrain())
     }
 
-    /// Level of the tile that the present episode of environment `index` began on; 0 for terrains without tiles.
+    /// Level of the tile that the current episode of environment `index` began on; 0 for terrains without tiles.
     ///
     /// # Errors
     /// As [`Batch::state`].
@@ -22,12 +22,13 @@ impl Batch {
         Ok(self.chunks[chunk].level(i))
     }
 
-    /// A state on level ground of the robot of environment `index`, at the same place of the ground here, as starts are
-    /// moved: the ball touches it and rolls with the same horizontal velocity, and the static lean there is added to the
-    /// tilt. The same state on level ground.
+    /// Moves a state on level ground of the robot of environment `index` to the same place on its ground, as starts are
+    /// moved: the ball touches the ground and rolls with the same horizontal velocity, and the static lean there is
+    /// added to the tilt. On level ground the state is unchanged.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] if there is no such environment, [`crate::Error::OutOfRange`] for a state that cannot be.
+    /// [`crate::Error::Inconsistent`] if there is no such environment, [`crate::Error::OutOfRange`] for an invalid
+    /// state.
     pub fn on_ground(&self, index: usize, start: &State) -> Result<State> {
         let params = self.params(index)?;
         start.validate()?;

@@ -19,10 +19,10 @@ pub struct TaskStep<T, S> {
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
     control_dt: f64,
-    /// Half lengths of the terrain, or of a tile of it, along x and y, m.
+    /// Half lengths of the terrain, or of a terrain tile, along x and y, m.
     half_size: Option<[f64; 2]>,
     pub perception: Option<Arc<Perception>>,
-    /// Of one observation; those of a history are in the ledger, newest first.
+    /// Rows of one observation; the rows of a history are in the ledger, newest first.
     rows: usize,
     metrics: usize,
     sizes: Sizes,
@@ -75,8 +75,8 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.rows
     }
 
-    /// Replaces true states by those that the sensor reads, before [`TaskStep::run`]: a computation of its own, so that it
-    /// is not compiled for each task. `one` is room for the sensor's numbers of one robot.
+    /// Replaces true states by states that the sensor reads, before [`TaskStep::run`]: a separate function, so that it
+    /// is not compiled for each task. `one` is scratch space for the sensor's numbers of one robot.
     pub fn measure<C: Measured>(&self, states: &mut StateCells<C>, ledger: &mut Ledger<C>, one: &mut [f64]) {
         ledger.last_sensor.copy_from_slice(&ledger.sensor);
         if !self.sensor.is_exact() {
@@ -105,7 +105,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let up = state.body_quaternion.rotation().rows[2];
         let com = Vec3::load(token, com_direction);
         let across = up.cross(com);
-        // With the CoM on the mast these are the terms of up alone, to the last bit.
+        // With the CoM on the mast these are only the terms of `up`, to the last bit.
         let sine = across.z.mul_add(across.z, across.y.mul_add(across.y, across.x.squared())).sqrt();
         let tilt = atan2_positive(sine, up.dot(com));
         let step = Step {
@@ -153,8 +153,8 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.task.observe(&Sensed { state: measured, last_action: action }, &memory, &mut rows);
     }
 
-    /// [`TaskStep::run`] of one robot. Generic over nothing else, so that it is compiled once for all models and actuators,
-    /// as are the other functions of one robot.
+    /// [`TaskStep::run`] of one robot. It has no other generic parameters, so that it is compiled once for all models
+    /// and actuators, like the other functions of one robot.
     pub fn run_one(
         &self,
         robot: &LaneRobot<f64>,
@@ -169,7 +169,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         );
     }
 
-    /// Computes the observation alone, at the start of an episode or under a new command.
+    /// Computes only the observation, at the start of an episode or under a new command.
     pub fn observe(&self, state: &LaneState<f64>, ledger: &mut Ledger<f64>) {
         let mut measured = StateCells::default();
         state.store(&mut measured);
@@ -179,7 +179,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         self.observe_state(&measured.load(Scalar), ledger);
     }
 
-    /// The same of a state that is measured already.
+    /// The same for a state that is already measured.
     pub fn observe_state(&self, measured: &LaneState<f64>, ledger: &mut Ledger<f64>) {
         run_one(
             #[inline(always)]

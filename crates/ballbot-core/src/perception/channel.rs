@@ -1,4 +1,4 @@
-//! An instrument with its clock: samples that are under way, and the reading that is out.
+//! An instrument with its clock: pending samples, and the current reading.
 
 use super::clock::Clock;
 use super::options::Instrument;
@@ -8,12 +8,12 @@ use crate::lanes::{Draws, Scalar};
 use crate::terrain::Terrain;
 use serde::{Deserialize, Serialize};
 
-/// What reads the ground.
+/// A sensor that reads the ground.
 pub trait Reads {
-    /// What is constant in an episode.
+    /// Constants of an episode.
     fn constants(&self, draws: &Draws<f64>) -> [f64; 3];
 
-    /// Reads from a view; the `first` reading of an episode has no older one in `out`.
+    /// Reads from a view; for the `first` reading of an episode, `out` holds no older reading.
     fn read(
         &self,
         view: &View,
@@ -25,7 +25,7 @@ pub trait Reads {
     );
 }
 
-/// Where the random numbers of a robot's episode come from.
+/// Source of the random numbers of a robot's episode.
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
     pub key: [u32; 2],
@@ -38,19 +38,19 @@ impl Source {
     }
 }
 
-/// What a robot keeps of an instrument.
+/// Memory of an instrument for a robot.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
     /// The last reading, m.
     pub values: Vec<f32>,
-    /// Views of the samples under way.
+    /// Views of the pending samples.
     views: Vec<View>,
     #[serde(skip)]
     constants: [f64; 3],
 }
 
 impl Reading {
-    /// Whether a saved reading may take the place of this one.
+    /// Whether a saved reading may replace this reading.
     pub fn fits(&self, saved: &Self) -> bool {
         self.values.len() == saved.values.len()
             && self.views.len() == saved.views.len()
@@ -66,7 +66,7 @@ pub struct Channel<I> {
     clock: Clock,
     /// Rows and columns of a reading.
     shape: [usize; 2],
-    /// From m to the numbers of an observation.
+    /// Factor from m to the numbers of an observation.
     gain: f32,
 }
 
@@ -92,7 +92,7 @@ impl<I: Reads> Channel<I> {
         Reading { values: vec![0.0; self.len()], views: vec![View::default(); self.clock.slots()], constants: [0.0; 3] }
     }
 
-    /// Draws what is constant in the episode.
+    /// Samples the constants of the episode.
     pub fn fix(&self, reading: &mut Reading, source: &Source) {
         reading.constants = self.instrument.constants(&source.draws(0));
     }
@@ -104,7 +104,7 @@ impl<I: Reads> Channel<I> {
         self.instrument.read(view, terrain, constants, &source.draws(0), true, values);
     }
 
-    /// Samples and reads what is due.
+    /// Takes the samples and readings that are due.
     pub fn step(
         &self,
         reading: &mut Reading,
@@ -119,7 +119,7 @@ impl<I: Reads> Channel<I> {
         if let Some(sample) = self.clock.read(step) {
             let Reading { values, views, constants } = reading;
             let view = &views[self.clock.slot(sample)];
-            // A state that has diverged ends its episode; it is not looked from.
+            // A diverged state ends its episode; no view is taken from it.
             if view.is_finite() {
                 self.instrument.read(view, terrain, constants, &source.draws(sample), false, values);
             }

@@ -11,31 +11,32 @@ pub struct Clock {
 }
 
 impl Clock {
-    /// Samples at `rate`, Hz (0: each control step), that are read after `latency`, s, in control steps of `control_dt`, s.
+    /// Samples at `rate`, Hz (0: each control step), that are read after `latency`, s, in control steps of
+    /// `control_dt`, s.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
+    /// [`crate::Error::OutOfRange`] for a latency that is not a whole number of at most 100 control steps.
     pub fn new(rate: f64, latency: f64, control_dt: f64) -> Result<Self> {
         let latency = latency_steps(latency, control_dt)? as u64;
         Ok(Self { period: steps_of(rate, control_dt) as u64, latency })
     }
 
-    /// Samples that may be under way.
+    /// Maximum number of pending samples.
     pub fn slots(&self) -> usize {
         (self.latency / self.period) as usize + 1
     }
 
-    /// The sample that is taken at a step of the episode, if one is.
+    /// The sample that is taken at a step of the episode, if any.
     pub fn taken(&self, step: u64) -> Option<u64> {
         step.is_multiple_of(self.period).then(|| step / self.period)
     }
 
-    /// The sample that is read from a step of the episode on, if one is. That of the start is read at once.
+    /// The sample that is read from a step of the episode on, if any. The sample of the start is read at once.
     pub fn read(&self, step: u64) -> Option<u64> {
         self.taken(step.checked_sub(self.latency)?).filter(|sample| *sample > 0)
     }
 
-    /// Where a sample is kept while it is under way.
+    /// Slot of a pending sample.
     pub fn slot(&self, sample: u64) -> usize {
         (sample % self.slots() as u64) as usize
     }

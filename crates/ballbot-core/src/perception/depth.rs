@@ -1,4 +1,4 @@
-//! The depth camera: distances of ground and ball along the optical axis of a camera on the body.
+//! The depth camera: distances to ground and ball along the optical axis of a camera on the body.
 
 use super::channel::Reads;
 use super::options::DepthOptions;
@@ -7,11 +7,11 @@ use crate::lanes::{Draws, run_one};
 use crate::terrain::{PLACES, Rays, Terrain, each};
 use nalgebra::{Matrix3, Rotation3, Vector3};
 
-/// Height over the ground at which a ray follows the tangent there, m.
+/// Height above the ground at which a ray follows the tangent there, m.
 const MET: f64 = 1e-4;
 
-/// Block of random numbers of the mounting and of frozen pictures, and the first ones of noise and holes: four pixels share
-/// a block.
+/// Block of random numbers of the mounting and of frozen pictures, and first blocks of noise and holes: four pixels
+/// share a block.
 const MOUNTING: u32 = 3 << 20;
 const FREEZE: u32 = (3 << 20) + 1;
 const NOISE: u32 = 4 << 20;
@@ -24,8 +24,8 @@ pub struct Depth {
     columns: usize,
     /// Directions to the right, up and forward, columns, in the body frame.
     axes: Matrix3<f64>,
-    /// Slopes of the rays through the left edge of the first column and the upper edge of the first row, and from one
-    /// pixel to the next.
+    /// Slopes of the rays through the left edge of the first column and the upper edge of the first row, and steps from
+    /// one pixel to the next.
     corner: [f64; 2],
     pitch: f64,
 }
@@ -48,7 +48,7 @@ impl Depth {
 }
 
 impl Reads for Depth {
-    /// What is constant in an episode: the rotation vector of the mounting, rad.
+    /// Constants of an episode: the rotation vector of the mounting, rad.
     fn constants(&self, draws: &Draws<f64>) -> [f64; 3] {
         if self.options.misalignment == 0.0 {
             return [0.0; 3];
@@ -87,7 +87,7 @@ impl Reads for Depth {
                 for first_column in (0..self.columns).step_by(PLACES) {
                     let columns = first_column..(first_column + PLACES).min(self.columns);
                     let mut lower = [Course::default(); PLACES];
-                    // From the bottom up: a ray above another is over the ground until that one meets it.
+                    // From the bottom up: a ray is above the ground at least until the ray below it meets the ground.
                     for row in (0..rows).rev() {
                         let line = forward + up * self.pitch.mul_add(-(row as f64 + 0.5), corner[1]);
                         let mut rays = Rays {
@@ -134,7 +134,7 @@ impl Depth {
             for (block, pixels) in out.chunks_mut(4).enumerate() {
                 for (pixel, normal) in pixels.iter_mut().zip(draws.normals(NOISE + block as u32)) {
                     let depth = f64::from(*pixel);
-                    // There is nothing to be measured beyond.
+                    // Nothing is measured beyond this.
                     if depth < far {
                         let deviation = (growing * depth).mul_add(depth, constant);
                         *pixel = deviation.mul_add(normal, depth).clamp(near, far) as f32;
@@ -154,15 +154,15 @@ impl Depth {
     }
 }
 
-/// Where a ray goes, and how far it is known to be over the ground.
+/// Direction of a ray, and how far it is known to be above the ground.
 #[derive(Clone, Copy, Default)]
 struct Course {
-    /// Its horizontal direction, a unit vector, and its rise over a horizontal meter.
+    /// Its horizontal direction, a unit vector, and its rise per horizontal meter.
     direction: [f64; 2],
     rise: f64,
-    /// Shares of the ray in a horizontal meter; 0 of one that goes straight down.
+    /// Ray parameter per horizontal meter; 0 for a vertical ray.
     shares: f64,
-    /// Horizontal distance up to which it is over the ground, m.
+    /// Horizontal distance up to which it is above the ground, m.
     clear: f64,
 }
 
@@ -174,8 +174,8 @@ impl Course {
         Self { direction: [ray.x * shares, ray.y * shares], rise: ray.z * shares, shares, clear: 0.0 }
     }
 
-    /// The share of this ray up to which it is over the ground because `lower` is. It is above that one at the same horizontal
-    /// distance; the ground rises at most by the steepest slope times how far apart the two are sideways.
+    /// The parameter of this ray up to which it is above the ground because `lower` is. It is above `lower` at the same
+    /// horizontal distance; the ground rises at most by the steepest slope times the sideways distance between the two.
     #[inline(always)]
     fn clear_share(&self, lower: &Self, steepest: f64) -> f64 {
         let [x, y] = [self.direction[0] - lower.direction[0], self.direction[1] - lower.direction[1]];
@@ -185,7 +185,7 @@ impl Course {
     }
 }
 
-/// Where rays meet level ground.
+/// Intersections of rays with level ground.
 #[inline(always)]
 fn level<const N: usize>(eye: &Vector3<f64>, rays: &Rays<N>) -> [f64; N] {
     each(
@@ -198,8 +198,8 @@ fn level<const N: usize>(eye: &Vector3<f64>, rays: &Rays<N>) -> [f64; N] {
     )
 }
 
-/// The share of `ray` at which it enters a sphere whose center is at −`arm` from its origin; `outside` is the squared length
-/// of the arm less the squared radius, positive.
+/// The parameter of `ray` at which it enters a sphere whose center is at −`arm` from its origin; `outside` is the
+/// squared length of the arm minus the squared radius, positive.
 #[inline(always)]
 fn entry(arm: &Vector3<f64>, ray: &Vector3<f64>, outside: f64) -> Option<f64> {
     let towards = -arm.dot(ray);

@@ -1,7 +1,7 @@
-//! What robots perceive of the ground: a height scan and a depth camera.
+//! Perception of the ground: a height scan and a depth camera.
 //!
-//! Both look at the terrain that models roll on. A reading is a row of numbers in a robot's observation, after the rows of its
-//! task.
+//! Both observe the terrain that models roll on. A reading is a row of numbers in a robot's observation, after the rows
+//! of its task.
 
 mod channel;
 pub(crate) mod clock;
@@ -31,9 +31,9 @@ pub struct Perception {
 /// The readings of one robot.
 #[derive(Clone, Debug, Default)]
 pub struct Seen {
-    /// Of the height scan; empty without one.
+    /// Reading of the height scan; empty without a scan.
     pub scan: Reading,
-    /// Of the depth camera; empty without one.
+    /// Reading of the depth camera; empty without a camera.
     pub depth: Reading,
     key: [u32; 2],
     episode: u32,
@@ -44,7 +44,8 @@ impl Perception {
     /// in m. `None` without instruments.
     ///
     /// # Errors
-    /// Those of [`Instrument::validate`] and [`Instrument::clock`]; [`crate::Error::OutOfRange`] for a camera in the ball.
+    /// Those of [`Instrument::validate`] and [`Instrument::clock`]; [`crate::Error::OutOfRange`] for a camera inside
+    /// the ball.
     pub fn new(
         scan: Option<&ScanOptions>,
         depth: Option<&DepthOptions>,
@@ -67,17 +68,17 @@ impl Perception {
         Ok((scan.is_some() || depth.is_some()).then_some(Self { scan, depth }))
     }
 
-    /// How many numbers it adds to an observation.
+    /// Count of numbers that it adds to an observation.
     pub fn width(&self) -> usize {
         self.scan_len() + self.depth_len()
     }
 
-    /// How many of them are of the height scan; they come first.
+    /// Count of numbers of the height scan; they come first.
     pub fn scan_len(&self) -> usize {
         self.scan.as_ref().map_or(0, Channel::len)
     }
 
-    /// How many of them are of the depth camera.
+    /// Count of numbers of the depth camera.
     pub fn depth_len(&self) -> usize {
         self.depth.as_ref().map_or(0, Channel::len)
     }
@@ -92,7 +93,7 @@ impl Perception {
         self.depth.as_ref().map(Channel::shape)
     }
 
-    /// About how many bytes it keeps of each robot.
+    /// Approximate memory for each robot, bytes.
     pub fn bytes(&self) -> usize {
         self.scan.as_ref().map_or(0, Channel::bytes) + self.depth.as_ref().map_or(0, Channel::bytes)
     }
@@ -117,7 +118,7 @@ impl Perception {
         }
     }
 
-    /// Goes on in an episode whose readings were put back.
+    /// Continues an episode whose readings were restored.
     pub fn restore(&self, seen: &mut Seen, key: [u32; 2], episode: u32) -> Source {
         (seen.key, seen.episode) = (key, episode);
         let source = Source { key, episode };
@@ -130,7 +131,7 @@ impl Perception {
         source
     }
 
-    /// Samples and reads what is due at a step of the episode.
+    /// Takes the samples and readings that are due at a step of the episode.
     pub fn step(&self, seen: &mut Seen, step: u64, view: &dyn Fn() -> View, terrain: Option<&Terrain>) {
         let source = Source { key: seen.key, episode: seen.episode };
         if let Some(scan) = &self.scan {
@@ -141,7 +142,7 @@ impl Perception {
         }
     }
 
-    /// Writes the readings as an observation has them.
+    /// Writes the readings in the form of an observation.
     pub fn write(&self, seen: &Seen, out: &mut [f32]) {
         let (heights, depths) = out.split_at_mut(self.scan_len());
         if let Some(scan) = &self.scan {

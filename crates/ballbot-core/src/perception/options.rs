@@ -6,7 +6,7 @@ use crate::fields;
 use crate::fields::{Fields, Limit};
 use std::f64::consts::{FRAC_PI_2, PI};
 
-/// Most numbers of one reading.
+/// Maximum count of numbers in a reading.
 const MOST_NUMBERS: f64 = 65536.0;
 
 /// Whether a number of points or pixels is whole.
@@ -73,13 +73,13 @@ fields! {
 
 /// Options of an instrument.
 pub trait Instrument: Fields {
-    /// The name of the option of environments that has them.
+    /// Name of the environment option that holds them.
     const NAME: &'static str;
 
-    /// What its options are called in messages.
+    /// Name of its options in messages.
     const KIND: &'static str;
 
-    /// How many numbers a reading has along its fast and its slow index.
+    /// Lengths of a reading along its fast and its slow index.
     fn counts(&self) -> [f64; 2];
 
     /// Rate, Hz, and latency, s.
@@ -121,10 +121,10 @@ pub trait Instrument: Fields {
         check_all().map_err(|error| error.of_option(Self::NAME))
     }
 
-    /// When it is sampled by robots that are controlled every `control_dt`, s.
+    /// Sampling times on robots with a control step of `control_dt`, s.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] for a latency that is no whole number of at most 100 control steps.
+    /// [`crate::Error::OutOfRange`] for a latency that is not a whole number of at most 100 control steps.
     fn clock(&self, control_dt: f64) -> Result<Clock> {
         let [rate, latency] = self.timing();
         Clock::new(rate, latency, control_dt).map_err(|error| error.of_option(Self::NAME))

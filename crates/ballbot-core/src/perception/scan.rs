@@ -9,10 +9,10 @@ use crate::terrain::{PLACES, Terrain, each};
 /// Largest magnitude of a height, m.
 pub const BOUND: f32 = 1.0;
 
-/// Typical magnitude of a height, m, of which a scaled observation has multiples.
+/// Typical magnitude of a height, m; a scaled observation is in multiples of it.
 pub const TYPICAL: f32 = 0.1;
 
-/// Block of random numbers of the drift, and the first ones of noise and dropout: four points share a block.
+/// Block of random numbers of the drift, and first blocks of noise and dropout: four points share a block.
 const DRIFT: u32 = 0;
 const NOISE: u32 = 1 << 20;
 const DROPOUT: u32 = 2 << 20;
@@ -21,7 +21,8 @@ const DROPOUT: u32 = 2 << 20;
 #[derive(Clone, Debug)]
 pub struct Scan {
     options: ScanOptions,
-    /// Points in the heading frame, from the ball's center, m: x and y of eight at a time; the last ones may be none.
+    /// Points in the heading frame, from the ball's center, m: x and y of eight at a time; the last places may be
+    /// empty.
     points: Vec<[[f64; PLACES]; 2]>,
 }
 
@@ -38,7 +39,7 @@ impl Scan {
 }
 
 impl Reads for Scan {
-    /// What is constant in an episode: the error of the grid along the horizontal axes, and of its heights, m.
+    /// Constants of an episode: the error of the grid along the horizontal axes, and of its heights, m.
     fn constants(&self, draws: &Draws<f64>) -> [f64; 3] {
         let [horizontal, vertical] = self.options.drift;
         if [horizontal, vertical] == [0.0; 2] {
@@ -49,7 +50,7 @@ impl Reads for Scan {
     }
 
     /// Writes how far the ground at each point is below the lowest point of the ball, m: 0 on level ground, points along
-    /// heading x first. `first` scans have no older heights.
+    /// heading x first. For the `first` scan there are no older heights.
     fn read(
         &self,
         view: &View,

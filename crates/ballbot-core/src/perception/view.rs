@@ -1,4 +1,4 @@
-//! Where the instruments of a robot are.
+//! Pose of a robot for its instruments.
 
 use crate::lane_state::LaneState;
 use crate::lanes::{Quat, Vec3};
@@ -17,7 +17,7 @@ pub struct View {
 }
 
 impl View {
-    /// Of a robot.
+    /// The view of a robot.
     pub fn of(state: &LaneState<f64>, ball_radius: f64) -> Self {
         let Quat { w, v } = state.body_quaternion;
         let ball = state.ball_position;

@@ -5,7 +5,7 @@ use crate::terrain::Terrain;
 use nalgebra::Vector3;
 use std::f64::consts::PI;
 
-/// Least height of the camera over uneven ground, m.
+/// Minimum height of the camera above uneven ground, m.
 const CLEARANCE: f64 = 0.05;
 
 /// Largest coordinate of a target, m.
@@ -91,7 +91,7 @@ pub(super) struct View {
     pub forward: Vector3<f64>,
     /// Step from a pixel to its right neighbor at unit depth, m.
     pub right: Vector3<f64>,
-    /// Step from a pixel to the one below at unit depth, m.
+    /// Step from a pixel to the pixel below at unit depth, m.
     pub down: Vector3<f64>,
     center: (f64, f64),
     /// Size of a pixel at unit depth, m.

@@ -19,7 +19,7 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts, terrain
         let (p, d) = (wheels.contact_directions[i], wheels.drive_directions[i]);
         let out = |v| state.body_quaternion * v;
         let contact = state.body_position + out(p * params.ball_radius);
-        // Load arrows end at the outside of the wheel, which would hide them otherwise.
+        // Load arrows end at the outside of the wheel, which would otherwise hide them.
         let top = contact + out(p) * (2.0 * params.wheel_radius);
         let load = out(p) * (contacts.wheel_normal_forces[i] * SCALE);
         arrows.push(Arrow { from: top + load, to: top, color: srgb(0x1971c2) });
@@ -27,7 +27,7 @@ pub fn force_arrows(params: &Params, state: &State, contacts: &Contacts, terrain
         arrows.push(Arrow { from: contact, to: contact + traction, color: srgb(0x2f9e44) });
     }
     let normal = terrain.map_or(Vector3::z(), |terrain| terrain.normal(state.ball_position.x, state.ball_position.y));
-    // A little above the ground; the part along the normal would be inside the ball.
+    // Slightly above the ground; the part along the normal would be inside the ball.
     let from = state.ball_position - normal * (0.98 * params.ball_radius);
     let force = (contacts.floor_force - normal * contacts.floor_force.dot(&normal)) * SCALE;
     arrows.push(Arrow { from, to: from + force, color: srgb(0xe03131) });

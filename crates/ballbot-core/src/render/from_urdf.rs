@@ -11,10 +11,10 @@ use nalgebra::Vector3;
 use std::io::Cursor;
 use std::path::Path;
 
-/// Largest number of triangles of one mesh. Meshes of robots have thousands.
+/// Maximum number of triangles of a mesh. Robot meshes have thousands.
 const MAX_TRIANGLES: usize = 2_000_000;
 
-/// Largest file of a mesh, bytes: as many triangles in binary, or a quarter of them as text.
+/// Largest mesh file, bytes: the maximum number of triangles in binary, or a quarter of it as text.
 const MAX_SIZE: u64 = 128 << 20;
 
 impl Scene {
@@ -77,10 +77,10 @@ fn mesh(path: &Path, scale: &Vector3<f64>) -> Result<Shape> {
 }
 
 impl Shape {
-    /// The triangles of an STL, as text or binary; its coordinates times `scale` are m.
+    /// The triangles of an STL, text or binary; its coordinates times `scale` are in m.
     ///
     /// # Errors
-    /// [`Error::Decode`] for contents that are no STL, more than two million triangles, and as [`Shape::mesh`].
+    /// [`Error::Decode`] for contents that are not an STL, for more than two million triangles, and as [`Shape::mesh`].
     pub fn stl(contents: &[u8], scale: &Vector3<f64>) -> Result<Self> {
         let refuse = |reason: String| Error::Decode { what: "mesh".into(), reason };
         let stl =

@@ -1,4 +1,5 @@
-//! Rays and triangle meshes. parry finds the same hits; its boxes divide for each ray, which took most of a picture.
+//! Rays and triangle meshes. parry finds the same hits, but its box test divides for each ray, which took most of the
+//! rendering time.
 
 use nalgebra::Vector3;
 use parry3d_f64::math::Vector;
@@ -7,7 +8,7 @@ use parry3d_f64::query::details::local_ray_intersection_with_triangle;
 use parry3d_f64::query::{Ray, RayIntersection};
 use parry3d_f64::shape::TriMesh;
 
-/// A ray with what the test of a box needs of it.
+/// A ray, prepared for box tests.
 struct MeshRay {
     ray: Ray,
     inverse: [f64; 3],
@@ -20,14 +21,14 @@ impl MeshRay {
         Self { ray: Ray::new(vector(origin), vector(direction)), inverse }
     }
 
-    /// Distance to a box, zero within it; infinite for a ray that misses it.
+    /// Distance to a box, zero inside; infinite for a ray that misses it.
     #[inline(always)]
     fn enters(&self, node: &BvhNode) -> f64 {
         let (low, high, origin) = (node.mins(), node.maxs(), self.ray.origin);
         let (mut enter, mut leave) = (0.0_f64, f64::INFINITY);
         for i in 0..3 {
-            // 0 · ∞ of a ray within a face is NaN, which these comparisons skip; `f64::min` and `max` take longer.
-            // The sign of the direction, -0 included, tells the near face: NaN has no order.
+            // For a ray within a face, 0 · ∞ is NaN, which these comparisons skip; `f64::min` and `max` take longer.
+            // The sign of the direction, including -0, gives the near face: NaN has no order.
             let (a, b) = ((low[i] - origin[i]) * self.inverse[i], (high[i] - origin[i]) * self.inverse[i]);
             let (near, far) = if self.inverse[i] > 0.0 { (a, b) } else { (b, a) };
             enter = if near > enter { near } else { enter };
@@ -59,7 +60,7 @@ pub fn first(
     Some((hit.time_of_impact, Vector3::new(hit.normal.x, hit.normal.y, hit.normal.z)))
 }
 
-/// Whether anything is hit at all, which a shadow asks.
+/// Whether anything is hit at all, for shadows.
 pub fn any(mesh: &TriMesh, origin: &Vector3<f64>, direction: &Vector3<f64>) -> bool {
     let ray = MeshRay::new(origin, direction);
     let mut found = false;

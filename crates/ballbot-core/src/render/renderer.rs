@@ -70,7 +70,7 @@ impl Renderer {
         Ok(Self { scene, width, height, samples, camera, display: Display::new(), helpers })
     }
 
-    /// The same renderer on `num_threads` threads, the calling thread included. Pictures do not depend on the number.
+    /// The same renderer on `num_threads` threads, including the calling thread. Pictures do not depend on the number.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for zero threads.
@@ -154,7 +154,7 @@ impl Renderer {
     }
 }
 
-/// Chunks of a slice; `chunks` times `None` without a slice.
+/// Chunks of a slice; `None` repeated `chunks` times without a slice.
 fn split<T>(slice: Option<&mut [T]>, chunk: usize, chunks: usize) -> Vec<Option<&mut [T]>> {
     match slice {
         Some(slice) => slice.chunks_mut(chunk).map(Some).collect(),
@@ -272,7 +272,7 @@ impl Frame<'_> {
         }
     }
 
-    /// Depth of the floor along a ray, infinite without, and its normal there.
+    /// Depth of the floor along a ray, infinite if it misses, and the normal there.
     fn floor(&self, direction: &Vector3<f64>) -> (f64, Vector3<f64>) {
         let origin = &self.view.position;
         match &self.renderer.scene.terrain {

@@ -102,7 +102,7 @@ impl Scene {
         }
     }
 
-    /// The same on other ground; `None` is level.
+    /// The same scene on different ground; `None` is level.
     #[must_use]
     pub fn on(self, terrain: Option<Arc<Terrain>>) -> Self {
         Self { terrain, ..self }
@@ -186,7 +186,7 @@ impl<'a> Placed<'a> {
             let half = half[i] + margin;
             let inverse = 1.0 / direction[i];
             let (middle, reach) = (-origin[i] * inverse, half * inverse.abs());
-            // NaN of a ray within a face bounds nothing.
+            // NaN, from a ray within a face, bounds nothing.
             enter = if middle - reach > enter { middle - reach } else { enter };
             leave = if middle + reach < leave { middle + reach } else { leave };
         }

@@ -11,12 +11,12 @@ const CHECKER_EDGE: f64 = 0.25;
 const GRID_HALF_WIDTH: f64 = 0.006;
 /// Distance over which the floor fades into the sky, m.
 const HAZE_DISTANCE: f64 = 14.0;
-/// Number of shadow rays to the disc of the sun, chosen by experiment: fewer show as steps in penumbras.
+/// Number of shadow rays to the disc of the sun, chosen by experiment: fewer rays show as steps in penumbras.
 const SUN_RAYS: usize = 12;
-/// Apparent radius of the light source, rad. The true sun, 0.005 rad, would cast hard shadows.
+/// Apparent radius of the light source, rad. The real sun, 0.005 rad, would cast hard shadows.
 const SUN_RADIUS: f64 = 0.05;
 
-/// Largest number of possible shadow casters kept per point for all its shadow rays.
+/// Maximum number of possible shadow casters kept per point for all its shadow rays.
 const MAX_SHADOW_PARTS: usize = 32;
 
 /// Light sources and colors, equal for all pixels.
@@ -106,7 +106,7 @@ impl Light {
         (color * shade).lerp(&self.horizon, 1.0 - (-haze).exp())
     }
 
-    /// Unoccluded share of the sky above a point of the floor, by the bounding spheres of the parts.
+    /// Unoccluded fraction of the sky above a point of the floor, from the bounding spheres of the parts.
     fn openness(&self, point: &Vector3<f64>, parts: &[Placed<'_>]) -> f64 {
         let nearby = |part: &&Placed<'_>| (part.center - point).norm_squared() < (4.0 * part.radius).powi(2);
         parts.iter().filter(nearby).fold(1.0, |open, part| {
@@ -116,7 +116,7 @@ impl Light {
         })
     }
 
-    /// Unoccluded share of the sun.
+    /// Unoccluded fraction of the sun.
     fn sunlight(&self, point: &Vector3<f64>, normal: &Vector3<f64>, parts: &[Placed<'_>]) -> f64 {
         let to = self.center - point;
         let along = to.dot(&self.sun);
@@ -136,7 +136,7 @@ impl Light {
                 continue;
             }
             thin |= part.part.shape.inner_radius() < SUN_RADIUS * along;
-            // All rays to the sun are within this of the middle one, as far as the part reaches.
+            // All rays to the sun are within this distance of the middle ray, as far as the part reaches.
             if part.near_box(&origin, &self.sun, 1e-9 + SUN_RADIUS * (along + part.radius)) {
                 if count < MAX_SHADOW_PARTS {
                     near[count] = Some(part);
@@ -166,7 +166,7 @@ impl Light {
     }
 }
 
-/// Share of the second color in a rectangle of the checker. The average is exact, so distant squares show no
+/// Fraction of the second color in a rectangle of the checker. The average is exact, so distant squares show no
 /// moiré.
 fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     // The integral of a square wave of ±1 is a triangle wave.
@@ -178,7 +178,7 @@ fn checker(x: f64, y: f64, width_x: f64, width_y: f64) -> f64 {
     0.5 - 0.5 * wave(x, width_x) * wave(y, width_y)
 }
 
-/// Share of an interval that is covered by grid lines.
+/// Fraction of an interval that is covered by grid lines.
 fn grid(x: f64, width: f64) -> f64 {
     let covered = |x: f64| {
         let meter = floor(x);
@@ -190,7 +190,7 @@ fn grid(x: f64, width: f64) -> f64 {
     (covered(x + 0.5 * width) - covered(x - 0.5 * width)) / width
 }
 
-/// The largest integer that is not above `x`: exact for the coordinates of pictures, and no call of libm.
+/// The largest integer that is not above `x`: exact for the coordinates of pictures, without a call to libm.
 #[inline(always)]
 fn floor(x: f64) -> f64 {
     let whole = x as i64 as f64;

@@ -7,7 +7,7 @@ use parry3d_f64::math::Vector;
 use parry3d_f64::shape::TriMesh;
 use std::sync::Arc;
 
-/// A shape about the origin of its own frame. Axes of cylinders and cones are along z.
+/// A shape about the origin of its frame. Axes of cylinders and cones are along z.
 #[derive(Clone, Debug)]
 pub enum Shape {
     /// A ball.
@@ -95,7 +95,7 @@ impl Shape {
         }
     }
 
-    /// Radius of the largest inscribed sphere, m; of a mesh, of its bounding box.
+    /// Radius of the largest inscribed sphere, m; for a mesh, of its bounding box.
     pub(super) fn inner_radius(&self) -> f64 {
         match self {
             Self::Sphere { radius } => *radius,

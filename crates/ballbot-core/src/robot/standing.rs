@@ -15,12 +15,12 @@ impl Ballbot {
         self.ground.as_ref().map(|ground| ground.terrain())
     }
 
-    /// Puts the robot on a terrain, or on level ground, at rest upright above the origin at time zero. It outlives a reset and
-    /// a change of the parameters. A robot whose ball leaves a terrain with edges has diverged.
+    /// Puts the robot on a terrain, or on level ground, upright at rest above the origin at time zero. The ground
+    /// persists over resets and parameter changes. A robot whose ball leaves a terrain with edges has diverged.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] if the ball does not reach into the terrain's narrowest valley, and for a model that does not
-    /// simulate the terrain: `planar` takes level ground alone, `spatial` planes. The robot is then left as it was.
+    /// [`Error::Inconsistent`] if the ball does not fit the terrain's narrowest valley, and for a model that does not
+    /// simulate the terrain: `planar` takes only level ground, `spatial` only planes. The robot is then unchanged.
     pub fn set_terrain(&mut self, terrain: Option<&Arc<Terrain>>) -> Result<()> {
         if terrain.is_some() {
             self.params().require_level("a robot on a terrain")?;
@@ -29,7 +29,7 @@ impl Ballbot {
         self.set_ground(ground.as_ref())
     }
 
-    /// [`Ballbot::set_terrain`] with the ground that robots share.
+    /// [`Ballbot::set_terrain`] with ground that robots share.
     pub(crate) fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
         self.model.set_ground(ground)?;
         self.ground = ground.cloned();
@@ -42,7 +42,7 @@ impl Ballbot {
         self.ground.as_ref()
     }
 
-    /// Another robot on the same ground, by the same model.
+    /// Another robot on the same ground, with the same model.
     pub(crate) fn alike(&self, params: &Params) -> Result<Self> {
         let mut robot = Self::new(params, self.kind, self.sim_dt())?;
         if self.ground.is_some() {
@@ -51,13 +51,13 @@ impl Ballbot {
         Ok(robot)
     }
 
-    /// State at rest upright with the ball on the ground above the origin.
+    /// State upright at rest with the ball on the ground above the origin.
     pub fn upright(&self) -> State {
         upright_on(self.ground.as_deref(), self.params())
     }
 
-    /// Starts anew at rest with the ball on the ground, its center above x and y, m, turned to the heading `yaw`, rad. `tilt`
-    /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean in which it
+    /// Restarts at rest with the ball on the ground, its center above x and y, m, at the heading `yaw`, rad. `tilt` is
+    /// the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean at which it
     /// stands still on the slope there.
     ///
     /// # Errors

@@ -2,7 +2,7 @@
 
 use crate::lanes::{Draws, Lane, Memory, Vec3};
 
-/// Errors of three axes that are alike, besides their first bias.
+/// Errors of three identical axes, except their initial bias.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Axes<T> {
     /// Standard deviation of the noise of a sample.
@@ -13,29 +13,29 @@ pub struct Axes<T> {
     pub range: T,
 }
 
-/// Which errors the axes of any robot have, and their random numbers.
+/// Which errors the axes of any robot have, and the random numbers of the errors.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct AxesErrors {
     noise: bool,
     walk: bool,
     range: bool,
-    /// Blocks of random numbers: of the noise, and of the walk or the first bias.
+    /// Blocks of random numbers: for the noise, and for the walk or the initial bias.
     blocks: [u32; 2],
 }
 
 impl AxesErrors {
-    /// Those that are not 0.
+    /// The errors that are not 0.
     pub fn new([noise, walk, range]: [f64; 3], blocks: [u32; 2]) -> Self {
         Self { noise: noise > 0.0, walk: walk > 0.0, range: range > 0.0, blocks }
     }
 
-    /// The bias at the start of an episode, of a standard deviation.
+    /// The bias at the start of an episode, with a standard deviation.
     pub fn first_bias(&self, deviation: f64, draws: &Draws<f64>) -> [f64; 3] {
         let [x, y, z, _] = draws.normals(self.blocks[1]);
         [x, y, z].map(|number| number * deviation)
     }
 
-    /// What is read of the true value; numbers `first` to `first` + 2 of the memory have the bias.
+    /// The reading of a true value; numbers `first` to `first` + 2 of the memory are the bias.
     #[inline(always)]
     pub fn read<L: Lane>(
         &self,

@@ -1,4 +1,4 @@
-//! Numbers that the sensors of a robot have for an episode.
+//! Constants of the sensors of a robot over an episode.
 
 use super::axes::Axes;
 use super::encoders::Encoders;
@@ -9,7 +9,7 @@ use crate::error::Result;
 use crate::lanes::Lane;
 use std::f64::consts::TAU;
 
-/// How many there are.
+/// Count of constants.
 pub const CONSTANTS: usize = 17;
 
 /// A magnitude beyond any reading.
@@ -21,10 +21,10 @@ pub struct Constants<T> {
     pub gyro: Axes<T>,
     pub accelerometer: Axes<T>,
     pub encoders: Encoders<T>,
-    /// Of gyroscope and accelerometer.
+    /// Period of gyroscope and accelerometer.
     pub imu_period: Period<T>,
     pub encoder_period: Period<T>,
-    /// Of gyroscope and accelerometer, body frame, m.
+    /// Position of gyroscope and accelerometer, body frame, m.
     pub place: [T; 3],
     /// Control steps between a measurement and its reading.
     pub latency: T,
@@ -51,7 +51,7 @@ pub fn constants_of(options: &SensorOptions, dt: f64) -> Result<[f64; CONSTANTS]
 }
 
 impl<L: Lane> Constants<L> {
-    /// Of numbers in the order of [`constants_of`].
+    /// Constants from numbers in the order of [`constants_of`].
     #[inline(always)]
     pub fn from_numbers(
         [a, b, c, d, e, f, tick, ticks, rate, imu, per_imu, encoder, per_encoder, x, y, z, latency]: [L; CONSTANTS],

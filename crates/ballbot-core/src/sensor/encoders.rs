@@ -3,7 +3,7 @@
 use crate::lanes::floor;
 use crate::lanes::{Lane, Memory};
 
-/// Three encoders, which count ticks unless their angles are exact.
+/// Three encoders that count ticks unless their angles are exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Encoders<T> {
     /// Angle of a tick, rad; 0 for exact angles.
@@ -14,17 +14,17 @@ pub struct Encoders<T> {
     pub rate: T,
 }
 
-/// Numbers of the memory, from the first one of the encoders on.
+/// Indices in the memory, from the first number of the encoders on.
 const PHASE: usize = 0;
 const ORIGIN: usize = 3;
 const LAST: usize = 6;
 
-/// How many numbers they keep.
+/// Count of numbers that they keep.
 pub const MEMORY: usize = 9;
 
 impl<L: Lane> Encoders<L> {
-    /// Begins an episode at given angles of the wheels, each at a place within a tick in [0, 1), which they have turned by
-    /// `turned` in the period before.
+    /// Begins an episode at given wheel angles, each with a phase within a tick in [0, 1); the wheels have turned by
+    /// `turned` in the previous period.
     #[inline(always)]
     pub fn begin(&self, angles: [L; 3], turned: [L; 3], phases: [L; 3], memory: &mut Memory<'_, L>, first: usize) {
         memory.set3(first + PHASE, phases);
@@ -34,7 +34,7 @@ impl<L: Lane> Encoders<L> {
         }
     }
 
-    /// Angles since the start of the episode and rates of the wheels. Where a sample is not due, the last angles and no
+    /// Angles since the start of the episode and rates of the wheels. Where no sample is due, the last angles and no
     /// rates.
     #[inline(always)]
     pub fn read(

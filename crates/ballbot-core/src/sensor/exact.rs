@@ -22,8 +22,8 @@ impl Sensor for Exact {
     }
 }
 
-/// Sensors that an environment may have; [`Exact`] without. A stage is read once a control step, so that the choice costs
-/// less than another copy of the step would take to compile.
+/// Optional sensors of an environment; `None` is [`Exact`]. A stage is read once per control step, so the run-time
+/// choice costs less than compiling another copy of the step.
 impl<S: Sensor> Sensor for Option<S> {
     const MEMORY: usize = 0;
 

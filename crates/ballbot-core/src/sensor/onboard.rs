@@ -1,4 +1,4 @@
-//! Gyroscope, accelerometer and encoders, and the state that follows from them.
+//! Gyroscope, accelerometer and encoders, and the state estimated from them.
 
 use super::axes::AxesErrors;
 use super::constants::{CONSTANTS, Constants, constants_of};
@@ -15,13 +15,13 @@ use crate::params::Params;
 use crate::state::State;
 use std::f64::consts::TAU;
 
-/// Sensors on the body and at the wheels, read once a control step.
+/// Sensors on the body and at the wheels, read once per control step.
 #[derive(Clone, Debug)]
 pub struct Onboard {
     options: SensorOptions,
-    /// Of `options`.
+    /// Constants of `options`.
     constants: [f64; CONSTANTS],
-    /// Whether the memory of each robot has constants of its own.
+    /// Whether the memory of each robot has separate constants.
     individual: bool,
     gyro: AxesErrors,
     accelerometer: AxesErrors,
@@ -29,14 +29,14 @@ pub struct Onboard {
     slow_imu: bool,
     slow_encoders: bool,
     misaligned: bool,
-    /// Most control steps between a measurement and its reading.
+    /// Maximum number of control steps between a measurement and its reading.
     latency: usize,
     dt: f64,
-    /// What tasks observe the robot by; the true state without one.
+    /// Source of the observed state; without an estimator it is the true state.
     estimator: Option<Estimator>,
 }
 
-/// Blocks of random numbers of a reading; those of reading 0 are drawn once an episode.
+/// Blocks of random numbers of a reading; the blocks of reading 0 are sampled once per episode.
 const GYRO: [u32; 2] = [0, 1];
 const ACCELEROMETER: [u32; 2] = [2, 3];
 const MOUNTING: u32 = 4;
@@ -44,7 +44,7 @@ const PHASES: u32 = 5;
 
 /// Episodes since the environment was seeded.
 const EPISODES: usize = 0;
-/// The present one, and the key of its random numbers.
+/// The current episode, and the key of its random numbers.
 const EPISODE: usize = 1;
 const KEY: usize = 2;
 /// Readings in this episode.
@@ -52,7 +52,7 @@ const COUNT: usize = 4;
 const GRAVITY: usize = 5;
 const GYRO_BIAS: usize = 8;
 const ACCELEROMETER_BIAS: usize = 11;
-/// Rotation from the axes of gyroscope and accelerometer to those of the body.
+/// Rotation from the axes of gyroscope and accelerometer to the body axes.
 const ALIGNMENT: usize = 14;
 /// Velocity of the IMU and attitude of the body at the last measurement.
 const VELOCITY: usize = 18;
@@ -60,13 +60,13 @@ const ATTITUDE: usize = 21;
 const ENCODERS: usize = 25;
 /// Sum of the specific forces since the last sample, if not every control step has one.
 const FORCES: usize = ENCODERS + encoders::MEMORY;
-/// The readings that are out.
+/// The readings that have been output.
 const READ: usize = FORCES + 3;
-/// The readings that are under way, newest first, from that of the last step on; then the robot's own constants, if it has
-/// any, and what the estimator keeps.
+/// The delayed readings, newest first, beginning with the reading of the last step; then the robot's own constants, if
+/// it has any, and the memory of the estimator.
 const UNDER_WAY: usize = READ + NUMBERS;
 
-/// Least errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
+/// Smallest errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
 const LEAST_RATE_ERROR: f64 = 1e-4;
 const LEAST_FORCE_ERROR: f64 = 1e-2;
 const LEAST_ANGLE_ERROR: f64 = 1e-6;
@@ -76,8 +76,8 @@ const LEAST_START_ERROR: f64 = 1e-3;
 const NUMBERS: usize = 12;
 
 impl Onboard {
-    /// Sensors that are read every `control_dt` (s). Tasks observe what an estimator makes of the readings, that of the robot
-    /// `observed` if it is given; else the true state.
+    /// Sensors that are read every `control_dt` (s). If the robot `observed` is given, tasks observe the readings
+    /// through its estimator; else they observe the true state.
     ///
     /// # Errors
     /// Those of [`SensorOptions::check`] and [`Estimator::new`].
@@ -85,11 +85,11 @@ impl Onboard {
         Self::of(options, options, false, control_dt, observed)
     }
 
-    /// Sensors of robots with options of their own ([`EpisodeStart::options`]), each up to that of `largest`. What the
-    /// estimator expects follows from `options`.
+    /// Sensors of robots with individual options ([`EpisodeStart::options`]), each up to the option of `largest`. The
+    /// errors that the estimator expects follow from `options`.
     ///
     /// # Errors
-    /// As [`Onboard::new`], of `options`.
+    /// As [`Onboard::new`], for `options`.
     pub fn individual(
         options: &SensorOptions,
         largest: &SensorOptions,
@@ -128,7 +128,7 @@ impl Onboard {
         })
     }
 
-    /// What makes states of readings, if tasks observe these.
+    /// The estimator, if tasks observe the readings.
     pub fn estimator(&self) -> Option<&Estimator> {
         self.estimator.as_ref()
     }
@@ -161,7 +161,7 @@ impl Onboard {
         state.body_velocity + state.body_quaternion.rotation().apply(lever)
     }
 
-    /// What the sensors read at the end of a control step, after `before` others.
+    /// The readings at the end of a control step, after `before` earlier readings.
     #[inline(always)]
     fn measure<L: Lane>(
         &self,
@@ -211,17 +211,17 @@ impl Onboard {
     }
 
     /// Mean of the specific forces of the control steps since the last sample, each in the body frame of its step; with
-    /// `force`, that of the present one, which has the share `share`.
+    /// `force`, the force of the current step, which has the weight `share`.
     #[inline(always)]
     fn mean_force<L: Lane>(force: Vec3<L>, share: L, before: L, due: L::Mask, memory: &mut Memory<'_, L>) -> Vec3<L> {
         let zero = before.zero();
         let sum = memory.vector(FORCES) + force;
         memory.set_vector(FORCES, Vec3::select(due, Vec3::zero(zero), sum));
-        // The first sample is that of one step.
+        // The first sample covers one step.
         Vec3::select(before.le(zero), force, sum * share)
     }
 
-    /// The readings of a latency ago; those of the start of the episode before that.
+    /// The readings of a latency ago; before that, the readings at the start of the episode.
     #[inline(always)]
     fn delayed<L: Lane>(
         &self,
@@ -247,7 +247,7 @@ impl Onboard {
 }
 
 impl Sensor for Onboard {
-    /// Without latency and estimator; see [`Onboard::memory_len`].
+    /// Length without latency and estimator; see [`Onboard::memory_len`].
     const MEMORY: usize = UNDER_WAY;
 
     fn is_individual(&self) -> bool {
@@ -364,7 +364,8 @@ fn last_estimate(estimator: &Estimator, read: &Readings<f64>, memory: &mut [f64]
     state.into()
 }
 
-/// What an estimator expects of sensors with these options. Readings without errors leave those of its model.
+/// The errors that an estimator expects of sensors with these options. For readings without errors, only model errors
+/// remain.
 fn expected_errors(options: &SensorOptions, dt: f64) -> EstimatorOptions {
     let reading = |density: f64| density / dt.sqrt();
     let tick = if options.encoder_ticks > 0.0 { TAU / options.encoder_ticks } else { 0.0 };

@@ -8,13 +8,13 @@ use crate::fields::{Fields, Limit};
 use crate::params::robot_file::RobotFile;
 use std::path::Path;
 
-/// Least range of a sensor that has one.
+/// Smallest range of a sensor that has a range.
 const LEAST_RANGE: f64 = 1e-6;
 
-/// Least rate of the samples of a sensor that has one, Hz.
+/// Smallest sampling rate of a sensor that has a rate, Hz.
 const LEAST_RATE: f64 = 1e-3;
 
-/// What a name of sensors stands for in messages.
+/// What a name of sensors is called in messages.
 const KIND: &str = "sensors";
 
 /// The name of exact sensors.
@@ -119,11 +119,11 @@ impl SensorOptions {
         Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
     }
 
-    /// Checks the options of sensors that are read every `control_dt` (s), by an estimator if `estimated`.
+    /// Checks the options of sensors that are read every `control_dt` (s), with an estimator if `estimated`.
     ///
     /// # Errors
     /// Those of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator [`Error::OutOfRange`] for
-    /// `control_dt` above 1 s, and unless every sensor has a sample in every control step.
+    /// `control_dt` above 1 s, and unless every sensor is sampled in every control step.
     pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
         self.validate()?;
         self.latency_steps(control_dt)?;
@@ -155,7 +155,7 @@ impl SensorOptions {
     /// Control steps of `control_dt` (s) in the latency.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for one that is no whole number of at most 100.
+    /// [`Error::OutOfRange`] unless it is a whole number of at most 100.
     pub fn latency_steps(&self, control_dt: f64) -> Result<usize> {
         control_steps::latency_steps(self.latency, control_dt).map_err(|error| error.of_option(KIND))
     }

@@ -12,13 +12,13 @@ pub struct Period<T> {
 }
 
 impl<L: Lane> Period<L> {
-    /// Of its control steps and their inverse.
+    /// A period from its control steps and their inverse.
     #[inline(always)]
     pub fn from_numbers([steps, inverse]: [L; 2]) -> Self {
         Self { steps, inverse }
     }
 
-    /// The share of one control step.
+    /// The fraction that is one control step.
     #[inline(always)]
     pub fn inverse(&self) -> L {
         self.inverse

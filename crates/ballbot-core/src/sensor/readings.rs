@@ -1,4 +1,4 @@
-//! What the sensors of a robot read.
+//! Readings of the sensors of a robot.
 
 use crate::lanes::{Lane, Vec3};
 
@@ -7,7 +7,7 @@ use crate::lanes::{Lane, Vec3};
 pub struct Readings<L: Lane> {
     /// Angular velocity of the body, body frame, rad/s.
     pub gyro: Vec3<L>,
-    /// Acceleration of the IMU less gravity, body frame, m/s²: its mean over the control
+    /// Acceleration of the IMU minus gravity, body frame, m/s²: its mean over the control
     /// steps since the last sample.
     pub specific_force: Vec3<L>,
     /// Rotation of each wheel relative to the body since the start of the episode, rad.

@@ -29,10 +29,10 @@ task_fields! {
     }
 }
 
-/// Rate about the mast at which its cost is half of the largest, rad/s.
+/// Rate about the mast that costs half the maximum, rad/s.
 const YAW_RATE_SCALE: f64 = 0.02;
 
-/// Consecutive steps, up to now, within the bounds of success.
+/// Consecutive steps so far within the bounds of success.
 const GOOD_STEPS: usize = 0;
 
 impl Task for Balance {
@@ -62,7 +62,7 @@ impl Task for Balance {
 
     #[inline(always)]
     fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, _: &Memory<'_, L>, rows: &mut impl Rows<L>) {
-        // Nothing depends on where the setpoint is or where the robot faces.
+        // Nothing depends on the position of the setpoint or the heading of the robot.
         let heading = Heading::new(sensed.state.body_quaternion);
         let position = sensed.state.ball_position;
         let [x, y] = heading.of(position.x - self.setpoint[0], position.y - self.setpoint[1]);
@@ -129,7 +129,7 @@ impl Balance {
         effort(step, terms);
     }
 
-    /// Of the ball from the setpoint, m².
+    /// Squared distance of the ball from the setpoint, m².
     #[inline(always)]
     pub(super) fn distance_squared<L: Lane>(&self, step: &Step<'_, L>) -> L {
         let position = step.state.ball_position;

@@ -1,4 +1,4 @@
-//! Robots without a task: what a task outside of the core is made of.
+//! Robots without a task: the basis of tasks outside the core.
 
 use super::shared::{FALLS, action_rows, fallen};
 use super::start::task_fields;
@@ -16,7 +16,7 @@ task_fields! {
     pub struct Bare {}
 }
 
-/// Bound of the rows: of what is not bounded otherwise.
+/// Bound of rows that have no other bound.
 const ANY: f32 = 1e9;
 
 impl Task for Bare {

@@ -1,4 +1,4 @@
-//! What a task says of itself, as data: the source of spaces, bindings, help and documentation.
+//! The description of a task as data: the source of spaces, bindings, help and documentation.
 
 use super::{ACTION_LEN, DIVERGED, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
 use crate::fields::{OptionDescription, describe_options};
@@ -7,7 +7,7 @@ use crate::lanes::{Memory, Scalar, Vec3};
 use crate::params::Params;
 use crate::state::State;
 
-/// A task, described.
+/// Description of a task.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TaskDescription {
     /// As in [`Task`].
@@ -22,7 +22,7 @@ pub struct TaskDescription {
     pub reward_threshold: Option<f64>,
     /// As in [`Task`].
     pub success: &'static str,
-    /// Whether it has a ground of its own where none is chosen.
+    /// Whether it has its own ground where none is chosen.
     pub has_terrain: bool,
     /// Options of the task itself.
     pub options: Vec<OptionDescription>,
@@ -62,7 +62,7 @@ impl Terms<f64> for Collected {
 }
 
 impl TaskDescription {
-    /// Of the task `T`: its rows and terms are read off an upright robot at rest.
+    /// Description of the task `T`: its rows and terms are read off an upright robot at rest.
     pub fn of<T: Task>() -> Self {
         let task = T::default();
         let mut memory = vec![0.0; T::MEMORY];

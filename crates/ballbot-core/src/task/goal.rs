@@ -35,8 +35,9 @@ task_fields! {
     }
 }
 
-/// Memory: the goal, the steps since it was given, the last of them in a row at the goal, the time of the fastest move
-/// there, goals that are over, those held, and the sum of the times to these over that of the fastest moves.
+/// Memory: the goal, the steps since it was given, the last consecutive steps at the goal, the time of the fastest move
+/// there, goals that are over, goals held, and the sum over held goals of the time divided by the time of the fastest
+/// move.
 const GOAL: [usize; 2] = [0, 1];
 const SINCE: usize = 2;
 const HELD: usize = 3;
@@ -135,7 +136,7 @@ impl Task for Goal {
     fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask {
         let (held, since, over) = (memory.get(HELD), memory.get(SINCE), memory.get(OVER));
         let is_held = held.splat(self.hold_steps(step.control_dt)).le(held);
-        // There was no time for a goal that was given shortly before the end.
+        // A goal that was given shortly before the end had no time.
         let is_new = since.lt(since.splat(self.goal_seconds[0] / step.control_dt)) & over.zero().lt(over);
         !terminated & (is_held | is_new) & over.le(memory.get(REACHED))
     }
@@ -151,7 +152,7 @@ impl Task for Goal {
         let to_goal = Self::to_goal(step, memory);
         let squared = squared_norm(to_goal);
         let distance = squared.sqrt();
-        // Far away that of an even deceleration, near the goal in proportion to the distance.
+        // Far away the speed of a constant deceleration, near the goal proportional to the distance.
         let pace = squared.splat(1.0) / ((distance / (2.0 * self.approach_acceleration)).sqrt() + self.approach_time);
         let velocity = step.state.ball_velocity;
         let excess = [velocity.x - to_goal[0] * pace, velocity.y - to_goal[1] * pace];
@@ -183,17 +184,17 @@ impl Task for Goal {
 }
 
 impl Goal {
-    /// Control steps of `hold_seconds`.
+    /// `hold_seconds` in control steps.
     fn hold_steps(&self, control_dt: f64) -> f64 {
         (self.hold_seconds / control_dt).round().max(1.0)
     }
 
-    /// Whether the present goal counts: it is held, or there was time for it.
+    /// Whether the current goal counts: it is held, or there was time for it.
     fn counts(&self, memory: &[f64], control_dt: f64) -> bool {
         memory[HELD] >= self.hold_steps(control_dt) || memory[SINCE] + 0.5 >= self.goal_seconds[0] / control_dt
     }
 
-    /// Counts the present goal.
+    /// Counts the current goal.
     fn conclude(&self, memory: &mut [f64], control_dt: f64) {
         memory[OVER] += 1.0;
         if memory[HELD] >= self.hold_steps(control_dt) {

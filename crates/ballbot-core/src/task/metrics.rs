@@ -1,4 +1,4 @@
-//! What an episode is judged by, besides reward and success.
+//! Metrics of an episode, in addition to reward and success.
 
 /// Description of a metric of an episode.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -12,26 +12,26 @@ pub struct Metric {
 }
 
 impl Metric {
-    /// From all its parts.
+    /// A metric from its parts.
     pub const fn new(name: &'static str, unit: &'static str, doc: &'static str) -> Self {
         Self { name, unit, doc }
     }
 }
 
-/// Takes the metrics of an episode, in order; NaN where an episode is too short for one.
+/// Receives the metrics of an episode, in order; NaN where an episode is too short for a metric.
 pub trait Metrics {
     /// The next metric.
     fn metric(&mut self, metric: Metric, value: f64);
 }
 
-/// The values alone.
+/// Only the values.
 impl Metrics for Vec<f64> {
     fn metric(&mut self, _: Metric, value: f64) {
         self.push(value);
     }
 }
 
-/// The descriptions alone.
+/// Only the descriptions.
 impl Metrics for Vec<Metric> {
     fn metric(&mut self, metric: Metric, _: f64) {
         self.push(metric);

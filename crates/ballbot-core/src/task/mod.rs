@@ -1,8 +1,8 @@
 //! Tasks: Markov decision processes on a ballbot, each in one file.
 //!
 //! A task is a struct of options ([`crate::fields!`]) that implements [`Task`]. Its computations are written once over
-//! lanes. Observation rows and reward terms carry their description beside their value, so that spaces, scaling, bindings
-//! and documentation follow from the same line.
+//! lanes. Observation rows and reward terms carry their description next to their value, so that spaces, scaling,
+//! bindings and documentation follow from the same line.
 
 mod balance;
 mod bare;
@@ -49,7 +49,7 @@ pub const ACTION_LEN: usize = 3;
 /// Reason for the termination of an episode whose simulation diverged; shared by all tasks.
 pub const DIVERGED: &str = "diverged";
 
-/// A task: what an episode starts from, what is observed, what is rewarded, when it ends.
+/// A task: where an episode starts, what is observed, what is rewarded, and when it ends.
 ///
 /// ```
 /// use ballbot_core::batch::{Autoreset, Batch, EnvConfig, StepResults, register_task, task_kind};
@@ -131,54 +131,55 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// Id with Gymnasium, as in `ballbot/Balance-v0`.
     const ID: &'static str;
 
-    /// What the robot is to do, in one sentence.
+    /// The goal of the task, in one sentence.
     const SUMMARY: &'static str;
 
-    /// Length of an episode unless it is configured, in control steps.
+    /// Default length of an episode, in control steps.
     const MAX_EPISODE_STEPS: usize = 1000;
 
-    /// Mean return of a policy that counts as having solved the task, if that is defined.
+    /// Mean return at which the task counts as solved, if defined.
     const REWARD_THRESHOLD: Option<f64> = None;
 
-    /// Reasons for termination, each with its condition; [`DIVERGED`] is added to them.
+    /// Reasons for termination, each with its condition; [`DIVERGED`] is added.
     const TERMINATIONS: &'static [(&'static str, &'static str)];
 
-    /// What counts as success, in one sentence; empty if nothing does.
+    /// Condition of success, in one sentence; empty if there is none.
     const SUCCESS: &'static str = "";
 
-    /// The command, as rows of an observation: its bounds are those of a command that is set by hand. It is the first numbers
-    /// of the memory.
+    /// The command, as rows of an observation: their bounds apply to a command that is set by hand. The memory begins
+    /// with the command.
     const COMMAND: &'static [Row] = &[];
 
-    /// Whether an episode may begin anywhere: no place is part of the task.
+    /// Whether an episode may begin anywhere, i.e. the task does not depend on the position.
     const ANYWHERE: bool = false;
 
-    /// Whether it has a ground of its own, [`Task::terrain`].
+    /// Whether it has its own ground, [`Task::terrain`].
     const HAS_TERRAIN: bool = false;
 
     /// How many numbers the task keeps in an episode (the command, counters); zeros before [`Task::command`].
     const MEMORY: usize = 0;
 
-    /// Checks what the limits of single options do not: options against each other and against the robot.
+    /// Checks options against each other and against the robot, beyond the limits of single options.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] or [`crate::Error::Inconsistent`] naming the value and the limit.
     fn validate(&self, params: &Params) -> Result<()>;
 
-    /// The starts that come nearest to the floor: if the model accepts them, it accepts all that [`Task::start`] draws.
+    /// The starts that come nearest to the floor: if the model accepts them, it accepts all that [`Task::start`]
+    /// samples.
     fn extreme_starts(&self, params: &Params) -> Vec<State>;
 
-    /// Draws the first state of an episode.
+    /// Samples the initial state of an episode.
     fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State;
 
-    /// Draws a command into the memory at the start of an episode and whenever the last one has run out. Returns after
-    /// how many control steps the next one is due; infinity if never.
+    /// Samples a command into the memory at the start of an episode and whenever the last command has run out. Returns
+    /// after how many control steps the next command is due; infinity if never.
     fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
         let _ = (moment, rng, memory);
         f64::INFINITY
     }
 
-    /// Checks a command that is set by hand, besides the bounds of its parts.
+    /// Checks a command that is set by hand, beyond the bounds of its parts.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part.
@@ -187,7 +188,7 @@ pub trait Task: Fields + Send + Sync + 'static {
         Ok(())
     }
 
-    /// Takes note of a new command, drawn or set by hand, which is in the memory already.
+    /// Handles a new command, sampled or set by hand, which is already in the memory.
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
         let _ = (moment, memory);
     }
@@ -206,19 +207,20 @@ pub trait Task: Fields + Send + Sync + 'static {
         Ok(None)
     }
 
-    /// The share of what was asked so far that the episode has done, for curricula; 1 for tasks that do not say.
+    /// The fraction of the commands so far that the episode has completed, for curricula; 1 for tasks that do not
+    /// define it.
     fn share(&self, memory: &[f64]) -> f64 {
         let _ = memory;
         1.0
     }
 
-    /// The pushes that are part of the task, on a robot that is nominally `params`.
+    /// The pushes that are part of the task, on a robot with the nominal `params`.
     fn pushes(&self, params: &Params) -> Option<Pushes> {
         let _ = params;
         None
     }
 
-    /// What a classical controller is to bring about under the present command.
+    /// Setpoint of a classical controller under the current command.
     fn setpoint(&self, memory: &[f64]) -> Setpoint {
         let _ = memory;
         Setpoint::default()
@@ -227,16 +229,17 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// Gives the rows of the observation, always the same in the same order.
     fn observe<L: Lane>(&self, sensed: &Sensed<'_, L>, memory: &Memory<'_, L>, rows: &mut impl Rows<L>);
 
-    /// Brings the memory from the last step to this one: what a command moves, and what is counted.
+    /// Advances the memory by a step: motion of the command, and counters.
     #[inline(always)]
     fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
         let _ = (step, memory);
     }
 
-    /// Why the episode is terminated: 0 for no reason, otherwise 1 + the index in [`Task::TERMINATIONS`].
+    /// Why the episode is terminated: 0 if it is not, otherwise 1 + the index in [`Task::TERMINATIONS`].
     fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L;
 
-    /// Whether the episode is a success if it ends here. `terminated` robots are not; memory may be updated.
+    /// Whether the episode is a success if it ends here. `terminated` robots have no success; the memory may be
+    /// updated.
     fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask;
 
     /// Gives the terms of the reward, always the same in the same order.
@@ -254,11 +257,11 @@ pub trait Task: Fields + Send + Sync + 'static {
 pub struct Pushes {
     /// Smallest and largest impulse, N·s.
     pub impulse: [f64; 2],
-    /// Shortest and longest time between two of them, s.
+    /// Shortest and longest time between two pushes, s.
     pub every: [f64; 2],
 }
 
-/// When a command is given.
+/// The moment at which a command is given.
 #[derive(Clone, Copy)]
 pub struct Moment<'a> {
     /// The true state.
@@ -267,13 +270,13 @@ pub struct Moment<'a> {
     pub params: &'a Params,
     /// Duration of a control step, s.
     pub control_dt: f64,
-    /// Level of the tile of the terrain; 0 without tiles.
+    /// Level of the terrain tile; 0 without tiles.
     pub level: usize,
 }
 
-/// What a task observes.
+/// Input of a task's observation.
 pub struct Sensed<'a, L: Lane> {
-    /// The state as the sensors measure it.
+    /// The state measured by the sensors.
     pub state: &'a LaneState<L>,
     /// The last action, in [-1, 1].
     pub last_action: [L; ACTION_LEN],
@@ -286,13 +289,13 @@ pub struct Step<'a, L: Lane> {
     /// The vertical in the body frame.
     pub up: Vec3<L>,
     /// Tilt from the equilibrium, rad: the angle between the vertical and the line from the ball's center to the body's
-    /// center of mass; that of the mast if the center of mass is on it.
+    /// center of mass; the tilt of the mast if the center of mass is on it.
     pub tilt: L,
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,
     /// The action, in [-1, 1].
     pub action: [L; ACTION_LEN],
-    /// The action before it.
+    /// The previous action.
     pub last_action: [L; ACTION_LEN],
     /// Duration of a control step, s.
     pub control_dt: f64,

@@ -27,17 +27,17 @@ task_fields! {
     }
 }
 
-/// Memory: how far the ball went, m; the time, s; position and speed of a controller's setpoint.
+/// Memory: distance of the ball, m; the time, s; position and speed of a controller's setpoint.
 const TRAVELLED: usize = 0;
 const TIME: usize = 1;
 const SETPOINT: usize = 2;
 const SETPOINT_SPEED: usize = 4;
 
-/// Time step of the published rewards, s: theirs are sums over steps of this length.
+/// Time step of the published rewards, s: the published rewards are sums over steps of this length.
 const PUBLISHED_DT: f64 = 0.002;
 
-/// 95th percentile of the slope of the published terrains, rad, and the wavelength, m, that goes with it where heights are
-/// within 0.1 m.
+/// 95th percentile of the slope of the published terrains, rad, and the wavelength, m, that gives this slope with
+/// heights within 0.1 m.
 const SLOPE: f64 = 0.272;
 const WAVELENGTH: f64 = 0.8;
 

@@ -1,4 +1,4 @@
-//! The push task: balance, and bear pushes.
+//! The push task: balance and withstand pushes.
 
 use super::shared::FALLS;
 use super::start::{check_range, task_fields};
@@ -30,12 +30,12 @@ task_fields! {
     }
 }
 
-/// Memory: after that of balancing, the sum of the squared distances from the setpoint and the steps.
+/// Memory: the memory of the balance task, the sum of the squared distances from the setpoint, and the steps.
 const DISTANCES: usize = Balance::MEMORY;
 const STEPS: usize = Balance::MEMORY + 1;
 
 impl Push {
-    /// The same without pushes.
+    /// The same task without pushes.
     #[inline(always)]
     fn balance(&self) -> Balance {
         Balance {

@@ -6,25 +6,25 @@ use crate::lanes::Lane;
 /// Description of one row of an observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
-    /// What it is, with its frame.
+    /// The quantity, with its frame.
     pub name: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
     /// Bound of its magnitude, at which it saturates.
     pub bound: f32,
-    /// Its typical magnitude while the task is done well; the scaled observation is in multiples of it.
+    /// Its typical magnitude when the task is performed well; the scaled observation is in multiples of it.
     pub typical: f64,
 }
 
 impl Row {
-    /// From all its parts.
+    /// A row from its parts.
     #[inline(always)]
     pub const fn new(name: &'static str, unit: &'static str, bound: f32, typical: f64) -> Self {
         Self { name, unit, bound, typical }
     }
 }
 
-/// Takes the rows of an observation, in order.
+/// Receives the rows of an observation, in order.
 pub trait Rows<L> {
     /// The next row.
     fn row(&mut self, row: Row, value: L);
@@ -57,7 +57,7 @@ impl Term {
     }
 }
 
-/// Takes the terms of a reward, in order, unscaled.
+/// Receives the terms of a reward, in order, unscaled.
 pub trait Terms<L> {
     /// The next term.
     fn term(&mut self, term: Term, value: L);
@@ -100,7 +100,7 @@ impl RewardScales {
     /// Checks that all scales are within ±1e6.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] naming the first that is not.
+    /// [`Error::OutOfRange`] naming the first scale out of range.
     pub fn validate(&self) -> Result<()> {
         for (name, scale) in &self.0 {
             crate::error::check(format_args!("reward.{name}"), *scale, "within ±1e6", |s| s.abs() <= 1e6)?;
@@ -112,7 +112,8 @@ impl RewardScales {
 /// Bound of every row of a scaled observation.
 pub const SCALED_BOUND: f32 = 10.0;
 
-/// How rows are brought to magnitudes near one: less the value at rest upright, over the typical magnitude.
+/// Scaling of rows to magnitudes near one: the value at rest upright is subtracted, the result divided by the typical
+/// magnitude.
 #[derive(Clone, Debug, PartialEq)]
 pub struct RowScaling {
     /// Value of each row at rest upright.
@@ -121,7 +122,7 @@ pub struct RowScaling {
     pub gain: Vec<f64>,
 }
 
-/// Writes rows into cells: saturated, scaled if asked. NaN is replaced by 0; a NaN state terminates the episode, and
+/// Writes rows into cells: saturated, scaled if requested. NaN is replaced by 0; a NaN state terminates the episode, and
 /// learners never receive NaN.
 pub(crate) struct WriteRows<'a, L: Lane> {
     pub cells: &'a mut [L::Cell],
@@ -145,7 +146,7 @@ impl<L: Lane> Rows<L> for WriteRows<'_, L> {
     }
 }
 
-/// Writes scaled terms into cells and sums them up; those of a robot that is not `sound` are zero.
+/// Writes scaled terms into cells and sums them up; the terms of a robot that is not `sound` are zero.
 pub(crate) struct WriteTerms<'a, L: Lane> {
     pub cells: &'a mut [L::Cell],
     pub scales: &'a [f64],

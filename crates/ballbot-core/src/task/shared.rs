@@ -1,4 +1,4 @@
-//! Rows, terms and terminations that tasks have in common.
+//! Rows, terms and terminations shared by tasks.
 
 use super::{Row, Rows, Sensed, Step, Term, Terms};
 use crate::lanes::{Heading, Lane};

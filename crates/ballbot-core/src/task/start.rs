@@ -1,4 +1,4 @@
-//! Where episodes begin, as all tasks draw it: near the equilibrium, rolling without slip.
+//! Initial states of episodes, sampled by all tasks: near the equilibrium, rolling without slip.
 
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
@@ -10,8 +10,8 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
-/// Options of a task with those of the start of its episodes and of their end in a fall: `fall` and `tilt` are their
-/// defaults in degrees.
+/// Options of a task, of the start of its episodes and of their end in a fall: `fall` and `tilt` are defaults in
+/// degrees.
 macro_rules! task_fields {
     (
         fall $fall:literal, tilt $tilt:literal;
@@ -41,7 +41,7 @@ macro_rules! task_fields {
         }
 
         impl $name {
-            /// What starts are drawn from.
+            /// Ranges of the initial states.
             fn starts(&self) -> $crate::task::start::Starts {
                 $crate::task::start::Starts {
                     tilt: self.reset_tilt,
@@ -58,7 +58,7 @@ macro_rules! task_fields {
 
 pub(super) use task_fields;
 
-/// What starts are drawn from.
+/// Ranges of the initial states.
 pub(super) struct Starts {
     pub tilt: f64,
     pub yaw: f64,
@@ -93,7 +93,8 @@ impl Starts {
         if params.body_com_offset == [0.0; 2] {
             return params.wheel_azimuths.into_iter().map(leaning).collect();
         }
-        // A wheel is lowest in a tilt towards where it is in equilibrium, and the body in one towards the mast.
+        // A wheel is lowest when the robot tilts towards the wheel's side in equilibrium, and the body when it tilts
+        // towards the mast.
         let equilibrium = params.equilibrium_attitude(0.0);
         let azimuth = |direction: &Vector3<f64>| {
             let v = equilibrium * direction;
@@ -110,7 +111,7 @@ impl Starts {
         let velocity = in_disc(rng, self.ball_speed);
         let rate = in_disc(rng, self.tilt_rate);
         let attitude = attitude(tilt, yaw) * params.to_balance_frame();
-        // Without it, what is drawn after the start stays as it was before this option.
+        // Without spin, samples after the start stay the same as before this option existed.
         let spin = if self.yaw_rate > 0.0 { in_range(rng, [-self.yaw_rate, self.yaw_rate]) } else { 0.0 };
         let rate = Vector3::new(rate.x, rate.y, spin);
         State::rolling_on(
@@ -124,7 +125,7 @@ impl Starts {
     }
 }
 
-/// A point drawn evenly from a disc.
+/// A point sampled uniformly from a disc.
 pub(super) fn in_disc(rng: &mut ChaCha8Rng, radius: f64) -> Vector2<f64> {
     let radius = radius * rng.random::<f64>().sqrt();
     let angle = TAU * rng.random::<f64>();
@@ -137,12 +138,12 @@ pub(super) fn check_range(name: &str, [low, high]: [f64; 2]) -> Result<()> {
     Ok(())
 }
 
-/// A number drawn evenly from a range.
+/// A number sampled uniformly from a range.
 pub(super) fn in_range(rng: &mut ChaCha8Rng, [low, high]: [f64; 2]) -> f64 {
     low + (high - low) * rng.random::<f64>()
 }
 
-/// Control steps of a time drawn evenly from a range, s; at least one.
+/// Control steps of a time sampled uniformly from a range, s; at least one.
 pub(super) fn drawn_steps(seconds: [f64; 2], control_dt: f64, rng: &mut ChaCha8Rng) -> f64 {
     (in_range(rng, seconds) / control_dt).round().max(1.0)
 }

@@ -39,8 +39,8 @@ task_fields! {
     }
 }
 
-/// Memory: after that of the velocity task, the commanded distance, how far the ball went in the commanded direction, m, and
-/// the level.
+/// Memory: the memory of the velocity task, the commanded distance and the distance of the ball in the commanded
+/// direction, m, and the level.
 const COMMANDED: usize = Velocity::MEMORY;
 const TRAVELLED: usize = Velocity::MEMORY + 1;
 const LEVEL: usize = Velocity::MEMORY + 2;
@@ -48,13 +48,13 @@ const LEVEL: usize = Velocity::MEMORY + 2;
 /// Levels of the terrain where none is chosen.
 const LEVELS: f64 = 5.0;
 
-/// Wavelength of that terrain in radii of the ball, and at least this many for each unit of the slope's tangent: curvatures
-/// of valleys stay below half of the ball's.
+/// Wavelength of that terrain in radii of the ball, and the minimum of the same per unit of the slope's tangent:
+/// valleys then have less than half the curvature of the ball.
 const WAVELENGTH: f64 = 12.0;
 const WAVELENGTH_OF_SLOPE: f64 = 50.0;
 
 impl Traverse {
-    /// Following of velocities.
+    /// The velocity task with these options.
     #[inline(always)]
     fn velocity(&self) -> Velocity {
         Velocity {
@@ -77,7 +77,7 @@ impl Traverse {
     }
 }
 
-/// The way from the ball to where the commands since the start lead, heading frame, m.
+/// The vector from the ball to where the commands since the start lead, heading frame, m.
 #[inline(always)]
 fn behind<L: Lane>(state: &LaneState<L>, memory: &Memory<'_, L>) -> [L; 2] {
     let [x, y] = [memory.get(POSITION), memory.get(POSITION + 1)];

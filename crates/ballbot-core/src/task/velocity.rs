@@ -39,8 +39,8 @@ task_fields! {
     }
 }
 
-/// Memory: the command, the steps since it, sums of the squared settled errors with their count, and the motion that the
-/// command asks for, smoothed: position, velocity and its derivatives in the heading frame, cosine and sine of the heading.
+/// Memory: the command, the steps since it, sums of the squared settled errors with their count, and the smoothed
+/// commanded motion: position, velocity and its derivatives in the heading frame, cosine and sine of the heading.
 const COMMAND: usize = 0;
 const SINCE: usize = 3;
 const VELOCITY_ERRORS: usize = 4;
@@ -53,7 +53,7 @@ const SECOND: usize = 13;
 const COS: usize = 15;
 const SIN: usize = 16;
 
-/// The three poles of the motion that a controller is to follow are at minus this, 1/s.
+/// The three poles of the motion that a controller tracks are at minus this value, 1/s.
 const SMOOTHING: f64 = 4.0;
 
 impl Task for Velocity {
@@ -117,7 +117,7 @@ impl Task for Velocity {
         }
     }
 
-    /// The motion that the command asks for, smoothed.
+    /// The smoothed commanded motion.
     fn setpoint(&self, memory: &[f64]) -> Setpoint {
         let two = |first: usize| Vector2::new(memory[first], memory[first + 1]);
         let rate = memory[COMMAND + 2];
@@ -176,7 +176,7 @@ impl Task for Velocity {
         let (sin, cos) = sin_cos_of_step(rate * dt);
         let (was_cos, was_sin) = (memory.get(COS), memory.get(SIN));
         let (cos, sin) = (was_cos * cos - was_sin * sin, was_sin * cos + was_cos * sin);
-        // The length of what is turned again and again stays 1.
+        // Keeps the length 1 over repeated rotations.
         let length = (cos.squared() + sin.squared()).sqrt().max(one * 1e-300);
         let (cos, sin) = (cos / length, sin / length);
         memory.set(COS, cos);
@@ -244,14 +244,14 @@ impl Task for Velocity {
     }
 }
 
-/// Third derivative of a velocity that follows a commanded one with three poles at −[`SMOOTHING`].
+/// Third derivative of a velocity that follows its command with three poles at −[`SMOOTHING`].
 #[inline(always)]
 fn third_derivative<L: Lane>(command: L, velocity: L, first: L, second: L) -> L {
     const P: f64 = SMOOTHING;
     (command - velocity) * (P * P * P) - first * (3.0 * P * P) - second * (3.0 * P)
 }
 
-/// Brings the velocity along an axis of the heading frame to the end of a step, m/s.
+/// Advances the velocity along an axis of the heading frame by a step, m/s.
 #[inline(always)]
 fn follow<L: Lane>(memory: &mut Memory<'_, L>, axis: usize, command: L, dt: f64) -> L {
     let (velocity, first, second) = (memory.get(MOTION + axis), memory.get(FIRST + axis), memory.get(SECOND + axis));

@@ -114,7 +114,7 @@ const DYNAMICS: [Quantity; 5] = [
     ("joint effort limit", |w| w.effort),
 ];
 
-/// Refuses wheels that differ in one of the `quantities`.
+/// Rejects wheels that differ in one of the `quantities`.
 fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     for (name, value) in quantities {
         let first = value(&wheels[0]);
@@ -131,7 +131,7 @@ fn check_equal(wheels: &[Wheel; 3], quantities: &[Quantity]) -> Checked<()> {
     Ok(())
 }
 
-/// `values`, or zeros if all are within rounding of zero, as a share of `scale`.
+/// `values`, or zeros if all are within rounding of zero relative to `scale`.
 fn unless_rounding<const N: usize>(values: [f64; N], scale: f64) -> [f64; N] {
     let rounding = values.iter().all(|value| value.abs() <= TOLERANCE * scale.abs());
     if rounding { [0.0; N] } else { values }

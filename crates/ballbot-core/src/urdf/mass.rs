@@ -56,7 +56,7 @@ impl RigidMass {
         Some(Self { mass, center, inertia })
     }
 
-    /// Refuses an inertia that is not positive definite; `what` names the part.
+    /// Rejects an inertia that is not positive definite; `what` names the part.
     pub fn check_inertia(&self, what: &str) -> Checked<()> {
         let j = &self.inertia;
         // Sylvester's criterion terminates for any numbers; an eigenvalue iteration may not.

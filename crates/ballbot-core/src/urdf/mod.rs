@@ -3,17 +3,16 @@
 //! Names of links and joints are free. The bot has three continuous (or revolute) joints, one per wheel, in document
 //! order. Links fixed to the root are part of the body. Links fixed to a wheel are part of the wheel. The z axis of the
 //! root frame is along the mast; its origin is at any height. The ball center is the point of the mast from which three
-//! wheels touch one ball. Radius and center of a wheel are those of the largest sphere or coaxial cylinder around its
-//! axle, of collision shapes if there is one, else of visual shapes.
+//! wheels touch one ball. Radius and center of a wheel are taken from the largest sphere or coaxial cylinder around its
+//! axle, among collision shapes if there is one, else among visual shapes.
 //!
 //! Gravity, friction coefficients and the friction of the ball on the floor are not in a URDF and keep the defaults of
-//! [`Params`]. Position limits of the wheel joints are not read; their velocity limit is that of
-//! [`motors_from_urdf`].
+//! [`Params`]. Position limits of the wheel joints are not read; [`motors_from_urdf`] reads their velocity limit.
 //!
-//! A center of mass off the mast, products of inertia and wheels at different azimuths and zeniths are read as they are.
-//! Deviations from a symmetric robot below 1e-6 (m, or relative) count as rounding of the file. These are refused with value
-//! and limit: wheels that do not all touch one ball centered on the mast, wheels that differ in themselves, an axle that is
-//! not `-u_i` (see [`crate::kinematics`]).
+//! A center of mass off the mast, products of inertia and wheels at different azimuths and zeniths are kept. Deviations
+//! from a symmetric robot below 1e-6 (m, or relative) count as rounding of the file. Rejected, with value and limit:
+//! wheels that do not all touch one ball centered on the mast, wheels that are not identical, an axle that is not
+//! `-u_i` (see [`crate::kinematics`]).
 
 mod ball;
 mod bot;
@@ -46,8 +45,8 @@ pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
 /// Parameters of the ballbot described by the texts `bot` and `ball`.
 ///
 /// # Errors
-/// [`crate::Error::Urdf`] for malformed text, for a bot or a ball outside of this module's assumptions, and for parameters
-/// that [`Params::validate`] refuses.
+/// [`crate::Error::Urdf`] for malformed text, for a bot or a ball outside this module's assumptions, and for parameters
+/// that [`Params::validate`] rejects.
 pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
     read_params(("bot URDF", bot), ("ball URDF", ball))
 }

@@ -18,8 +18,8 @@ pub fn motors_from_urdf(bot: &Path) -> Result<MotorOptions> {
 /// Motors of the bot described by the text `bot`; without a velocity limit (zero, none or infinite) they are ideal.
 ///
 /// # Errors
-/// [`crate::Error::Urdf`] for malformed text, for another number of wheels than three, and for limits that differ or that
-/// [`MotorOptions::validate`] refuses.
+/// [`crate::Error::Urdf`] for malformed text, unless there are three wheels, and for limits that differ or that
+/// [`MotorOptions::validate`] rejects.
 pub fn motors_from_urdf_text(bot: &str) -> Result<MotorOptions> {
     read_motors("bot URDF", bot)
 }
@@ -31,7 +31,7 @@ fn read_motors(label: &str, bot: &str) -> Result<MotorOptions> {
     Ok(options)
 }
 
-/// The velocity limit that all wheel joints have, rad/s; zero if there is none.
+/// The common velocity limit of all wheel joints, rad/s; zero if there is none.
 fn speed_limit(text: &str) -> Checked<f64> {
     let tree = Tree::read(text)?;
     let joints = tree.turning_joints();

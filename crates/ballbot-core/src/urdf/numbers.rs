@@ -12,7 +12,7 @@ pub(super) fn pose(what: &str, origin: &Pose) -> Checked<Isometry3<f64>> {
     Ok(Isometry3::from_parts(Translation3::new(x, y, z), rotation))
 }
 
-/// Refuses numbers that are not finite; `what` names their element.
+/// Rejects numbers that are not finite; `what` names their element.
 pub(super) fn finite(what: &str, values: &[f64]) -> Checked<()> {
     match values.iter().find(|v| !v.is_finite()) {
         Some(value) => Err(format!("{what} contains {value}: it must be finite")),

@@ -11,7 +11,7 @@ pub(super) struct Placement {
     pub ball_height: f64,
     /// Mean zenith α of the contacts, rad.
     pub zenith: f64,
-    /// Zenith of each contact less the mean, rad; zeros if it is rounding.
+    /// Zenith of each contact minus the mean, rad; zeros if it is rounding.
     pub zenith_offsets: [f64; 3],
     /// Azimuth β of each contact, in [0, 2π), rad.
     pub azimuths: [f64; 3],
@@ -76,7 +76,7 @@ fn azimuth(p: &Point3<f64>) -> f64 {
     if angle < -TOLERANCE { angle + TAU } else { angle }
 }
 
-/// Refuses an axle that is not −u = −p × d, with p towards the contact and d the drive direction.
+/// Rejects an axle that is not −u = −p × d, with p towards the contact and d the drive direction.
 fn check_axle(wheel: &Wheel, zenith: f64, azimuth: f64) -> Checked<()> {
     let Wheel { what, axle, .. } = wheel;
     let (sin_azimuth, cos_azimuth) = azimuth.sin_cos();

@@ -146,7 +146,7 @@ fn root(links: &[Link], edges: &[(usize, usize)]) -> Checked<usize> {
     }
 }
 
-/// Refuses text nested deeper than [`MAX_DEPTH`].
+/// Rejects text nested deeper than [`MAX_DEPTH`].
 fn check_depth(text: &str) -> Checked<()> {
     let mut depth = 0_usize;
     let mut rest = text;

@@ -24,13 +24,13 @@ pub enum VisualLink {
 /// A shape about its own origin. Lengths in m.
 #[derive(Clone, Debug, PartialEq)]
 pub enum VisualShape {
-    /// Sphere of a radius.
+    /// Sphere: radius.
     Sphere(f64),
-    /// Cylinder along z, of a radius and a length.
+    /// Cylinder along z: radius and length.
     Cylinder(f64, f64),
-    /// Box with edges of these lengths.
+    /// Box: lengths of its edges.
     Cuboid(Vector3<f64>),
-    /// Path of a file of triangles, and factors from its coordinates to m.
+    /// Path of a mesh file, and factors from its coordinates to m.
     Mesh(PathBuf, Vector3<f64>),
 }
 
@@ -56,7 +56,7 @@ pub fn visuals_from_urdf(bot: &Path, ball: &Path) -> Result<Vec<Visual>> {
     read_visuals((bot, &read_file(bot)?), (ball, &read_file(ball)?))
 }
 
-/// The visual elements of the ballbot described by the texts `bot` and `ball`; paths of meshes remain as they are.
+/// The visual elements of the ballbot described by the texts `bot` and `ball`; mesh paths stay as written.
 ///
 /// # Errors
 /// As [`super::params_from_urdf_text`] and [`visuals_from_urdf`].

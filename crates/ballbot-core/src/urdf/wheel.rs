@@ -58,7 +58,7 @@ impl Wheel {
         Ok(Self { what, center, axle, radius, body, axial_inertia, damping, friction, effort })
     }
 
-    /// Refuses a wheel whose rotation would move the center of mass or change the inertia of the bot.
+    /// Rejects a wheel whose rotation would move the center of mass or change the inertia of the bot.
     pub fn check_balance(&self) -> Checked<()> {
         let Self { what, axle, body, .. } = self;
         let off_axle = (body.center - self.center).cross(axle).norm();

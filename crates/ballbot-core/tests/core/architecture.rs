@@ -1,9 +1,9 @@
-//! The layers of the crate, read off the paths in its sources.
+//! The layers of the crate, from the paths in its sources.
 //!
-//! Parameters, state, kinematics and lanes depend only on each other; models and simulations depend on them and never on
-//! one another; controllers depend on the state, the linear model and the inverse dynamics, never on a simulation; tasks
-//! depend on the state alone; batches join robots, tasks, stages and controllers. No two files depend on each other,
-//! re-exports aside. Each large dependency is named in one folder.
+//! Parameters, state, kinematics and lanes depend only on each other; models and simulations depend on them and never
+//! on each other; controllers depend on the state, the linear model and the inverse dynamics, never on a simulation;
+//! tasks depend only on the state; batches join robots, tasks, stages and controllers. No two files depend on each
+//! other, re-exports aside. Each large dependency is named in one folder.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fs;
@@ -31,7 +31,7 @@ const BOTTOM: [&str; 19] = [
     "thread_pool",
 ];
 
-/// What each layer above the bottom may use besides the bottom and itself; a longer path is that item alone.
+/// What each layer above the bottom may use in addition to the bottom and itself; a longer path means only that item.
 const LAYERS: [(&str, &[&str]); 13] = [
     ("actuator", &[]),
     ("perception", &[]),
@@ -74,7 +74,7 @@ const OWNERS: [(&str, &[&str]); 8] = [
 
 const MAX_LINES: usize = 500;
 
-/// `source` without comments and string literals, line by line: a string over several lines is taken for code.
+/// `source` without comments and string literals, line by line: a string over several lines is treated as code.
 fn code(source: &str) -> String {
     let mut out = String::with_capacity(source.len());
     for line in source.lines() {
@@ -98,7 +98,7 @@ fn is_name(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// Words of the code, `::`, braces and commas; everything else is left out.
+/// Words of the code, `::`, braces and commas; everything else is omitted.
 fn tokens(code: &str) -> Vec<&str> {
     let mut out = Vec::new();
     let mut rest = code;
@@ -117,7 +117,7 @@ fn tokens(code: &str) -> Vec<&str> {
 }
 
 /// All paths that start with `crate`, `super`, `self` or one of the module's `children`, from the crate's root, braces
-/// resolved. `module` is where they stand.
+/// resolved. `module` is where they occur.
 fn paths(code: &str, module: &[&str], children: &BTreeSet<String>) -> Vec<Vec<String>> {
     let tokens = tokens(code);
     let mut found = Vec::new();
@@ -164,7 +164,7 @@ fn path(tokens: &[&str], mut at: usize, mut base: Vec<String>, found: &mut Vec<V
     if tokens.get(at + 1) == Some(&"as") { at + 3 } else { at + 1 }
 }
 
-/// Items that lib.rs re-exports, with the module that they come from.
+/// Items that lib.rs re-exports, with their modules.
 fn reexports(lib: &str) -> BTreeMap<String, String> {
     let rooted = code(lib).replace("pub use ", "pub use crate::");
     let named = |path: Vec<String>| Some((path.last()?.clone(), path.first()?.clone()));
@@ -181,7 +181,7 @@ fn allowed(layer: &str, path: &[String]) -> bool {
     granted.iter().any(|grant| grant.split("::").zip(path).filter(|(g, p)| g == p).count() == grant.split("::").count())
 }
 
-/// What `file` (relative to src) breaks with `source`.
+/// Violations of `file` (relative to src) with `source`.
 fn violations(file: &str, source: &str, reexports: &BTreeMap<String, String>) -> Vec<String> {
     let mut out = Vec::new();
     if source.lines().count() > MAX_LINES {
@@ -202,7 +202,7 @@ fn violations(file: &str, source: &str, reexports: &BTreeMap<String, String>) ->
         if let Some(origin) = path.first().and_then(|item| reexports.get(item)) {
             path.insert(0, origin.clone());
         }
-        // A path to the root itself would let everything in.
+        // A path to the root itself would allow everything.
         if path.is_empty() || path[0] == "*" || !allowed(module[0], &path) {
             out.push(format!("{file} uses crate::{}", path.join("::")));
         }
@@ -263,7 +263,7 @@ impl Modules {
         paths(code, &names, &self.children(module))
     }
 
-    /// The module that defines what is at `path`, re-exports followed.
+    /// The module that defines the item at `path`, following re-exports.
     fn origin(&self, path: &[String]) -> Option<Vec<String>> {
         let length = (0..=path.len()).rev().find(|length| self.0.contains_key(&path[..*length]))?;
         let (module, rest) = path.split_at(length);

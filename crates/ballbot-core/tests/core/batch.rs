@@ -1,5 +1,5 @@
-//! Batches: each environment equals the single one of its seed to the last bit, for any number of threads, autoreset mode
-//! and neighbors; a refused step changes nothing.
+//! Batches: each environment equals the single environment with its seed to the last bit, for any number of threads,
+//! autoreset mode and neighbors; a rejected step changes nothing.
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -37,7 +37,7 @@ fn batch(config: &BalanceConfig, num_envs: usize, mode: Autoreset, threads: usiz
     batch
 }
 
-/// What one step has written.
+/// Results of one step.
 #[derive(Clone, Debug, PartialEq)]
 struct Written {
     observations: Vec<f32>,
@@ -90,7 +90,7 @@ fn actions(n: usize, k: usize) -> Vec<f32> {
     (0..n * ACTION_LEN).map(|i| 0.4 * ((i * 7 + k * 3) as f32).sin()).collect()
 }
 
-/// A single environment stepped by the contract of `mode`: observation, final observation, outcome of every step.
+/// A single environment stepped under the contract of `mode`: observation, final observation, outcome of every step.
 fn alone(config: &BalanceConfig, seed: u64, mode: Autoreset, steps: &[Vec<f32>]) -> Vec<(Vec<f32>, Vec<f32>, Outcome)> {
     let mut env = Environment::new(config, seed).unwrap();
     let mut seen = vec![0.0; OBSERVATION_LEN];
@@ -118,7 +118,7 @@ fn alone(config: &BalanceConfig, seed: u64, mode: Autoreset, steps: &[Vec<f32>])
 
 #[test]
 fn batched_environments_equal_single_ones() {
-    // The contact model's environments are eight to a block.
+    // The contact model has eight environments per block.
     for (model, n, width) in [(ModelKind::Spatial, 7, 1), (ModelKind::Rigid, 7, 1), (ModelKind::Contact, 19, 8)] {
         let steps: Vec<Vec<f32>> = (0..100).map(|k| actions(n, k)).collect();
         let config = config(model);
@@ -200,7 +200,7 @@ fn push(batch: &mut Batch, i: usize, impulse: f64) {
     batch.push(i, &Vector3::new(impulse, 0.0, 0.0), None).unwrap();
 }
 
-/// Asserts that a step is refused and moves nothing; returns the message.
+/// Asserts that a step is rejected and moves nothing; returns the message.
 #[track_caller]
 fn refused(batch: &mut Batch, actions: &[f32]) -> String {
     let before = saved(batch);
@@ -325,11 +325,11 @@ fn mask_selects_the_environments_to_reset() {
     let before = saved(&batch);
     let mut observations = vec![UNTOUCHED; 3 * OBSERVATION_LEN];
     batch.reset(Some(&[true, false, true]), &mut observations).unwrap();
-    // The others show what they show, and stay as they are.
+    // The others are unchanged, and so are their observations.
     assert_eq!(&observations[OBSERVATION_LEN..2 * OBSERVATION_LEN], written.observation(1));
     assert!(saved(&batch)[1] == before[1], "environment 1 was not to be reset");
     for i in [0, 2] {
-        // The second start that the seed draws.
+        // The second start sampled from the seed.
         let mut env = Environment::new(&config, 40 + i as u64).unwrap();
         let mut expected = [0.0; OBSERVATION_LEN];
         env.reset(&mut expected);

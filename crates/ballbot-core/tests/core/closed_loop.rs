@@ -54,7 +54,7 @@ fn setpoints(n: usize) -> Vec<Setpoint> {
     (0..n).map(setpoint).collect()
 }
 
-/// States, actions and results of single environments under clones of a controller, by the contract of `mode`.
+/// States, actions and results of single environments under clones of a controller, with the contract of `mode`.
 fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controller: &C, n: usize, mode: Autoreset) {
     let (model, torque) = (config.model, config.action_torque());
     let batch = || Run::new(Batch::new(config, n, mode, Some(1), SEED).unwrap());
@@ -241,7 +241,7 @@ fn memory_of_a_controller_restarts_with_another_controller() {
     assert_ne!(used, fresh, "the PID keeps nothing");
     run.batch.control(&Under { setpoints: Some(&upright), ..Under::new(&second) }, &mut again).unwrap();
     assert_eq!(again, fresh);
-    // A loaded environment starts anew as well.
+    // The controller's memory of a loaded environment is reset as well.
     let saved = run.batch.save(3).unwrap();
     run.batch.control(&Under { setpoints: Some(&tilted), ..Under::new(&second) }, &mut used).unwrap();
     run.batch.load(3, &saved).unwrap();

@@ -1,5 +1,5 @@
-//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by the motion of the robot; the estimator
-//! that they may run on.
+//! Controllers: the Riccati equation by its cost, the regulator and the paper's PID by the motion of the robot; the
+//! estimator that they may use.
 
 mod estimator;
 
@@ -125,13 +125,13 @@ fn riccati_equations_without_a_stabilizing_solution_are_refused() {
         let message = refused(scalar(1.1), scalar(1.0), scalar(r));
         assert!(message.contains("R is not positive definite"), "{message}");
     }
-    // The input does not reach the mode that grows, or none at all.
+    // The input does not reach the growing mode, or any mode.
     refused(two([0.9, 1.1]), DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), scalar(1.0));
     refused(scalar(1.0), scalar(0.0), scalar(1.0));
     refused(scalar(f64::NAN), scalar(1.0), scalar(1.0));
 }
 
-/// What a regulated robot went through.
+/// Record of a regulated robot.
 #[derive(Debug)]
 struct Recovery {
     /// Largest tilt, rad, and distance of the ball from the origin, m.
@@ -192,7 +192,7 @@ fn lqr_recovers_from_a_push() {
     }
 }
 
-/// Two degrees, then what the robot does in the second ten seconds.
+/// Two degrees, then the motion in the second ten seconds.
 fn balance(params: &Params, kind: ModelKind) -> Recovery {
     let mut robot = robot(params, kind, Vector2::new(0.02, -0.0285), 0.4);
     let mut lqr = Lqr::new(params, CONTROL_DT).unwrap();
@@ -213,7 +213,7 @@ fn lqr_brings_all_presets_to_rest() {
 
 #[test]
 fn lqr_has_a_limit_cycle_under_dry_friction() {
-    // Dry friction of the wheels, which no linear regulator knows: a limit cycle, 0.59 deg and 96 mm wide here.
+    // Dry friction of the wheels, which no linear regulator models: a limit cycle, 0.59 deg and 96 mm wide here.
     let params = Params::preset("asroballet").unwrap();
     assert_eq!(params.wheel_coulomb_friction, 0.1);
     for kind in ModelKind::ALL {

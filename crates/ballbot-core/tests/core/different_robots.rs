@@ -27,7 +27,7 @@ fn batch(config: &BalanceConfig, n: usize, mode: Autoreset, seed: u64) -> Batch 
     Batch::new(config, n, mode, Some(1), seed).unwrap()
 }
 
-/// One block of eight and a part of another, no two alike.
+/// One block of eight and part of another, all different.
 fn robots() -> Vec<Params> {
     let paper = Params::paper();
     let with = |change: &dyn Fn(&mut Params)| {
@@ -60,8 +60,8 @@ fn mixed(config: &BalanceConfig, robots: &[Params], mode: Autoreset, threads: us
     Run::new(batch)
 }
 
-/// The same, every other one without symmetry, with losses at the ball and on a slope; some on wheels with a ripple, if the
-/// model has it.
+/// The same, with every other robot without symmetry, with losses at the ball and on a slope; some on wheels with a
+/// ripple, if the model has it.
 fn general_robots(model: ModelKind) -> Vec<Params> {
     let rippled = model != ModelKind::Spatial;
     let mut robots = robots();
@@ -76,7 +76,7 @@ fn general_robots(model: ModelKind) -> Vec<Params> {
         if rippled && i % 4 == 3 {
             (params.roller_ripple, params.roller_phases) = (3e-4 * share, [0.3, share, -1.0]);
         }
-        // One with its CoM off the mast alone, and one whose body axes alone are not principal.
+        // A robot with only its CoM off the mast, and a robot whose only asymmetry is its principal axes.
         if i != 3 {
             params.body_products_of_inertia = [1e-3, -2e-3 * share, 1.5e-3];
         }
@@ -137,7 +137,7 @@ fn different_robots_move_differently() {
         let (mixed, uniform) = (run(&robots), run(&uniform));
         assert_eq!(mixed[0], uniform[0], "{model}");
         for i in 1..robots.len() {
-            // Static friction alone has no effect on rigid robots that keep their grip.
+            // Static friction by itself has no effect on rigid robots that keep their grip.
             let silent = model == ModelKind::Rigid && i == 7;
             assert!(silent || mixed[i] != uniform[i], "{model}: the parameters of robot {i} have no effect");
         }
@@ -146,7 +146,7 @@ fn different_robots_move_differently() {
 
 #[test]
 fn equal_parameters_change_no_bit() {
-    // Joint friction has impulses of its own in the solver's state.
+    // Joint friction has its own impulses in the solver's state.
     let params = Params { wheel_viscous_friction: 1e-4, wheel_coulomb_friction: 5e-3, ..Params::paper() };
     for model in ModelKind::ALL {
         let config = config(model, &params);
@@ -232,7 +232,7 @@ fn parameters_change_in_mid_motion_and_neighbors_keep_their_bits() {
                     let moved = (run.batch.state(changed).unwrap().to_array().iter().zip(before.to_array()))
                         .map(|(after, before)| (after - before).abs())
                         .fold(0.0, f64::max);
-                    // Rigid robots are built anew where bodies change, from their coordinates.
+                    // Rigid robots are rebuilt from their coordinates where bodies change.
                     assert!(moved <= if model == ModelKind::Rigid { 1e-9 } else { 0.0 }, "{model}: moved by {moved}");
                 }
                 for run in [&mut plain, &mut run] {
@@ -273,7 +273,7 @@ fn inertia_changes_in_mid_motion() {
                 assert!(moved <= if kind == ModelKind::Rigid { 1e-9 } else { 1e-14 }, "{kind}: moved by {moved}");
             }
         }
-        // And it goes on as that of a robot which has had these parameters all along.
+        // And it continues like the motion of a robot that always had these parameters.
         let mut built = Ballbot::new(&one, kind, 0.002).unwrap();
         built.reset(&robot.state()).unwrap();
         robot.set_params(&one).unwrap();
@@ -327,7 +327,7 @@ fn another_geometry_requires_a_reset() {
 fn refused_parameters_change_nothing() {
     let robots = robots();
     for model in ModelKind::ALL {
-        // Starts that the paper's robot has room for.
+        // Starts that are possible for the paper's robot.
         let mut config = config(model, &robots[0]);
         (config.task.reset_tilt, config.task.fall_tilt) = (1.1, 1.5);
         let mut refused: Vec<(Params, &str)> = vec![

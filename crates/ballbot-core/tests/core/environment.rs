@@ -155,7 +155,7 @@ fn robots_that_start_turning_start_as_others_otherwise() {
         rates.push(b.body_angular_velocity.z / 0.5);
     }
     assert!(rates.iter().all(|rate| rate.abs() <= 1.0));
-    // Four standard errors of an even distribution over ±1.
+    // Four standard errors of a uniform distribution over ±1.
     let mean = |f: &dyn Fn(f64) -> f64| rates.iter().map(|&rate| f(rate)).sum::<f64>() / n as f64;
     let four_sigma = 4.0 / (n as f64).sqrt();
     assert!(mean(&|rate| rate).abs() < 3.0_f64.sqrt().recip() * four_sigma);
@@ -315,7 +315,7 @@ fn reward_is_the_sum_of_its_terms() {
     assert!((episode.env.reward_terms()[7].1 + 17.0 * 0.5 / 3.0).abs() < 1e-12);
 }
 
-/// Asserts that a changed configuration is refused with a message that names the value.
+/// Asserts that a changed configuration is rejected with a message that names the value.
 #[track_caller]
 fn assert_refused(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
     let mut config = config(ModelKind::Rigid);
@@ -353,7 +353,7 @@ fn invalid_configurations_are_refused() {
         c.reward.set("action_change", f64::NAN).unwrap();
     });
     assert_refused("gravity = 0 ", |c| c.params.gravity = 0.0);
-    // Ratios that are whole but for rounding.
+    // Ratios that are whole except for rounding.
     for (sim_dt, control_dt, expected) in [(0.01, 0.07, 7), (0.001, 0.043, 43), (0.02, 0.02, 1)] {
         assert_eq!(BalanceConfig { sim_dt, control_dt, ..config(ModelKind::Rigid) }.substeps().unwrap(), expected);
     }

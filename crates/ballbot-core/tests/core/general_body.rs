@@ -82,7 +82,7 @@ proptest! {
         }
         let lqr = regulator(&params);
         let found = lqr.deviation(&robot.state(), &Setpoint { yaw, ..Setpoint::default() });
-        // Lengths by the height of the center of mass, rates by the natural one.
+        // Lengths relative to the height of the center of mass, rates relative to the natural rate.
         let (length, rate) = (params.body_com().norm(), natural_rate(&params));
         let units = [length, length, 1.0, 1.0, 1.0, length * rate, length * rate, rate, rate, rate];
         let scaled = |v: &SVector<f64, 10>| SVector::<f64, 10>::from_fn(|i, _| v[i] / units[i]);
@@ -173,14 +173,14 @@ fn regulator(params: &Params) -> Lqr {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 100, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// It leans, its ball at the setpoint: neither an offset nor a torque remains.
+    /// It leans with its ball at the setpoint: neither an offset nor a torque remains.
     #[test]
     fn lqr_brings_any_robot_to_rest_at_its_setpoint(
         params in any_general_robot(),
         tilt in any_small_tilt(0.02),
         yaw in -PI..PI,
     ) {
-        // By terms of second order the ball is left spinning about the vertical, which only joint friction would feel.
+        // Second-order terms leave the ball spinning about the vertical; only joint friction would be affected.
         let params = without_losses(&params);
         let mut lqr = regulator(&params);
         let sim_dt = lqr.control_dt() / 4.0;
@@ -190,7 +190,7 @@ proptest! {
         let setpoint = Setpoint { position: Vector2::new(0.1, -0.2) * length, yaw, ..Setpoint::default() };
         let unit = params.body_mass * params.gravity * params.wheel_radius;
         let mut left = [f64::NAN; 4];
-        // A body on a heavy ball needs long.
+        // A body on a heavy ball takes long.
         for _ in 0..50 {
             let mut motors = [0.0; 3];
             for _ in 0..1000 {
@@ -225,7 +225,7 @@ fn a_symmetric_robot_balances_upright_to_the_last_bit() {
     }
 }
 
-/// The general formulas go over into those of the symmetric robot.
+/// The general formulas reduce to those of the symmetric robot.
 #[test]
 fn a_robot_that_is_hardly_crooked_is_the_symmetric_one() {
     let paper = Params::paper();
@@ -257,7 +257,7 @@ fn pid_holds_the_lean() {
         assert!(lean < 3.01, "{lean} deg at {} s", robot.time());
         assert!(robot.time() < 0.5 || lean < 0.5, "{lean} deg at {} s", robot.time());
     }
-    // The mast does lean: tilt and lean are two things here.
+    // The mast leans: tilt and lean differ here.
     assert!((robot.state().tilt() - 5e-3_f64.hypot(3e-3).atan2(0.142)).abs() < 1e-3, "{}", robot.state().tilt());
 }
 

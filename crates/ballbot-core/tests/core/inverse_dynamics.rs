@@ -19,7 +19,7 @@ fn quat(q: &UnitQuaternion<f64>) -> Quat<f64> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// The torques of an acceleration have that acceleration, on any floor.
+    /// The torques of an acceleration produce that acceleration, on any floor.
     #[test]
     fn torques_have_the_wanted_acceleration(
         robot in any_general_robot(),
@@ -45,7 +45,7 @@ proptest! {
         let torques = Vector3::from(torques);
         let found = model.accelerations(&state.body_quaternion, &velocity, &torques);
         let found = to_balance * found.fixed_rows::<3>(2).into_owned();
-        // The torques are of the size of those that brake the motors' own inertia.
+        // The torques are of the size that brakes the motors' own inertia.
         let driven = model.accelerations(&state.body_quaternion, &velocity, &(torques * 2.0));
         let size = driven.amax().max(found.amax());
         prop_assert!((found - wanted).amax() <= 1e-12 * size, "{found} in place of {wanted}, of {size}");

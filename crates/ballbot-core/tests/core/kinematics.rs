@@ -1,8 +1,8 @@
 //! Omniwheel kinematics: torques and rates are power conjugate, whatever the attitude.
 //!
 //! A wheel rolls on the ball without slip along its drive direction and freely across it, so an encoder rate is the
-//! relative turning of ball and body seen along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed
-//! by virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be judged by it.
+//! relative rotation of ball and body along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed by
+//! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be judged by it.
 
 use crate::support::{any_attitude, any_robot, vector};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -12,14 +12,14 @@ use proptest::array::uniform3;
 use proptest::prelude::*;
 use std::f64::consts::TAU;
 
-/// The paper's robot with its wheels away from 45 deg, where sine and cosine are told apart.
+/// The paper's robot with its wheels away from 45 deg, where sine and cosine differ.
 fn high_wheels() -> (Params, Omniwheels) {
     let params = Params { wheel_zenith: 0.6, ..Params::paper() };
     let wheels = Omniwheels::new(&params);
     (params, wheels)
 }
 
-/// Any robot, its wheels anywhere that they are allowed; even ones in half of the robots.
+/// Any robot, its wheels anywhere that is allowed; symmetric wheels in half of the robots.
 fn any_wheels() -> impl Strategy<Value = Params> {
     let uneven = || prop_oneof![Just([0.0; 3]), uniform3(-0.15..0.15)];
     (any_robot(), 0.2..1.3, uneven(), uneven()).prop_map(|(params, zenith, offsets, turns)| Params {
@@ -62,7 +62,7 @@ proptest! {
     ) {
         let wheels = Omniwheels::new(&params);
         let torques = wheels.wheel_torques(&wanted, TorqueMap::Consistent);
-        // The power on the relative turning of ball and body: about x and y eq. (8) counts torques on the body.
+        // The power of the relative rotation of ball and body: about x and y eq. (8) counts torques on the body.
         let relative = q.inverse_transform_vector(&ball) - body;
         let on_ball = Vector3::new(-wanted.x, -wanted.y, wanted.z) * params.gear_ratio();
         let power = torques.dot(&wheels.wheel_speeds(&q, &ball, &body));
@@ -157,7 +157,7 @@ fn printed_map_is_too_strong_by_the_known_ratios() {
     let strength = |virtual_torques: Vector3<f64>| {
         let wheels = Omniwheels::new(&Params::paper());
         let printed = wheels.wheel_torques(&virtual_torques, TorqueMap::AsPrinted);
-        // What a power-preserving robot would feel of them.
+        // Their virtual torques when power is conserved.
         wheels.virtual_torques(&printed).dot(&virtual_torques)
     };
     // (3/2)(r_k/r_w) cos²α and 3 (r_k/r_w) sin²α with Table II.
@@ -187,7 +187,7 @@ fn encoder_rates_have_the_sign_of_the_drive() {
     let forward = 0.4 * cos / params.wheel_radius;
     let expected = Vector3::new(forward, -0.5 * forward, -0.5 * forward);
     assert!((speeds - expected).norm() < 1e-12, "{speeds}, expected {expected}");
-    // Heading turns the picture with the robot.
+    // The heading rotates this with the robot.
     let turned = wheels.wheel_speeds(
         &attitude(Vector2::zeros(), TAU / 4.0),
         &rolling_rate(&params, &Vector3::new(-0.4, 0.0, 0.0)),

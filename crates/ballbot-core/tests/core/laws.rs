@@ -1,4 +1,4 @@
-//! The laws beyond the regulator and the paper's PID, one module each; here what they have in common.
+//! The laws beyond the regulator and the paper's PID, one module each; shared code is here.
 
 mod cascade_pid;
 mod delay;
@@ -56,7 +56,7 @@ fn presets() -> impl Iterator<Item = (&'static str, Params)> {
         .map(|name| (*name, Params { wheel_coulomb_friction: 0.0, ..Params::preset(name).unwrap() }))
 }
 
-/// A robot whose center of mass is off its mast, and whose wheels are not even.
+/// A robot whose center of mass is off its mast, and whose wheels are asymmetric.
 fn uneven() -> Params {
     let [a, b, c] = Params::paper().wheel_azimuths;
     Params { body_com_offset: [5e-3, -3e-3], wheel_azimuths: [a + 0.02, b - 0.03, c + 0.01], ..Params::paper() }
@@ -88,7 +88,7 @@ fn laws_give_the_numbers_that_they_compute_with() {
     }
 }
 
-/// K of τ = −K (x, memory), by differences of the torques near the equilibrium.
+/// K of τ = −K (x, memory), from differences of the torques near the equilibrium.
 fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
     const SMALL: f64 = 1e-5;
     let (setpoint, memory) = (SetpointCells::from(&Setpoint::default()), controller.memory_len());
@@ -109,7 +109,7 @@ fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
     gain
 }
 
-/// A + B (−K) of the linear model, in continuous time, with what the law keeps.
+/// A + B (−K) of the linear model, in continuous time, with the memory of the law.
 fn closed_loop(params: &Params, gain: &DMatrix<f64>, kept: &DMatrix<f64>) -> DMatrix<f64> {
     let LinearModel { a, b } = LinearModel::new(params);
     let size = gain.ncols();
@@ -139,7 +139,7 @@ fn pair(frequency: f64, damping: f64) -> [Complex<f64>; 2] {
     [imaginary, -imaginary].map(|imaginary| Complex::new(-damping * frequency, imaginary))
 }
 
-/// What a robot went through.
+/// Record of a robot.
 #[derive(Debug)]
 struct Run {
     tilt: f64,
@@ -196,7 +196,7 @@ fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
     (0..count).map(move |k| TAU / 3.0 * f64::from(k) / f64::from(count)).map(|a| Vector2::new(a.cos(), a.sin()))
 }
 
-/// The largest of the numbers up to which something holds in all of 12 directions.
+/// The largest of the numbers up to which a condition holds in all of 12 directions.
 fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64) -> bool) -> f64 {
     numbers.take_while(|&number| around(12).all(|direction| holds(direction, number))).last().unwrap_or(0.0)
 }
@@ -236,7 +236,7 @@ fn basins_and_pushes() {
     }
 }
 
-/// A step of 0.5 m: overshoot, undershoot and the time after which 20 mm are left.
+/// A step of 0.5 m: overshoot, undershoot and the time until the error stays below 20 mm.
 #[test]
 fn steps_of_the_setpoint() {
     const STEP: f64 = 0.5;
@@ -282,7 +282,7 @@ fn laws_stand_from_eight_degrees_on_all_presets() {
 }
 
 /// Robots from half a kilogram to fifty with their center of mass off the mast: the default options are in units of λ.
-/// They grip, and each wheel carries its share.
+/// They grip, and each wheel carries load.
 #[test]
 fn laws_bring_any_robot_to_rest() {
     let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
@@ -306,7 +306,7 @@ fn laws_bring_any_robot_to_rest() {
     }
 }
 
-/// Setpoints that ask for far more than the robot can do.
+/// Setpoints far beyond what the robot can do.
 #[test]
 fn a_far_setpoint_topples_no_robot() {
     let params = Params::paper();
@@ -344,7 +344,7 @@ fn position_and_heading_are_reached() {
     }
 }
 
-/// Turned and moved together with its setpoint, a robot has the same torques.
+/// A robot rotated and translated together with its setpoint has the same torques.
 #[test]
 fn headings_and_places_change_no_torque() {
     let params = uneven();
@@ -412,7 +412,7 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
     }
 }
 
-/// The default limits of the laws are those of the traction.
+/// The default limits of the laws are the traction limits.
 #[test]
 fn laws_are_limited_by_the_traction() {
     for name in LAWS {

@@ -1,4 +1,5 @@
-//! What would take all memory, all threads or all day is refused or ends when its caller wants; bad snapshots change nothing.
+//! Requests that would take all memory, all threads or all day are rejected, or end when the caller stops them; bad
+//! snapshots change nothing.
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, StepResults};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, Setpoint};
@@ -10,7 +11,7 @@ use std::time::{Duration, Instant};
 
 const OBSERVATION_LEN: usize = 16;
 
-/// Whether the time since its making has come.
+/// Whether the time since its creation has elapsed.
 fn after(milliseconds: u64) -> impl Fn() -> bool + 'static {
     let start = Instant::now();
     move || start.elapsed() > Duration::from_millis(milliseconds)
@@ -71,7 +72,7 @@ fn a_long_run_of_a_robot_ends_when_its_caller_wants() {
         let mut robot = Ballbot::new(&Params::paper(), kind, 1e-6).unwrap();
         let result = stoppable(after(100), || robot.step(&[0.0; 3], usize::MAX));
         assert!(matches!(result, Err(Error::Interrupted)), "{kind}: {result:?}");
-        // It stands where it has come to, and goes on.
+        // It keeps the state it has reached, and continues.
         let time = robot.time();
         assert!(time > 0.0, "{kind}");
         robot.step(&[0.0; 3], 1).unwrap();
@@ -121,7 +122,7 @@ fn a_clone_of_a_controller_is_another_controller() {
     let lqr = Lqr::new(&params, 0.01).unwrap();
     assert_ne!(Controller::id(&lqr), Controller::id(&lqr.clone()));
     let mut pid = Pid::new(&params, 0.002, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    // So little that no motor is at its limit, which would hold the integral.
+    // So small that no motor is at its limit, which would freeze the integral.
     let leaning = State::tilted(&params, Vector2::new(0.002, 0.001), 0.0);
     let setpoint = Setpoint::default();
     let first = pid.wheel_torques(&leaning, &setpoint);
@@ -129,7 +130,7 @@ fn a_clone_of_a_controller_is_another_controller() {
     assert_ne!(first, later, "its integral has grown");
     let mut clone = pid.clone();
     assert_ne!(Controller::id(&pid), Controller::id(&clone));
-    // It starts from nothing, and what it keeps is its own.
+    // It starts empty, and its memory is its own.
     assert_eq!(clone.wheel_torques(&leaning, &setpoint), first);
     let third = pid.wheel_torques(&leaning, &setpoint);
     assert_eq!(clone.wheel_torques(&leaning, &setpoint), later);
@@ -205,8 +206,8 @@ fn a_unit_quaternion_keeps_its_bits() {
     assert!((longer.norm() - 1.0).abs() < 1e-15);
 }
 
-/// A reset to the robot's own state goes on from there: to the last bit where the model keeps nothing else, within rounding
-/// where it keeps other coordinates, and within the first step's forces where it keeps those of its contacts.
+/// A reset to the robot's own state continues from there: to the last bit where the model keeps nothing else, within
+/// rounding where it keeps other coordinates, and within the first step's forces where it keeps those of its contacts.
 #[test]
 fn a_robot_goes_on_from_its_own_state() {
     for (model, tolerance) in

@@ -1,4 +1,4 @@
-//! Tests that need no process of their own: one program, since each links the whole library.
+//! Tests that need no separate process: one program, since each program links the whole library.
 
 mod architecture;
 mod batch;

@@ -18,7 +18,7 @@ use ballbot_core::{ModelKind, Params};
 /// Torque of an action of 1, N·m.
 const TORQUE: f64 = 0.5;
 
-/// Every effect at once, in model steps of 2 ms; the delay is no whole number of control steps of 10 ms.
+/// Every effect at once, in model steps of 2 ms; the delay is not a whole number of control steps of 10 ms.
 fn everything() -> MotorOptions {
     MotorOptions {
         delay: 0.026,
@@ -32,7 +32,7 @@ fn everything() -> MotorOptions {
     }
 }
 
-/// The models that are compiled, and how many robots of each: of `contact` a block of eight and a part of another.
+/// The models that are compiled, and how many robots of each: for `contact` a block of eight and part of another.
 fn models() -> Vec<(ModelKind, usize)> {
     let mut models = vec![(ModelKind::Planar, 3), (ModelKind::Spatial, 3), (ModelKind::Contact, 11)];
     if cfg!(feature = "rigid") {

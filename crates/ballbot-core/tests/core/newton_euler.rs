@@ -1,9 +1,9 @@
 //! The spatial model against a second derivation that shares nothing with it: Newton's and Euler's equations of five
 //! rigid bodies, held together by constraints whose forces are unknowns.
 //!
-//! Bodies are the ball, the body link (without wheels) and three wheels with a mass, an inertia about their axle and one
-//! across it. Each has its own velocity v of its CoM and angular velocity ω, in the inertial frame: 30 accelerations.
-//! Every constraint is a condition on velocities, J v = 0, with one multiplier, the force it takes:
+//! Bodies are the ball, the body link (without wheels) and three wheels with a mass, an inertia about their axle and an
+//! inertia across it. Each has its own velocity v of its CoM and angular velocity ω, in the inertial frame: 30
+//! accelerations. Every constraint is a condition on velocities, J v = 0, with one multiplier, the force it takes:
 //!
 //! | rows | condition | multiplier |
 //! |---|---|---|
@@ -14,7 +14,7 @@
 //! | normals, 3 | p · (v_w − v_k) = 0, p from the ball's center to the wheel's | load N of the wheel |
 //! | drives, 3 | d · (v_w − r_w ω_w × p − v_k − r_k ω_k × p) = 0, surface against surface | −f, f the traction on the ball |
 //!
-//! Nothing holds wheel and ball together across d: that is where an omniwheel's rollers turn. Since p, d, r and t turn
+//! Nothing holds wheel and ball together across d: there the rollers of the omniwheel turn. Since p, d, r and t turn
 //! with the body, the derivative of a condition is J v' + J' v, and with the momenta
 //!
 //! ```text
@@ -39,10 +39,10 @@ use proptest::prelude::*;
 
 /// Largest difference from the spatial model, of the largest number of its kind.
 const LIMIT: f64 = 1e-11;
-/// The same for robots without symmetry, some of which have a wheel that carries a thousandth of the weight.
+/// The same for robots without symmetry; some have a wheel that carries a thousandth of the weight.
 const GENERAL_LIMIT: f64 = 1e-10;
 
-/// Largest difference, as a share of `scale`.
+/// Largest difference relative to `scale`.
 fn off(found: &[f64], expected: &[f64], scale: f64) -> f64 {
     crate::support::largest(found.iter().zip(expected).map(|(f, e)| (f - e).abs())) / scale
 }
@@ -71,7 +71,7 @@ fn compare(
     let expected = model.accelerations(&q, &velocity, &Vector3::from(*motors));
     let contacts = model.contacts(&q, &velocity, &Vector3::from(*motors));
     let turning = &expected.as_slice()[2..];
-    // Linear and angular accelerations go together by the robot's size, forces by the largest of them.
+    // Linear and angular accelerations are scaled by the robot's size, forces by the largest force.
     let acceleration = largest(&expected.as_slice()[..2]).max(largest(turning) * params.ball_radius);
     let force = largest(contacts.floor_force.as_slice()).max(largest(&contacts.wheel_normal_forces));
     [
@@ -129,7 +129,7 @@ fn compare_all(
     transverse: f64,
     limit: f64,
 ) -> Result<(), TestCaseError> {
-    // How dry friction begins is the models' own choice, not mechanics.
+    // How dry friction builds up is a modeling choice, not mechanics.
     let params = Params { wheel_coulomb_friction: 0.0, ..params.clone() };
     let motors = torques(&params, shares);
     for (pinned, absolute) in [(false, true), (true, true), (false, false), (true, false)] {
@@ -141,7 +141,7 @@ fn compare_all(
     Ok(())
 }
 
-/// The comparison sees what it should: each of these is a term that a derivation may lose.
+/// The comparison is sensitive: each of these is a term that a derivation may lose.
 #[test]
 fn missing_terms_are_detected() {
     let params =

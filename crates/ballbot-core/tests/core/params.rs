@@ -1,4 +1,4 @@
-//! Parameters: what is refused and in which words, and that no way in or out of them loses a value.
+//! Parameters: what is rejected with which message, and that no conversion loses a value.
 
 use ballbot_core::{Error, Params};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
@@ -6,7 +6,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-/// A change that must be refused, and what the message must say: the name, the value, the limit.
+/// A change that must be rejected, and what the message must contain: the name, the value, the limit.
 type Refusal<'a> = (&'a str, &'a [f64], [&'a str; 2]);
 
 #[track_caller]
@@ -79,7 +79,7 @@ fn parameters_beyond_their_documented_range_are_refused() {
             }
         }
     }
-    // A rim so heavy that nothing else counts.
+    // A rim so heavy that everything else is negligible.
     let error = Params::paper().replace([("wheel_radius", &[1e-6][..]), ("wheel_inertia", &[1.0][..])]).unwrap_err();
     assert!(error.to_string().starts_with("wheel_inertia / wheel_radius^2 = 1"), "{error}");
 }
@@ -131,7 +131,7 @@ fn rollers_that_cannot_be_are_refused() {
 
 #[test]
 fn impossible_inertia_is_refused() {
-    // No moment exceeds the sum of the other two; a ball's is at most that of a thin shell.
+    // No moment exceeds the sum of the other two; a ball has at most the moment of a thin shell.
     assert_refused(&[
         ("body_inertia", &[0.05, 0.02, 0.02], ["body_inertia[0] = 0.05 ", "at most 0.04"]),
         ("body_inertia", &[0.02, 0.02, 0.05], ["body_inertia[2] = 0.05 ", "triangle inequality"]),
@@ -160,7 +160,7 @@ fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
         assert!(error.to_string().starts_with(&expected), "{error}");
     }
     assert_refused(&[
-        // Two wheels at one place turn the ball about no axis but theirs.
+        // Two wheels at one place turn the ball only about their axis.
         ("wheel_azimuths", &[0.0, 0.0, PI], ["volume spanned by the axles of the wheels = 0 ", "at least 0.000001"]),
         ("wheel_azimuths", &[0.0, TAU, 4.0], ["volume spanned by the axles", "turn the ball about every axis"]),
         // Apart, but all on one side of the mast: the body topples over wheel 1.
@@ -282,7 +282,7 @@ fn missing_parameters_are_named_and_optional_ones_have_defaults() {
     assert!(from_fields(&fields).unwrap_err().to_string().starts_with("ball_mass = NaN "));
 }
 
-/// A robot with no two values alike and none at its default.
+/// A robot whose values are all different and not at their defaults.
 fn unlike_any_other() -> Params {
     let mut fields: Vec<_> = fields_without(&Params::paper(), "");
     for (i, (_, values)) in fields.iter_mut().enumerate() {
@@ -332,7 +332,7 @@ fn toml_keeps_all_values_to_the_last_bit() {
         }
     }
     assert_eq!(Params::from_toml(&text).unwrap(), params);
-    // Whole numbers need no point.
+    // Whole numbers need no decimal point.
     let whole = format!("{}\nmax_wheel_torque = 3", text.replace("max_wheel_torque", "# max_wheel_torque"));
     assert_eq!(Params::from_toml(&whole).unwrap().max_wheel_torque, 3.0);
 }
@@ -345,7 +345,7 @@ fn parameters_written_as_toml_round_trip() {
     }
 }
 
-/// A file of this test alone, deleted at its end.
+/// A file of this test only, deleted at its end.
 struct TestFile(PathBuf);
 
 impl TestFile {

@@ -1,4 +1,4 @@
-//! Height scans and depth cameras against closed forms, and as parts of environments.
+//! Height scans and depth cameras against closed forms, and in environments.
 
 mod batches;
 mod depth;

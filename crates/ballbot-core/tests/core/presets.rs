@@ -7,7 +7,7 @@ use std::f64::consts::{FRAC_PI_2, FRAC_PI_4};
 use std::fs;
 use std::path::Path;
 
-/// Inertia of the body alone about its own CoM: Params' body without three wheels of transverse inertia J_w / 2.
+/// Inertia of only the body about its own CoM: Params' body without three wheels of transverse inertia J_w / 2.
 fn inertia_without_wheels(p: &Params) -> Matrix3<f64> {
     let com = Vector3::new(0.0, 0.0, p.body_com_height);
     let mut mass = p.body_mass;

@@ -1,8 +1,8 @@
-//! What holds for any robot, from any start, under any torques: each a property of mechanics or a promise of the library,
-//! each tried on every model that it applies to.
+//! Properties of any robot, from any start, under any torques: laws of mechanics or promises of the library, each
+//! tested on every model that it applies to.
 //!
-//! Robots differ a hundredfold in mass and sixfold in size, so differences are counted in the robot's own measures: lengths
-//! in heights of its center of mass, rates in that at which it falls.
+//! Robots differ a hundredfold in mass and sixfold in size, so differences are in the robot's own units: lengths in
+//! heights of its center of mass, rates in the rate at which it falls.
 
 mod energy;
 mod finite;
@@ -19,13 +19,13 @@ use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
 
-/// `cases` of them, none kept in a file: a bug that is found becomes a test with its own numbers.
+/// `cases` random cases, not stored in a file: a bug that is found becomes a test with its own numbers.
 fn cases(cases: u32) -> ProptestConfig {
     let cases = std::env::var("BALLBOT_CASES").map_or(cases, |text| text.parse().expect("a number of cases"));
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// The same cases in every run, where what is allowed is not rounding but was measured.
+/// The same cases in every run, where the tolerance is measured rather than rounding.
 fn same_cases(cases: u32) -> ProptestConfig {
     ProptestConfig { rng_seed: RngSeed::Fixed(1), ..self::cases(cases) }
 }
@@ -35,19 +35,20 @@ fn any_shape() -> impl Strategy<Value = Params> {
     prop_oneof![any_robot(), any_general_robot()]
 }
 
-/// The models that take the robot: `planar` takes symmetric ones only.
+/// The models that accept the robot: `planar` accepts only symmetric robots.
 fn models(params: &Params) -> impl Iterator<Item = ModelKind> {
     let symmetric = params.is_symmetric();
     ModelKind::ALL.into_iter().filter(move |kind| symmetric || *kind != ModelKind::Planar)
 }
 
-/// A robot from `start`; none where the model refuses the start, as the floor does to a low body.
+/// A robot from `start`; `None` where the model rejects the start, such as a low body in the floor.
 fn robot(kind: ModelKind, params: &Params, start: &State, sim_dt: f64) -> Option<Ballbot> {
     let mut robot = Ballbot::new(params, kind, sim_dt).expect("robots are built of parts that exist");
     robot.reset(start).ok().map(|()| robot)
 }
 
-/// Torques of a run: one set after the other, each for `hold` steps, in shares of what makes a wheel slip.
+/// Torques of a run: one set after the other, each for `hold` steps, as fractions of the torque that makes a wheel
+/// slip.
 #[derive(Clone, Debug)]
 struct Drive {
     shares: Vec<Vector3<f64>>,
@@ -65,7 +66,7 @@ fn any_drive(most: f64, changes: usize, hold: usize) -> impl Strategy<Value = Dr
     prop::collection::vec(vector(most), changes).prop_map(move |shares| Drive { shares, hold })
 }
 
-/// States of a robot under torques that each act for some steps, at each change of the torques and up to where it diverges.
+/// States of a robot under torques that each act for some steps, at each change of the torques, until it diverges.
 type Run = fn(&mut Ballbot, &[[f64; 3]], usize) -> Vec<State>;
 
 fn run(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<State> {
@@ -102,7 +103,7 @@ fn run_while(
     torques.iter().map_while(step).collect()
 }
 
-/// Or what is compared only while it lasts would be compared never.
+/// Otherwise comparisons that last only while robots grip would never happen.
 #[test]
 fn most_gentle_drives_keep_their_grip() {
     let mut runner = TestRunner::new(same_cases(50));
@@ -120,12 +121,13 @@ fn most_gentle_drives_keep_their_grip() {
     assert!(kept[0] > 900 && kept[1] > 600, "{kept:?} of 1000 states");
 }
 
-/// The largest difference of two runs as far as both go, each state of the one changed by `change` before it is compared.
+/// The largest difference of two runs over their common length; `change` is applied to each state of the first run
+/// before the comparison.
 fn most_apart(params: &Params, one: &[State], other: &[State], change: impl Fn(&State) -> State) -> f64 {
     largest(one.iter().zip(other).map(|(a, b)| apart(params, &change(a), b)))
 }
 
-/// The largest difference of two states, in the robot's own measures.
+/// The largest difference of two states, in the robot's own units.
 fn apart(params: &Params, a: &State, b: &State) -> f64 {
     let (length, rate) = (params.body_com_height, natural_rate(params));
     let speed = length * rate;

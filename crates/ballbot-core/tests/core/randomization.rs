@@ -1,4 +1,5 @@
-//! Events: what they draw depends on seed, episode and id alone, and a robot that they made is that robot.
+//! Events: their draws depend only on seed, episode and id, and the resulting robot equals a robot with those
+//! parameters.
 
 mod combinations;
 mod distributions;
@@ -20,7 +21,7 @@ use std::f64::consts::PI;
 
 const SEED: u64 = 70;
 
-/// Episodes that end by their length alone, unless `steps` is beyond a fall.
+/// Episodes that end only by their length, unless `steps` is beyond a fall.
 fn config(model: ModelKind, steps: usize, events: &[Event]) -> BalanceConfig {
     BalanceConfig {
         model,
@@ -89,7 +90,7 @@ fn several() -> Vec<Event> {
     ]
 }
 
-/// Present draws of environment `i` by label.
+/// Current draws of environment `i` by label.
 fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
     let mut first = 0;
     for (found, width) in batch.draw_columns() {
@@ -101,7 +102,7 @@ fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
     panic!("no draws of {label}");
 }
 
-/// As [`draws`], of a term with one number.
+/// As [`draws`], for a term with one number.
 fn draw(batch: &Batch, i: usize, label: &str) -> f64 {
     draws(batch, i, label)[0]
 }

@@ -1,4 +1,4 @@
-//! References: their derivatives, the flatness of the linear model, what is refused, and robots that follow them.
+//! References: their derivatives, the flatness of the linear model, what is rejected, and robots that follow them.
 
 use ballbot_core::control::{Motion, Reference, Setpoint, Turning, controller_kind};
 use ballbot_core::models::LinearModel;
@@ -65,7 +65,7 @@ fn derivatives_are_those_of_the_motion() {
             let turned = (after.yaw - before.yaw + PI).rem_euclid(2.0 * PI) - PI;
             assert!((turned / (2.0 * STEP) - now.yaw_rate).abs() < 1e-6, "{name}: yaw at {t}");
             assert!(now.yaw.abs() <= PI, "{name}: yaw {}", now.yaw);
-            // The equation that no motor acts on: ÿ = g θ − ℓ θ̈.
+            // The equation without motor torques: ÿ = g θ − ℓ θ̈.
             let unactuated = now.acceleration - now.snap * (lever / acceleration);
             assert!((rate(|s| s.velocity) - unactuated).norm() < 1e-5, "{name}: acceleration at {t}");
         }
@@ -173,7 +173,7 @@ fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
     }
 }
 
-/// Each leg counts, however short it is beside the motion.
+/// Each leg counts, however short it is compared with the motion.
 #[test]
 fn short_legs_of_long_motions_are_refused() {
     let refused = |motion: Motion, turning: Turning| {

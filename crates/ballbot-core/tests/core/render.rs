@@ -39,7 +39,7 @@ impl Shot {
         columns.sum::<usize>() as f64 / self.count(label) as f64
     }
 
-    /// Pixels whose color differs from another's, by label.
+    /// Pixels whose color differs from another picture, by label.
     fn changed(&self, other: &Self) -> Vec<u8> {
         let pairs = self.rgb.chunks(3).zip(other.rgb.chunks(3)).zip(&self.labels);
         pairs.filter(|((a, b), _)| a != b).map(|(_, label)| *label).collect()
@@ -68,7 +68,7 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
     let looking = Camera { target: at, elevation: 0.5, follows: false, ..camera(0.7) };
     let renderer = Renderer::new(scene, WIDTH + 1, HEIGHT + 1, 1, looking).unwrap();
     let shot = Shot::of(&renderer, &State::upright(&Params::paper()), &[]);
-    // An odd number of pixels has one in the middle, whose ray is the axis.
+    // With an odd number of pixels, the ray of the middle pixel is the axis.
     let center = shot.depth[(HEIGHT / 2) * (WIDTH + 1) + WIDTH / 2];
     assert!((f64::from(center) - (looking.distance - radius)).abs() < 1e-6, "{center}");
     // The sphere's outline is an ellipse of this area (a cone about the axis, seen head on, is a circle).
@@ -127,7 +127,7 @@ fn ray_intersections_equal_those_of_parry() {
     let attitude = UnitQuaternion::from_euler_angles(0.3, -0.5, 0.9);
     let at = Vector3::new(0.0, 0.0, 0.6);
     for (shape, theirs) in shapes {
-        // Cylinders and cones of parry have y for their axis.
+        // Cylinders and cones of parry have the axis y.
         let round = matches!(shape, Shape::Cylinder { .. } | Shape::Cone { .. });
         let onto_y = UnitQuaternion::from_euler_angles(std::f64::consts::FRAC_PI_2 * f64::from(round), 0.0, 0.0);
         let looking = Camera { target: at, follows: false, elevation: 0.4, ..camera(0.3) };
@@ -153,7 +153,7 @@ fn ray_intersections_equal_those_of_parry() {
             }
         }
         assert!(met > 500, "{shape:?} is met by {met} rays");
-        // Rounding may decide about a ray along an edge.
+        // Rounding may decide for a ray along an edge.
         assert!(missed <= 3, "{shape:?}: {missed} rays meet it here or there alone");
     }
 }

@@ -1,4 +1,4 @@
-//! The Riccati equation of the regulator, for weights, rates and robots from everywhere that is allowed.
+//! The Riccati equation of the regulator, for weights, rates and robots over the whole allowed range.
 
 use ballbot_core::control::{LimitOptions, Lqr, LqrWeights};
 use ballbot_core::fields::Fields;
@@ -13,7 +13,7 @@ fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_
     Lqr::with_weights(params, control_dt, weights, &LimitOptions::CAP)
 }
 
-/// ‖P − Riccati(P)‖ / ‖P‖ in units of equal cost, computed anew.
+/// ‖P − Riccati(P)‖ / ‖P‖ in units of equal cost, recomputed.
 fn residual(lqr: &Lqr, params: &Params, control_dt: f64, weights: &LqrWeights) -> f64 {
     let (a, b) = LinearModel::new(params).discretize(control_dt);
     let a = DMatrix::from_column_slice(10, 10, a.as_slice());
@@ -27,7 +27,7 @@ fn residual(lqr: &Lqr, params: &Params, control_dt: f64, weights: &LqrWeights) -
     norm(&next) / norm(p)
 }
 
-/// Found by attack: the search for the closed loop's poles did not end.
+/// Found by adversarial tests: the search for the closed loop's poles did not end.
 #[test]
 fn regulators_whose_poles_were_not_found_are_solved() {
     let paper = Params::paper();

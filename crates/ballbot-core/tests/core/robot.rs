@@ -1,4 +1,5 @@
-//! The checked robot: invalid input is refused before anything moves, divergence is reported, resets and snapshots are exact.
+//! The checked robot: invalid input is rejected before anything moves, divergence is reported, resets and snapshots are
+//! exact.
 
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::models::SpatialModel;
@@ -41,7 +42,7 @@ fn fresh_trace(kind: ModelKind) -> Vec<[f64; State::LEN]> {
     trace(&mut robot)
 }
 
-/// Asserts that `act` fails and leaves the robot as it is; returns the message.
+/// Asserts that `act` fails and leaves the robot unchanged; returns the message.
 #[track_caller]
 fn refused(robot: &mut Ballbot, act: impl FnOnce(&mut Ballbot) -> Result<(), Error>) -> String {
     let before = robot.save();
@@ -81,7 +82,7 @@ fn invalid_parameters_are_refused() {
         let error = Ballbot::new(&Params { gravity: -9.81, ..Params::paper() }, kind, 0.001).err().expect("accepted");
         assert!(error.to_string().starts_with("gravity = -9.81 "), "{error}");
     }
-    // Wheels that leave the body no inertia: only bodies of their own show it.
+    // Wheels that leave the body no inertia: only separate bodies show it.
     let heavy = Params { wheel_mass: 0.7, ..Params::paper() };
     assert!(Ballbot::new(&heavy, ModelKind::Spatial, 0.001).is_ok());
     let error = Ballbot::new(&heavy, ModelKind::Rigid, 0.001).err().expect("accepted");

@@ -45,7 +45,7 @@ impl Simulation {
         self.robot(&Params::paper(), 1e-3)
     }
 
-    /// What holds for this simulation, of what holds for each.
+    /// The value for this simulation, of the values for both.
     fn pick<T>(self, rigid: T, contact: T) -> T {
         match self {
             Self::Rigid => rigid,
@@ -54,7 +54,7 @@ impl Simulation {
     }
 }
 
-/// Makes a test of each gate for each simulation.
+/// Generates a test of each gate for each simulation.
 macro_rules! for_both {
     ($($gate:ident),* $(,)?) => {
         mod rigid {
@@ -81,7 +81,7 @@ fn lifted(params: &Params, height: f64) -> State {
     state
 }
 
-/// At rest, tilted by `degrees` towards an azimuth that is none of the robot's symmetries.
+/// At rest, tilted by `degrees` towards an azimuth off the robot's symmetries.
 fn leaning(params: &Params, degrees: f64) -> State {
     let azimuth: f64 = 0.4;
     State::tilted(params, Vector2::new(azimuth.cos(), azimuth.sin()) * degrees.to_radians(), 0.0)
@@ -92,7 +92,7 @@ fn com_velocity(params: &Params, state: &State) -> Vector3<f64> {
     state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&params.body_com())
 }
 
-/// Asserts |found − expected| ≤ limit and tells how near it was.
+/// Asserts |found − expected| ≤ limit and prints how close it was.
 #[track_caller]
 fn close(what: &str, found: f64, expected: f64, limit: f64) {
     let off = (found - expected).abs();

@@ -84,7 +84,7 @@ fn accelerations_loads_and_wheel_speeds_match_the_vectors() {
 fn motion_matches_the_trajectories_of_the_exact_model() {
     let mut compared = 0;
     for trajectory in vectors().trajectories {
-        // `SpatialMotion` is the exact model; the others differ in what they leave out.
+        // `SpatialMotion` is the exact model; the others differ in what they omit.
         if !(trajectory.absolute_wheel_spin && trajectory.ball_spins_about_vertical) {
             continue;
         }
@@ -135,7 +135,7 @@ fn energy_is_conserved_without_friction() {
     motion.reset(&lively(&params)).unwrap();
     let before = motion.energy();
     let mut largest = 0.0_f64;
-    // The robot topples right round: no floor in this model.
+    // The robot topples all the way around: this model has no floor.
     for _ in 0..2000 {
         motion.step(&[0.0; 3]);
         largest = largest.max((motion.energy() / before - 1.0).abs());
@@ -231,7 +231,7 @@ fn motion_in_a_plane_is_the_planar_model_with_three_wheels() {
     let spatial = SpatialModel::new(&params, false, false);
     for (tilt, tilt_rate, speed, torque) in [(0.3, 0.0, 0.0, 0.0), (-0.5, 1.2, 0.4, 0.3), (1.0, -2.0, -1.0, -0.7)] {
         let expected = planar.accelerations(&Vector2::new(0.0, tilt), &Vector2::new(speed, tilt_rate), torque);
-        // Towards +y is a left-handed tilt about x; the virtual torque about x of eq. (8) is the planar one.
+        // Towards +y is a left-handed tilt about x; the virtual torque about x of eq. (8) is the planar torque.
         let q = attitude(Vector2::new(-tilt, 0.0), 0.0);
         let velocity = Vector6::new(0.0, speed, -tilt_rate, 0.0, 0.0, 0.0);
         let torques = spatial

@@ -1,4 +1,4 @@
-//! The tasks with commands: contracts that hold for every task ([`contract`]), and what each asks for.
+//! The tasks with commands: contracts that hold for every task ([`contract`]), and the commands of each.
 
 mod contract;
 mod goal;
@@ -16,7 +16,7 @@ use ballbot_core::{Params, State};
 const SEED: u64 = 7;
 
 /// Robots of a task under the motors' full torque, rows in their units. By its name: a task that is named as a type is
-/// compiled anew for these tests.
+/// compiled again for these tests.
 fn config(task: &str, options: &[(&str, &[f64])]) -> Box<dyn TaskConfig> {
     let mut config = task_kind(task).unwrap().config();
     config.set("scale_observations", &[0.0]).unwrap();
@@ -29,7 +29,7 @@ fn run_of(config: &dyn TaskConfig, n: usize) -> Run {
     Run::new(config.batch(n, Autoreset::SameStep, Some(1), SEED).unwrap())
 }
 
-/// Steps under the regulator with the setpoints of the task, and what came of each.
+/// Steps under the regulator with the setpoints of the task, and the result of each.
 fn regulate(run: &mut Run, steps: usize, mut after: impl FnMut(usize, &mut Run)) {
     let lqr = Lqr::new(&Params::paper(), run.batch.control_dt()).unwrap();
     let mut actions = vec![0.0; run.batch.len() * ACTION_LEN];

@@ -46,7 +46,7 @@ fn ball(
     robot
 }
 
-/// The normal in the point where a ball touches the ground, from the surface alone: Newton's method in the plane.
+/// The normal at the point where a ball touches the ground, from the surface only: Newton's method in the plane.
 fn contact_normal(terrain: &Terrain, params: &Params, center: &Vector3<f64>) -> Vector3<f64> {
     let mut place = center.xy();
     for _ in 0..200 {

@@ -1,4 +1,4 @@
-//! The last stage of the laws: wheels that neither slip nor lift, and what that is worth to a regulator.
+//! The last stage of the laws: wheels that neither slip nor lift, and the benefit for a regulator.
 
 use crate::support::general::crooked;
 use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Setpoint, TorqueLimits};
@@ -34,7 +34,7 @@ fn torques(params: &Params, size: f64, azimuth: f64, yaw: f64) -> Vector3<f64> {
     Omniwheels::new(params).torques_on_body(&axis, TorqueMap::Consistent)
 }
 
-/// The largest use of the friction limit by any wheel, and the least load as a share of that in equilibrium.
+/// The largest use of the friction limit by any wheel, and the smallest load as a fraction of the equilibrium load.
 fn used(params: &Params, state: &State, torques: &[f64; 3]) -> (f64, f64) {
     let model = SpatialModel::new(params, true, true);
     let rate = state.body_angular_velocity;
@@ -101,7 +101,7 @@ fn limited_torques_use_the_friction_limit_and_no_more() {
             // A yaw torque may unload the wheel that limits the tilt torque.
             let relieved = found.share < 1.0 && found.yaw_share == 1.0;
             assert!(slip > 1.0 - 1e-6 || load < 0.3 + 1e-6 || relieved, "{slip} of the limit, {load} of the load");
-            // What is left of both parts points as they did.
+            // The rest of both parts keeps its direction.
             let wheels = Omniwheels::new(&params);
             let of = |torques: &Vector3<f64>| params.to_balance_frame() * (wheels.u.transpose() * torques);
             let (before, after) = (of(&wanted), of(&found.torques.into()));
@@ -139,7 +139,7 @@ fn yaw_torque_is_given_up_first() {
     assert!(found.share == 1.0 && found.yaw_share > 0.0 && found.yaw_share < 0.1, "{found:?}");
     let found = apply(&params, &state, &torques(&params, 1.0, 0.4, 5.0));
     assert!(found.share < 0.5 && found.yaw_share < 1e-6, "{found:?}");
-    // The wheels carry a yaw torque by itself.
+    // The wheels can carry a yaw torque by itself.
     let found = apply(&params, &state, &torques(&params, 0.0, 0.0, 5.0));
     assert!(found.share == 1.0 && found.yaw_share > 0.1 && found.yaw_share < 1.0, "{found:?}");
 }
@@ -265,7 +265,7 @@ fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
     (0..count).map(move |k| TAU * f64::from(k) / f64::from(count)).map(|a| Vector2::new(a.cos(), a.sin()))
 }
 
-/// From rest at 25 deg in any direction; with a cap on the torques alone the regulator falls from 17 deg on.
+/// From rest at 25 deg in any direction; with only a cap on the torques the regulator falls from 17 deg on.
 #[test]
 fn the_stage_widens_the_basin_of_a_regulator() {
     let params = Params::paper();
@@ -296,7 +296,7 @@ fn the_stage_makes_a_regulator_stand_harder_pushes() {
     assert!(falls >= 8, "{falls}");
 }
 
-/// What a user asks for by a click, and far beyond.
+/// What a user requests with a click, and far beyond.
 #[test]
 fn a_far_setpoint_topples_no_robot() {
     let params = Params::paper();

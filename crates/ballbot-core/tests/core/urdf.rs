@@ -1,4 +1,4 @@
-//! The URDF loader: the shipped robot is Table II of the paper, other ballbots load, anything else is refused.
+//! The URDF loader: the shipped robot is Table II of the paper, other ballbots load, anything else is rejected.
 
 use ballbot_core::urdf::{
     motors_from_urdf_text, params_from_urdf, params_from_urdf_text, visuals_from_urdf, visuals_from_urdf_text,
@@ -26,7 +26,7 @@ fn load(bot: &str) -> Params {
     params_from_urdf_text(bot, BALL).unwrap()
 }
 
-/// File and reason of a refusal.
+/// File and reason of a rejection.
 fn refusal(bot: &str, ball: &str) -> (String, String) {
     match params_from_urdf_text(bot, ball) {
         Err(Error::Urdf { file, reason }) => (file, reason),
@@ -224,7 +224,7 @@ fn wheels_are_in_document_order_of_the_joints() {
     assert_close(&load(&bot), &Params { wheel_azimuths: azimuths, ..Params::paper() }, 1e-12);
 }
 
-/// Zenith of each wheel, and its azimuth from where an even one is.
+/// Zenith of each wheel, and its azimuth offset from a symmetric wheel.
 struct Uneven {
     zeniths: [f64; 3],
     turns: [f64; 3],
@@ -284,7 +284,7 @@ fn moments_about_x_and_y_may_differ() {
     assert!((params.body_inertia[1] - 0.0583).abs() < 1e-14);
 }
 
-/// The shipped bot with the body's CoM moved by (x, y): that of the whole moves by the body's share of the mass.
+/// The shipped bot with the body's CoM moved by (x, y): the total CoM moves by the body's fraction of the mass.
 fn off_mast(x: f64, y: f64) -> Params {
     load(&edit(BOT, "<origin xyz=\"0 0 0.147", &format!("<origin xyz=\"{x} {y} 0.147")))
 }
@@ -335,7 +335,7 @@ fn products_of_inertia_are_read_with_their_signs() {
     assert_close(&Params { body_products_of_inertia: [0.0; 3], ..params }, &Params::paper(), 1e-12);
     // 5e-8 of 0.0583 kg·m² is rounding.
     assert!(load(&edit(BOT, "ixy=\"0\"", "ixy=\"5e-8\"")).is_symmetric());
-    // In a frame that is turned about the mast, the same body has other products.
+    // In a frame rotated about the mast, the same body has other products.
     let turned = edit(BOT, "ixx=\"0.05546522290637172\"", "ixx=\"0.04546522290637172\"");
     let turned = edit(&turned, "0.14724789116644882\"", "0.14724789116644882\" rpy=\"0 0 0.5\"");
     let (sin, cos) = 0.5_f64.sin_cos();
@@ -355,7 +355,7 @@ fn wheels_may_be_uneven() {
         assert!((params.wheel_azimuths[i] - azimuth).abs() < 1e-12, "{}", params.wheel_azimuths[i]);
         assert!((params.wheel_zeniths()[i] - uneven.zeniths[i]).abs() < 1e-12, "{}", params.wheel_zeniths()[i]);
     }
-    // Three wheels off their even places move the CoM, and with it the equilibrium.
+    // Three wheels off their symmetric places move the CoM, and with it the equilibrium.
     let wheels: Vector3<f64> = (0..3)
         .map(|i| {
             let (sin, cos) = uneven.zeniths[i].sin_cos();
@@ -367,7 +367,7 @@ fn wheels_may_be_uneven() {
     assert!((params.body_com() - com).norm() < 1e-12, "{}", params.body_com());
 }
 
-/// Edits of the shipped bot, each with what the refusal must say.
+/// Edits of the shipped bot, each with what the rejection must contain.
 const BAD_BOTS: &[(&str, &str, &[&str])] = &[
     ("</robot>", "", &["not a readable URDF"]),
     ("<robot name=\"ballbot\">", "<robot name=\"ballbot\"><link name=\"body\"/>", &["two links", "'body'"]),
@@ -431,7 +431,7 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
 fn urdfs_that_are_not_bots_are_refused() {
     for &(from, to, expected) in BAD_BOTS {
         let (file, reason) = refusal(&edit(BOT, from, to), BALL);
-        // Parameters that cannot be come from both files.
+        // Invalid parameters are reported for both files.
         assert!(file == "bot URDF" || file == "bot URDF and ball URDF", "{file}");
         for part in expected {
             assert!(reason.contains(part), "{from} -> {to}\nexpected: {part}\nfound: {reason}");
@@ -583,7 +583,7 @@ fn deeply_nested_text_is_refused() {
     assert!(refusal(&"<a>".repeat(100_000), BALL).1.contains("nested more than 64 deep"));
 }
 
-/// What the fuzzer starts from: each kept input is a robot or is refused, and the shipped one is the shipped one.
+/// Corpus of the fuzzer: each input is a robot or is rejected, and the shipped input is the shipped robot.
 #[test]
 fn corpus_of_the_fuzzer_is_read_or_refused() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/urdf");

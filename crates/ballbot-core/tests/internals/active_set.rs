@@ -1,4 +1,4 @@
-//! The impulses meet the contact conditions, and are those of a search with other means.
+//! The impulses satisfy the contact conditions, and equal the result of an independent search.
 
 use ballbot_core::internals::contact::{
     Actions, Constants, ContactState, Delassus, Footing, Friction, Near, PerRow, Start, Velocities, advance,
@@ -27,7 +27,7 @@ impl Random {
     }
 }
 
-/// A step of a robot: where it starts, and what its contacts must do.
+/// A step of a robot: its start, and what its contacts must satisfy.
 struct Step {
     start: Start<f64>,
     free: Velocities<f64>,
@@ -63,7 +63,7 @@ impl Step {
         self.start.rows.residuals::<false, f64>(c, &velocities)
     }
 
-    /// Largest error of an impulse that meets its condition by itself, N·s; joints are left out.
+    /// Largest error of an impulse that satisfies its condition by itself, N·s; without joints.
     fn error(&self, c: &Constants<f64>, impulses: &PerRow<f64>) -> f64 {
         let r = self.residuals(c, impulses);
         let d = Delassus::<f64, f64>::new::<true, false>(c, &self.start.rows);
@@ -95,7 +95,7 @@ fn random_start(params: &Params, rng: &mut Random) -> ContactState<f64> {
     robot.memory().clone()
 }
 
-/// Steps under random torques of the given size, with what ends an episode of the balance task.
+/// Steps under random torques of the given size, with the ends of episodes of the balance task.
 fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: impl FnMut(&Step, &ContactState<f64>)) {
     let mut rng = Random(seed);
     let c = Constants::new(params, DT);
@@ -233,7 +233,7 @@ struct Dense {
 }
 
 impl Dense {
-    /// The matrix from the motion that unit impulses cause.
+    /// The matrix from the response to unit impulses.
     fn new(c: &Constants<f64>, step: &Step) -> Self {
         let flat = |rows: PerRow<f64>| DVector::from_iterator(9, [rows.floor, rows.normals, rows.drives].concat());
         let unit = |k: usize| {
@@ -369,7 +369,7 @@ fn impulses_are_those_of_a_search_through_all_modes() {
     assert!(several * 50 < compared);
 }
 
-/// Modes of the wheels as in [`Dense::with_modes`]; none where the ball does not stick to the floor.
+/// Modes of the wheels as in [`Dense::with_modes`]; `None` where the ball does not stick to the floor.
 fn modes_of(impulses: &PerRow<f64>, friction: f64, floor: f64) -> Option<[usize; 3]> {
     let [z, x, y] = impulses.floor;
     (x.hypot(y) < floor * z).then(|| {
@@ -387,7 +387,7 @@ fn modes_of(impulses: &PerRow<f64>, friction: f64, floor: f64) -> Option<[usize;
     })
 }
 
-/// With friction above 1 several modes may meet the conditions; a robot must not change its own without a cause.
+/// With friction above 1 several modes may satisfy the conditions; a robot must not change its mode without a cause.
 #[test]
 fn modes_of_the_last_step_are_kept_while_they_are_valid() {
     let (friction, floor) = (1.65, 1.0);

@@ -1,4 +1,4 @@
-//! Samples are taken and read at the control steps that their rate and latency say.
+//! Samples are taken and read at the control steps given by their rate and latency.
 
 use ballbot_core::internals::Clock;
 

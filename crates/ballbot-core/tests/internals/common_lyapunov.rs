@@ -1,4 +1,4 @@
-//! One Lyapunov function of several systems, where there is one.
+//! A common Lyapunov function of several systems, where it exists.
 
 use ballbot_core::internals::common_lyapunov;
 use nalgebra::Matrix4;
@@ -14,7 +14,7 @@ fn a_common_function_is_found_beyond_the_guess() {
     assert!(ratio < 1.0 && p.symmetric_eigenvalues().min() > 0.0);
     for g in steps {
         assert!((g.transpose() * p * g - p).symmetric_eigenvalues().max() < 0.0, "{p}");
-        // The guess is none.
+        // The guess is not a Lyapunov function.
         assert!((g.transpose() * g - Matrix4::identity()).symmetric_eigenvalues().max() > 0.0);
     }
 }

@@ -1,4 +1,4 @@
-//! Eight robots in lanes are eight robots alone, to the last bit, with every instruction set of this machine.
+//! Eight robots in lanes equal eight single robots, to the last bit, with every instruction set of this machine.
 
 use ballbot_core::internals::contact::{
     Constants, ContactState, Delassus, Footing, LaneConstants, PrincipalAxes, Start, advance, advance_wide,
@@ -14,10 +14,10 @@ use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 
 const STEPS: usize = 500;
-/// A lane with nothing but zeros, whose signs are bits too, and one in the air.
+/// A lane with only zeros, whose signs are bits too, and a lane in the air.
 const AT_REST: usize = 0;
 const LIFTED: usize = 1;
-/// The lanes whose robots do what must not reach their neighbors.
+/// The lanes whose robots do things that must not affect their neighbors.
 const FRICTION: usize = 2;
 const FALLING: usize = 3;
 const DIVERGING: usize = 4;
@@ -25,7 +25,7 @@ const PUSHED: usize = 5;
 const RESET: usize = 6;
 const SLIPPING: usize = 7;
 
-/// Static friction above dynamic friction, so that its law is in the run.
+/// Static friction above dynamic friction, so that the run includes its law.
 fn params() -> Params {
     Params {
         wheel_static_friction: 0.6,
@@ -36,17 +36,17 @@ fn params() -> Params {
     }
 }
 
-/// What a lane's robot does.
+/// Behavior of a lane's robot.
 #[derive(Clone, Copy, PartialEq)]
 enum Kind {
-    /// The same as the other calm ones; nothing happens to it.
+    /// The same as the other calm robots; nothing happens to it.
     Calm,
     Eventful,
     /// Eventful, on wheels with a ripple.
     Rippled,
 }
 
-/// The robot of a lane: calm ones are alike, the others have masses, geometry or friction of their own.
+/// The robot of a lane: calm robots are identical, the others have different masses, geometry or friction.
 fn params_of(i: usize, kind: Kind) -> Params {
     let mut params = params();
     if kind == Kind::Calm {
@@ -62,7 +62,7 @@ fn params_of(i: usize, kind: Kind) -> Params {
             (params.floor_rolling_friction, params.floor_spinning_friction) = (1e-3, 2e-3);
             (params.roller_friction, params.roller_friction_slope) = (0.02, 0.1);
         }
-        // Without the law of static friction beside lanes that follow it.
+        // Without the law of static friction, next to lanes with it.
         DIVERGING => params.wheel_static_friction = params.wheel_dynamic_friction,
         PUSHED => params.floor_static_friction = params.floor_dynamic_friction,
         LIFTED | SLIPPING => {
@@ -70,7 +70,7 @@ fn params_of(i: usize, kind: Kind) -> Params {
             params.wheel_radius *= 0.9;
             params.body_com_height *= 1.05;
         }
-        // Without symmetry, between lanes that have it.
+        // Without symmetry, between symmetric lanes.
         FALLING | RESET => {
             params.body_com_offset = [0.01, -0.02];
             params.body_products_of_inertia = [4e-3, -6e-3, 3e-3];
@@ -87,7 +87,7 @@ fn constants_of(i: usize, kind: Kind) -> Constants<f64> {
     Constants::new(&params_of(i, kind), 1e-3)
 }
 
-/// What a robot of its lane starts with; a calm one is not pushed, does not fall and is like the other calm ones.
+/// Start of a robot of its lane; a calm robot is not pushed, does not fall and equals the other calm robots.
 fn start(i: usize, kind: Kind) -> ContactState<f64> {
     let params = params_of(i, kind);
     let mut robot = ContactMotion::new(&params, 1e-3);
@@ -112,7 +112,7 @@ fn push(memory: &mut ContactState<f64>, impulse: f64) {
     memory.push = [impulse, -0.5 * impulse, 0.2 * impulse, 0.1 * impulse, 0.0, 0.05 * impulse];
 }
 
-/// Torques of a robot in a step: changing, and for some beyond what friction carries.
+/// Torques of a robot in a step: changing, and for some robots beyond the friction limit.
 fn torques(i: usize, step: usize) -> [f64; 3] {
     let size = match i {
         AT_REST => return [0.0; 3],
@@ -124,7 +124,7 @@ fn torques(i: usize, step: usize) -> [f64; 3] {
 
 type Kinds = [Kind; EIGHT];
 
-/// What happens to a lane's robot before a step, besides its torques.
+/// Events of a lane's robot before a step, other than its torques.
 fn event(i: usize, step: usize, kind: Kind, memory: &mut ContactState<f64>) {
     match (i, step) {
         _ if kind == Kind::Calm => (),
@@ -211,7 +211,7 @@ fn assert_same(label: &str, found: &ContactState<f64>, expected: &ContactState<f
     assert!(bits(found) == bits(expected), "{label}:\n{found:?}\n{expected:?}");
 }
 
-/// Runs with events; near the floor all eight take another kind of step, so with a fall or without.
+/// Runs with events, with and without a fall: near the floor all eight take a different kind of step.
 fn assert_lanes_equal_robots(
     falling: bool,
     rippled: &[usize],
@@ -243,7 +243,7 @@ fn robots_in_lanes_equal_single_robots() {
 #[test]
 fn robots_in_lanes_on_wheels_with_ripple_equal_single_robots() {
     for falling in [true, false] {
-        // Some on round wheels beside them; all on others.
+        // Some, next to robots on round wheels; then all.
         for rippled in [&[LIFTED, FRICTION, SLIPPING][..], &[0, 1, 2, 3, 4, 5, 6, 7]] {
             assert_eventful(&assert_lanes_equal_robots(falling, rippled, None), falling);
         }
@@ -262,13 +262,13 @@ fn robots_in_lanes_on_a_terrain_equal_single_robots() {
     }
 }
 
-/// That a run has in it what it is for.
+/// Checks that a run contains what it is meant to test.
 fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     assert_eq!(expected[FALLING][STEPS - 1].bot_on_floor > 0.0, falling);
     for (i, alone) in expected.iter().enumerate() {
         assert_eq!(alone[STEPS - 1].diverged, if i == DIVERGING { 1.0 } else { 0.0 }, "lane {i}");
     }
-    // What diverges stays where it was.
+    // A diverged robot stays where it was.
     let [before, after] = [99, 100].map(|step| &expected[DIVERGING][step]);
     assert_same("diverged", &ContactState { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
     assert!(expected[FRICTION][10].joint_impulses != [0.0; 3]);
@@ -277,7 +277,7 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
 }
 
-/// A robot that falls, diverges, is pushed, reset or differs leaves its neighbors as they are, to the last bit.
+/// A robot that falls, diverges, is pushed, reset or differs does not affect its neighbors, to the last bit.
 #[test]
 fn lanes_do_not_depend_on_their_neighbors() {
     let calm = runs([Kind::Calm; EIGHT], None);
@@ -318,7 +318,7 @@ fn displaced_robots(change: fn(&Params) -> Params) -> [ContactMotion; 2] {
     [params(), general()].map(|params| displaced_robot(&change(&params)))
 }
 
-/// With a ripple of twelve and of seven rollers a turn.
+/// With a ripple of twelve and of seven rollers per turn.
 fn rippled(params: &Params) -> Params {
     let roller_count = if params.is_symmetric() { 12.0 } else { 7.0 };
     Params { roller_ripple: 5e-4, roller_count, roller_phases: [0.5, -1.0, 2.5], ..params.clone() }
@@ -400,14 +400,15 @@ fn check_delassus_matrix<const RIPPLE: bool>(robot: &ContactMotion) {
     }
 }
 
-/// A body with equal moments has any axes as principal axes: its motion does not depend on those that the solver takes.
+/// A body with equal moments has any axes as principal axes: its motion does not depend on the axes that the solver
+/// takes.
 #[test]
 fn motion_does_not_depend_on_the_principal_axes() {
     let moment = 0.05;
     let even = Params { body_inertia: [moment; 3], body_products_of_inertia: [0.0; 3], ..general() };
     let wheels = Omniwheels::new(&even);
-    // What happens to the robot: its torques, its tilt, and a blow in step 100. It leans, slips and falls, loses its ball
-    // and lands on it, tumbles and lands on its side.
+    // The robot's torques, its tilt, and an impulse in step 100. It leans, slips and falls, loses its ball and lands on
+    // it, tumbles and lands on its side.
     let runs = [
         ([0.02, -0.01, 0.03], 0.05, Vector3::zeros()),
         ([0.8, -0.6, 0.7], 0.1, Vector3::zeros()),

@@ -1,4 +1,4 @@
-//! Counts the floating-point operations of a step, so that what the documentation says of them stays true.
+//! Counts the floating-point operations of a step, so that their documentation stays true.
 
 use ballbot_core::internals::contact::{Actions, Delassus, Friction, JointFriction, Start, free_velocities, step};
 use ballbot_core::lanes::{Lane, Scalar};
@@ -11,7 +11,7 @@ use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 /// Flops of a step as documented: no joint friction, rolling without slip on the floor.
 const DOCUMENTED: usize = 2059;
 
-/// How far the count may be from what is documented, as a share of it.
+/// Allowed relative difference between the count and the documentation.
 const TOLERANCE: f64 = 0.03;
 
 /// Operations by kind.
@@ -45,7 +45,7 @@ fn count(kind: impl FnOnce(&mut Operations) -> &mut usize) {
     DONE.with_borrow_mut(|done| *kind(done) += 1);
 }
 
-/// An `f64` that counts what is done with it.
+/// An `f64` that counts the operations on it.
 #[derive(Clone, Copy)]
 struct Counted(f64);
 
@@ -161,7 +161,7 @@ impl Lane for Counted {
     }
 }
 
-/// Of the motors, N·m.
+/// Torques of the motors, N·m.
 const TORQUES: [f64; 3] = [0.02, -0.01, 0.01];
 
 /// A robot that leans, rolls and turns.
@@ -175,7 +175,7 @@ fn moving(params: &Params) -> ContactMotion {
     motion
 }
 
-/// Operations of one step; the counted robot moves as it does uncounted, to the last bit.
+/// Operations of one step; the counted robot moves like the uncounted robot, to the last bit.
 fn operations(params: &Params) -> Operations {
     let mut motion = moving(params);
     let mut memory = motion.memory().clone();
@@ -217,9 +217,11 @@ fn operations_of_a_sweep_are_as_counted_by_hand() {
     let by_hand = Operations {
         // The change of each of nine impulses and of three loads that bound friction.
         additions: 9 + 3,
-        // The limits of the floor's and the wheels' friction, and two squares to see whether the floor's is reached.
+        // The limits of the floor's and the wheels' friction, and two squares to check whether the floor's limit is
+        // reached.
         multiplications: 4 + 2,
-        // Each row's own impulse, its effect on those it is coupled with, the floor's friction squared, and three loads.
+        // Each row's own impulse, its effect on the rows it is coupled with, the floor's friction squared, and three
+        // loads.
         fused: 9 + (3 * 7 + 3 * 9 + 3 * 9) + 1 + 3,
         divisions: 0,
         roots: 0,

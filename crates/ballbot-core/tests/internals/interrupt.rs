@@ -1,4 +1,4 @@
-//! Work ends when its caller wants, and only then.
+//! Work ends when its caller stops it, and only then.
 
 use ballbot_core::internals::Watch;
 use ballbot_core::{Error, Result, stoppable};
@@ -26,7 +26,7 @@ fn work_is_stopped_when_its_caller_says_so() {
     };
     assert!(matches!(stoppable(stop, || work_for(60.0)), Err(Error::Interrupted)));
     assert_eq!(asked.get(), 2);
-    // Nobody is asked any more.
+    // The caller is not queried any more.
     assert!(work_for(0.2).unwrap() > 1);
     assert_eq!(asked.get(), 2);
 }

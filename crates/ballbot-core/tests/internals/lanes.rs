@@ -43,11 +43,11 @@ macro_rules! wide {
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {
-    // Which NaN is nobody's business.
+    // The kind of NaN does not matter.
     values.iter().map(|v| if v.is_nan() { f64::NAN.to_bits() } else { v.to_bits() }).collect()
 }
 
-/// Dense near the origin, then to the ends of the numbers, in multiples of eight.
+/// Dense near the origin, then to the ends of the range, in multiples of eight.
 fn magnitudes() -> Vec<f64> {
     let mut out: Vec<f64> = (0..80_000).map(|i| f64::from(i) * 1e-3).collect();
     out.extend((-320..=308).map(|e| 10_f64.powi(e)));
@@ -70,7 +70,7 @@ fn exponential_equals_that_of_std() {
     assert_eq!(exp_of_negative(0.0_f64), 1.0);
     assert_eq!(exp_of_negative(-0.0_f64), 1.0);
     assert_eq!(exp_of_negative(f64::INFINITY), exp_of_negative(64.0));
-    // A slip that is no number has the friction of fast slip.
+    // A slip of NaN has the friction of fast slip.
     assert_eq!(exp_of_negative(f64::NAN), exp_of_negative(64.0));
     for wide in wide!(arguments, |x| exp_of_negative(x)) {
         assert_eq!(bits(&wide), bits(&found));
@@ -96,7 +96,7 @@ fn arctangent_equals_that_of_std() {
     }
     let mut worst = 0.0_f64;
     for &(y, x) in &points {
-        // −0 is taken for 0.
+        // −0 is treated as 0.
         let expected = y.atan2(x + 0.0);
         let found = atan2_positive(y, x);
         assert!((0.0..=std::f64::consts::PI).contains(&found), "atan2({y}, {x}) = {found}");
@@ -122,7 +122,7 @@ fn arctangent_is_equal_in_all_widths() {
     }
 }
 
-/// Numbers that comparisons and extremes may take differently on different processors.
+/// Numbers that comparisons and extremes may treat differently on different processors.
 const ODD: [f64; EIGHT] = [0.0, -0.0, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1.5, -2.5, f64::MIN_POSITIVE];
 
 #[test]
@@ -152,7 +152,7 @@ fn operations_on_special_values_are_equal_in_all_widths() {
 #[test]
 fn fused_multiply_adds_round_once() {
     let x = 1.0 + f64::EPSILON;
-    // What rounding took off the product is left if nothing rounds twice.
+    // The rounding error of the product remains if nothing rounds twice.
     let product = x * x;
     let expected = f64::mul_add(x, x, -product);
     assert_ne!(expected, 0.0);
@@ -184,7 +184,7 @@ fn turning_equals_that_of_nalgebra() {
             assert!(off <= if angle.abs() > 0.1 { 1e-13 } else { 1e-15 }, "{angle} rad: {off:e}");
         }
     }
-    // Far beyond what a step may be, it still turns about the same axis in the same sense.
+    // Far beyond any valid step, it still rotates about the same axis in the same sense.
     for angle in [1.0, 3.0, 50.0] {
         let found = to_nalgebra(quat.turned(vec3(&(axis * (0.5 * angle))))) * start.inverse();
         assert!(found.axis().is_some_and(|found| (found.into_inner() - axis).norm() < 1e-12), "{angle} rad: {found}");

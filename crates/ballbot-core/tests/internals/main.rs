@@ -1,4 +1,4 @@
-//! Parts of the library by themselves, most of which are no part of its interface.
+//! Parts of the library by themselves; most are not part of its interface.
 
 mod active_set;
 mod clock;

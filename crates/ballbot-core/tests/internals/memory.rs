@@ -1,4 +1,4 @@
-//! What does not fit is refused.
+//! Requests that do not fit are rejected.
 
 use ballbot_core::{require_memory, try_zeros};
 

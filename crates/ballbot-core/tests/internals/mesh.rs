@@ -19,7 +19,7 @@ impl Points {
     }
 }
 
-/// A box of triangles with its faces in planes of the axes, and as many triangles anywhere.
+/// A box of triangles with axis-aligned faces, and as many triangles anywhere.
 fn meshes(points: &mut Points) -> [TriMesh; 2] {
     let (vertices, triangles) = Cuboid::new(Vector::from_array(HALF)).to_trimesh();
     let scattered: Vec<_> = (0..300).map(|_| points.next()).collect();

@@ -20,7 +20,7 @@ fn functions_are_exact_to_rounding() {
     }
 }
 
-/// Moments of 200 000 numbers, each within five standard errors, and the share beyond three deviations.
+/// Moments of 200 000 numbers, each within five standard errors, and the fraction beyond three deviations.
 #[test]
 fn numbers_are_standard_normal() {
     let n = 50_000;
@@ -38,7 +38,7 @@ fn numbers_are_standard_normal() {
     let beyond = numbers.iter().filter(|x| x.abs() > 3.0).count() as f64;
     let (expected, deviation) = (0.002_699_8 * count, (0.002_699_8 * count).sqrt());
     assert!((beyond - expected).abs() < 5.0 * deviation, "{beyond} beyond three deviations, expected {expected}");
-    // Neither within a block nor from one reading to the next is one number a copy of another.
+    // No number repeats within a block or from one reading to the next.
     for lag in [1, 2, 3, 4, 28] {
         let products = numbers.iter().zip(&numbers[lag..]).map(|(a, b)| a * b).sum::<f64>() / count;
         assert!(products.abs() < 5.0 / count.sqrt(), "lag {lag}: {products}");

@@ -1,4 +1,4 @@
-//! The generator of random words is the published one.
+//! The generator of random words equals the published generator.
 
 use ballbot_core::lanes::philox;
 

@@ -1,4 +1,4 @@
-//! Round trips, and the errors of bytes that are no snapshot.
+//! Round trips, and the errors for bytes that are not a snapshot.
 
 use ballbot_core::Result;
 use ballbot_core::internals::snapshot::{MAGIC, VERSION, decode, encode};

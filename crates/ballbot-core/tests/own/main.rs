@@ -1,4 +1,4 @@
-//! Tasks, controllers and stages of another crate, and what registers a name, which is there for the whole process.
+//! Tasks, controllers and stages of another crate, and registration of names, which holds for the whole process.
 
 mod mppi;
 mod own_stages;

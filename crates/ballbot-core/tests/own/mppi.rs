@@ -14,7 +14,7 @@ fn mppi(options: &MppiOptions) -> Mppi {
     Mppi::with_options(&Params::paper(), CONTROL_DT, options, &LimitOptions::TRACTION).unwrap()
 }
 
-/// The end after a time under a controller, if the robot has not fallen.
+/// The final state after a time under a controller, if the robot has not fallen.
 fn end(controller: &mut dyn Controller, start: &State, impulse: Vector3<f64>, seconds: f64) -> Option<State> {
     let mut robot = Ballbot::new(&Params::paper(), ModelKind::Contact, 0.002).unwrap();
     robot.reset(start).unwrap();
@@ -49,7 +49,8 @@ fn samples_depend_on_the_seed_and_the_call_alone() {
     assert_eq!(first, calls(again));
 }
 
-/// A single sample has nothing to choose from: nothing is added to the regulator's torques where all cost the same.
+/// With a single sample there is no choice: nothing is added to the regulator's torques where all samples cost the
+/// same.
 #[test]
 fn without_noise_it_is_the_regulator() {
     let options = MppiOptions { samples: 8.0, noise: 1e-300, ..MppiOptions::default() };
@@ -62,7 +63,7 @@ fn without_noise_it_is_the_regulator() {
     }
 }
 
-/// Of fewer samples than by default, which a build for tests takes long for.
+/// With fewer samples than the default, which takes long in a test build.
 fn few() -> MppiOptions {
     MppiOptions { samples: 64.0, ..MppiOptions::default() }
 }
@@ -81,7 +82,7 @@ fn it_comes_to_rest_from_tilts_and_pushes_at_the_limit() {
     }
 }
 
-/// A motion costs nothing but what its robot is away from it: no trailing.
+/// The cost of a motion is only the robot's deviation from it: no lag.
 #[test]
 fn it_follows_a_circle_without_trailing() {
     let params = Params::paper();
@@ -128,7 +129,7 @@ fn numbers_out_of_range_are_refused() {
     refused(MppiOptions { correlation: 1.0, ..options }, "correlation = 1");
 }
 
-/// What has diverged is not simulated on.
+/// Diverged samples are not simulated further.
 #[test]
 fn a_diverged_state_gives_what_the_regulator_gives() {
     let mut state = State::upright(&Params::paper());

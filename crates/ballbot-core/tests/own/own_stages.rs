@@ -67,7 +67,7 @@ fn assert_equals_singles<A: Actuator>(actuator: &A) {
         let config = config(model);
         let mut run = batch(&config, actuator, &Exact, n);
         let mut plain = batch(&config, &Ideal { max_torque: TORQUE }, &Exact, n);
-        // Starts of which every robot has the exact numbers.
+        // Starts that are given to every robot exactly.
         let starts: Vec<_> = (0..n).map(|i| Some(start(i, &config))).collect();
         let request = ResetRequest { starts: Some(&starts), ..Default::default() };
         run.batch.reset_with(&request, &mut run.observations).unwrap();
@@ -154,7 +154,7 @@ fn memory_of_an_actuator_restarts_with_the_episode() {
         for k in 0..4 {
             run.step(&actions(0, n, k, 1.0)).unwrap();
         }
-        // Each has started anew by itself. Now all from the same start as a new batch.
+        // Each was reset by itself. Now all begin from the same start as a new batch.
         let mut fresh = batch(&config, &lag(), &Exact, n);
         for run in [&mut run, &mut fresh] {
             let seeds: Vec<_> = (0..n as u64).map(Some).collect();
@@ -171,7 +171,7 @@ fn memory_of_an_actuator_restarts_with_the_episode() {
     }
 }
 
-/// The delayed batch against the plain one: its rows, last actions aside, are those of the step before.
+/// The delayed batch against the plain batch: except for the last actions, its rows are the rows of the previous step.
 fn assert_delayed<T: Task>(config: &EnvConfig<T>, rows: &[usize], n: usize) {
     let mut plain = batch(config, &Ideal { max_torque: TORQUE }, &Exact, n);
     let mut delayed = batch(config, &Ideal { max_torque: TORQUE }, &Delay, n);
@@ -188,7 +188,7 @@ fn assert_delayed<T: Task>(config: &EnvConfig<T>, rows: &[usize], n: usize) {
         }
         for (i, before) in before.iter().enumerate() {
             let label = format!("{model}: environment {i}, step {k}");
-            // What is rewarded is the state itself.
+            // The reward depends on the state itself.
             assert_eq!(delayed.batch.state(i).unwrap(), plain.batch.state(i).unwrap(), "{label}");
             assert_eq!(delayed.outcomes[i], plain.outcomes[i], "{label}");
             if delayed.outcomes[i].done() {
@@ -211,7 +211,7 @@ fn delayed_rows_are_those_of_the_step_before() {
     }
 }
 
-/// A new command shows at once, and the reading stays that of its step.
+/// A new command shows at once, and the reading stays the reading of its step.
 #[test]
 fn delay_is_one_step_under_changing_commands() {
     for (model, n) in MODELS {
@@ -236,7 +236,7 @@ fn delay_is_one_step_under_changing_commands() {
     }
 }
 
-/// The state of the step before, or that of the start.
+/// The state of the previous step, or of the start.
 #[test]
 fn controllers_take_what_a_sensor_gave_last() {
     for (model, n) in MODELS {
@@ -288,7 +288,7 @@ fn snapshots_carry_the_memory_of_stages() {
             }
             assert!(run.all_bits() == other.all_bits(), "{model}: step {k}");
         }
-        // Stages with other numbers refuse it.
+        // Stages with other numbers reject it.
         let mut plain = batch(&config, &Ideal { max_torque: TORQUE }, &Exact, n);
         let error = plain.batch.load(0, &run.batch.save(0).unwrap()).unwrap_err().to_string();
         assert!(error.contains("its task or stages keep other numbers"), "{error}");

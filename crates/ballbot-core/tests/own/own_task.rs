@@ -77,7 +77,7 @@ fn description_names_options_rows_terms_and_reasons() {
     assert!(task.success.contains("tracked_error"));
 }
 
-/// A single environment by the contract of `mode`.
+/// A single environment under the contract of `mode`.
 struct Single {
     environment: Environment<Shuttle>,
     observation: Vec<f32>,
@@ -222,7 +222,7 @@ fn loaded_environments_continue_to_the_last_bit() {
             assert_eq!((run.outcomes[3], run.observation(3)), (outcome, &single.observation[..]), "{model}: step {k}");
         }
     }
-    // Tasks are not taken for each other.
+    // Tasks are not confused with each other.
     let saved = batch(&config(ModelKind::Contact), 1, Autoreset::SameStep, 1).save(0).unwrap();
     let mut balance = Batch::new(
         &ballbot_core::batch::BalanceConfig { model: ModelKind::Contact, ..Default::default() },

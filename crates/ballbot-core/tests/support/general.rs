@@ -21,8 +21,8 @@ pub fn contacts_and_axles(params: &Params) -> [(Vector3<f64>, Vector3<f64>); 3] 
     })
 }
 
-/// Body inertia of a robot whose link, without the wheels, has the inertia `link` about its CoM; a wheel's inertia across
-/// its axle is half of that about it.
+/// Body inertia of a robot whose link, without the wheels, has the inertia `link` about its CoM; a wheel's inertia
+/// across its axle is half the inertia about the axle.
 fn assembled(params: &Params, link: &Matrix3<f64>) -> Matrix3<f64> {
     let link_mass = params.body_mass - 3.0 * params.wheel_mass;
     let com = Vector3::new(params.body_com_offset[0], params.body_com_offset[1], params.body_com_height);
@@ -38,8 +38,8 @@ fn assembled(params: &Params, link: &Matrix3<f64>) -> Matrix3<f64> {
     whole
 }
 
-/// Any ballbot that can exist: its CoM up to a third of its height off the mast, any inertia of the body link, wheels up to
-/// 0.35 rad from 120 deg and up to 0.2 rad from one zenith.
+/// Any physically possible ballbot: its CoM up to a third of its height off the mast, any inertia of the body link,
+/// wheels up to 0.35 rad from 120 deg and up to 0.2 rad from a common zenith.
 pub fn any_general_robot() -> impl Strategy<Value = Params> {
     let place = (0.0..1.0 / 3.0, -3.2..3.2);
     let wheels = (uniform3(-0.35..0.35), uniform3(-0.2..0.2));
@@ -68,7 +68,7 @@ pub fn any_general_robot() -> impl Strategy<Value = Params> {
     )
 }
 
-/// The paper's robot with everything off by what a builder may measure.
+/// The paper's robot with realistic build errors everywhere.
 pub fn crooked() -> Params {
     let [a, b, c] = Params::paper().wheel_azimuths;
     let params = Params {

@@ -1,6 +1,6 @@
-//! Robots, states and torques to draw tests from, the same for all of them.
+//! Robots, states and torques that tests are sampled from, the same for all tests.
 
-// Every test takes its own share of these.
+// Every test uses some of these.
 #![allow(dead_code)]
 
 pub mod general;
@@ -16,20 +16,20 @@ pub fn vector(largest: f64) -> impl Strategy<Value = Vector3<f64>> {
     uniform3(-largest..largest).prop_map(Vector3::from)
 }
 
-/// Any attitude, upside down too.
+/// Any attitude, including upside down.
 pub fn any_attitude() -> impl Strategy<Value = UnitQuaternion<f64>> {
     vector(3.0).prop_map(UnitQuaternion::from_scaled_axis)
 }
 
-/// Any plausible ballbot: built of a ball, a body link and three wheels, and therefore one that can exist.
+/// Any plausible ballbot: built from a ball, a body link and three wheels, and therefore physically possible.
 pub fn any_robot() -> impl Strategy<Value = Params> {
     let parts = (any_frame(), any_joint_friction(), any_contact_friction(), 0.02..0.2);
     parts.prop_map(|(frame, [drag, viscous, dry], [wheel, floor], critical_velocity)| {
         let params = Params {
-            // Lost in a second of rolling, at most.
+            // Maximum lost in a second of rolling.
             ball_viscous_friction: drag * (frame.ball_mass + frame.body_mass),
             wheel_viscous_friction: viscous * frame.wheel_inertia,
-            // As a share of what makes the wheel slip.
+            // As a fraction of the torque that makes the wheel slip.
             wheel_coulomb_friction: 0.2 * dry * frame.static_wheel_load() * frame.wheel_radius,
             wheel_dynamic_friction: wheel.0,
             wheel_static_friction: wheel.0 + wheel.1,
@@ -43,7 +43,7 @@ pub fn any_robot() -> impl Strategy<Value = Params> {
     })
 }
 
-/// [`any_robot`] with equal moments of inertia across the mast, or it would look different from each wheel.
+/// [`any_robot`] with equal moments of inertia across the mast; otherwise it would look different from each wheel.
 pub fn any_round_robot() -> impl Strategy<Value = Params> {
     any_robot().prop_map(|params| {
         let [x, y, z] = params.body_inertia;
@@ -53,25 +53,25 @@ pub fn any_round_robot() -> impl Strategy<Value = Params> {
     })
 }
 
-/// [`any_robot`] or a published one.
+/// [`any_robot`] or a published robot.
 pub fn any_or_published_robot() -> impl Strategy<Value = Params> {
     let preset = |name: &&str| Params::preset(name).expect("a preset loads");
     let published: Vec<_> = Params::preset_names().iter().map(preset).collect();
     prop_oneof![any_robot(), proptest::sample::select(published)]
 }
 
-/// Without friction but for that of the contacts.
+/// Without friction except at the contacts.
 pub fn without_losses(params: &Params) -> Params {
     Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() }
 }
 
-/// Rolling, spinning and roller friction, free of a robot's size.
+/// Rolling, spinning and roller friction, independent of a robot's size.
 #[derive(Clone, Debug)]
 pub struct Losses {
     /// Levers in ball radii.
     levers: [f64; 2],
     rollers: f64,
-    /// Of the rollers, by the speed of a fall.
+    /// Friction of the rollers, relative to the speed of a fall.
     slope: f64,
 }
 
@@ -98,16 +98,16 @@ impl Losses {
     }
 }
 
-/// Ripple of the wheels' rims, free of a robot's size.
+/// Ripple of the wheels' rims, independent of a robot's size.
 #[derive(Clone, Debug)]
 pub struct Ripple {
-    /// As a share of that of straight rollers.
+    /// As a fraction of the ripple of straight rollers.
     share: f64,
     count: u8,
     phases: [f64; 3],
 }
 
-/// From barrels without gaps up to a share of the ripple of straight rollers.
+/// From barrels without gaps up to a fraction of the ripple of straight rollers.
 pub fn any_ripple(most: f64) -> impl Strategy<Value = Ripple> {
     (0.0..most, 6..25_u8, uniform3(-PI..PI)).prop_map(|(share, count, phases)| Ripple { share, count, phases })
 }
@@ -170,7 +170,8 @@ fn body_inertia(params: &Params, spread: [f64; 3]) -> [f64; 3] {
     let link = params.body_mass - 3.0 * params.wheel_mass;
     let (sin, cos) = params.wheel_zenith.sin_cos();
     let reach = params.ball_radius + params.wheel_radius;
-    // The three wheels together look the same from all sides, seen along the mast: centers, and what is not about axles.
+    // Seen along the mast, the three wheels together look the same from all sides: centers, and inertia other than
+    // about axles.
     let wheels_up = reach * cos - params.body_com_height;
     let wheels_out = reach * sin;
     let around = 3.0 * params.wheel_mass * 0.5 * wheels_out * wheels_out;
@@ -188,27 +189,27 @@ fn any_joint_friction() -> impl Strategy<Value = [f64; 3]> {
     [some(), some(), some()]
 }
 
-/// Wheel and floor, as dynamic coefficient and what static friction has beyond it.
+/// Wheel and floor: dynamic coefficient, and the excess of static friction over it.
 fn any_contact_friction() -> impl Strategy<Value = [(f64, f64); 2]> {
     let pair = || (0.3..1.2, prop_oneof![Just(0.0), 0.0..0.3]);
     [pair(), pair()]
 }
 
-/// How fast things go on a robot of this size, rad/s: the rate at which it falls.
+/// Natural rate of a robot of this size, rad/s: the rate at which it falls.
 pub fn natural_rate(params: &Params) -> f64 {
     (params.gravity / params.body_com_height).sqrt()
 }
 
-/// How a robot that rolls without slip starts, free of its size.
+/// Start of a robot that rolls without slip, independent of its size.
 #[derive(Clone, Debug)]
 pub struct Start {
     pub tilt: Vector2<f64>,
     pub yaw: f64,
-    /// Of the ball, in body heights by the natural rate.
+    /// Velocity of the ball, in body heights times the natural rate.
     pub velocity: Vector2<f64>,
-    /// Of the ball about the vertical, by the natural rate.
+    /// Spin of the ball about the vertical, relative to the natural rate.
     pub spin: f64,
-    /// Of the body, by the natural rate.
+    /// Angular velocity of the body, relative to the natural rate.
     pub rate: Vector3<f64>,
 }
 
@@ -225,19 +226,20 @@ impl Start {
     }
 }
 
-/// Leaning by up to `tilt` (rad) in each direction, with all velocities up to `speed` of the natural ones.
+/// Leaning by up to `tilt` (rad) in each direction, with all velocities up to `speed` times the natural velocities.
 pub fn any_start(tilt: f64, speed: f64) -> impl Strategy<Value = Start> {
     (vector(tilt), -PI..PI, vector(speed), -speed..speed, vector(speed)).prop_map(
         |(tilt, yaw, velocity, spin, rate)| Start { tilt: tilt.xy(), yaw, velocity: velocity.xy(), spin, rate },
     )
 }
 
-/// The largest of numbers that are not negative; NaN if one of them is, which a plain maximum would let pass.
+/// The largest of nonnegative numbers; NaN if any is NaN, which a plain maximum would ignore.
 pub fn largest(values: impl IntoIterator<Item = f64>) -> f64 {
     values.into_iter().fold(0.0, |most, value| if value > most || value.is_nan() { value } else { most })
 }
 
-/// Torques of the motors as shares of what makes a wheel of the robot at rest slip at a friction coefficient of 1.
+/// Torques of the motors as fractions of the torque that makes a wheel of the robot at rest slip at a friction
+/// coefficient of 1.
 pub fn torques(params: &Params, shares: &Vector3<f64>) -> [f64; 3] {
     (shares * (params.static_wheel_load() * params.wheel_radius))
         .map(|t| t.clamp(-params.max_wheel_torque, params.max_wheel_torque))

@@ -3,7 +3,7 @@
 use ballbot_core::{Model, Result, State};
 
 pub trait Motion: Model {
-    /// Starts anew from `state` if the model accepts it.
+    /// Restarts from `state` if the model accepts it.
     fn reset(&mut self, state: &State) -> Result<()> {
         self.accepts(state)?;
         self.place(state);

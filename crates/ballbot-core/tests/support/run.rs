@@ -1,6 +1,6 @@
-//! A batch with the buffers of its steps, and everything a step shows of an environment as bits.
+//! A batch with the buffers of its steps, and all results of an environment's step as bits.
 
-// Every test takes its own share of these.
+// Every test uses some of these.
 #![allow(dead_code)]
 
 use ballbot_core::Result;

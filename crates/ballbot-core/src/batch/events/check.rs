@@ -1,9 +1,9 @@
-//! Whether every robot that the events may make can be.
+//! Checks that every robot that the events may produce is valid.
 //!
-//! The limits of parameters are linear in them, convex or monotone in each, and most are about no more than three terms:
-//! these hold for all draws if they hold at the corners of the ranges of any three events. Draws of all events together, at
-//! corners and inside, are tried besides. A robot that slips through, as the loads of the wheels follow from five terms, is
-//! drawn again when it comes up.
+//! The limits of parameters are linear in them, convex or monotone in each, and most involve no more than three terms:
+//! such limits hold for all draws if they hold at the corners of the ranges of any three events. Draws of all events
+//! together, at corners and inside, are also tried. An invalid robot may still slip through, because the loads of the
+//! wheels depend on five terms; it is sampled again when it occurs.
 
 use super::event::{When, refused};
 use super::plan::{Plan, Target};
@@ -16,18 +16,18 @@ use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 use std::ops::Range;
 
-/// Draws of one event, and of all together, that are tried besides the corners.
+/// Number of draws of one event, and of all together, that are tried in addition to the corners.
 const TRIALS: usize = 64;
 
-/// What a robot that events have made must pass.
+/// Tests that a robot changed by events must pass.
 pub struct Tests<'a> {
-    /// Of its numbers alone.
+    /// Tests of its numbers only.
     pub robot: &'a dyn Fn(&Setup) -> Result<()>,
-    /// Of its model and of where the task may place it; expensive.
+    /// Tests of its model and of where the task may place it; expensive.
     pub starts: &'a dyn Fn(&Setup) -> Result<()>,
 }
 
-/// Least and largest draw of each number that one event may draw, with its columns.
+/// Smallest and largest draw of each number of one event, with its columns.
 struct Ranges {
     place: usize,
     numbers: Vec<(Range<usize>, [f64; 2])>,
@@ -51,10 +51,10 @@ impl Ranges {
 }
 
 impl Plan {
-    /// Checks that every robot that the events may make of a nominal one passes, and that the events fit it.
+    /// Checks that every robot that the events may produce from a nominal robot passes, and that the events fit it.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] with places and terms of the events that do not; [`Error::Interrupted`] in
+    /// [`Error::Inconsistent`] with indices and terms of the events that do not; [`Error::Interrupted`] in
     /// [`crate::stoppable`].
     pub fn check(&self, nominal: &Setup, tests: &Tests<'_>) -> Result<()> {
         let mut ranges = Vec::new();
@@ -72,7 +72,7 @@ impl Plan {
             robot: nominal.clone(),
             watch: Watch::new(),
         };
-        // The fewest first: an error has no more terms than it takes.
+        // Smallest sets first: an error then names no more terms than needed.
         for one in &ranges {
             trial.corners(&[one], true)?;
             trial.geometry(one)?;
@@ -104,7 +104,7 @@ struct Trial<'a> {
 }
 
 impl Trial<'_> {
-    /// All corners of the ranges of some events, the others without effect.
+    /// All corners of the ranges of some events; the other events have no effect.
     fn corners(&mut self, chosen: &[&Ranges], starts: bool) -> Result<()> {
         let total: usize = chosen.iter().map(|ranges| ranges.corners()).product();
         for corner in 0..total {
@@ -149,7 +149,7 @@ impl Trial<'_> {
         if starts { (self.tests.starts)(&self.robot) } else { Ok(()) }
     }
 
-    /// Checks that an event within the episode leaves the robot's shape alone.
+    /// Checks that an event within the episode does not change the robot's shape.
     fn geometry(&mut self, ranges: &Ranges) -> Result<()> {
         let event = &self.plan.events[ranges.place].event;
         if matches!(event.when, When::Startup | When::Reset) {
@@ -167,7 +167,7 @@ impl Trial<'_> {
         Ok(())
     }
 
-    /// The error of the present draws of events.
+    /// The error for the current draws of events.
     fn blame(&self, places: &[usize], error: &Error) -> Error {
         let [first, others @ ..] = places else { return Error::Inconsistent(error.to_string()) };
         let term = |place: usize| self.plan.events[place].event.term.as_str();

@@ -1,26 +1,26 @@
-//! An event as it is configured: the same keys in Rust, Python and TOML.
+//! Configuration of an event: the same keys in Rust, Python and TOML.
 
 use super::value::Value;
 use crate::error::{Error, Result};
 use crate::names;
 use std::str::FromStr;
 
-/// The term that gives the body an impulse; all other terms are numbers of the robot.
+/// The term that applies an impulse to the body; all other terms are numbers of the robot.
 pub(super) const PUSH: &str = "push";
 
-/// Key of the random numbers of a task's own pushes: no checksum, of 32 bits, is equal to it.
+/// Key of the random numbers of a task's own pushes: no 32-bit checksum can equal it.
 pub const TASK_ID: u64 = 1 << 40;
 
-/// When an event draws. All fire before the action of a control step.
+/// When an event samples. All fire before the action of a control step.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum When {
-    /// Once an environment: when it is made, and at the first reset after it was seeded.
+    /// Once per environment: when it is created, and at the first reset after it was seeded.
     Startup,
     /// At each reset.
     Reset,
-    /// Again and again in an episode, after gaps drawn evenly from this range, s.
+    /// Repeatedly in an episode, at intervals sampled uniformly from this range, s.
     Every([f64; 2]),
-    /// Once an episode, at this time, s.
+    /// Once per episode, at this time, s.
     At(f64),
 }
 
@@ -34,29 +34,29 @@ impl When {
 /// What a draw does to the nominal value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Operation {
-    /// It takes its place.
+    /// It replaces the value.
     Abs,
-    /// It is added to it.
+    /// It is added to the value.
     Add,
-    /// It multiplies it.
+    /// It multiplies the value.
     Scale,
 }
 
-/// What draws are like.
+/// Distribution of draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Distribution {
-    /// Even between low and high.
+    /// Uniform between low and high.
     Uniform,
-    /// Even in the logarithm between low and high.
+    /// Uniform in the logarithm between low and high.
     LogUniform,
-    /// Normal with mean and standard deviation, truncated at three of these.
+    /// Normal with mean and standard deviation, truncated at three standard deviations.
     Normal,
 }
 
 /// Direction of a push.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Direction {
-    /// Horizontal, its azimuth drawn evenly.
+    /// Horizontal, with uniformly sampled azimuth.
     Uniform,
     /// Horizontal, at this azimuth in the inertial frame, rad.
     Azimuth(f64),
@@ -113,37 +113,37 @@ impl FromStr for Distribution {
     }
 }
 
-/// What changes, when, and how it is drawn. SI units and radians.
+/// What changes, when, and how it is sampled. SI units and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
     /// The name of a parameter; `actuators.` or `sensors.` and the name of an option; or `push`.
     pub term: String,
-    /// When it draws.
+    /// When it samples.
     pub when: When,
-    /// What a draw does. Of a push, [`Operation::Abs`] draws the impulse, N·s, and [`Operation::Scale`] the change of
-    /// velocity, m/s, that times the nominal mass of the body is the impulse.
+    /// What a draw does. For a push, [`Operation::Abs`] samples the impulse, N·s, and [`Operation::Scale`] the change
+    /// of velocity, m/s; multiplied by the nominal mass of the body it is the impulse.
     pub operation: Operation,
-    /// What draws are like.
+    /// Distribution of the draws.
     pub distribution: Distribution,
-    /// Low and high, or mean and standard deviation: one pair for all numbers of the term, each drawn by itself, or a
-    /// pair each.
+    /// Low and high, or mean and standard deviation: one pair for all numbers of the term, each sampled separately, or
+    /// one pair each.
     pub range: Vec<[f64; 2]>,
-    /// Whether all numbers of the term have one draw together; `range` is one pair then.
+    /// Whether all numbers of the term have a common draw; `range` is then one pair.
     pub shared: bool,
-    /// The key of its random numbers, from 1 on; `None` takes the checksum (CRC-32) of the term's name. No two events of
-    /// a list have the same.
+    /// The key of its random numbers, at least 1; `None` takes the checksum (CRC-32) of the term's name. It must be
+    /// unique in a list of events.
     pub id: Option<u64>,
-    /// Whether it is accepted where it changes nothing, as friction in a model without slip.
+    /// Whether it is accepted where it changes nothing, such as friction in a model without slip.
     pub optional: bool,
-    /// Of a push alone.
+    /// Only for a push.
     pub direction: Direction,
-    /// Of a push alone: height of its point on the mast above the ball's center, m; even between the two. `None` is the
-    /// body's center of mass.
+    /// Only for a push: height of its point of application on the mast above the ball's center, m, uniform between the
+    /// two. `None` is the body's center of mass.
     pub height: Option<[f64; 2]>,
 }
 
 impl Event {
-    /// An event that replaces a term's value at each reset by one drawn evenly from `range`.
+    /// An event that replaces a term's value at each reset by a uniform sample from `range`.
     pub fn new(term: &str, range: [f64; 2]) -> Self {
         Self {
             term: term.to_owned(),
@@ -159,7 +159,7 @@ impl Event {
         }
     }
 
-    /// The term's name, with the id where one is given: `term:id`; `push:task` for those of a task itself.
+    /// The term's name, with the id where one is given: `term:id`; `push:task` for the pushes of a task.
     pub fn label(&self) -> String {
         match self.id {
             None => self.term.clone(),
@@ -168,11 +168,11 @@ impl Event {
         }
     }
 
-    /// From its keys and values; `place` counts in the list of events, for messages.
+    /// An event from its keys and values; `place` is its index in the list of events, for messages.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] with place and term: an unknown or missing key, or a value of the wrong kind. What the
-    /// numbers must be is checked with the robot, by [`crate::batch::EnvConfig::validate`].
+    /// [`Error::Inconsistent`] with place and term: an unknown or missing key, or a value of the wrong kind. The
+    /// numbers are checked together with the robot, by [`crate::batch::EnvConfig::validate`].
     pub fn from_entries(place: usize, entries: &[(String, Value)]) -> Result<Self> {
         let value = |key: &str| entries.iter().find(|(name, _)| name == key).map(|(_, value)| value);
         let term = match value("term") {
@@ -238,7 +238,7 @@ impl Event {
         Ok(event)
     }
 
-    /// Its keys and values, those that [`Event::from_entries`] reads back; keys without a meaning for it are left out.
+    /// Its keys and values, which [`Event::from_entries`] reads back; keys that do not apply are omitted.
     pub fn entries(&self) -> Vec<(&'static str, Value)> {
         let text = |text: &str| Value::Text(text.to_owned());
         let mode = match self.when {
@@ -283,12 +283,12 @@ impl Event {
     }
 }
 
-/// The error of the event at `place`.
+/// The error for the event at `place`.
 pub fn refused(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
     Error::Inconsistent(format!("events[{place}] ({term}): {reason}"))
 }
 
-/// One pair, or one a number.
+/// One pair, or one pair per number.
 fn ranges(value: &Value) -> Option<Vec<[f64; 2]>> {
     if let Some(pair) = value.pair() {
         return Some(vec![pair]);

@@ -1,8 +1,8 @@
-//! Seeded randomization: what changes of a robot, and what hits it, at random times and by random amounts.
+//! Seeded randomization: parameter changes and pushes at random times and by random amounts.
 //!
-//! An [`Event`] draws numbers for one term, a parameter or a push. Draws are keyed, not sequenced: each depends on the
-//! environment's seed, the episode, the event's id and its count in the episode, and on nothing else. Parameters are
-//! computed anew from the nominal robot and the present draws whenever one of them changes.
+//! An [`Event`] samples numbers for one term, a parameter or a push. Draws are keyed, not sequenced: each depends only
+//! on the environment's seed, the episode, the event's id and its count in the episode. Parameters are recomputed from
+//! the nominal robot and the current draws whenever a draw changes.
 
 mod check;
 mod effects;

@@ -1,4 +1,4 @@
-//! Events as they are carried out: names resolved, ranges expanded, keys assigned.
+//! Executable events: names resolved, ranges expanded, keys assigned.
 
 use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
 use super::sampler::{Sampler, Source, bounds};
@@ -10,7 +10,7 @@ use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::ops::Range;
 
-/// Most events of a list.
+/// Maximum number of events in a list.
 const MAX_EVENTS: usize = 64;
 /// Largest time of an event, s.
 const MAX_TIME: f64 = 1e9;
@@ -22,7 +22,7 @@ const PUSH_WIDTH: usize = 3;
 /// What an event changes.
 #[derive(Clone, Debug)]
 pub enum Target {
-    /// The number of this place, and parameters that change in proportion to it.
+    /// The number at this index, and parameters that change in proportion to it.
     Field { table: Table, index: usize, followers: Vec<usize> },
     /// The body's momentum.
     Push,
@@ -35,11 +35,11 @@ pub struct Planned {
     pub target: Target,
     /// Key of its random numbers.
     id: u64,
-    /// One pair a number of the term.
+    /// One pair per number of the term.
     ranges: Vec<[f64; 2]>,
-    /// The time of which a draw is a whole multiple, s, if it is one.
+    /// The time that draws are whole multiples of, s, if any.
     grain: Option<f64>,
-    /// The first of its columns in the draws of a robot, and their number.
+    /// Its first column in the draws of a robot, and the number of columns.
     first: usize,
     pub width: usize,
 }
@@ -48,24 +48,24 @@ pub struct Planned {
 #[derive(Clone, Debug)]
 pub struct Plan {
     pub events: Vec<Planned>,
-    /// Numbers of a robot's draws.
+    /// Count of numbers in a robot's draws.
     pub width: usize,
     /// Whether any event has a time within the episode.
     pub timed: bool,
     pub control_dt: f64,
     /// Whether motors differ from robot to robot.
     pub individual_motors: bool,
-    /// Whether sensors do.
+    /// Whether sensors differ from robot to robot.
     pub individual_sensors: bool,
-    /// Of all events together; environments with the same have the same events.
+    /// Checksum of all events together; environments with equal checksums have the same events.
     pub checksum: u32,
 }
 
 impl Plan {
-    /// Of valid or invalid events.
+    /// Plans events, which may be invalid.
     ///
     /// # Errors
-    /// [`crate::Error::Inconsistent`] with place and term of an event that cannot be, whatever the robot.
+    /// [`crate::Error::Inconsistent`] with index and term of an event that is invalid for any robot.
     pub fn new(events: &[Event], sim_dt: f64, control_dt: f64) -> Result<Self> {
         check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
             n <= MAX_EVENTS as f64
@@ -103,12 +103,12 @@ impl Plan {
         Ok(plan)
     }
 
-    /// About how much memory the events of a robot take.
+    /// Approximate memory of the events of a robot.
     pub fn bytes(&self) -> usize {
         (self.width + 2 * self.events.len()) * size_of::<f64>() + size_of::<Setup>()
     }
 
-    /// The robot that draws make of the nominal one, event by event in the order of the list.
+    /// Applies draws to the nominal robot, event by event in the order of the list.
     pub fn apply(&self, nominal: &Setup, draws: &[f64], robot: &mut Setup) {
         robot.clone_from(nominal);
         for event in &self.events {
@@ -116,16 +116,16 @@ impl Plan {
         }
     }
 
-    /// The least torque of a motor, `max_wheel_torque`, of any robot that the events make of one with `nominal`, N·m.
+    /// The smallest `max_wheel_torque` of any robot that the events produce from a robot with `nominal`, N·m.
     pub fn least_torque(&self, nominal: f64) -> f64 {
         let changes = self.events.iter().filter(|event| event.event.term == "max_wheel_torque");
         changes.fold(nominal, |least, event| {
-            // Nothing may have been drawn yet.
+            // There may be no draw yet.
             event.bounds().fold(least, |least, [low, _]| least.min(event.changed(least, low)))
         })
     }
 
-    /// The largest value of each option of the stages of any robot that the events make of one with `nominal`.
+    /// The largest value of each option of the stages of any robot that the events produce from a robot with `nominal`.
     pub fn largest_options(&self, nominal: &Setup) -> Stages {
         let mut largest = nominal.clone();
         for event in &self.events {
@@ -133,7 +133,7 @@ impl Plan {
                 continue;
             };
             for (value, [_, high]) in largest.values_mut(table, index).iter_mut().zip(event.bounds()) {
-                // Nothing may have been drawn yet.
+                // There may be no draw yet.
                 *value = value.max(event.changed(*value, high));
             }
         }
@@ -141,7 +141,7 @@ impl Plan {
     }
 }
 
-/// Parameters that change in proportion to another one: moments of inertia to the mass of the same part, a static
+/// Parameters that change in proportion to another parameter: moments of inertia to the mass of the same part, a static
 /// coefficient of friction to the dynamic one of the same pair.
 fn followers(term: &str) -> Vec<usize> {
     let (prefix, suffix) = if let Some(part) = term.strip_suffix("_mass") {
@@ -193,7 +193,7 @@ impl Planned {
         Ok(Self { event: event.clone(), target, id, ranges, grain, first, width })
     }
 
-    /// Whether robots under it need motors of their own.
+    /// Whether it requires separate motors for each robot.
     fn changes_motors(&self) -> bool {
         match self.target {
             Target::Field { table: Table::Params, index, .. } => Params::NAMES[index] == "max_wheel_torque",
@@ -202,12 +202,12 @@ impl Planned {
         }
     }
 
-    /// Whether robots under it need sensors of their own.
+    /// Whether it requires separate sensors for each robot.
     fn changes_sensors(&self) -> bool {
         matches!(self.target, Target::Field { table: Table::Sensors, .. })
     }
 
-    /// Seconds to draw `count` of an event that repeats itself, from the one before or the start of the episode.
+    /// Seconds from the previous draw, or the start of the episode, to draw `count` of a repeated event.
     pub fn gap(&self, source: Source, count: u32) -> f64 {
         match self.event.when {
             When::Every(gap) => Sampler::new(source, self.id, count, 0).draw(Distribution::Uniform, gap),
@@ -215,10 +215,10 @@ impl Planned {
         }
     }
 
-    /// Draws the numbers of an event; `attempt` counts the draws that made a robot that cannot be.
+    /// Samples the numbers of an event; `attempt` counts the draws that gave an invalid robot.
     pub fn draw(&self, source: Source, count: u32, attempt: u32, out: &mut [f64]) {
         let mut sampler = Sampler::new(source, self.id, count, attempt);
-        // The first number is that of the gap.
+        // The first number belongs to the gap.
         sampler.unit();
         let distribution = self.event.distribution;
         match self.target {
@@ -247,12 +247,12 @@ impl Planned {
         }
     }
 
-    /// Least and largest draw of each number of a parameter.
+    /// Smallest and largest draw of each number of a parameter.
     pub fn bounds(&self) -> impl Iterator<Item = [f64; 2]> {
         self.ranges.iter().map(|&range| bounds(self.event.distribution, range))
     }
 
-    /// The columns of each number that is drawn by itself, with its least and largest draw.
+    /// The columns of each separately sampled number, with its smallest and largest draw.
     pub fn numbers(&self) -> Vec<(Range<usize>, [f64; 2])> {
         let all = self.columns();
         if self.event.shared {
@@ -261,7 +261,7 @@ impl Planned {
         all.zip(self.bounds()).map(|(column, range)| (column..column + 1, range)).collect()
     }
 
-    /// Whether numbers may be a draw of the event, or none.
+    /// Whether numbers may be a draw of the event, or mean that there is none.
     pub fn could_draw(&self, draws: &[f64]) -> bool {
         let within = |value: f64, [low, high]: [f64; 2]| (low..=high).contains(&value);
         if draws.iter().all(|value| value.is_nan()) {
@@ -272,17 +272,17 @@ impl Planned {
                 let one = !self.event.shared || draws.iter().all(|value| *value == draws[0]);
                 one && draws.iter().zip(self.bounds()).all(|(&value, range)| within(value, range))
             }
-            // It has been given already.
+            // It has already been applied.
             Target::Push => true,
         }
     }
 
-    /// The nearest number that may be drawn to one within a range of the event.
+    /// The possible draw nearest to a number within a range of the event.
     pub fn nearest(&self, value: f64) -> f64 {
         self.grain.map_or(value, |grain| (value / grain).round() * grain)
     }
 
-    /// What a draw makes of a number.
+    /// A number after a draw is applied.
     fn changed(&self, value: f64, draw: f64) -> f64 {
         match self.event.operation {
             Operation::Abs => draw,
@@ -291,7 +291,7 @@ impl Planned {
         }
     }
 
-    /// Changes a number of a robot, and those in proportion to it. Draws of NaN change nothing.
+    /// Changes a number of a robot, and the numbers in proportion to it. Draws of NaN change nothing.
     fn apply(&self, draws: &[f64], robot: &mut Setup) {
         let Target::Field { table, index, followers } = &self.target else { return };
         if draws[0].is_nan() {
@@ -303,13 +303,13 @@ impl Planned {
             *value = self.changed(*value, draw);
         }
         let new = values[0];
-        // To zero there is no proportion.
+        // Nothing is proportional to zero.
         if new == old || old == 0.0 {
             return;
         }
         for &follower in followers {
             for value in robot.params.values_mut(follower) {
-                // In this order a ratio of at least 1 stays one in spite of rounding.
+                // In this order a ratio of at least 1 stays at least 1 despite rounding.
                 *value = new * (*value / old);
             }
         }
@@ -343,7 +343,7 @@ impl Planned {
     }
 }
 
-/// Checks that an event on a time in whole steps is one that draws them.
+/// Checks that an event on a time in whole steps samples whole steps.
 fn check_whole(event: &Event, grain: f64) -> Result<()> {
     if event.operation == Operation::Scale || event.distribution != Distribution::Uniform {
         return Err(Error::Inconsistent(format!(
@@ -355,9 +355,9 @@ fn check_whole(event: &Event, grain: f64) -> Result<()> {
     Ok(())
 }
 
-/// The whole multiples of a time within a range, the least and the largest.
+/// The smallest and largest whole multiple of a time within a range.
 fn whole([low, high]: [f64; 2], grain: f64) -> Result<[f64; 2]> {
-    // A multiple up to rounding is one.
+    // A multiple up to rounding counts.
     let margin = |value: f64| 1e-6 * (value / grain).abs().max(1.0);
     let (first, last) = ((low / grain - margin(low)).ceil(), (high / grain + margin(high)).floor());
     if first > last {
@@ -427,7 +427,7 @@ fn check_times(event: &Event, control_dt: f64) -> Result<()> {
     }
 }
 
-/// Checks what is of a push alone.
+/// Checks the keys that only a push has.
 fn check_direction(event: &Event) -> Result<()> {
     if event.term != PUSH {
         return Ok(());

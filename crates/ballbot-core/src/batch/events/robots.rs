@@ -1,4 +1,4 @@
-//! What the events of a chunk's robots have drawn, and when they draw next.
+//! Draws of the events of a chunk's robots, and the times of the next draws.
 
 use super::super::robots::{Robots, refused};
 use super::event::When;
@@ -10,15 +10,15 @@ use crate::params::Params;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-/// Share of a control step by which an event may be early, for rounding.
+/// Fraction of a control step by which an event may be early, for rounding.
 const EARLY: f64 = 1e-9;
 
 /// The events of one robot.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 struct Drawn {
-    /// Whether the next episode draws what is drawn once an environment.
+    /// Whether the next episode samples what is sampled once per environment.
     startup_due: bool,
-    /// Present draws, in the columns of the plan; NaN where there is none.
+    /// Current draws, in the columns of the plan; NaN where there is none.
     draws: Vec<f64>,
     /// Time of the next draw of each event, s from the start of the episode; infinity if there is none.
     times: Vec<f64>,
@@ -30,7 +30,7 @@ struct Drawn {
     next: f64,
 }
 
-/// The events of one robot with what they are applied to, to be kept.
+/// The events of one robot with what they are applied to, for snapshots.
 #[derive(Serialize, Deserialize)]
 pub struct Saved {
     checksum: u32,
@@ -43,13 +43,13 @@ pub struct Randomized {
     pub plan: Arc<Plan>,
     nominal: Vec<Arc<Setup>>,
     drawn: Vec<Drawn>,
-    /// Options that the stages have.
+    /// Current options of the stages.
     stages: Vec<Stages>,
-    /// Room for one robot.
+    /// Scratch space for one robot.
     robot: Setup,
 }
 
-/// Whether a robot that events have made can be, besides what its model asks of its parameters.
+/// Whether a robot changed by events is valid, in addition to the checks of its model.
 pub type Judge<'a> = &'a dyn Fn(&Setup) -> Result<()>;
 
 impl Drawn {
@@ -65,7 +65,7 @@ impl Drawn {
         }
     }
 
-    /// Draws what a new environment has.
+    /// Samples the events of a new environment.
     fn start(&mut self, plan: &Plan, source: Source, attempt: u32) {
         self.draws.fill(f64::NAN);
         for event in plan.events.iter().filter(|event| event.event.when == When::Startup) {
@@ -73,7 +73,7 @@ impl Drawn {
         }
     }
 
-    /// Draws what a new episode has, and the times of what comes later.
+    /// Samples the events of a new episode, and the times of later events.
     fn begin(&mut self, plan: &Plan, source: Source, attempt: u32) {
         self.counts.fill(0);
         for (event, time) in plan.events.iter().zip(&mut self.times) {
@@ -93,8 +93,8 @@ impl Drawn {
         self.find_next(plan);
     }
 
-    /// Draws, by `draw`, until the robot that this makes of a nominal one can be. If it never can, it is the nominal one and
-    /// has no draws. Returns whether it can.
+    /// Samples with `draw` until the resulting robot is valid. If it never is, the robot is nominal and has no draws.
+    /// Returns whether it is valid.
     fn settle(
         &mut self,
         of: (&Plan, &Setup),
@@ -154,7 +154,7 @@ impl Drawn {
         self.next = (soonest / plan.control_dt - EARLY).ceil();
     }
 
-    /// Whether it may be that of a robot under these events.
+    /// Whether it may belong to a robot under these events.
     fn fits(&self, plan: &Plan) -> bool {
         let n = plan.events.len();
         (self.draws.len(), self.times.len(), self.counts.len()) == (plan.width, n, n)
@@ -164,7 +164,7 @@ impl Drawn {
 }
 
 impl Randomized {
-    /// Of `used` robots of the same nominal kind; draws nothing.
+    /// For `used` robots with the same nominal parameters; samples nothing.
     pub fn new(plan: &Arc<Plan>, nominal: &Arc<Setup>, used: usize) -> Self {
         Self {
             nominal: vec![Arc::clone(nominal); used],
@@ -175,22 +175,22 @@ impl Randomized {
         }
     }
 
-    /// Parameters that robot `i` has without events.
+    /// Parameters of robot `i` without events.
     pub fn nominal(&self, i: usize) -> &Params {
         &self.nominal[i].params
     }
 
-    /// Present options of the stages of robot `i`.
+    /// Current options of the stages of robot `i`.
     pub fn stages(&self, i: usize) -> &Stages {
         &self.stages[i]
     }
 
-    /// Present draws of robot `i`, in the columns of the plan; NaN where there is none.
+    /// Current draws of robot `i`, in the columns of the plan; NaN where there is none.
     pub fn draws(&self, i: usize) -> &[f64] {
         &self.drawn[i].draws
     }
 
-    /// How many draws of robot `i` made one that cannot be, and were repeated, since it was seeded.
+    /// How many draws of robot `i` were invalid and were repeated, since it was seeded.
     pub fn repeated(&self, i: usize) -> u32 {
         self.drawn[i].repeated
     }
@@ -201,7 +201,7 @@ impl Randomized {
         counts.filter(|(event, _)| matches!(event.target, Target::Push)).map(|(_, count)| count).sum()
     }
 
-    /// Makes robot `i` what it is in a new environment.
+    /// Applies the events of a new environment to robot `i`.
     pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
         let of = (&*self.plan, &*self.nominal[i]);
         let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
@@ -209,7 +209,7 @@ impl Randomized {
         self.stages[i].clone_from(&self.robot.stages);
     }
 
-    /// Makes robot `i` what it is in a new episode.
+    /// Applies the events of a new episode to robot `i`.
     pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
         let of = (&*self.plan, &*self.nominal[i]);
         let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
@@ -233,7 +233,7 @@ impl Randomized {
         robot.params
     }
 
-    /// Draws anew, under a new seed, what is drawn once an environment.
+    /// Makes the next episode resample, under a new seed, what is sampled once per environment.
     pub fn seed(&mut self, i: usize) {
         self.drawn[i].startup_due = true;
         self.drawn[i].repeated = 0;
@@ -245,12 +245,12 @@ impl Randomized {
         step >= self.drawn[i].next
     }
 
-    /// Fires what is due: parameters and options first, then pushes on the robot that these make. Returns whether the robot
-    /// is another.
+    /// Fires the events that are due: first parameters and options, then pushes on the changed robot. Returns whether
+    /// the robot has changed.
     pub fn fire<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, step: f64, judge: Judge<'_>) -> bool {
         let plan = Arc::clone(&self.plan);
         let now = (step + EARLY) * plan.control_dt;
-        // One bit an event; a list has no more.
+        // One bit per event; a list has no more.
         let mut fired = 0u64;
         for (k, event) in plan.events.iter().enumerate() {
             let drawn = &mut self.drawn[i];
@@ -269,7 +269,7 @@ impl Randomized {
             for (k, event) in plan.events.iter().enumerate() {
                 let draws = &mut drawn.draws[event.columns()];
                 if attempt == ATTEMPTS && event.event.when.is_timed() {
-                    // The robot of the episode's beginning was accepted.
+                    // The robot at the start of the episode was accepted.
                     draws.fill(f64::NAN);
                 } else if fired >> k & 1 == 1 {
                     event.draw(source, drawn.counts[k].wrapping_sub(1), attempt, draws);
@@ -295,14 +295,15 @@ impl Randomized {
         fired != 0
     }
 
-    /// The robot that the present draws of robot `i` make of a nominal one.
+    /// Applies the current draws of robot `i` to a nominal robot.
     pub fn made_of(&self, i: usize, nominal: &Params) -> Setup {
         let mut robot = self.robot.clone();
         self.plan.apply(&self.nominal_with(i, nominal), &self.drawn[i].draws, &mut robot);
         robot
     }
 
-    /// Replaces the parameters that robot `i` has without events, once [`Randomized::made_of`] has been taken for them.
+    /// Replaces the parameters of robot `i` without events, once the robot of [`Randomized::made_of`] has been
+    /// accepted.
     pub fn set_nominal(&mut self, i: usize, nominal: &Params) {
         self.nominal[i] = Arc::new(self.nominal_with(i, nominal));
     }
@@ -311,15 +312,16 @@ impl Randomized {
         Setup { params: params.clone(), stages: self.nominal[i].stages.clone() }
     }
 
-    /// Everything that the future of robot `i` depends on.
+    /// The complete state of the events of robot `i`.
     pub fn save(&self, i: usize) -> Saved {
         Saved { checksum: self.plan.checksum, nominal: self.nominal(i).numbers(), drawn: self.drawn[i].clone() }
     }
 
-    /// Takes what [`Randomized::save`] gave, of a robot that has the parameters `params`; the nominal ones pass `accept`.
+    /// Restores what [`Randomized::save`] returned, for a robot with the parameters `params`; its nominal parameters
+    /// must pass `accept`.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if it is not that, and what `accept` and `judge` find; nothing has changed then.
+    /// [`crate::Error::Decode`] if it does not fit, and errors of `accept` and `judge`; nothing has changed then.
     pub fn load(
         &mut self,
         i: usize,
@@ -348,7 +350,7 @@ impl Randomized {
         Ok(())
     }
 
-    /// Makes robot `i` that of its draws; false, and nothing has changed, if it cannot be.
+    /// Applies its draws to robot `i`; false, with nothing changed, if the result is invalid.
     fn assign<R: Robots>(&mut self, robots: &mut R, i: usize, judge: Judge<'_>) -> bool {
         self.plan.apply(&self.nominal[i], &self.drawn[i].draws, &mut self.robot);
         if accept(robots, i, &self.robot, judge).is_err() {
@@ -359,7 +361,7 @@ impl Randomized {
     }
 }
 
-/// Makes robot `i` another one; an error, and nothing has changed, if that cannot be.
+/// Replaces robot `i`; an error, with nothing changed, if the new robot is invalid.
 fn accept<R: Robots>(robots: &mut R, i: usize, robot: &Setup, judge: Judge<'_>) -> Result<()> {
     judge(robot)?;
     robots.set_params(i, &robot.params).map(|_| ())

@@ -1,10 +1,10 @@
-//! Random numbers by key and counter: Philox4x32-10 with the environment's seed, a key of its own for each event.
+//! Random numbers by key and counter: Philox4x32-10 with the environment's seed and a separate key for each event.
 
 use super::event::Distribution;
 use crate::lanes::philox;
 use std::f64::consts::TAU;
 
-/// Of an environment.
+/// Key of an environment.
 pub type Key = [u32; 2];
 
 /// The key that follows from the seed of an environment's generator of starts.
@@ -17,17 +17,17 @@ pub fn key_of(seed: [u8; 32]) -> Key {
 #[derive(Clone, Copy, Debug)]
 pub struct Source {
     pub key: Key,
-    /// Counts from the seed on; 0 is before the first.
+    /// Counts from the seed; 0 is before the first episode.
     pub episode: u32,
 }
 
 /// Standard deviations at which the normal distribution is truncated.
 pub const TRUNCATION: f64 = 3.0;
 
-/// What keeps the keys of events apart from random numbers of other uses under the same key.
+/// Separates the random numbers of events from other uses of the same key.
 const STREAM: [u32; 2] = [u32::from_le_bytes(*b"draw"), 1];
 
-/// How often a draw is repeated that makes a robot that cannot be.
+/// How often a draw that gives an invalid robot is repeated.
 pub const ATTEMPTS: u32 = 64;
 
 /// The random numbers of one draw of one event.
@@ -40,7 +40,7 @@ pub struct Sampler {
 }
 
 impl Sampler {
-    /// Of draw `count` of the event with id `id`, for the `attempt`th time; both count from 0.
+    /// The sampler of draw `count` of the event with id `id`, attempt `attempt`; both count from 0.
     pub fn new(source: Source, id: u64, count: u32, attempt: u32) -> Self {
         let [a, b, ..] = philox(source.key, [id as u32, (id >> 32) as u32, STREAM[0], STREAM[1]]);
         Self { key: [a, b], counter: [0, attempt, count, source.episode], words: [0; 4], used: 4 }
@@ -70,14 +70,14 @@ impl Sampler {
         value.clamp(low, high)
     }
 
-    /// One of the whole multiples of a time from the first to the last, each as likely.
+    /// A whole multiple of a time from the first to the last, all equally likely.
     pub fn draw_whole(&mut self, [first, last]: [f64; 2], grain: f64) -> f64 {
         let steps = ((last - first) / grain).round();
         let chosen = (self.unit() * (steps + 1.0)).floor().min(steps);
         (((first / grain).round() + chosen) * grain).clamp(first, last)
     }
 
-    /// Box and Muller; draws beyond the truncation are drawn again.
+    /// Box-Muller; values beyond the truncation are resampled.
     fn truncated_normal(&mut self) -> f64 {
         loop {
             let radius = (-2.0 * (1.0 - self.unit()).ln()).sqrt();
@@ -89,7 +89,7 @@ impl Sampler {
     }
 }
 
-/// Least and largest draw.
+/// Smallest and largest draw.
 pub fn bounds(distribution: Distribution, [a, b]: [f64; 2]) -> [f64; 2] {
     match distribution {
         Distribution::Uniform | Distribution::LogUniform => [a, b],

@@ -1,4 +1,4 @@
-//! Lists of events as TOML: files, text, and the sets that are part of the crate.
+//! Lists of events as TOML: files, text, and the sets in this crate.
 
 use super::event::Event;
 use super::value::Value;
@@ -14,7 +14,7 @@ const SETS: [(&str, &str); 2] =
 /// Largest file of events, bytes.
 const MAX_SIZE: u64 = 1 << 20;
 
-/// Names of the sets of events that are part of the crate.
+/// Names of the sets of events in this crate.
 pub fn event_sets() -> [&'static str; SETS.len()] {
     SETS.map(|(name, _)| name)
 }
@@ -22,7 +22,7 @@ pub fn event_sets() -> [&'static str; SETS.len()] {
 /// The events of a set by its name, or of a TOML file by its path, which ends in `.toml`.
 ///
 /// # Errors
-/// [`Error::UnknownName`] for a name that is none; [`Error::Io`] for a file that cannot be read; those of
+/// [`Error::UnknownName`] for an unknown name; [`Error::Io`] for a file that cannot be read; those of
 /// [`events_from_toml`].
 pub fn load_events(name_or_path: &str) -> Result<Vec<Event>> {
     if let Some((_, text)) = SETS.iter().find(|(name, _)| *name == name_or_path) {
@@ -36,10 +36,10 @@ pub fn load_events(name_or_path: &str) -> Result<Vec<Event>> {
     events_from_toml(&text, name_or_path)
 }
 
-/// Events from TOML text, one table `[[events]]` each; `what` is its name in messages.
+/// Events from TOML text, one table `[[events]]` each; `what` names the text in messages.
 ///
 /// # Errors
-/// [`Error::Decode`] for malformed text, another key than `events`, and what [`Event::from_entries`] finds.
+/// [`Error::Decode`] for malformed text and keys other than `events`; errors of [`Event::from_entries`].
 pub fn events_from_toml(text: &str, what: &str) -> Result<Vec<Event>> {
     let decode = |reason: String| Error::Decode { what: what.to_owned(), reason };
     let table: toml::Table = text.parse().map_err(|e: toml::de::Error| decode(e.to_string()))?;

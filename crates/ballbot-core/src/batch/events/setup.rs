@@ -1,4 +1,4 @@
-//! What events may change of a robot: tables of numbers, each with its names.
+//! The numbers of a robot that events may change: tables, each with its names.
 
 use crate::actuator::MotorOptions;
 use crate::error::{Error, Result};
@@ -20,7 +20,7 @@ pub struct Stages {
     pub sensors: SensorOptions,
 }
 
-/// A part of a [`Setup`]. That of another stage needs a variant here, and its arms below.
+/// A part of a [`Setup`]. A new stage needs a variant here, and its match arms below.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Table {
     Params,
@@ -31,7 +31,7 @@ pub enum Table {
 impl Table {
     const ALL: [Self; 3] = [Self::Params, Self::Actuators, Self::Sensors];
 
-    /// What stands before the names of its numbers in a term.
+    /// Prefix of the names of its numbers in a term.
     const fn prefix(self) -> &'static str {
         match self {
             Self::Params => "",
@@ -58,7 +58,7 @@ impl Table {
         }
     }
 
-    /// The time of which one of them is a whole multiple, s, if it is so.
+    /// The time that a number must be a whole multiple of, s, if any.
     pub fn grain(self, index: usize, sim_dt: f64, control_dt: f64) -> Option<f64> {
         match self {
             Self::Params => None,
@@ -67,7 +67,7 @@ impl Table {
         }
     }
 
-    /// The table and place of a term.
+    /// The table and index of a term.
     ///
     /// # Errors
     /// [`Error::UnknownName`] with all terms, those of `others` first.
@@ -86,7 +86,7 @@ impl Table {
 }
 
 impl Setup {
-    /// Numbers of a table, to change them.
+    /// Numbers of a table, mutable.
     pub fn values_mut(&mut self, table: Table, index: usize) -> &mut [f64] {
         match table {
             Table::Params => self.params.values_mut(index),

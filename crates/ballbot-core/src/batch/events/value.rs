@@ -1,4 +1,4 @@
-//! Values of an event's keys, before they are checked.
+//! Values of an event's keys, unchecked.
 
 use std::fmt;
 
@@ -15,12 +15,12 @@ pub enum Value {
     Text(String),
     /// Several values.
     List(Vec<Value>),
-    /// Anything else, as it is written.
+    /// Anything else, as written.
     Other(String),
 }
 
 impl Value {
-    /// The number that it is, if it is one.
+    /// The value as a number, if it is one.
     pub fn number(&self) -> Option<f64> {
         match self {
             Self::Whole(number) => Some(*number as f64),
@@ -29,7 +29,7 @@ impl Value {
         }
     }
 
-    /// The two numbers that it is, if it is a list of two.
+    /// The value as two numbers, if it is a list of two.
     pub fn pair(&self) -> Option<[f64; 2]> {
         match self {
             Self::List(values) => match values.as_slice() {

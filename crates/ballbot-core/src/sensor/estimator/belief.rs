@@ -1,4 +1,4 @@
-//! What an estimator keeps of a robot from one reading to the next.
+//! Memory of an estimator from one reading to the next.
 
 use super::covariance::{Covariance, NUMBERS, STATES};
 use crate::lanes::{Lane, Memory, Quat, Vec3};
@@ -6,16 +6,16 @@ use crate::lanes::{Lane, Memory, Quat, Vec3};
 /// Numbers before the covariance.
 const BEFORE: usize = 36;
 
-/// Where [`Belief::begun`] is.
+/// Index of [`Belief::begun`].
 const BEGUN: usize = BEFORE - 1;
 
-/// Where [`Belief::cross`] is.
+/// Index of [`Belief::cross`].
 const CROSS: usize = BEFORE + NUMBERS;
 
 /// Numbers of a [`Belief`].
 pub const LEN: usize = CROSS + STATES;
 
-/// The estimated quantities with what the next step needs of this one.
+/// The estimated quantities, and what the next step needs from this step.
 #[derive(Clone, Copy)]
 pub struct Belief<L> {
     /// Attitude of the body.
@@ -36,11 +36,11 @@ pub struct Belief<L> {
     pub lean_bias: [L; 2],
     /// Last reading of the gyroscope, rad/s.
     pub gyro: Vec3<L>,
-    /// Its mean over the last step, rad/s.
+    /// Mean of the gyroscope over the last step, rad/s.
     pub mean_gyro: Vec3<L>,
     /// Wheel rates of the last reading, rad/s.
     pub wheel_rates: [L; 3],
-    /// Wheel rates that follow from the estimates, rad/s.
+    /// Wheel rates predicted from the estimates, rad/s.
     pub expected: [L; 3],
     /// 1 for a wheel that slipped in the last step, else 0.
     pub slipping: [L; 3],
@@ -137,7 +137,7 @@ impl<L: Lane> Belief<L> {
         memory.set(BEGUN, L::select(mask, begun.zero(), begun));
     }
 
-    /// [`Belief::store`] for the robots outside of `mask`; for those inside only what is read.
+    /// [`Belief::store`] for the robots outside `mask`; for the robots inside, only what is read.
     #[inline(always)]
     pub fn store_outside(&self, mask: L::Mask, memory: &mut Memory<'_, L>) {
         if !L::any(mask) {

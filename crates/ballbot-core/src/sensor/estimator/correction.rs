@@ -7,16 +7,17 @@ use super::gate::by_turning;
 use crate::lanes::{Lane, Mat3, Vec3};
 use crate::sensor::Readings;
 
-/// Deviation of a mean rate from that of the two ends of a step, as a share of their difference: motors and models do not
-/// accelerate evenly within it.
+/// Deviation of a mean rate from the mean of both ends of a step, as a fraction of their difference: motors and models
+/// do not accelerate evenly within a step.
 pub(super) const UNEVEN: f64 = 0.1;
 
 impl Estimator {
     /// Corrects the estimates by the wheels that do not slip.
     ///
-    /// A wheel rate is the mean over the step, and so is its prediction. The noise of the gyroscope is in the prediction of
-    /// attitude and of wheel rates alike; `shared` is their covariance. The relative error of the rolling is constant, so that
-    /// no mean over readings takes it away: it is considered with its covariance, not estimated (Schmidt).
+    /// A wheel rate is the mean over the step, and so is its prediction. The noise of the gyroscope enters the
+    /// predictions of both attitude and wheel rates; `shared` is their covariance. The relative error of the rolling is
+    /// constant, so averaging readings does not remove it: it is considered with its covariance, not estimated
+    /// (Schmidt).
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);
@@ -36,7 +37,7 @@ impl Estimator {
         let mut by_rate = [Vec3::zero(like); 3];
         let mut g = [[zero; STATES]; 3];
         let mut shared = [[zero; STATES]; 3];
-        // Wheel rates by the ball's rolling, and their covariance with its relative error.
+        // Wheel rates due to the ball's rolling, and their covariance with its relative error.
         let mut rolling = [zero; 3];
         let mut of_rolling = [zero; 3];
         for i in 0..3 {

@@ -4,20 +4,20 @@ use crate::lanes::{Lane, Mat3, Memory, Vec3};
 
 /// Attitude (3), gyroscope bias (3), velocity (2), ball spin (1).
 pub const STATES: usize = 9;
-/// Where the bias begins.
+/// First index of the bias.
 pub const BIAS: usize = 3;
-/// Where the velocity begins.
+/// First index of the velocity.
 pub const VELOCITY: usize = 6;
-/// Where the spin is.
+/// Index of the spin.
 pub const SPIN: usize = 8;
 /// Numbers of the upper triangle.
 pub const NUMBERS: usize = STATES * (STATES + 1) / 2;
 
-/// What a step does to the estimation error.
+/// Effect of a step on the estimation error.
 pub struct Transition<L> {
     /// Effect of an error of the body rate on attitude (3) and velocity (2).
     pub rate: [Vec3<L>; 5],
-    /// Change of the velocity by an error of the tilt: specific force along the vertical times the time step, m/s.
+    /// Change of the velocity due to a tilt error: specific force along the vertical times the time step, m/s.
     pub pull: L,
 }
 
@@ -33,14 +33,14 @@ pub struct StepNoise {
     pub spin: f64,
 }
 
-/// A symmetric matrix of all its elements.
+/// A symmetric matrix with all its elements stored.
 #[derive(Clone, Copy)]
 pub struct Covariance<L> {
     pub(super) rows: [[L; STATES]; STATES],
 }
 
 impl<L: Lane> Covariance<L> {
-    /// A matrix of variances without correlation.
+    /// A diagonal matrix of variances.
     #[inline(always)]
     pub fn diagonal(variances: [L; STATES]) -> Self {
         let mut rows = [[variances[0].zero(); STATES]; STATES];
@@ -82,7 +82,7 @@ impl<L: Lane> Covariance<L> {
     pub fn advance(&mut self, transition: &Transition<L>, noise: &StepNoise) {
         let mut half = self.rows;
         for row in &mut half {
-            // P is symmetric: a row of it is a column.
+            // P is symmetric: its rows are its columns.
             *row = transition.apply(row);
         }
         for i in 0..STATES {

@@ -1,4 +1,4 @@
-//! The lean at which a robot is in equilibrium, if it is not where its parameters say.
+//! Equilibrium lean of a robot that differs from its parameters.
 
 use crate::constants::Constants;
 use crate::lanes::{Heading, Lane, Rotation, Vec3};
@@ -6,10 +6,10 @@ use crate::params::Params;
 
 /// A slow observer of the lean bias.
 ///
-/// Angular momentum about the ball's floor contact does not contain the motor torques: with the lean λ of the line from the
-/// ball's center to the center of mass, small, d v̇ + c λ̈ = K (λ − λ₀), where λ₀ ≠ 0 for a center of mass that is not where
-/// the parameters say, a slope or a steady horizontal force. λ₀ is the low-pass of λ − m', m = (d v + c λ̇) / K. Its state
-/// is z = λ₀ + m / T, so that nothing is differentiated.
+/// Angular momentum about the ball's floor contact does not contain the motor torques: with the lean λ of the line from
+/// the ball's center to the center of mass, small, d v̇ + c λ̈ = K (λ − λ₀), where λ₀ ≠ 0 for a center of mass that
+/// differs from the parameters, a slope or a steady horizontal force. λ₀ is the low-pass of λ − m',
+/// m = (d v + c λ̇) / K. Its state is z = λ₀ + m / T, so that nothing is differentiated.
 #[derive(Clone, Debug)]
 pub struct LeanObserver {
     /// Unit vector from the ball's center to the center of mass, body frame.
@@ -20,12 +20,12 @@ pub struct LeanObserver {
     leaning: [f64; 2],
     /// 1 / T, 1/s.
     per_time: f64,
-    /// Share of the distance to its goal that z goes in a step.
+    /// Fraction of the distance to its target that z covers in a step.
     share: f64,
 }
 
 impl LeanObserver {
-    /// Of the robot of `params` with the time constant `time`, advanced every `dt`, s.
+    /// The observer of the robot of `params` with the time constant `time`, advanced every `dt`, s.
     pub fn new(params: &Params, time: f64, dt: f64) -> Self {
         let (height, radius) = (params.body_com().norm(), params.ball_radius);
         let moment = params.body_mass * height;

@@ -1,8 +1,8 @@
 //! The estimator of attitude, velocity, position and lean bias from an IMU and three encoders.
 //!
-//! An error-state extended Kalman filter: gyroscope and accelerometer move the estimate of attitude and velocity, wheel rates
-//! correct it, wheels that slip take no part. It takes the floor for level: its tilt is that from the vertical. See
-//! `docs/estimator.md`.
+//! An error-state extended Kalman filter: gyroscope and accelerometer propagate the estimate of attitude and velocity,
+//! wheel rates correct it, slipping wheels are excluded. It assumes a level floor: its tilt is measured from the
+//! vertical. See `docs/estimator.md`.
 
 mod belief;
 mod correction;
@@ -34,7 +34,7 @@ pub(super) const MAX_DT: f64 = 1.0;
 /// Largest correction of the attitude by the lean bias, rad.
 const MAX_LEAN_BIAS: f64 = 0.1;
 
-/// The estimator of one kind of robot, written over lanes. What it keeps of a robot is in [`Memory`].
+/// The estimator of one kind of robot, written over lanes. Its memory of a robot is in [`Memory`].
 #[derive(Clone, Debug)]
 pub struct Estimator {
     options: EstimatorOptions,
@@ -44,32 +44,32 @@ pub struct Estimator {
     dt: f64,
 }
 
-/// What an estimator has besides a state.
+/// Estimates in addition to the state.
 #[derive(Clone, Copy)]
 pub struct Estimate<L> {
     /// Bias of the gyroscope, body frame, rad/s.
     pub gyro_bias: Vec3<L>,
-    /// Lean at which the robot is in equilibrium, beyond that of its parameters, heading frame, rad: positive towards +x and
-    /// +y.
+    /// Equilibrium lean of the robot minus the equilibrium lean of its parameters, heading frame, rad: positive towards
+    /// +x and +y.
     pub lean_bias: [L; 2],
     /// Covariance of the attitude error, a rotation vector in the inertial frame, rad².
     pub attitude_covariance: Mat3<L>,
-    /// Covariance of the error of the IMU's horizontal velocity less what the error of the heading makes, inertial frame,
-    /// (m/s)²: xx, xy, yy.
+    /// Covariance of the error of the IMU's horizontal velocity without the part due to the heading error, inertial
+    /// frame, (m/s)²: xx, xy, yy.
     pub velocity_covariance: [L; 3],
     /// 1 for a wheel that slipped in the last step, else 0.
     pub slipping: [L; 3],
 }
 
 impl Estimator {
-    /// How many numbers it keeps of a robot.
+    /// Count of numbers that it keeps for a robot.
     pub const MEMORY: usize = belief::LEN;
 
     /// The estimator of the robot of `params` with a reading every `dt` seconds.
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for an option beyond its limit and for `dt` that is not above 0 and at most 1 s;
-    /// what [`Params::validate`] finds.
+    /// errors of [`Params::validate`].
     pub fn new(params: &Params, options: &EstimatorOptions, dt: f64) -> Result<Self> {
         params.validate()?;
         options.check_limits()?;
@@ -88,7 +88,7 @@ impl Estimator {
         &self.odometry
     }
 
-    /// Begins an episode: the robot is believed to be in `state`, with the deviations of the options.
+    /// Begins an episode: the initial estimate is `state`, with the deviations of the options.
     #[inline(always)]
     pub fn begin<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) {
         let rotation = state.body_quaternion.rotation();
@@ -129,7 +129,8 @@ impl Estimator {
         belief.store(memory);
     }
 
-    /// The state after `readings`: of the start at the first call of an episode, of one more step at each later one.
+    /// The state after `readings`: at the first call of an episode these are readings at the start, at each later call
+    /// readings one step later.
     #[inline(always)]
     pub fn update<L: Lane>(&self, readings: &Readings<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
         let mut belief = Belief::load(memory);
@@ -157,13 +158,14 @@ impl Estimator {
         self.state(&belief, readings, &expected)
     }
 
-    /// Makes the next [`Estimator::update`] of the robots in `mask` the first of their episode: the last one was repeated.
+    /// Makes the next [`Estimator::update`] of the robots in `mask` the first of their episode: the last update was
+    /// repeated.
     #[inline(always)]
     pub fn wait<L: Lane>(&self, mask: L::Mask, memory: &mut Memory<'_, L>) {
         Belief::wait(mask, memory);
     }
 
-    /// The state that the last [`Estimator::update`] gave, which was one with `readings`.
+    /// The state that the last [`Estimator::update`] returned, which was called with `readings`.
     #[inline(always)]
     pub fn last<L: Lane>(&self, readings: &Readings<L>, memory: &Memory<'_, L>) -> LaneState<L> {
         let belief = Belief::load(memory);
@@ -171,8 +173,8 @@ impl Estimator {
         self.state(&belief, readings, &expected)
     }
 
-    /// A state whose attitude is turned back by the lean bias, within ±0.1 rad: a controller that holds the equilibrium of the
-    /// parameters then holds that of the robot, without an integrator.
+    /// A state whose attitude is rotated back by the lean bias, within ±0.1 rad: a controller that holds the
+    /// equilibrium of the parameters then holds the equilibrium of the robot, without an integrator.
     #[inline(always)]
     pub fn balanced<L: Lane>(&self, state: &LaneState<L>, memory: &Memory<'_, L>) -> LaneState<L> {
         let belief = Belief::load(memory);
@@ -187,7 +189,7 @@ impl Estimator {
         LaneState { body_quaternion: state.body_quaternion.turned(back), ..*state }
     }
 
-    /// What there is besides the state.
+    /// Estimates in addition to the state.
     #[inline(always)]
     pub fn estimate<L: Lane>(&self, memory: &Memory<'_, L>) -> Estimate<L> {
         let belief = Belief::load(memory);
@@ -219,7 +221,7 @@ impl Estimator {
         Vec3::new(like.splat(x), like.splat(y), like.splat(z))
     }
 
-    /// Motion of ball and wheels that follows from the estimates.
+    /// Motion of ball and wheels predicted from the estimates.
     #[inline(always)]
     fn expected<L: Lane>(&self, belief: &Belief<L>, rotation: &Rotation<L>, rate: Vec3<L>) -> Expected<L> {
         let arm = self.arm_velocity(rotation, rate);
@@ -228,7 +230,7 @@ impl Estimator {
         Expected { arm, velocity, ball_rate, wheel_rates: self.odometry.wheel_rates(rotation, rate, ball_rate) }
     }
 
-    /// Position of the ball after a step: by the wheel rates, or by the velocity where a wheel slips.
+    /// Position of the ball after a step: from the wheel rates, or from the velocity where a wheel slips.
     #[inline(always)]
     fn moved<L: Lane>(
         &self,

@@ -5,7 +5,8 @@ use super::{Estimator, MAX_LEAN_BIAS};
 use crate::constants::Constants;
 
 impl Estimator {
-    /// The numbers that it computes with: geometry, variances of a step and of the start, and those of gates and lean.
+    /// The numbers that it computes with: geometry, variances of a step and of the start, and constants of gates and
+    /// lean.
     pub fn constants(&self) -> Constants {
         let (o, dt) = (&self.options, self.dt);
         let constants = Constants::default()

@@ -1,4 +1,4 @@
-//! A step of the filter by gyroscope and accelerometer.
+//! Prediction step of the filter from gyroscope and accelerometer.
 
 use super::Estimator;
 use super::belief::Belief;
@@ -7,8 +7,8 @@ use crate::lanes::{Lane, Rotation, Vec3};
 use crate::sensor::Readings;
 
 impl Estimator {
-    /// Moves attitude and velocity by a step. Returns the specific force of the IMU, inertial frame, m/s², and the rotation
-    /// in the middle of the step.
+    /// Propagates attitude and velocity by a step. Returns the specific force of the IMU, inertial frame, m/s², and the
+    /// rotation in the middle of the step.
     #[inline(always)]
     pub(super) fn predict<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) -> (Vec3<L>, Rotation<L>) {
         let dt = self.dt;
@@ -32,7 +32,7 @@ impl Estimator {
                 x,
                 y,
                 -turning,
-                // An error of the yaw turns the velocity with it, which is no error in the heading frame.
+                // A yaw error rotates the velocity too, which is not an error in the heading frame.
                 (turning * -vy).plus(y, half_pull),
                 (turning * vx).plus(x, -half_pull),
             ],

@@ -8,7 +8,7 @@ pub(super) const HARMONICS: usize = 3;
 /// Numbers of a curve: for x, then for y, the coefficients of cosine and sine of each harmonic, m.
 pub(super) const NUMBERS: usize = 4 * HARMONICS;
 
-/// Least length of a derivative, m: a curve that is a point goes nowhere.
+/// Minimum length of a derivative, m: a curve that is a point does not move.
 const LEAST_LENGTH: f64 = 1e-3;
 
 /// A curve p(φ), closed after φ = 2π.
@@ -32,7 +32,7 @@ pub(super) struct Point<L> {
 }
 
 impl<L: Lane> Curve<L> {
-    /// The curve whose numbers are in a memory from `first` on.
+    /// The curve stored in a memory from index `first` on.
     #[inline(always)]
     pub(super) fn load(memory: &Memory<'_, L>, first: usize) -> Self {
         let mut coefficients = [[[memory.splat(0.0); 2]; HARMONICS]; 2];
@@ -66,7 +66,7 @@ impl<L: Lane> Curve<L> {
         point
     }
 
-    /// The phase after a way along the curve, m: a midpoint step.
+    /// The phase after a distance along the curve, m: a midpoint step.
     #[inline(always)]
     pub(super) fn after(&self, phase: Phase<L>, way: L) -> Phase<L> {
         let half = phase.turned(way * 0.5 / self.at(phase).length());
@@ -75,7 +75,7 @@ impl<L: Lane> Curve<L> {
 }
 
 impl<L: Lane> Phase<L> {
-    /// The sum of two.
+    /// Sum of both.
     #[inline(always)]
     fn plus(self, other: Self) -> Self {
         Self {
@@ -89,7 +89,7 @@ impl<L: Lane> Phase<L> {
     fn turned(self, angle: L) -> Self {
         let (sin, cos) = sin_cos_of_step(angle);
         let Self { cos, sin } = self.plus(Self { cos, sin });
-        // What is turned again and again stays of length 1.
+        // Keeps the length 1 over repeated rotations.
         let correction = (cos.squared() + sin.squared()).mul_add_all(-0.5, cos.splat(1.5));
         Self { cos: cos * correction, sin: sin * correction }
     }

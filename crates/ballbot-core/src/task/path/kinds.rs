@@ -1,4 +1,4 @@
-//! The curves that paths are drawn from.
+//! The curves that paths are sampled from.
 
 use super::curve::{Curve, HARMONICS, NUMBERS, Phase};
 use crate::lanes::{Memory, Scalar};
@@ -10,7 +10,7 @@ use std::f64::consts::TAU;
 /// Samples of a curve at which its curvature is taken.
 const SAMPLES: usize = 96;
 
-/// A circle, a lemniscate of Gerono, a rounded square and a random curve, by their place among the weights.
+/// A circle, a lemniscate of Gerono, a rounded square and a random curve, in the order of the weights.
 const KINDS: usize = 4;
 
 /// Coefficients (x cosine, x sine, y cosine, y sine) of each harmonic of a curve of half width 1.
@@ -20,7 +20,7 @@ const CIRCLE: Shape = [[1.0, 0.0, 0.0, 1.0], [0.0; 4], [0.0; 4]];
 const LEMNISCATE: Shape = [[1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 0.0, 0.5], [0.0; 4]];
 const ROUNDED_SQUARE: Shape = [[1.0, 0.0, 0.0, 1.0], [0.0; 4], [0.08, 0.0, 0.0, -0.08]];
 
-/// Draws a curve of a half width of about `size` m, turned to any side; the numbers of a [`Curve`].
+/// Samples a curve with a half width of about `size` m in a random direction; returns the numbers of a [`Curve`].
 pub(super) fn draw(weights: [f64; KINDS], size: f64, rng: &mut ChaCha8Rng) -> [f64; NUMBERS] {
     let mut left = rng.random::<f64>() * weights.iter().sum::<f64>();
     let chosen = weights.iter().position(|weight| {

@@ -37,8 +37,8 @@ task_fields! {
     }
 }
 
-/// Memory: speed and curve of the command, center of the curve, cosine and sine of the phase, present speed, position of the
-/// point, its unit tangent, sums of the squared errors across and in all with their count, and the steps.
+/// Memory: commanded speed and curve, center of the curve, cosine and sine of the phase, current speed, position of the
+/// point, its unit tangent, sums of the squared cross-track and total errors with their count, and the steps.
 const SPEED: usize = 0;
 const CURVE: usize = 1;
 const CENTER: [usize; 2] = [CURVE + NUMBERS, CURVE + NUMBERS + 1];
@@ -124,7 +124,8 @@ impl Task for Path {
         Ok(())
     }
 
-    /// The curve begins at the ball, at rest. Where it asks for more acceleration than there is, the speed is lower.
+    /// The curve begins at the ball, at rest. Where it would need more than the allowed acceleration, the speed is
+    /// lower.
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
         let curvature = kinds::largest_curvature(&memory[CURVE..]).max(1e-6);
         memory[SPEED] = memory[SPEED].clamp(0.0, (self.path_acceleration / curvature).sqrt());
@@ -248,7 +249,7 @@ impl Task for Path {
 }
 
 impl Path {
-    /// The point from the ball, m.
+    /// Vector from the ball to the point, m.
     #[inline(always)]
     fn error<L: Lane>(step: &Step<'_, L>, memory: &Memory<'_, L>) -> [L; 2] {
         let ball = step.state.ball_position;

@@ -1,5 +1,5 @@
-//! The estimator against the true motion: exact where the kinematics is, within its own covariance under noise, and bounded
-//! where wheels slip.
+//! The estimator against the true motion: exact where the kinematics are exact, within its own covariance under noise,
+//! and bounded where wheels slip.
 
 mod closed_loop;
 mod coarse;
@@ -33,7 +33,7 @@ fn lanes(v: &Vector3<f64>) -> Vec3<f64> {
     Vec3::new(v.x, v.y, v.z)
 }
 
-/// Largest difference of ball velocity and spin between odometry from exact rates and the state, over that of the state.
+/// Largest relative difference of ball velocity and spin between odometry from exact rates and the state.
 fn odometry_error(odometry: &Odometry, state: &State) -> f64 {
     let rotation = rotation(&state.body_quaternion);
     let rate = odometry.ball_rate(&rotation, lanes(&state.body_angular_velocity), state.wheel_speeds);
@@ -87,7 +87,7 @@ fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 4] {
 
 #[test]
 fn estimates_follow_a_motion_without_noise() {
-    // A filter that seeks a bias, and one that knows that there is none.
+    // A filter that estimates a bias, and a filter that knows that there is none.
     let sure = EstimatorOptions { gyro_bias: 0.0, gyro_bias_walk: 0.0, ..options() };
     for (options, limits) in [(options(), [2e-3, 2e-3, 1e-3, 1e-3]), (sure, [2e-4, 2e-4, 1e-3, 1e-3])] {
         for params in [Params::paper(), crooked()] {
@@ -104,14 +104,14 @@ fn estimates_follow_a_motion_without_noise() {
     }
 }
 
-/// Readings of a robot that leans steadily: it accelerates as its equations say.
+/// Readings of a robot that leans steadily: it accelerates according to its equations.
 fn steady_lean(params: &Params, lean: f64, dt: f64, steps: usize) -> (Record, f64) {
     let record = Record::leaning(params, lean, dt, steps);
     let accelerated = record.states[steps].ball_velocity.x / (dt * steps as f64);
     (record, accelerated)
 }
 
-/// Tilt of a filter that takes the accelerometer for gravity: gyroscope, and a pull of 1/s towards the accelerometer.
+/// Tilt of a filter that treats the accelerometer as gravity: gyroscope, and a pull of 1/s towards the accelerometer.
 fn plain_filter(record: &Record) -> f64 {
     let mut gravity = record.states[0].body_quaternion.inverse_transform_vector(&Vector3::z());
     for readings in &record.readings[1..] {
@@ -130,12 +130,12 @@ fn steady_lean_is_not_taken_for_upright() {
     for (name, off) in [("paper", 1.9), ("kugle", 3.7), ("rezero", 3.25), ("asroballet", 3.85)] {
         let params = Params::preset(name).unwrap();
         let (record, acceleration) = steady_lean(&params, lean, 0.01, 1000);
-        // What the accelerometer sees is the lean less the angle whose tangent is the acceleration over gravity.
+        // The accelerometer sees the lean minus the angle whose tangent is the acceleration over gravity.
         let seen = lean - (acceleration / params.gravity).atan();
         let plain = plain_filter(&record);
         assert!((plain - seen).abs() < 1e-3, "{name}: plain {plain}, {seen} by the closed form");
         let plain_off = (lean - plain).to_degrees();
-        // From upright, with a doubt of 0.1 rad.
+        // From upright, with an initial uncertainty of 0.1 rad.
         let believed = State { body_quaternion: UnitQuaternion::identity(), ..record.states[0].clone() };
         let options = EstimatorOptions { start_attitude: 0.1, ..options() };
         let mut filter = Filter::new(&params, &options, record.dt, &believed, &record.readings[0]);
@@ -222,7 +222,7 @@ impl Kernel for InEights<'_> {
     }
 }
 
-/// Eight robots, the wheels of one of which slip.
+/// Eight robots; the wheels of one robot slip.
 #[test]
 fn eight_in_lanes_equal_single_robots() {
     let estimator = Estimator::new(&crooked(), &options(), 0.01).unwrap();

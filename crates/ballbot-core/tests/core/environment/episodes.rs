@@ -22,7 +22,7 @@ fn falls_terminate_the_episode() {
         assert!(!outcome.truncated && !outcome.success);
         assert!(last <= config.task.fall_tilt && tilt > config.task.fall_tilt, "{model}: from {last} to {tilt} rad");
         assert_eq!(episode.env.reward_terms()[0], ("alive", 0.0));
-        // A fall on the last step of all is a fall.
+        // A fall on the very last step is a fall.
         let brief = BalanceConfig { max_episode_steps: steps, ..config };
         let mut episode = Episode::from(&brief, &State::tilted(&brief.params, Vector2::new(0.05, 0.0), 0.0));
         assert_eq!(episode.finish(|episode| episode.step([0.0; 3])), (steps, outcome));
@@ -105,7 +105,7 @@ fn success_depends_on_the_end_of_the_episode() {
     assert!(success(&config, &push_at(250)));
     assert!(!success(&config, &push_at(450)));
     assert!(!success(&config, &push_at(570)));
-    // Upright, but elsewhere.
+    // Upright, but at a different place.
     let mut far = config.clone();
     far.task.success_radius = 1e-6;
     assert!(!success(&far, &push_at(250)));
@@ -114,7 +114,7 @@ fn success_depends_on_the_end_of_the_episode() {
     calm.task = Balance { reset_tilt: 0.0, reset_ball_speed: 0.0, reset_tilt_rate: 0.0, ..calm.task };
     assert!(!success(&BalanceConfig { max_episode_steps: 199, ..calm.clone() }, &|_, _| ()));
     assert!(success(&BalanceConfig { max_episode_steps: 200, ..calm }, &|_, _| ()));
-    // A window of no length is the last step.
+    // A window of zero length is the last step.
     let mut instant = config;
     instant.task.success_window = 0.0;
     assert!(success(&instant, &push_at(300)));

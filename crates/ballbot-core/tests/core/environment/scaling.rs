@@ -1,4 +1,5 @@
-//! Scaled observations: each row is its saturated value less that at rest upright, over its typical magnitude, within ±10.
+//! Scaled observations: each row is its saturated value minus its value at rest upright, over its typical magnitude,
+//! within ±10.
 
 use super::{Episode, OBSERVATION_LEN, config, lively};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, StepBuffers};
@@ -10,7 +11,7 @@ fn scaled(config: &BalanceConfig) -> BalanceConfig {
     BalanceConfig { scale_observations: true, ..config.clone() }
 }
 
-/// The scaled row `i` of a raw one.
+/// The scaled row `i` from a raw row.
 fn expected(i: usize, raw: f32) -> f64 {
     let description = TaskDescription::of::<Balance>();
     // Gravity points down the mast of the robot at rest; every other row is zero there.
@@ -86,7 +87,7 @@ fn rows_are_within_the_scaled_bound() {
     }
 }
 
-/// Observations of some steps of a batch, final ones included.
+/// Observations of some steps of a batch, including final observations.
 fn observations(config: &BalanceConfig, n: usize) -> Vec<f32> {
     let mut batch = Batch::new(config, n, Autoreset::SameStep, Some(1), 3).unwrap();
     let mut observations = vec![0.0; n * OBSERVATION_LEN];

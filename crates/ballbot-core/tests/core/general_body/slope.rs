@@ -1,4 +1,4 @@
-//! A tilted floor: the direction of gravity, standing still, energy, and controllers, which take it for level.
+//! A tilted floor: the direction of gravity, standing still, energy, and controllers, which assume that it is level.
 
 use super::regulator;
 use crate::support::general::any_general_robot;
@@ -112,8 +112,8 @@ proptest! {
         let weight = (params.ball_mass + params.body_mass) * params.gravity;
         let params = Params { max_wheel_torque: torque * weight * params.wheel_radius, ..params };
         let limits = params.slope_limits(fall_tilt).unwrap();
-        // Whether a robot on a slope exceeds the limits of its lean, traction and motors in some heading; None where no lean
-        // holds it.
+        // Whether a robot on a slope exceeds the limits of its lean, traction and motors in some heading; `None` where
+        // no lean holds it.
         let exceeded = |slope: f64| {
             let params = on_slope(&params, [0.0, -slope]);
             let lean = params.slope_lean().ok()?;

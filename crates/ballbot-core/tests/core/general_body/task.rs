@@ -63,7 +63,7 @@ fn lqr_succeeds_in_the_balance_task_with_a_robot_that_leans() {
     }
 }
 
-/// Replacing a robot in a batch changes what its tilt is.
+/// Replacing a robot in a batch changes the definition of its tilt.
 #[test]
 fn the_tilt_of_a_task_follows_the_parameters_of_its_robot() {
     let leaning = leaning_task().params;
@@ -86,7 +86,7 @@ fn the_tilt_of_a_task_follows_the_parameters_of_its_robot() {
     for cost in tilt_costs(&mut run) {
         assert!(cost.abs() < 1e-20, "the tilt of a robot in equilibrium costs {cost}");
     }
-    // A snapshot brings its robot with it.
+    // A snapshot includes its robot.
     let saved = [run.batch.save(0).unwrap(), run.batch.save(1).unwrap()];
     run.batch.load(0, &saved[1]).unwrap();
     run.batch.load(1, &saved[0]).unwrap();

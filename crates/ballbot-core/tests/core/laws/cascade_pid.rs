@@ -7,12 +7,12 @@ use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector3};
 
-/// λ of a robot that is alike on all sides.
+/// λ of a robot that is the same on all sides.
 fn toppling(params: &Params) -> f64 {
     LinearModel::new(params).a[(8, 3)].sqrt()
 }
 
-/// No two poles are one, which would cost half of the digits.
+/// No two poles coincide, which would cost half of the digits.
 const APART: [(&str, &[f64]); 2] = [("lean_damping", &[0.9]), ("yaw_damping", &[0.7])];
 
 #[test]
@@ -24,7 +24,7 @@ fn poles_are_the_designed_ones() {
         let controller = made("cascade_pid", &params, &APART);
         let gain = gain_of(controller.as_ref(), &params);
         let rate = toppling(&params);
-        // The integrals by differences of what is kept: θ_ref is what the law asks of a lean.
+        // The integrals from differences of the memory: θ_ref is the lean that the law commands.
         let kept = integrals(&params, controller.as_ref());
         let closed = closed_loop(&params, &gain, &kept);
         let plane = [pair(1.5 * rate, 0.9), pair(0.25 * rate, 0.8)].concat();

@@ -1,4 +1,4 @@
-//! Motors whose torque acts later than it is asked for.
+//! Motors whose torque acts later than commanded.
 
 use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
 use ballbot_core::control::{Controller, IntegralWeights, Lqr, LqrWeights, controller_kind, riccati};
@@ -9,7 +9,7 @@ use nalgebra::{DMatrix, DVector, Vector3};
 use std::cell::RefCell;
 use std::collections::VecDeque;
 
-/// Of an independent computation in one plane, per (y, θ, ẏ, θ̇) and per torque on its way, the oldest first.
+/// Gains of an independent computation in one plane, per (y, θ, ẏ, θ̇) and per torque in transit, oldest first.
 const PLANAR: [(f64, [f64; 4], &[f64]); 3] = [
     (0.01, [-1.045, -3.994, -1.341, -0.701], &[0.196]),
     (0.02, [-1.045, -4.228, -1.351, -0.743], &[0.212, 0.196]),
@@ -37,8 +37,8 @@ fn gains_are_those_of_an_independent_computation() {
     }
 }
 
-/// Beside the Riccati equation of the model with the torques on their way as states; `lqi` has the integral as two
-/// more.
+/// Against the Riccati equation of the model with the torques in transit as states; `lqi` has the integral as two more
+/// states.
 #[test]
 fn the_prediction_is_the_regulator_with_the_torques_as_states() {
     let params = uneven();
@@ -69,7 +69,8 @@ fn the_prediction_is_the_regulator_with_the_torques_as_states() {
     }
 }
 
-/// The double loop is no regulator of the whole: its gains are those without a delay, on the state that is predicted.
+/// The double loop is not a regulator of the whole: its gains are the gains without a delay, applied to the predicted
+/// state.
 #[test]
 fn the_double_loop_acts_on_the_state_that_is_predicted() {
     for (params, samples) in [(Params::paper(), 3), (uneven(), 1), (uneven(), 10)] {
@@ -159,7 +160,7 @@ fn a_delay_that_is_predicted_costs_less() {
     }
 }
 
-/// The integral is predicted, too, and held where it may not grow.
+/// The integral is also predicted, and held where it may not grow.
 #[test]
 fn with_an_integral_a_delay_is_survived() {
     let params = Params::paper();
@@ -181,7 +182,7 @@ fn with_an_integral_a_delay_is_survived() {
     }
 }
 
-/// A delay changes nothing in equilibrium: no disturbance leaves an offset that leaves none without it.
+/// A delay changes nothing in equilibrium: a disturbance that leaves no offset without a delay leaves none with it.
 #[test]
 fn behind_a_delay_no_offset_is_left() {
     let params = Params { floor_tilt: [0.0, 1_f64.to_radians()], ..Params::paper() };

@@ -76,7 +76,7 @@ fn the_output_is_that_of_plain_implementations() {
     }
 }
 
-/// In the middle of the table the loop is that of a PD with cancelled gravity.
+/// In the middle of the table the loop is a PD loop with canceled gravity.
 #[test]
 fn poles_are_the_designed_ones() {
     for (name, params) in presets() {
@@ -96,7 +96,7 @@ fn poles_are_the_designed_ones() {
     }
 }
 
-/// Rules that are narrow saturate: what they cost.
+/// Narrow rules saturate: their cost.
 #[test]
 fn a_wide_range_keeps_the_basin() {
     let params = Params::paper();
@@ -131,7 +131,7 @@ fn rules_that_hold_nothing_are_refused() {
     rules[2][5] = 1.5;
     let message = RuleTable::new(rules).unwrap_err().to_string();
     assert!(message.contains("consequents[2][5] = 1.5"), "{message}");
-    // The default ones, bent.
+    // The default rules, bent.
     let bent = std::array::from_fn(|i| std::array::from_fn(|j| ((i + j) as f64 - 6.0).clamp(-3.0, 3.0) / 3.0))
         .map(|row: [f64; SETS]| row.map(|c| c.signum() * c.abs().powf(0.9)));
     let mut law = made(RuleTable::new(bent).unwrap()).unwrap();

@@ -12,7 +12,7 @@ use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
-/// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels turn with the body, too, at k + 1 times its rate.
+/// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels also turn with the body, at k + 1 times its rate.
 fn unactuated(params: &Params) -> [f64; 3] {
     let p = params;
     let (k, wheel) = (p.gear_ratio(), 1.5 * p.wheel_zenith.cos().powi(2) * p.wheel_inertia);
@@ -97,12 +97,12 @@ fn surfaces_without_a_stable_motion_are_refused() {
         let [p2, p1, p0] = [cubic[1], cubic[2], cubic[3]].map(|p| p / cubic[0]);
         let companion = DMatrix::from_row_slice(3, 3, &[-p2, -p1, -p0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0]);
         let slowest = companion.complex_eigenvalues().iter().map(|pole| pole.re).fold(f64::NEG_INFINITY, f64::max);
-        // So often that the sampling refuses nothing.
+        // Sampled so often that nothing is rejected.
         assert_eq!(made(surface, 1e-4).is_ok(), slowest < 0.0, "{surface:?}: {slowest}");
     }
 }
 
-/// Slow enough a decay shows within a sample how S goes, outside of the layer and within.
+/// A slow enough decay shows within a sample how S evolves, outside and inside the layer.
 #[test]
 fn the_surface_is_reached() {
     let params = Params::paper();
@@ -140,8 +140,8 @@ const ADAPTIVE: [(&str, &[f64]); 5] = [
     ("max_switching", &[3.0]),
 ];
 
-/// Where a robot comes to rest with constant torques about an axis that its law knows nothing of, N·m, and what is
-/// kept.
+/// Where a robot comes to rest under constant torques about an axis that its law does not know, N·m, and the memory of
+/// the law.
 fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
@@ -157,7 +157,7 @@ fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     (robot.state().ball_position.x, memory)
 }
 
-/// At rest S = α c₁ y, and Ṡ = 0 = −K_S S − η − η̂ + d outside of the layer, η̂ = (γ/σ)(|S| − φ).
+/// At rest S = α c₁ y, and Ṡ = 0 = −K_S S − η − η̂ + d outside the layer, η̂ = (γ/σ)(|S| − φ).
 #[test]
 fn the_adapted_gain_is_the_closed_form_and_bounded() {
     let params = Params::paper();
@@ -189,7 +189,8 @@ fn the_adapted_gain_is_the_closed_form_and_bounded() {
     lanes_equal_one_robot("hierarchical_sliding_mode", &ADAPTIVE);
 }
 
-/// A fixed gain that leaves the same offset has the torques of noise that the adapted one has only under a disturbance.
+/// A fixed gain that leaves the same offset always has the noise in its torques that the adapted gain has only under a
+/// disturbance.
 #[test]
 fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
     let params = Params::paper();
@@ -233,11 +234,11 @@ fn torques_that_are_limited_raise_no_gain() {
     assert!(raised > 0.0);
     law.torques_one(&cells(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
     assert!((memory[0] / raised - (-CONTROL_DT).exp()).abs() < 1e-12, "it leaks");
-    // What the sampled loop does not stand is refused with the largest gain.
+    // The sampled loop must be stable at the largest gain.
     let kind = ballbot_core::control::controller_kind("hierarchical_sliding_mode").unwrap();
     let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
     assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
-    // Options that change nothing are refused.
+    // Options that change nothing are rejected.
     let refused = |options: &[(&str, &[f64])], words: &str| {
         let error = (kind.make)(&params, CONTROL_DT, &kind.limits, options).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");

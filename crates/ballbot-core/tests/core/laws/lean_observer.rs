@@ -7,18 +7,18 @@ use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, attitude};
 use nalgebra::{SVector, Vector2, Vector3};
 
-/// The laws that have one.
+/// The laws that have the observer.
 const OBSERVING: [&str; 5] = ["lqr", "lqr_pi", "mpc", "cascade_pid", "hierarchical_sliding_mode"];
 
 const RATE: &[f64] = &[1.0];
 const ON: &[(&str, &[f64])] = &[("lean_observer", RATE)];
 
-/// First number of the observer among those that a law keeps: θ̂₀ in the planes of x and y, then û₀.
+/// First number of the observer in the memory of a law: θ̂₀ in the planes of x and y, then û₀.
 fn first(controller: &dyn Controller) -> usize {
     controller.memory_len() - 9
 }
 
-/// Runs a law beside what it keeps.
+/// Runs a law; returns the state and its memory.
 fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Vector3<f64>) -> (State, Vec<f64>) {
     let mut robot = robot(params, ModelKind::Contact, &State::at_equilibrium(params, 0.4));
     let mut memory = vec![0.0; controller.memory_len()];
@@ -33,7 +33,7 @@ fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Ve
     (robot.state(), memory)
 }
 
-/// In the linear model under a constant disturbance the error of the estimate decays by e^(−L T) a sample.
+/// In the linear model under a constant disturbance the error of the estimate decays by e^(−L T) per sample.
 #[test]
 fn the_estimate_converges_at_its_rate() {
     let params = Params::paper();
@@ -65,7 +65,7 @@ fn the_estimate_converges_at_its_rate() {
     }
 }
 
-/// The lean is that above which the robot's center of mass is, the torque the one that holds the slope.
+/// The lean puts the robot's center of mass above the contact; the torque holds the slope.
 #[test]
 fn on_a_slope_the_estimate_is_the_closed_form() {
     let params = Params { floor_tilt: [0.02, 0.03], ..Params::paper() };
@@ -158,7 +158,7 @@ fn without_a_rate_a_law_keeps_and_does_what_it_did() {
     }
 }
 
-/// An impulse is a large force for a short time: as a lean in equilibrium it would be tens of degrees.
+/// An impulse is a large force for a short time: as an equilibrium lean it would be tens of degrees.
 #[test]
 fn impulses_and_limits_move_the_estimate_by_little() {
     let params = Params::paper();
@@ -185,7 +185,7 @@ fn impulses_and_limits_move_the_estimate_by_little() {
     }
 }
 
-/// What the estimate costs: tilts and impulses, worst of 12 directions.
+/// Cost of the estimate: tilts and impulses, worst of 12 directions.
 #[test]
 fn the_estimate_costs_no_balance() {
     let params = Params::paper();
@@ -200,7 +200,7 @@ fn the_estimate_costs_no_balance() {
     }
 }
 
-/// Tilts, impulses and delays by the rate: figures for `docs/laws.md`.
+/// Tilts, impulses and delays as a function of the rate: figures for `docs/laws.md`.
 #[test]
 #[ignore = "minutes"]
 fn balance_by_the_rate_of_the_estimate() {

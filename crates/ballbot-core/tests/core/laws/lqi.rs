@@ -25,7 +25,7 @@ fn a_wrong_center_of_mass_leaves_no_offset() {
     let nominal = Params::paper();
     let params = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     let mut lqr = Lqr::new(&nominal, CONTROL_DT).unwrap();
-    // No torque at rest: the false tilt has that of the offset.
+    // No torque at rest: the torque of the false tilt cancels the torque of the offset.
     let lean = (params.body_com_offset[0] / params.body_com_height).atan();
     let gain = &lqr.regulator().gain;
     let wheel = gain.column(0).iamax();
@@ -40,7 +40,7 @@ fn a_wrong_center_of_mass_leaves_no_offset() {
     }
 }
 
-/// A slope pushes in a direction of the inertial frame, so that a robot that turns needs no other integral.
+/// A slope pushes in a direction of the inertial frame, so that a turning robot needs no other integral.
 #[test]
 fn a_slope_leaves_no_offset_under_a_robot_that_turns() {
     let params = Params { floor_tilt: [0.02, 0.03], ..Params::paper() };
@@ -77,7 +77,8 @@ fn torques_are_those_of_the_gains() {
     assert!((gain_of(&lqi, &params) - gain).amax() < 1e-8 * gain.amax());
 }
 
-/// The gains of one plane with the weight of an earlier study, which had another sign of tilt and a virtual torque.
+/// The gains of one plane with the weight of an earlier study, which used the opposite sign of tilt and a virtual
+/// torque.
 #[test]
 fn gains_are_those_of_an_independent_solution() {
     let params = Params::paper();
@@ -92,7 +93,7 @@ fn gains_are_those_of_an_independent_solution() {
     // In the plane of y the lean is the tilt about −x.
     let row = [1, 2, 6, 7, 11].map(|place| gain[(wheel, place)]);
     let mut expected = [-2.280, 4.320, -1.976, 0.788, -1.041];
-    // It integrates over the sample; here a sample counts with its first position, half a sample earlier.
+    // It integrates over the sample; here a sample counts with its initial position, half a sample earlier.
     expected[0] += 0.5 * CONTROL_DT * expected[4];
     let scale = row[1] / expected[1];
     for (found, expected) in row.iter().zip(expected) {
@@ -115,7 +116,7 @@ fn the_integral_is_cut_and_held() {
     };
     assert!((kept_after(0.05, 3) - -3.0 * 0.05 * CONTROL_DT).abs() < 1e-15);
     assert_eq!(kept_after(5.0, 100), 0.0);
-    // The lean that the integral asks for is 4 deg.
+    // The lean that the integral commands is 4 deg.
     let gain = Lqi::new(&params, CONTROL_DT).unwrap().regulator().gain.clone();
     let wheel = gain.column(1).iamax();
     let lean = gain[(wheel, 11)] / gain[(wheel, 2)] * kept_after(0.002, 1_000_000);

@@ -11,7 +11,7 @@ use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 fn open_loop(params: &Params, law: &LqrPi, axis: usize, frequency: f64) -> f64 {
     let LinearModel { a, b } = LinearModel::new(params);
     let s = Complex::new(0.0, frequency);
-    // A torque that accelerates the lean of this plane alone.
+    // A torque that accelerates only the lean of this plane.
     let turning: nalgebra::Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
     let acceleration = if axis == 0 { Vector3::y() } else { -Vector3::x() };
     let torque = turning.try_inverse().unwrap() * acceleration;
@@ -24,7 +24,7 @@ fn open_loop(params: &Params, law: &LqrPi, axis: usize, frequency: f64) -> f64 {
     ((velocity * per_speed + rate * per_rate) * (Complex::from(integral) / s + proportional)).norm()
 }
 
-/// Where the loop gain falls through 1.
+/// Where the loop gain falls below 1.
 fn crossover(gain: impl Fn(f64) -> f64) -> f64 {
     let found: Vec<_> = (1..4000).map(|k| 0.05 * f64::from(k)).filter(|&w| gain(w) > 1.0).collect();
     *found.last().unwrap()
@@ -66,7 +66,7 @@ fn outer_gains_are_those_of_an_independent_computation() {
     }
 }
 
-/// A load on the motors: the integral takes it over, and no error of the wheel rates is left.
+/// A load on the motors: the integral takes it over, and no error of the wheel rates remains.
 #[test]
 fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let params = Params::paper();
@@ -91,7 +91,7 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     assert!(torques.iter().any(|torque| torque.abs() > 1e-4));
 }
 
-/// Largest distance from the middle of where a robot was in the last ten seconds, m.
+/// Largest distance from the mean position of a robot in the last ten seconds, m.
 fn limit_cycle(name: &str, params: &Params) -> (f64, f64) {
     let start = State::tilted(params, Vector2::new(0.02, 0.01), 0.0);
     let mut robot = robot(params, ModelKind::Contact, &start);

@@ -38,7 +38,7 @@ fn without_a_limit_the_torques_are_those_of_the_regulator() {
     }
 }
 
-/// The first input of the problem as it is stated, in states and torques over the stages, by Clarabel.
+/// The first input of the original problem, in states and torques over the stages, by Clarabel.
 fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: &DVector<f64>) -> DVector<f64> {
     const STAGES: usize = 25;
     let (a, b) = LinearModel::new(params).discretize(stage);
@@ -46,10 +46,10 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
     let b = DMatrix::from_column_slice(10, 3, b.as_slice());
     let (q, r) = options.weights().matrices();
     let last = riccati::solve(&a, &b, &q, &r).unwrap().cost;
-    // Torques that turn the body about horizontal axes alone.
+    // Torques that turn the body only about horizontal axes.
     let turning = LinearModel::new(params).b.fixed_view::<3, 3>(7, 0).try_inverse().unwrap();
     let tilting = DMatrix::from_column_slice(3, 2, turning.fixed_columns::<2>(0).into_owned().as_slice());
-    // Each row on (ϑ, τ): value = constant + row · (ϑ_x, ϑ_y, τ), in shares.
+    // Each row on (ϑ, τ): value = constant + row · (ϑ_x, ϑ_y, τ), as fractions.
     let map = LoadMap::new(params);
     let rate_squared = x[7] * x[7] + x[8] * x[8];
     let friction = traction * params.wheel_dynamic_friction;
@@ -124,7 +124,7 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
     tilting * DVector::from_column_slice(&solver.solution.x[..2])
 }
 
-/// Beside an interior-point method, on the problem as it is stated: with states, the cost of the infinite horizon at
+/// Against an interior-point method, on the original problem: with states, the cost of the infinite horizon at
 /// its end and the loads of the wheels.
 #[test]
 fn the_optimum_is_that_of_an_interior_point_method() {
@@ -141,12 +141,12 @@ fn the_optimum_is_that_of_an_interior_point_method() {
                 Mpc::with_options(&params, CONTROL_DT, &MpcOptions { violation: 1e3, ..options }, &limits).unwrap();
             let view = Lqr::new(&params, CONTROL_DT).unwrap();
             for (tilt, rate) in [([0.2, 0.1], [0.0, 0.0]), ([0.02, -0.3], [0.5, 0.9]), ([-0.1, 0.2], [-1.0, 0.5])] {
-                // Others than the paper's robot fall from such tilts.
+                // Robots other than the paper's fall from such tilts.
                 let share = if name == "paper" { 1.0 } else { 0.5 };
                 let body = attitude(Vector2::from(tilt) * share, 0.0);
                 let state = State::rolling(&params, Vector2::zeros(), 0.0, body, Vector3::new(rate[0], rate[1], 0.0));
                 let mut x = view.deviation(&state, &setpoint);
-                // The yaw torque has no part in the prediction.
+                // The yaw torque is not part of the prediction.
                 (x[4], x[9]) = (0.0, 0.0);
                 let x = DVector::from_column_slice(x.as_slice());
                 let expected = optimum(&params, &options, mpc.stage(), 0.9, &x);
@@ -164,7 +164,7 @@ fn the_optimum_is_that_of_an_interior_point_method() {
     assert!(limited >= 12, "limits matter in {limited} problems of 24");
 }
 
-/// Iterations that are few cost little: what a robot pays until it stands, over the same with many.
+/// Few iterations cost little: the cost until a robot stands, relative to many iterations.
 #[test]
 fn few_iterations_are_as_good_as_many() {
     let params = Params::paper();
@@ -197,7 +197,8 @@ fn run_once(robot: &mut ballbot_core::Ballbot, controller: &mut dyn Controller, 
     robot.step(torques, super::STEPS).is_ok() && robot.state().tilt() < 1.0
 }
 
-/// Basins and pushes of the regulator and of the prediction with limits of the lean, deg, and a share of the friction.
+/// Basins and pushes of the regulator and of the prediction with limits of the lean, deg, and a fraction of the
+/// friction.
 fn limited_leans(friction: f64, limits: &[f64]) -> [Vec<(f64, f64)>; 2] {
     let paper = Params::paper();
     let params = Params {
@@ -216,7 +217,7 @@ fn limited_leans(friction: f64, limits: &[f64]) -> [Vec<(f64, f64)>; 2] {
     })
 }
 
-/// What the prediction is good for: the regulator depends on its limit of the lean.
+/// The benefit of the prediction: the regulator depends on its limit of the lean.
 #[test]
 fn the_prediction_replaces_the_limit_of_the_lean() {
     for (friction, least) in [(1.0, 2.0), (0.5, 1.0)] {
@@ -233,7 +234,7 @@ fn limits_of_the_lean() {
     }
 }
 
-/// Time of a call in lanes, of robots that the limits hold and of robots that they do not. With `--release`.
+/// Time of a call in lanes, of robots at the limits and of robots within them. With `--release`.
 #[test]
 #[ignore = "a measurement, for an optimized build"]
 fn time_of_a_call() {

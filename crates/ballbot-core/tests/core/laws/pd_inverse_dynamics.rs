@@ -16,14 +16,14 @@ pub fn toppling(params: &Params) -> f64 {
     0.5 * (a[(8, 3)].sqrt() + a[(7, 2)].sqrt())
 }
 
-/// A robot whose motors never end, and a law without a limit.
+/// A robot with unlimited motors, and a law without a limit.
 pub fn strong(params: &Params) -> Params {
     Params { max_wheel_torque: 1e3, ..params.clone() }
 }
 
 pub const UNLIMITED: LimitOptions = LimitOptions::capped(1e3);
 
-/// v = vec(q_e), v̇ and v̈ under the torques, beside a reference at rest.
+/// v = vec(q_e), v̇ and v̈ under the torques, for a reference at rest.
 pub fn attitude_error(params: &Params, state: &State, torques: [f64; 3], setpoint: &Setpoint) -> [Vector3<f64>; 3] {
     let to_balance = params.to_balance_frame();
     let rate = state.body_angular_velocity;
@@ -33,7 +33,7 @@ pub fn attitude_error(params: &Params, state: &State, torques: [f64; 3], setpoin
     let change = model.accelerations(&state.body_quaternion, &velocity, &torques.into());
     let part = |v: Vector3<f64>| Quaternion::from_imag(to_balance * v);
     let (rate, change) = (part(rate), part(change.fixed_rows::<3>(2).into_owned()));
-    // The plane of x leans in proportion to the acceleration; this is for robots that are alike on all sides.
+    // The plane of x leans in proportion to the acceleration; this is for robots that are the same on all sides.
     let lean = setpoint.acceleration / acceleration_per_lean(params);
     let reference = attitude(Vector2::new(-lean.y, lean.x), setpoint.yaw);
     let error = (reference.inverse() * (state.body_quaternion * to_balance.inverse())).into_inner();
@@ -60,7 +60,7 @@ fn poles_are_the_designed_ones() {
         let gain = gain_of(made("pd_inverse_dynamics", &params, &[("yaw_damping", &[0.7])]).as_ref(), &params);
         let rate = toppling(&params);
         let (lean, position) = ([3.2 * rate, 2.56 * rate * rate], [0.4 * rate, 0.0625 * rate * rate]);
-        // The two that the position leaves of the lean's.
+        // The two poles of the lean that remain with the position loop.
         let sum = lean[0] - position[0];
         let product = lean[1] - position[0] * sum - position[1];
         let root = Complex::from(0.25 * sum * sum - product).sqrt();
@@ -93,7 +93,7 @@ fn the_attitude_error_obeys_a_linear_equation() {
         for state in scattered_states(&params) {
             let torques = law.wheel_torques(&state, &setpoint);
             let [v, first, second] = attitude_error(&params, &state, torques, &setpoint);
-            // Beyond, the law follows a nearer heading.
+            // Beyond that, the law follows a nearer heading.
             if state.tilt() > 0.8 || (state.yaw() - setpoint.yaw).abs() > 0.19 {
                 continue;
             }
@@ -134,7 +134,7 @@ fn the_attitude_follows_its_equation_in_simulation() {
     assert!((three - expected).amax() > 1e-5, "the sampling time matters");
 }
 
-/// The lean, and the torques, of a motion with acceleration, jerk and snap are fed forward: no deviation is left.
+/// The lean, and the torques, of a motion with acceleration, jerk and snap are fed forward: no deviation remains.
 #[test]
 fn a_motion_is_fed_forward() {
     let params = Params::paper();

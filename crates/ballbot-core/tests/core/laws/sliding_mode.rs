@@ -29,7 +29,7 @@ fn within_the_layer_it_is_computed_torque() {
     let params = strong(&uneven());
     let rate = toppling(&params);
     for ([k, eta, _], [yaw_k, yaw_eta, _]) in PUBLISHED {
-        // So wide a layer that no state is beyond it, with the published ratio η/ε.
+        // A layer so wide that no state is beyond it, with the published ratio η/ε.
         let (reaching, yaw_reaching) = (eta / 0.5, yaw_eta / 0.2);
         let wide = options([k, reaching * 1e3, 1e3], [yaw_k, yaw_reaching * 1e3, 1e3], rate);
         let pair = |surface: f64, reaching: f64| {
@@ -91,7 +91,7 @@ fn the_surface_is_reached() {
     }
 }
 
-/// The tunings of Kugle, which ran at 200 Hz, on it and scaled by λ on the others.
+/// The tunings of Kugle, which ran at 200 Hz, on Kugle, and scaled by λ on the other robots.
 #[test]
 fn published_tunings_are_stable() {
     let kugle = toppling(&Params::preset("kugle").unwrap());

@@ -56,7 +56,7 @@ fn the_gains_differ_little() {
     assert!(law.decay().iter().all(|ratio| *ratio < 1.0 && *ratio > 0.9));
 }
 
-/// The torques at a lean are those of the gains of the neighboring rules.
+/// The torques at a lean follow from the gains of the neighboring rules.
 #[test]
 fn rules_count_by_the_tilt() {
     let params = Params { max_wheel_torque: 1e3, ..Params::paper() };

@@ -33,7 +33,8 @@ fn start(i: usize, params: &Params) -> State {
     State::tilted(params, [wave(0), wave(1)].into(), 50.0 * wave(2))
 }
 
-/// Robots of a batch against single robots under the scalar arithmetic of the motors; `robots` has the parameters of each.
+/// Robots of a batch against single robots with the scalar arithmetic of the motors; `robots` has the parameters of
+/// each.
 fn assert_equals_singles(model: ModelKind, robots: &[Params], size: f32) {
     let config = BalanceConfig { params: robots[0].clone(), ..config(model) };
     let (n, motors) = (robots.len(), config.motors().unwrap());
@@ -115,7 +116,7 @@ fn ideal_options_are_the_ideal_stage_to_the_last_bit() {
     }
 }
 
-/// Each effect alone changes the motion.
+/// Each effect by itself changes the motion.
 #[test]
 fn every_effect_acts() {
     let all = everything();
@@ -148,7 +149,7 @@ fn every_effect_acts() {
     }
 }
 
-/// After any kind of reset, the torques of an episode come from its own commands alone.
+/// After any kind of reset, the torques of an episode depend only on its own commands.
 #[test]
 fn resets_empty_the_memory() {
     for (model, n) in models() {
@@ -200,7 +201,7 @@ fn snapshots_carry_the_memory() {
             }
             assert!(run.all_bits() == other.all_bits(), "{model}: step {k}");
         }
-        // Motors with another number, of the same memory, refuse it.
+        // Motors with a different number, but the same memory size, reject it.
         let stronger = MotorOptions { strength: [1.0; 3], ..everything() };
         let mut others = batch(&BalanceConfig { actuators: stronger, ..config.clone() }, n);
         let mut ideal = batch(&BalanceConfig { actuators: MotorOptions::default(), ..config.clone() }, n);

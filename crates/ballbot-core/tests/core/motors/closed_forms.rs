@@ -6,7 +6,7 @@ use ballbot_core::actuator::MotorOptions;
 /// Largest torque of the paper's motors, N·m.
 const LIMIT: f64 = 5.0;
 
-/// Commands that repeat nothing.
+/// Commands without repetition.
 fn commands(k: usize) -> [f64; 3] {
     [0, 1, 2].map(|wheel| (1.7 * k as f64 + wheel as f64).sin())
 }
@@ -84,7 +84,7 @@ fn torque_beyond_the_peak_is_cut_with_its_sign() {
     let options = MotorOptions { peak_torque: 0.3, ..MotorOptions::default() };
     let mut shaft = Shaft::new(&options, TORQUE, 0.002, 5);
     assert_eq!(shaft.torques([1.0, -1.0, 0.5], [0.0; 3]), [0.3, -0.3, 0.25]);
-    // Without a peak torque of their own the motors have that of the parameters.
+    // Without their own peak torque the motors have the limit of the parameters.
     let options = MotorOptions { strength: [10.0; 3], ..MotorOptions::default() };
     let mut shaft = Shaft::new(&options, 1.0, 0.002, 5);
     assert_eq!(shaft.torques([1.0, -1.0, 0.25], [0.0; 3]), [LIMIT, -LIMIT, 2.5]);
@@ -108,12 +108,12 @@ fn torque_falls_from_the_corner_to_the_no_load_speed() {
         assert!((forward - expected).abs() < 1e-15, "{forward} at {speed} rad/s, expected {expected}");
         assert_eq!(backward, -forward, "at {speed} rad/s");
     }
-    // Within the curve a command is not changed.
+    // Within the curve a command is unchanged.
     assert_eq!(shaft.torques([0.05, -0.05, 0.05], [corner, corner, -corner]), [0.1, -0.1, 0.1]);
 }
 
-/// The four quadrants: driving is limited by the voltage, braking by the current, and beyond the no-load speed the back-EMF
-/// brakes whatever the command.
+/// The four quadrants: driving is limited by the voltage, braking by the current, and beyond the no-load speed the
+/// back-EMF brakes for any command.
 #[test]
 fn quadrants_of_the_curve_are_those_of_a_dc_motor() {
     let options = curve();
@@ -130,7 +130,7 @@ fn quadrants_of_the_curve_are_those_of_a_dc_motor() {
         assert!((torque + slope * 6.0).abs() < 1e-15, "{torque}");
     }
     assert_eq!(braking, -options.peak_torque);
-    // The current limit holds beyond it, too.
+    // The current limit also holds beyond it.
     assert_eq!(shaft.torques([1.0, 0.0, -1.0], [300.0, -300.0, -300.0]), [-0.6, 0.6, 0.6]);
 }
 

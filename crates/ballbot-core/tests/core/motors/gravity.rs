@@ -1,4 +1,4 @@
-//! The accelerometer reads the gravity that there is.
+//! The accelerometer reads the actual gravity.
 
 use super::models;
 use crate::run::Run;
@@ -48,7 +48,7 @@ fn accelerometer_follows_the_gravity_within_an_episode() {
             let gravity = if k < 2 { usual } else { 3.7 };
             (0..n).for_each(|i| assert_reads(&run, i, gravity, &format!("{model}, event, step {k}")));
         }
-        // A snapshot brings the present gravity along.
+        // A snapshot includes the current gravity.
         let bytes = run.batch.save(0).unwrap();
         run.batch.reset(None, &mut run.observations).unwrap();
         run.batch.load(1, &bytes).unwrap();
@@ -57,7 +57,7 @@ fn accelerometer_follows_the_gravity_within_an_episode() {
     }
 }
 
-/// Change of velocity of the body over a control step of 10 ms less `gravity`, in the attitude halfway.
+/// Acceleration of the body over a control step of 10 ms minus `gravity`, in the attitude halfway.
 fn specific_force(before: &State, after: &State, gravity: &Vector3<f64>) -> Vector3<f64> {
     let acceleration = (after.body_velocity - before.body_velocity) / 0.01;
     let halfway = before.body_quaternion.slerp(&after.body_quaternion, 0.5);
@@ -92,7 +92,8 @@ fn accelerometer_follows_the_slope_within_an_episode() {
     }
 }
 
-/// Held still on the slope it reads what holds it against gravity: the reading of a level floor, turned with the slope.
+/// Held still on the slope it reads the force that holds it against gravity: the reading on a level floor, rotated with
+/// the slope.
 #[test]
 fn accelerometer_at_rest_on_a_slope_reads_its_support() {
     let params = Params { floor_tilt: [0.1, 0.05], ..Params::paper() };

@@ -31,7 +31,7 @@ fn arrivals(delay: f64, delay_jitter: f64, key: [u32; 2], episode: u32, commands
     found
 }
 
-/// Model steps between each command and its arrival; `None` if a newer one came first.
+/// Model steps between each command and its arrival; `None` if a newer command came first.
 fn latencies(arrivals: &[usize], commands: usize) -> Vec<Option<usize>> {
     (1..=commands).map(|k| arrivals.iter().position(|&now| now == k).map(|at| at - SUBSTEPS * (k - 1))).collect()
 }

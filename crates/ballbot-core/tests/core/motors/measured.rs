@@ -1,4 +1,4 @@
-//! Controllers on what robots can measure: the states that the task observes, and the true ones for a teacher.
+//! Controllers on measured states: the states that the task observes, and the true states for a teacher.
 
 use super::models;
 use crate::run::Run;
@@ -25,7 +25,7 @@ fn sensors() -> SensorOptions {
     }
 }
 
-/// Short episodes, some of which end in a fall, of robots that are drawn and pushed.
+/// Short episodes, some of which end in a fall, of randomized and pushed robots.
 fn config(model: ModelKind) -> BalanceConfig {
     let push = Event { when: When::Every([0.05, 0.1]), ..Event::new("push", [0.0, 0.3]) };
     BalanceConfig {
@@ -45,7 +45,7 @@ fn lqr(config: &BalanceConfig) -> Lqr {
     Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
-/// Actions of a law that keeps nothing, on states.
+/// Actions of a law without memory, on states.
 fn on(states: &[State], law: &Lqr, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
     let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
@@ -96,7 +96,7 @@ fn controllers_take_what_the_task_observes() {
     }
 }
 
-/// As `Batch::estimate`, which then has the robots at rest.
+/// As `Batch::estimate`, which then returns the robots at rest.
 #[test]
 fn controllers_before_the_first_reset_take_robots_at_rest() {
     for (model, n) in models() {
@@ -105,7 +105,7 @@ fn controllers_before_the_first_reset_take_robots_at_rest() {
         let mut batch = Batch::new(&config, n, Autoreset::Disabled, Some(1), SEED).unwrap();
         let expected = on(&estimates(&batch), &law, &batch);
         assert_eq!(control(&mut batch, &Under::new(&law)), expected, "{model}");
-        // Beside others that have begun.
+        // Next to others that have begun.
         let mut observations = vec![0.0; n * batch.observation_len()];
         batch.reset(Some(&(0..n).map(|i| i % 2 == 0).collect::<Vec<_>>()), &mut observations).unwrap();
         let expected = on(&estimates(&batch), &law, &batch);

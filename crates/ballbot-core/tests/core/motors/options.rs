@@ -1,4 +1,4 @@
-//! Options of the motors: presets, files, and what is refused.
+//! Options of the motors: presets, files, and what is rejected.
 
 use super::{TORQUE, everything};
 use ballbot_core::actuator::{MotorOptions, Motors};
@@ -46,7 +46,7 @@ fn delay_between_two_steps_is_refused_with_both_numbers() {
     let options = MotorOptions { delay: 1.0, ..MotorOptions::default() };
     let error = Motors::new(&options, &Params::paper(), TORQUE, 5e-5, 5).unwrap_err().to_string();
     assert!(error.contains("20000") && error.contains("at most 10000"), "{error}");
-    // A multiple up to rounding is none that is between.
+    // A multiple up to rounding is accepted, a value in between is not.
     motors(&MotorOptions { delay: 0.1 + 0.2, ..MotorOptions::default() }).unwrap();
 }
 
@@ -65,7 +65,7 @@ fn speeds_too_low_to_divide_by_are_refused() {
     assert_refused(&options, &["no_load_speed", "at least 0.001"]);
 }
 
-/// A torque-speed curve so steep that a free wheel would swing about its no-load speed.
+/// A torque-speed curve so steep that a free wheel would oscillate about its no-load speed.
 #[test]
 fn curve_too_steep_for_the_time_step_is_refused() {
     let options = MotorOptions { stall_torque: 5.0, no_load_speed: 50.0, ..MotorOptions::default() };
@@ -79,7 +79,7 @@ fn torque_beyond_the_parameters_is_refused() {
     assert_refused(&options, &["actuators.peak_torque = 5.1", "params.max_wheel_torque = 5 N·m"]);
 }
 
-/// A robot whose motors allow less than those of the batch may give is refused by itself, and nothing changes.
+/// A robot whose motors allow less than the batch's motors may give is rejected, and nothing changes.
 #[test]
 fn robot_that_does_not_fit_the_motors_is_refused() {
     let curve = MotorOptions { stall_torque: 1.0, no_load_speed: 30.0, ..MotorOptions::default() };
@@ -137,7 +137,7 @@ fn options_come_from_toml() {
     assert_eq!(options, expected);
     let options = MotorOptions::from_toml("[actuators]\nstrength = [1, 0.9, 0.8]\n").unwrap();
     assert_eq!(options.strength, [1.0, 0.9, 0.8]);
-    // Parameters beside them do not matter to the motors, nor the motors to the parameters.
+    // Parameters next to them do not affect the motors, nor the motors the parameters.
     let robot = format!("{}\n{text}", Params::paper().to_toml());
     assert_eq!(MotorOptions::from_toml(&robot).unwrap(), expected);
     assert_eq!(Params::from_toml(&robot).unwrap(), Params::paper());

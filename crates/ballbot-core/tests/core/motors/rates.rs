@@ -1,4 +1,4 @@
-//! Sensors that are sampled less often than once a control step.
+//! Sensors that are sampled less often than once per control step.
 
 use super::readings::{DT, ROBOTS, STEPS, assert_near, assert_normal, run};
 use ballbot_core::fields::Fields;
@@ -26,7 +26,7 @@ fn half(readings: &[[f64; 12]], k: usize, first: usize) -> Vec<[f64; 6]> {
     robots.iter().map(|read| read[first..first + 6].try_into().unwrap()).collect()
 }
 
-/// Each sensor changes at its samples and at no other step, and leaves the other sensor alone.
+/// Each sensor changes only at its samples, and does not affect the other sensor.
 #[test]
 fn readings_are_held_between_samples() {
     let every_step = run(&noisy());
@@ -76,7 +76,7 @@ fn samples_follow_from_the_readings_of_every_step() {
     }
 }
 
-/// Noise of a density is averaged over the period; the walk of a bias goes on between samples.
+/// Noise of a density is averaged over the period; the walk of a bias continues between samples.
 #[test]
 fn samples_have_the_statistics_asked_for() {
     for (rate, period) in PERIODS.into_iter().filter(|(_, period)| (2..STEPS).contains(period)) {

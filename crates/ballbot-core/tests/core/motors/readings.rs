@@ -1,4 +1,4 @@
-//! What sensors read: closed forms and statistics.
+//! Readings of sensors: closed forms and statistics.
 
 use crate::run::{Run, actions};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Observation};
@@ -102,7 +102,8 @@ fn robot_in_free_fall_reads_no_force() {
     }
 }
 
-/// A wheel that turns at an even rate: its angles in whole ticks, right on average, and its rates in whole ticks a step.
+/// A wheel that turns at a constant rate: its angles in whole ticks, correct on average, and its rates in whole ticks
+/// per step.
 #[test]
 fn encoders_count_ticks() {
     let ticks = 500.0;
@@ -134,7 +135,7 @@ fn encoders_count_ticks() {
             sum[wheel] += angle - turned;
         }
     }
-    // The mean of an angle is that of the true one less a constant within half a tick either way.
+    // The mean of an angle is the mean of the true angle minus a constant within half a tick either way.
     for sum in sum {
         assert!((sum / 2000.0).abs() <= 0.5 * tick, "{}", sum / 2000.0 / tick);
     }
@@ -146,7 +147,7 @@ fn encoders_count_ticks() {
     }
 }
 
-/// A mounting error turns both vectors of the IMU by the same rotation, the same in a whole episode.
+/// A mounting error turns both vectors of the IMU by the same rotation, the same over a whole episode.
 #[test]
 fn misaligned_axes_are_turned_together() {
     let states: Vec<_> = (0..4)
@@ -178,7 +179,7 @@ fn misaligned_axes_are_turned_together() {
     }
 }
 
-/// Readings of all robots in all steps, the first ones included.
+/// Readings of all robots in all steps, including the first.
 pub(super) fn run(sensors: &SensorOptions) -> Vec<[f64; 12]> {
     let config = BalanceConfig {
         model: ModelKind::Contact,
@@ -243,7 +244,7 @@ fn errors_have_the_statistics_asked_for() {
         products(&|k, i| noise[k][i][0], &|k, i| noise[k][i][1]);
         products(&|k, i| noise[k][i][1], &|k, i| noise[k][i][2]);
         products(&|k, i| noise[k][i][2], &|k, i| noise[k][i + 1][2]);
-        // A bias: the same in a whole episode.
+        // A bias: the same over a whole episode.
         let bias = option("bias", 0.03);
         for step in &bias[1..] {
             for (now, first) in step.iter().zip(&bias[0]) {
@@ -259,7 +260,7 @@ fn errors_have_the_statistics_asked_for() {
         }
         let steps = walk.windows(2).flat_map(|pair| pair[0].iter().zip(&pair[1]).map(|(a, b)| b[0] - a[0]));
         assert_normal(&steps.collect::<Vec<_>>(), 0.4 * DT.sqrt(), "step of the walk");
-        // A range: both bounds are met, none is passed.
+        // A range: both bounds are reached, neither is exceeded.
         let mut options = none.clone();
         options.set(&format!("{name}_noise"), &[0.3]).unwrap();
         options.set(&format!("{name}_range"), &[2.0]).unwrap();
@@ -269,7 +270,7 @@ fn errors_have_the_statistics_asked_for() {
     }
 }
 
-/// Before the first reset the readings are those of the robots as they stand, and leave those of episodes as they are.
+/// Before the first reset the readings are those of the robots at rest, and do not affect the readings of episodes.
 #[test]
 fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
@@ -295,7 +296,7 @@ fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
     }
 }
 
-/// Readings are those of a latency ago, to the last bit; the first ones stand before.
+/// Readings are the readings of a latency ago, to the last bit; before that, the first readings.
 #[test]
 fn latency_delays_all_readings() {
     let options = SensorOptions { gyro_noise: 0.01, accelerometer_bias: 0.1, ..SensorOptions::default() };
@@ -310,7 +311,7 @@ fn latency_delays_all_readings() {
     }
 }
 
-/// What is observed by sensors against the true rows: worst error of each row over `steps` steps of nine robots under small
+/// Observation through sensors against the true rows: worst error of each row over `steps` steps of nine robots under small
 /// torques, with and without latency.
 fn observed_errors(sensors: &SensorOptions, steps: usize) -> [f32; 16] {
     let config = |observation| BalanceConfig {
@@ -339,7 +340,7 @@ fn observed_errors(sensors: &SensorOptions, steps: usize) -> [f32; 16] {
         for i in 0..9 {
             measured.batch.privileged_observation(i, &mut privileged).unwrap();
             assert_eq!(privileged, truth.observation(i));
-            // The last action is no reading.
+            // The last action is not a reading.
             for row in 0..13 {
                 let error = (past[0][16 * i + row] - measured.observation(i)[row]).abs();
                 worst[row] = worst[row].max(error);
@@ -363,12 +364,12 @@ fn exact_readings_follow_the_motion() {
     }
 }
 
-/// A gyroscope with a bias: the estimator finds the tilt that its integral loses.
+/// A gyroscope with a bias: the estimator finds the tilt that the integral of the gyroscope loses.
 #[test]
 fn estimator_finds_a_bias() {
     let bias = SensorOptions { gyro_bias: 0.05, gyro_noise: 1e-4, encoder_ticks: 4096.0, ..SensorOptions::default() };
     let worst = observed_errors(&bias, 50);
     println!("with a bias: {worst:?}");
-    // A bias of 0.05 rad/s alone would be 0.025 rad after half a second, up to three times that among nine robots.
+    // A bias of 0.05 rad/s by itself would be 0.025 rad after half a second, up to three times that among nine robots.
     assert!(worst[0].max(worst[1]) < 0.025, "{worst:?}");
 }

@@ -1,4 +1,4 @@
-//! Sensors in batches: motion, lanes, resets, seeds, snapshots, threads, histories, and what is refused.
+//! Sensors in batches: motion, lanes, resets, seeds, snapshots, threads, histories, and what is rejected.
 
 use super::models;
 use crate::run::{Run, actions};
@@ -34,7 +34,7 @@ fn everything() -> SensorOptions {
     }
 }
 
-/// Short episodes, some of which end in a fall, observed by sensors with every error.
+/// Short episodes, some of which end in a fall, observed through sensors with every error.
 fn config(model: ModelKind) -> BalanceConfig {
     BalanceConfig {
         model,
@@ -48,13 +48,13 @@ fn config(model: ModelKind) -> BalanceConfig {
     }
 }
 
-/// The same with samples in every second and every third control step, which no estimator takes.
+/// The same with samples in every second and every third control step, which no estimator accepts.
 fn slow(model: ModelKind) -> BalanceConfig {
     let sensors = SensorOptions { imu_rate: 50.0, encoder_rate: 33.0, ..everything() };
     BalanceConfig { sensors: Some(sensors), observation: Observation::GroundTruth, ..config(model) }
 }
 
-/// Models, how many robots of each, and configurations: observed by sensors, and with slower ones.
+/// Models, how many robots of each, and configurations: observed through sensors, and with slower sensors.
 fn configs() -> impl Iterator<Item = (ModelKind, usize, BalanceConfig)> {
     models().into_iter().flat_map(|(model, n)| [config(model), slow(model)].map(|config| (model, n, config)))
 }
@@ -69,7 +69,7 @@ fn bits(readings: &Readings<f64>) -> Vec<u64> {
     numbers.map(f64::to_bits).collect()
 }
 
-/// What a step shows of all environments, readings included.
+/// Results of a step of all environments, including readings.
 fn shown(run: &Run) -> Vec<Vec<u64>> {
     let mut all = run.all_bits();
     for (i, row) in all.iter_mut().enumerate() {
@@ -78,7 +78,7 @@ fn shown(run: &Run) -> Vec<Vec<u64>> {
     all
 }
 
-/// Motion, rewards, ends, starts and events are those without sensors, to the last bit, in every mode of reset.
+/// Motion, rewards, ends, starts and events are the same as without sensors, to the last bit, in every reset mode.
 #[test]
 fn sensors_leave_all_else_alone() {
     let push = Event { when: When::Every([0.05, 0.1]), ..Event::new("push", [0.0, 0.3]) };
@@ -118,7 +118,7 @@ fn sensors_in_lanes_equal_single_environments() {
             assert_eq!(row, run.observation(i), "{model}: environment {i}");
         }
         for k in 0..20 {
-            // From then on the samples of robots side by side are due in different steps.
+            // From then on the samples of neighboring robots are due in different steps.
             let again: Vec<_> = (0..n).map(|i| [(1, 7), (2, 8)].contains(&(i % 3, k))).collect();
             run.reset(&again);
             singles.iter_mut().zip(&again).filter(|(_, again)| **again).for_each(|(single, _)| single.reset(&mut row));
@@ -134,7 +134,7 @@ fn sensors_in_lanes_equal_single_environments() {
     }
 }
 
-/// After any kind of reset, what is read does not depend on the episode before, only on its number.
+/// After any kind of reset, readings do not depend on the previous episode, only on the episode number.
 #[test]
 fn resets_empty_the_memory() {
     for (model, n, config) in configs() {
@@ -160,7 +160,7 @@ fn resets_empty_the_memory() {
     }
 }
 
-/// A seed sets the errors of the episodes to come; each episode and each environment has its own.
+/// A seed sets the errors of the next episodes; each episode and each environment has its own errors.
 #[test]
 fn errors_follow_seed_and_episode() {
     let config = BalanceConfig { max_episode_steps: 1000, ..config(ModelKind::Contact) };
@@ -247,7 +247,7 @@ fn snapshots_do_not_go_to_other_sensors() {
     }
 }
 
-/// An estimator is that of the robot without events and `set_params`, which a snapshot does not bring along.
+/// An estimator is designed for the robot before events and `set_params`, which a snapshot does not store.
 #[test]
 fn snapshots_do_not_go_to_the_estimator_of_another_robot() {
     for (model, n) in models() {
@@ -284,7 +284,7 @@ fn sensors_do_not_depend_on_threads() {
     }
 }
 
-/// The last observations, oldest first; the first of an episode stands for those before it.
+/// The last observations, oldest first; the first of an episode replaces earlier ones.
 #[test]
 fn history_has_the_last_observations() {
     for (model, n) in models() {

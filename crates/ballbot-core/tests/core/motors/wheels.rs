@@ -1,4 +1,4 @@
-//! Wheels without traction, which spin under their motors alone.
+//! Wheels without traction, which spin only under their motors.
 
 use crate::run::Run;
 use ballbot_core::actuator::MotorOptions;
@@ -57,7 +57,7 @@ fn free_wheel_comes_to_the_no_load_speed() {
     assert!((speeds(&run)[0] - options.no_load_speed).abs() < 1e-9, "{:?}", speeds(&run));
 }
 
-/// A wheel that another effect has brought beyond the no-load speed is braked without a command, and its energy falls.
+/// A wheel that another effect has driven beyond the no-load speed is braked without a command, and its energy falls.
 #[test]
 fn wheel_beyond_the_no_load_speed_is_braked() {
     let options = MotorOptions { stall_torque: 0.3, no_load_speed: 20.0, ..MotorOptions::default() };

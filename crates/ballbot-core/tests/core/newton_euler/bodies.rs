@@ -17,7 +17,7 @@ struct Body {
     rate: Vector3<f64>,
 }
 
-/// Conditions on velocities: rows J and what J' v adds to their derivative.
+/// Conditions on velocities: rows J and the term J' v of their derivative.
 #[derive(Default)]
 struct Constraints {
     rows: Vec<[RowVector3<f64>; 2 * BODIES]>,
@@ -46,7 +46,7 @@ impl Constraints {
 pub struct Robot {
     params: Params,
     pinned: bool,
-    /// Whether a wheel's inertia is its own, or its motor's.
+    /// Whether a wheel's inertia is its own or its motor's.
     absolute_wheel_spin: bool,
     bodies: [Body; BODIES],
     /// From the ball's center to each wheel's, unit vectors.
@@ -66,7 +66,7 @@ pub struct Solution {
 }
 
 impl Robot {
-    /// `transverse`: a wheel's inertia across its axle as a share of that about it.
+    /// `transverse`: a wheel's inertia across its axle as a fraction of its inertia about the axle.
     pub fn new(params: &Params, state: &State, transverse: f64, pinned: bool, absolute_wheel_spin: bool) -> Self {
         let rotation = state.body_quaternion.to_rotation_matrix().into_inner();
         let local_p = contacts_and_axles(params).map(|(contact, _)| contact);
@@ -74,7 +74,7 @@ impl Robot {
         let across = transverse * params.wheel_inertia;
         let reach = params.ball_radius + params.wheel_radius;
 
-        // The body link is what is left of the whole.
+        // The body link is the rest of the whole.
         let link_mass = params.body_mass - 3.0 * params.wheel_mass;
         let whole = Vector3::new(params.body_com_offset[0], params.body_com_offset[1], params.body_com_height);
         let wheels: Vector3<f64> = local_p.iter().map(|p| p * (reach * params.wheel_mass)).sum();
@@ -235,7 +235,8 @@ fn add(to: &mut DVector<f64>, at: usize, vector: &Vector3<f64>) {
     rows += vector;
 }
 
-/// With one refinement, which takes back what elimination has lost between rows of kilograms and rows of inertia.
+/// With one refinement step, which restores the accuracy that elimination loses between rows of mass and rows of
+/// inertia.
 fn solve_dense(system: &DMatrix<f64>, right: &DVector<f64>) -> DVector<f64> {
     let factors = system.clone().full_piv_lu();
     let first = factors.solve(right).expect("a robot's constraints are independent");

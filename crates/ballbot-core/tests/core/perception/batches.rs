@@ -4,7 +4,7 @@ use super::{bare, drive, hills, made};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, TaskConfig};
 use ballbot_core::perception::{DepthOptions, Instrument, ScanOptions};
 
-/// Noisy instruments that are late.
+/// Noisy instruments with latency.
 fn equipped() -> Box<dyn TaskConfig> {
     let mut config = bare(Some(&hills()));
     config.set("max_episode_steps", &[40.0]).unwrap();

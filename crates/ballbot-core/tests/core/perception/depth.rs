@@ -28,7 +28,7 @@ fn rays(state: &State, options: &DepthOptions) -> (Vector3<f64>, Vec<Vector3<f64
     (eye, out)
 }
 
-/// Share of a ray at which it enters the ball.
+/// Parameter of a ray at which it enters the ball.
 fn to_ball(eye: &Vector3<f64>, ray: &Vector3<f64>, state: &State) -> f64 {
     let from = eye - state.ball_position;
     let (a, b) = (ray.norm_squared(), from.dot(ray));
@@ -38,7 +38,7 @@ fn to_ball(eye: &Vector3<f64>, ray: &Vector3<f64>, state: &State) -> f64 {
     if root >= 0.0 && share > 0.0 { share } else { f64::INFINITY }
 }
 
-/// Share of a ray at which it first is below the ground, by small steps and bisection.
+/// Parameter of a ray at which it first is below the ground, by small steps and bisection.
 fn to_ground(eye: &Vector3<f64>, ray: &Vector3<f64>, terrain: &Terrain, far: f64) -> f64 {
     let above = |share: f64| {
         let at = eye + ray * share;

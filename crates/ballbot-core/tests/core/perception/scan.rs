@@ -6,7 +6,7 @@ use ballbot_core::terrain::Terrain;
 use ballbot_core::{Params, State};
 use std::sync::Arc;
 
-/// What a scan reads in a state, point by point from the terrain's height.
+/// The reading of a scan in a state, point by point from the terrain's height.
 fn expected(state: &State, terrain: Option<&Terrain>, options: &ScanOptions) -> Vec<f32> {
     let yaw = 2.0 * state.body_quaternion.k.atan2(state.body_quaternion.w);
     let [nx, ny] = options.points;

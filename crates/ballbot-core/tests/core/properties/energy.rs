@@ -9,7 +9,7 @@ use ballbot_core::{ModelKind, Params, State};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-/// What a state has beyond rolling without slip, in the robot's own measures.
+/// Deviation of a state from rolling without slip, in the robot's own units.
 #[derive(Clone, Debug)]
 struct Slip {
     /// Rates of the wheels and the ball.
@@ -39,13 +39,13 @@ impl Slip {
     }
 }
 
-/// Largest rise of the energy over its lowest so far within three times the time in which a robot falls, as a share of what
-/// it swings about; none if the floor is in the way of the start. A step lasts `step` of that time.
+/// Largest rise of the energy above its minimum so far within three times the fall time of a robot, as a fraction of
+/// its swing; `None` if the floor is in the way of the start. A step lasts `step` of that time.
 fn rise(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<f64> {
     rises(kind, params, start, step).map(|[_, rise]| rise)
 }
 
-/// The same before the bot touches the floor, and in all.
+/// The same before the bot touches the floor, and overall.
 fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[f64; 2]> {
     let rate = natural_rate(params);
     let mut robot = robot(kind, params, start, step / rate)?;
@@ -64,11 +64,11 @@ fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[
 }
 
 /// Largest rise in `rigid` once the bot touches the floor. Rapier's contacts are springs, and what light wheels store in them
-/// comes back: up to 0.28 for 15 000 random robots. It bounds an explosion, not an error.
+/// comes back: up to 0.28 for 15 000 random robots. The limit bounds an explosion, not an error.
 const RIGID_FALL: f64 = 0.5;
 
-/// Limits of the rise before the bot touches the floor, and in all. The largest of 15 000 random robots were 1.1e-5 in
-/// `rigid` before and 3.5e-4 in `contact` in all, by sweeps over the floor that end before they are exact.
+/// Limits of the rise before the bot touches the floor, and overall. The largest of 15 000 random robots were 1.1e-5 in
+/// `rigid` before and 3.5e-4 in `contact` overall, because sweeps over the floor end before they are exact.
 fn check_rises(params: &Params, start: &State) -> Result<(), TestCaseError> {
     for (kind, limits) in [(ModelKind::Contact, [1e-4, 1e-3]), (ModelKind::Rigid, [1e-4, RIGID_FALL])] {
         // The floor is in the way of some starts.
@@ -82,7 +82,7 @@ fn check_rises(params: &Params, start: &State) -> Result<(), TestCaseError> {
 proptest! {
     #![proptest_config(same_cases(150))]
 
-    /// But for the error of RK4, which is of fourth order.
+    /// Except for the error of RK4, which is of fourth order.
     #[test]
     fn exact_models_never_gain_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
@@ -94,7 +94,7 @@ proptest! {
         }
     }
 
-    /// And lose none without friction: what the error of a step may add or take.
+    /// And lose none without friction: what the error of a step may add or remove.
     #[test]
     fn exact_models_conserve_energy(params in any_robot(), start in any_start(0.5, 1.0)) {
         let params = without_losses(&params);
@@ -109,7 +109,7 @@ proptest! {
         }
     }
 
-    /// Rolling, slipping and falling over. Rapier's contacts give way before they hold, and give that back.
+    /// Rolling, slipping and falling over. Rapier's contacts yield before they hold, and return that energy.
     #[test]
     fn contacts_add_no_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let slip = Slip { lift: [0.0; 2], ..slip };
@@ -160,7 +160,8 @@ proptest! {
         }
     }
 
-    /// A heavy bot that lands on a light ball takes more sweeps than there are: it sinks in, and to take it out is work.
+    /// A heavy bot that lands on a light ball takes more sweeps than there are: it sinks in, and removing the overlap
+    /// is work.
     #[test]
     fn landings_add_little_energy(params in any_robot(), start in any_start(0.3, 0.5), slip in any_slip()) {
         let state = slip.of(&params, &start);

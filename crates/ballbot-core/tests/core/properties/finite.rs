@@ -1,4 +1,4 @@
-//! Whatever is asked of it, a robot gives numbers, or says that it has diverged.
+//! Whatever the input, a robot gives finite numbers or reports that it has diverged.
 
 use super::{any_drive, any_shape, cases, models, robot};
 use crate::support::{any_start, natural_rate, vector};
@@ -26,7 +26,7 @@ proptest! {
                 robot.push(&impulse, Some(&(point * params.body_com_height))).expect("within the limits of a push");
                 let result = robot.step(torques, drive.hold);
                 let numbers = robot.state().to_array();
-                // Rapier's multibody keeps the rates that its step could not go on with.
+                // Rapier's multibody keeps the rates with which its step could not continue.
                 let kept = kind == ModelKind::Rigid && result.is_err();
                 prop_assert!(kept || numbers.iter().all(|v| v.is_finite()), "{kind}: {numbers:?}");
                 match result {

@@ -1,12 +1,12 @@
 //! Dimensional analysis: a robot in other units of length, mass and time is another robot, whose motion is the same in
-//! those units. What a simulation counts in meters, kilograms or seconds for itself shows here, and is told apart.
+//! those units. Constants of a simulation in meters, kilograms or seconds show here, and are tested separately.
 
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_upright, run_with_grip, same_cases};
 use crate::support::{Start, any_losses, any_ripple, any_robot, any_start};
 use ballbot_core::{ModelKind, Params, State};
 use proptest::prelude::*;
 
-/// How many of the new units of length, mass and time the old ones have.
+/// Ratios of the old to the new units of length, mass and time.
 #[derive(Clone, Copy, Debug)]
 struct Units {
     length: f64,
@@ -66,7 +66,7 @@ impl Units {
     }
 }
 
-/// Powers of two, which leave the digits of every number as they are.
+/// Powers of two, which keep the digits of every number.
 fn any_units(time: impl Strategy<Value = i32>) -> impl Strategy<Value = Units> {
     (-2..=2, -3..=3, time).prop_map(|(length, mass, time)| Units {
         length: 2.0_f64.powi(length),
@@ -75,7 +75,7 @@ fn any_units(time: impl Strategy<Value = i32>) -> impl Strategy<Value = Units> {
     })
 }
 
-/// A step at which `contact` removes overlap by shares of it, and one at which it does so by a rate, which is in seconds.
+/// A step at which `contact` removes fractions of an overlap, and a step at which it uses a rate, which is in seconds.
 const COARSE: f64 = 1.0 / 256.0;
 const FINE: f64 = 1.0 / 1024.0;
 
@@ -113,7 +113,7 @@ proptest! {
         }
     }
 
-    /// With slip and lift-off, but away from the floor, which it looks out for from 2 mm on.
+    /// With slip and lift-off, but away from the floor, which it checks for within 2 mm.
     #[test]
     fn contact_is_scale_invariant_at_long_steps(motion in any_motion(0.1, 0.3, 1.5), units in any_units(0..=2)) {
         let off = off(ModelKind::Contact, run_upright, &motion, units, COARSE);

@@ -8,7 +8,7 @@ use ballbot_core::{Ballbot, ModelKind, Params};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 
-/// Robots of any make in short episodes, some of which end in a fall.
+/// Robots of any kind in short episodes, some of which end in a fall.
 fn task(params: &Params, model: ModelKind) -> BalanceConfig {
     let [slipping, ..] = torques(params, &Vector3::repeat(1.0));
     BalanceConfig {
@@ -21,7 +21,7 @@ fn task(params: &Params, model: ModelKind) -> BalanceConfig {
     }
 }
 
-/// A batch and what its steps have written.
+/// A batch and the results of its steps.
 struct Run {
     batch: Batch,
     observations: Vec<f32>,
@@ -66,7 +66,7 @@ impl Run {
     }
 }
 
-/// A single environment by the contract of [`Autoreset::NextStep`].
+/// A single environment under the contract of [`Autoreset::NextStep`].
 struct Single {
     environment: Environment,
     observation: Vec<f32>,
@@ -107,7 +107,7 @@ proptest! {
             let mut saved = false;
             for (k, torques) in drive.torques(&params).iter().enumerate() {
                 if k == saved_at {
-                    // A push that waits for its step is part of what is saved.
+                    // A pending push is part of the snapshot.
                     robot.push(&(pushed * params.body_mass * params.body_com_height), None).expect("a gentle push");
                     other.load(&robot.save()).expect("of a robot like it");
                     saved = true;
@@ -159,7 +159,7 @@ proptest! {
         for model in ModelKind::ALL {
             let config = task(&params, model);
             let mut run = Run::new(&config, NUM_ENVS, seed);
-            // Of other seeds and with another past.
+            // With other seeds and another history.
             let mut other = Run::new(&config, NUM_ENVS, seed ^ 1);
             other.step(&actions[0]);
             for (k, actions) in actions.iter().enumerate() {

@@ -1,4 +1,5 @@
-//! Three even wheels on a round body: the robot is the same seen from each wheel, and its mirror image is a robot too.
+//! Three symmetric wheels on a round body: the robot is the same seen from each wheel, and its mirror image is also a
+//! robot.
 
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_with_grip, same_cases};
 use crate::support::{Start, any_robot, any_round_robot, any_start};
@@ -8,7 +9,7 @@ use proptest::prelude::*;
 
 const SIM_DT: f64 = 1e-3;
 
-/// What wheel i was is wheel i − 1.
+/// Wheel i becomes wheel i − 1.
 fn passed_on([a, b, c]: [f64; 3]) -> [f64; 3] {
     [b, c, a]
 }
@@ -45,7 +46,7 @@ fn mirrored(state: &State) -> State {
     }
 }
 
-/// The mirror image of a robot, whose wheels drive the other way round.
+/// The mirror image of a robot, whose wheels drive in the opposite direction.
 fn mirror_image(params: &Params) -> Params {
     Params { wheel_azimuths: params.wheel_azimuths.map(|azimuth| -azimuth), ..params.clone() }
 }
@@ -80,7 +81,7 @@ proptest! {
     fn exact_models_are_invariant_under_wheel_permutation(
         params in any_round_robot(), start in any_start(0.3, 0.5), drive in any_drive(0.5, 4, 50),
     ) {
-        // Dry friction that builds up within 0.05 rad/s is stiff and blows up rounding.
+        // Dry friction that builds up within 0.05 rad/s is stiff and amplifies rounding.
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
         for kind in [ModelKind::Planar, ModelKind::Spatial] {
             let off = off_by_number(kind, &params, &start, &drive);
@@ -99,7 +100,7 @@ proptest! {
         }
     }
 
-    /// Rapier rounds otherwise where it turns frames, which slip may blow up.
+    /// Rapier rounds differently where it rotates frames, which slip may amplify.
     #[test]
     fn rigid_is_invariant_under_reflection_without_slip(
         params in any_robot(), start in any_start(0.1, 0.2), drive in any_drive(0.1, 20, 10),
@@ -112,8 +113,8 @@ proptest! {
 proptest! {
     #![proptest_config(same_cases(60))]
 
-    /// Sweeps go from wheel to wheel and end before the last of it has gone; with slip, which wheel lets go first may hang
-    /// on it, so only while they have grip.
+    /// Sweeps go from wheel to wheel and end before the residual vanishes; with slip, it may decide which wheel breaks
+    /// loose first, so this holds only while wheels grip.
     #[test]
     fn contact_is_nearly_invariant_under_wheel_permutation(
         params in any_round_robot(), start in any_start(0.1, 0.2), drive in any_drive(0.1, 20, 10),

@@ -1,5 +1,5 @@
-//! A floor looks the same in all directions: turn the start about the vertical, and the motion is the same, turned. So it is
-//! on a slope, if that is turned too.
+//! A floor looks the same in all directions: rotate the start about the vertical, and the motion is the same, rotated.
+//! The same holds on a slope that is rotated too.
 
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_with_grip, same_cases};
 use crate::support::{Start, any_floor_tilt, any_robot, any_round_robot, any_start};
@@ -34,7 +34,7 @@ fn on_turned_floor(params: &Params, angle: f64) -> Params {
     Params { floor_tilt: tilt.into(), ..params.clone() }
 }
 
-/// How far the turned motion is from the motion of the turned start; nothing if the floor is in the way of the start.
+/// Distance of the rotated motion from the motion of the rotated start; `None` if the floor is in the way of the start.
 fn off_by(run: Run, kind: ModelKind, params: &Params, start: &Start, angle: f64, drive: &Drive) -> f64 {
     let start = start.of(params);
     let other = on_turned_floor(params, angle);
@@ -59,7 +59,7 @@ proptest! {
         angle in 0.0..TAU,
         drive in any_drive(0.5, 4, 50),
     ) {
-        // Dry friction that builds up within 0.05 rad/s is stiff and blows up rounding.
+        // Dry friction that builds up within 0.05 rad/s is stiff and amplifies rounding.
         let params = Params { wheel_coulomb_friction: 0.0, ..params };
         let off = off(ModelKind::Spatial, &params, &start, angle, &drive);
         prop_assert!(off <= 1e-9, "off by {off:e}");
@@ -78,7 +78,7 @@ proptest! {
         prop_assert!(off <= 1e-9, "off by {off:e}");
     }
 
-    /// Its planes are the inertial ones, so only quarter turns map it to itself.
+    /// Its planes are the inertial planes, so only quarter turns map it to itself.
     #[test]
     fn planar_is_invariant_under_quarter_turns(
         params in any_round_robot(),
@@ -95,8 +95,8 @@ proptest! {
 proptest! {
     #![proptest_config(same_cases(100))]
 
-    /// Where a heavy bot stands on a light ball, rounding may decide whether its sweeps have settled: of a hundred robots one
-    /// is 2e-4 off, the others 1e-7 at most.
+    /// Where a heavy bot stands on a light ball, rounding may decide whether its sweeps have settled: of a hundred
+    /// robots one is off by 2e-4, the others by at most 1e-7.
     #[test]
     fn contact_is_invariant_under_yaw_without_slip(
         params in any_robot(),
@@ -121,8 +121,9 @@ proptest! {
         prop_assert!(off <= 1e-3, "off by {off:e}");
     }
 
-    /// With slip, lift-off and falls: its friction is a disc, and its sweeps are the same along any axes. A heavy bot whose
-    /// wheels all slip moves as chaos does, and rounding grows with it a millionfold in 20 ms: the same cases, without such.
+    /// With slip, lift-off and falls: its friction is a disc, and its sweeps are the same along any axes. A heavy bot
+    /// whose wheels all slip moves chaotically, and rounding grows a millionfold in 20 ms: the same cases, without such
+    /// robots.
     #[test]
     fn contact_is_invariant_under_yaw(
         params in any_robot(),
@@ -134,7 +135,7 @@ proptest! {
         prop_assert!(off <= 1e-5, "off by {off:e}");
     }
 
-    /// Rapier's friction has axes of its own, and its solver does not go on until they no longer show.
+    /// Rapier's friction has its own axes, and its solver stops before their effect vanishes.
     #[test]
     fn rigid_is_nearly_invariant_under_yaw_without_slip(
         params in any_robot(),

@@ -1,4 +1,4 @@
-//! Robots that cannot be, of draws each of which can.
+//! Invalid robots from draws that are each valid.
 
 use super::{SEED, config, every, scaled, started};
 use crate::run::actions;
@@ -7,7 +7,7 @@ use ballbot_core::{ModelKind, Params, State};
 
 const N: usize = 128;
 
-/// Ranges whose five ends together leave wheel 0 without load, and no four of them.
+/// Ranges whose five ends together leave wheel 0 without load, but no four of them.
 fn five() -> [Event; 5] {
     let azimuths = vec![[0.0; 2], [-0.27, 0.0], [0.0; 2]];
     [
@@ -23,7 +23,7 @@ fn with(events: &[Event]) -> BalanceConfig {
     config(ModelKind::Contact, 2, events)
 }
 
-/// [`five`] in an order in which none of the draws that are tried when an environment is made hits the corner.
+/// [`five`] in an order in which no draw tried at the creation of an environment hits the corner.
 fn unnoticed() -> [Event; 5] {
     let mut events = five();
     for _ in 0..events.len() {
@@ -101,14 +101,14 @@ fn a_robot_that_cannot_be_is_drawn_again() {
     assert_eq!(single.repeated_draws(), 1);
     assert_eq!(alone.batch.params(0).unwrap(), &robot);
     assert_eq!(single.robot().params(), &robot);
-    // A new seed counts anew, from the episode on that it begins with.
+    // A new seed restarts the count, from its first episode on.
     again.batch.seed(&[Some(5); N]).unwrap();
     assert_eq!(again.batch.repeated_draws(i).unwrap(), 1);
     again.reset(&[true; N]);
     assert_eq!(again.batch.repeated_draws(i).unwrap(), 0);
 }
 
-/// The same within an episode, where what was drawn before stays.
+/// The same within an episode, where earlier draws stay.
 #[test]
 fn a_draw_within_an_episode_is_repeated_by_itself() {
     const ROBOTS: usize = 2048;

@@ -1,4 +1,4 @@
-//! Draws against the distribution functions that they should have (Kolmogorov and Smirnov).
+//! Draws against their distribution functions (Kolmogorov-Smirnov).
 
 use super::{SEED, config, draw, started};
 use ballbot_core::ModelKind;
@@ -27,7 +27,7 @@ fn statistic(sorted: &[f64], cdf: impl Fn(f64) -> f64) -> f64 {
     sorted.iter().enumerate().map(distance).fold(0.0, f64::max) * n.sqrt() / 1.95
 }
 
-/// Of the standard normal distribution from -3 to `z`, by Simpson's rule.
+/// Integral of the standard normal distribution from -3 to `z`, by Simpson's rule.
 fn normal_integral(z: f64) -> f64 {
     let steps = 200;
     let h = (z + 3.0) / f64::from(steps);
@@ -44,7 +44,7 @@ fn draws_have_their_distributions() {
 
     let drawn = sample(Distribution::Uniform, [2.0, 20.0]);
     assert!(statistic(&drawn, uniform) < 1.0);
-    // What is drawn otherwise is found.
+    // The test detects other distributions.
     assert!(statistic(&drawn, log_uniform) > 2.0 && statistic(&drawn, normal) > 2.0);
 
     let drawn = sample(Distribution::LogUniform, [2.0, 20.0]);

@@ -1,4 +1,4 @@
-//! Draws depend on nothing but seed, episode, id and count.
+//! Draws depend only on seed, episode, id and count.
 
 use super::{SEED, config, draws, scaled, several, started};
 use crate::run::actions;
@@ -138,6 +138,6 @@ fn ids_choose_the_random_numbers() {
     assert_eq!(drawn(Some(3), "body_mass"), drawn(Some(3), "gravity"));
     assert_ne!(drawn(Some(3), "body_mass"), drawn(Some(4), "body_mass"));
     assert_ne!(drawn(None, "body_mass"), drawn(None, "gravity"));
-    // CRC-32 of the text "gravity", as zlib has it.
+    // CRC-32 of the text "gravity", as in zlib.
     assert_eq!(drawn(None, "gravity"), drawn(Some(0x5A1D_25A7), "gravity"));
 }

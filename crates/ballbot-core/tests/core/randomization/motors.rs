@@ -42,7 +42,7 @@ fn each_option() -> Vec<Event> {
     ]
 }
 
-/// Compares the robots of a batch with robots of other batches, whose options are those that were drawn.
+/// Compares the robots of a batch with robots of other batches that have the sampled options.
 fn assert_equal_to_robots_made(config: &BalanceConfig) {
     let model = config.model;
     let mut drawn = started(config, N, Autoreset::Disabled, SEED);
@@ -72,7 +72,7 @@ fn drawn_motors_equal_those_made_with_the_drawn_options() {
     for model in ModelKind::ALL {
         for actuators in [MotorOptions::default(), everything()] {
             let mut events = each_option();
-            // Half a curve is none: without a nominal one no event gives it.
+            // Half a curve is not a curve: without a nominal curve no event gives one.
             let curve = |event: &Event| event.term.ends_with("stall_torque") || event.term.ends_with("no_load_speed");
             events.retain(|event| actuators.stall_torque > 0.0 || !curve(event));
             assert_equal_to_robots_made(&BalanceConfig { actuators, ..config(model, 1000, &events) });
@@ -116,7 +116,7 @@ fn options_at_their_nominal_value_change_no_bit() {
     }
 }
 
-/// Motors weaker than the actions ask for give what they can.
+/// Motors weaker than commanded give what they can.
 #[test]
 fn drawn_torque_limits_are_those_of_the_motors() {
     let events = [Event::new("max_wheel_torque", [0.05, 0.4])];
@@ -148,7 +148,7 @@ fn drawn_torque_limits_are_those_of_the_motors() {
     }
 }
 
-/// From an event within the episode on, motors without strength are those of an action of zero.
+/// From an event within the episode on, motors without strength act as under an action of zero.
 #[test]
 fn motors_change_within_an_episode() {
     const STEP: usize = 5;
@@ -230,7 +230,7 @@ fn events_that_motors_cannot_follow_are_refused() {
         let (error, label) = (refusal(&event), format!("events[0] ({})", event.term));
         assert!(error.contains(&label) && words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     }
-    // Motors of the caller's own are alike on all robots.
+    // Custom motors are the same on all robots.
     for term in ["actuators.strength", "max_wheel_torque"] {
         let config = config(ModelKind::Contact, 10, &[Event::new(term, [0.2, 1.1])]);
         let ideal = Ideal { max_torque: 0.3 };

@@ -66,7 +66,7 @@ fn pushes_come_from_everywhere() {
     assert!(octants.iter().all(|count| (46..=114).contains(count)), "{octants:?}");
 }
 
-/// A push that waits for the next step keeps its point on a robot whose mass changes before.
+/// A pending push keeps its point on a robot whose mass changes before the next step.
 #[test]
 fn a_push_and_a_change_of_mass_in_one_step_come_in_any_order() {
     let paper = Params::paper();

@@ -1,4 +1,4 @@
-//! Events that cannot be are refused where they are given, with their term.
+//! Invalid events are rejected where they are given, with their term.
 
 use super::{SEED, at, config, every, optional, scaled};
 use ballbot_core::actuator::MotorOptions;
@@ -58,7 +58,7 @@ fn robots_that_cannot_be() {
     refused(scaled("body_mass", [0.1, 1.0]), &["wheel_mass"]);
     refused(Event::new("wheel_static_friction", [0.5, 1.1]), &["wheel_static_friction = 0.5", "1"]);
     refused(Event::new("max_wheel_torque", [0.0, 5.0]), &["max_wheel_torque = 0"]);
-    // Each corner is a robot that stands on its ball; what is between them is not.
+    // Each corner is a robot that stands on its ball; robots between the corners do not.
     let turn = 2.0 * std::f64::consts::TAU;
     let azimuths = Params::paper().wheel_azimuths.map(|a| [a, a + turn]).to_vec();
     refused(
@@ -67,7 +67,7 @@ fn robots_that_cannot_be() {
     );
     let turned = Event { operation: Operation::Add, shared: true, ..Event::new("wheel_azimuths", [0.0, turn]) };
     Batch::new(&config(ModelKind::Contact, 10, &[turned]), 2, Autoreset::SameStep, Some(1), SEED).unwrap();
-    // Shape changes at resets alone.
+    // Shape changes only at resets.
     let radius = || scaled("ball_radius", [0.99, 1.01]);
     refused(every([0.1, 0.2], radius()), &["shape", "'reset'"]);
     refused(at(0.1, radius()), &["shape"]);
@@ -75,10 +75,10 @@ fn robots_that_cannot_be() {
     let events = [scaled("body_mass", [0.3, 1.0]), scaled("wheel_mass", [1.0, 2.0])];
     let error = refusal(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass)"), "{error}");
-    // What one term alone breaks is not put down to those before it.
+    // An error of a single term is not attributed to the terms before it.
     let error = refusal(&[scaled("gravity", [0.9, 1.1]), scaled("ball_inertia", [1.0, 1.3])]);
     assert!(error.contains("events[1] (ball_inertia): a robot of its range"), "{error}");
-    // And each two of three.
+    // And any two of three.
     let events = [
         scaled("body_mass", [0.4, 1.0]),
         scaled("wheel_mass", [1.0, 1.6]),
@@ -91,7 +91,7 @@ fn robots_that_cannot_be() {
 
 #[test]
 fn starts_that_cannot_be() {
-    // Tilted as far as a robot with its wheels at the equator of the ball cannot be.
+    // Tilted farther than a robot with its wheels at the equator of the ball can be.
     let task = Balance { reset_tilt: 0.5, fall_tilt: 3.0, ..Balance::default() };
     let events = [scaled("wheel_zenith", [1.0, 1.99])];
     for model in [ModelKind::Contact, ModelKind::Rigid] {

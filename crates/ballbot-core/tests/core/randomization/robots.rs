@@ -1,4 +1,4 @@
-//! The robots that events make.
+//! The robots that events produce.
 
 use super::{SEED, config, draw, draws, optional, scaled, several, started};
 use crate::run::{Run, actions};
@@ -8,7 +8,7 @@ use ballbot_core::batch::{
 };
 use ballbot_core::{ModelKind, Params, State};
 
-/// Events on parameters at resets alone, so that a robot without events can be given the same ones.
+/// Events on parameters only at resets, so that a robot without events can get the same parameters.
 fn at_resets() -> Vec<Event> {
     let once = |event: &Event| matches!(event.when, When::Reset | When::Startup);
     several().into_iter().filter(|event| once(event) && !event.term.starts_with("actuators.")).collect()
@@ -21,7 +21,7 @@ fn randomized_robots_equal_robots_made_with_the_drawn_parameters() {
     }
 }
 
-/// Robots without symmetry whose motors are not ideal: their tilt is from an equilibrium that is drawn, too.
+/// Robots without symmetry whose motors are not ideal: their tilt is from an equilibrium that is sampled, too.
 #[test]
 fn randomized_general_robots_equal_robots_made_with_the_drawn_parameters() {
     let events = [
@@ -54,7 +54,7 @@ fn assert_equal_to_robots_made(config: &BalanceConfig) {
             let params = randomized.batch.params(i).unwrap();
             assert_ne!(params, randomized.batch.nominal_params(i).unwrap());
             if episode == 0 {
-                // Its first start is drawn for the drawn robot, too.
+                // Its first start is also sampled for the sampled robot.
                 let config = BalanceConfig { params: params.clone(), ..nominal.clone() };
                 *alone = started(&config, 1, Autoreset::Disabled, SEED + i as u64);
             } else {
@@ -140,7 +140,7 @@ fn a_thousand_resets_do_not_drift() {
         sums[k / 500][1] += term;
         run.reset(&[true]);
     }
-    // Means of 500 even numbers in [-1, 1], whose standard deviation is 0.026.
+    // Means of 500 uniform numbers in [-1, 1], whose standard deviation is 0.026.
     assert!(sums.iter().flatten().all(|sum| (sum / 500.0).abs() < 0.09), "{sums:?}");
 }
 
@@ -189,7 +189,7 @@ fn events_draw_from_the_last_set_params() {
         assert_eq!(run.batch.params(0).unwrap().body_mass, 2.228 * draw(&run.batch, 0, "body_mass"));
         run.reset(&[true; 2]);
     }
-    // A nominal robot of which the events make one that cannot be.
+    // A nominal robot that the events make invalid.
     let before = run.all_bits();
     let light = Params { body_mass: 0.44, wheel_mass: 0.1192, ..Params::paper() };
     let error = run.batch.set_params(1, &light).unwrap_err().to_string();
@@ -213,7 +213,7 @@ fn a_given_start_is_accepted_or_refused_for_the_robot_of_its_episode() {
         assert!(run.all_bits() == before, "{model}");
         let ball = Params { ball_radius: 0.115, ..Params::paper() };
         if model == ModelKind::Contact {
-            // In the air above any of them.
+            // In the air above any ball.
             let start = [Some(State::upright(&ball))];
             run.batch.reset_with(&ResetRequest { starts: Some(&start), ..request }, &mut observations).unwrap();
             assert_eq!(run.batch.params(0).unwrap().ball_radius, 0.112 * draw(&run.batch, 0, "ball_radius"));

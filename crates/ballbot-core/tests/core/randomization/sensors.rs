@@ -56,7 +56,7 @@ fn readings(batch: &Batch, i: usize) -> Vec<f64> {
     vectors.chain(read.wheel_angles).chain(read.wheel_rates).collect()
 }
 
-/// Compares the readings of a batch with those of other batches, whose options are those that were drawn.
+/// Compares the readings of a batch with readings of other batches that have the sampled options.
 fn assert_equal_to_sensors_made(config: &BalanceConfig) {
     let model = config.model;
     let mut drawn = started(config, N, Autoreset::Disabled, SEED);
@@ -114,7 +114,7 @@ fn options_at_their_nominal_value_change_no_bit() {
             events.push(Event { range, ..Event::new(&term, [0.0; 2]) });
             events.push(Event { id: Some(1 + index as u64), ..added(&term, [0.0; 2]) });
         }
-        // Whether a task observes by sensors, which have a sample in each step then.
+        // Whether a task observes through sensors, which are then sampled in each step.
         for estimated in [false, true] {
             let mut sensors = nominal.clone();
             let mut events = events.clone();
@@ -139,7 +139,7 @@ fn options_at_their_nominal_value_change_no_bit() {
     }
 }
 
-/// Errors of sensors leave the physics alone.
+/// Errors of sensors do not affect the physics.
 #[test]
 fn draws_of_sensors_do_not_move_the_robot() {
     let mut with =
@@ -227,7 +227,7 @@ fn events_that_sensors_cannot_follow_are_refused() {
         (scaled("sensors.latency", [0.5, 1.5]), &["op = 'scale'", "'abs' or 'add'", "0.01 s"]),
         (Event::new("sensors.gyro_noise", [-0.1, 0.1]), &["sensors.gyro_noise = -0.1"]),
         (Event::new("sensors.imu_misalignment", [0.0, 0.2]), &["sensors.imu_misalignment = 0.2"]),
-        // Both ends are possible, what is between them is not.
+        // Both ends are possible, values in between are not.
         (Event::new("sensors.encoder_ticks", [0.0, 1.5]), &["sensors.encoder_ticks = 0.", "at least 1"]),
         (Event { range: vec![[0.0, 0.1]; 2], ..Event::new("sensors.imu_position", [0.0; 2]) }, &["2 pairs"]),
     ] {
@@ -247,7 +247,7 @@ fn events_that_sensors_cannot_follow_are_refused() {
     };
     let error = refusal(&estimated);
     assert!(error.contains("events[0] (sensors.imu_rate)") && error.contains("sensors.imu_rate = 20"), "{error}");
-    // Sensors of the caller's own are alike on all robots.
+    // Custom sensors are the same on all robots.
     let (config, ideal) = (one(&noisy), Ideal { max_torque: 0.3 });
     let batch = Batch::with_stages(&config, &ideal, &Exact, 2, Autoreset::SameStep, Some(1), SEED);
     assert!(batch.map(|_| ()).unwrap_err().to_string().contains("of the caller's own"));

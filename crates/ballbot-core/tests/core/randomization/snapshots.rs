@@ -26,7 +26,7 @@ fn restored_environments_continue_to_the_last_bit() {
             for k in saved_at..saved_at + 30 {
                 original.step(&actions(0, N, k, 0.3)).unwrap();
                 restored.step(&actions(0, N, k, 0.3)).unwrap();
-                // What the last observation of an episode was is not part of a snapshot.
+                // The last observation of an episode is not part of a snapshot.
                 restored.last.copy_from_slice(&original.last);
                 assert!(original.all_bits() == restored.all_bits(), "{model}, saved at {saved_at}, step {k}");
                 assert_eq!(original.snapshots(), restored.snapshots());

@@ -91,7 +91,7 @@ fn firings(gap: [f64; 2], n: usize, steps: usize) -> Vec<Vec<usize>> {
 fn gaps_are_even_and_do_not_drift() {
     let exact = firings([0.05, 0.05], 1, 60);
     assert_eq!(exact[0], (1..12).map(|k| 5 * k).collect::<Vec<_>>());
-    // Not a multiple of the control step: the mean gap is kept.
+    // Not a multiple of the control step: the mean gap is preserved.
     let odd = firings([0.025, 0.025], 1, 60);
     assert_eq!(odd[0][..6], [3, 5, 8, 10, 13, 15]);
 
@@ -102,7 +102,7 @@ fn gaps_are_even_and_do_not_drift() {
         let mean = gaps.iter().sum::<f64>() / 256.0;
         let variance = gaps.iter().map(|gap| (gap - mean).powi(2)).sum::<f64>() / 256.0;
         assert!(gaps.iter().all(|gap| (0.04 - early - 1e-9..=0.16 + CONTROL_DT + 1e-9).contains(gap)));
-        // Of even gaps: mean 0.1 (half a step late at first), variance 0.0012; four standard errors.
+        // Of uniform gaps: mean 0.1 (half a step late at first), variance 0.0012; four standard errors.
         assert!((mean - 0.1).abs() < 0.005 + 0.009, "{mean}");
         assert!((variance - 0.0012).abs() < 0.0003, "{variance}");
     }

@@ -1,5 +1,5 @@
-//! Omniwheels of barrel rollers, each barrel a body of its own in rapier: a judge of the ripple that `contact` and `rigid`
-//! give to round wheels. Nothing of it is shared with them but the parameters.
+//! Omniwheels of barrel rollers, each barrel a separate body in rapier: a reference for the ripple that `contact` and
+//! `rigid` give to round wheels. It shares only the parameters with them.
 
 use super::{Motion, Simulation, close};
 use ballbot_core::kinematics::Omniwheels;
@@ -20,7 +20,7 @@ const SPACING: f64 = 5e-4;
 const BARREL_RADIUS: f64 = 8e-3;
 const BARREL_MASS: f64 = 5e-3;
 
-/// Wheels of two rows with half of the barrels each, which follow each other about the wheel in turn.
+/// Wheels of two rows with half of the barrels each, which alternate around the wheel.
 struct Wheels {
     params: Params,
     /// Distance of each row from the middle of the wheel along the axle, m.
@@ -28,9 +28,9 @@ struct Wheels {
 }
 
 impl Wheels {
-    /// Radius of the arc of a barrel. Its center is c = `wheel_radius` - arc before that of the wheel, so that at the angle ξ
-    /// of the barrel's middle from the contact the centers of wheel and ball are c cos ξ + √((r + arc)² - c² sin² ξ) apart.
-    /// With two barrels at once, ξ = π/n, this is less by `roller_ripple`.
+    /// Radius of the arc of a barrel. Its center is c = `wheel_radius` - arc before the center of the wheel, so that at
+    /// the angle ξ of the barrel's middle from the contact the centers of wheel and ball are c cos ξ + √((r + arc)² -
+    /// c² sin² ξ) apart. With two barrels at once, ξ = π/n, this is smaller by `roller_ripple`.
     fn arc(&self) -> f64 {
         let Params { wheel_radius, ball_radius, roller_ripple, roller_count, .. } = self.params;
         let (sin, cos) = (PI / roller_count).sin_cos();
@@ -47,7 +47,7 @@ impl Wheels {
     fn barrel(&self) -> SharedShape {
         let arc = self.arc();
         let half = self.params.wheel_radius * (PI / self.params.roller_count).sin();
-        // A sphere about a place s on the axle touches the arc where its normal leads through s.
+        // A sphere about a point s on the axle touches the arc where its normal passes through s.
         let reach = half * (arc - BARREL_RADIUS) / arc;
         let count = (reach / SPACING).ceil();
         let spheres = (-count as i32..=count as i32).map(|k| {
@@ -63,7 +63,7 @@ fn vector(v: Vector3<f64>) -> Vector {
     Vector::new(v.x, v.y, v.z)
 }
 
-/// A joint about an axis through a place, both in the frames of bodies that are turned alike.
+/// A joint about an axis through a point, both in the frames of bodies with the same orientation.
 fn axle(parent: Vector, child: Vector, axis: Vector) -> GenericJoint {
     let turned = Rotation::from_rotation_arc(Vector::X, axis);
     let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
@@ -251,9 +251,9 @@ fn groups(of: Group, with: Group) -> InteractionGroups {
     InteractionGroups::new(of, with, InteractionTestMode::And)
 }
 
-/// What is compared of a time step.
+/// Quantities of a time step that are compared.
 struct Moment {
-    /// Of the body's origin, m.
+    /// Position of the body's origin, m.
     height: f64,
     speed: f64,
     tilt_rate: f64,
@@ -261,19 +261,19 @@ struct Moment {
     wheel_rate: f64,
 }
 
-/// What a ripple does to a robot whose ball spins below it, without torques.
+/// Effect of a ripple on a robot whose ball spins below it, without torques.
 #[derive(Debug)]
 struct Bob {
     /// From top to bottom, m.
     size: f64,
-    /// Times in a turn of the wheels.
+    /// Periods per turn of the wheels.
     times_a_turn: f64,
     /// Root mean square, rad/s.
     tilt_rate: f64,
 }
 
 impl Bob {
-    /// The first tenth of a second is left out.
+    /// The first tenth of a second is omitted.
     fn of(mut step: impl FnMut() -> Moment) -> Self {
         let moments: Vec<_> = (0..1200).map(|_| step()).skip(200).collect();
         let lowest = moments.iter().fold(f64::MAX, |least, now| least.min(now.height));

@@ -1,4 +1,4 @@
-//! Coulomb's law at the wheels of `rigid`, in every step, whatever the torques, and convergence under slip.
+//! Coulomb's law at the wheels of `rigid`, in every step, for any torques, and convergence under slip.
 
 use super::{Motion, Simulation};
 use ballbot_core::models::SpatialModel;
@@ -27,7 +27,7 @@ fn friction(params: &Params, slip: f64) -> f64 {
     moving + (fixed - moving) * (-(slip / params.friction_critical_velocity).powi(2)).exp()
 }
 
-/// Largest |f| / (μ N) − 1 over all steps and wheels; and the share of steps with slip.
+/// Largest |f| / (μ N) − 1 over all steps and wheels; and the fraction of steps with slip.
 fn excess(robot: &mut dyn Model, mut torques: impl FnMut(usize) -> [f64; 3], seconds: f64) -> (f64, f64) {
     let params = robot.params().clone();
     let steps = (HOLD / robot.sim_dt()).round() as usize;

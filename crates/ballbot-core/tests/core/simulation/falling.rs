@@ -35,7 +35,7 @@ fn bots_in_the_floor_are_refused(simulation: Simulation) {
     robot.reset(&state).unwrap();
 }
 
-/// Height of the bot's lowest point: wheels as spheres, the body as the cylinder that the simulations make of it.
+/// Height of the bot's lowest point: wheels as spheres, the body as the cylinder that the simulations use.
 fn lowest_point(params: &Params, state: &State) -> f64 {
     let reach = params.ball_radius + params.wheel_radius;
     let wheels = Omniwheels::new(params).contact_directions;
@@ -72,7 +72,7 @@ fn floor_impacts_of_falling_robots_agree() {
             [Simulation::Rigid, Simulation::Contact].map(|s| fall(s.paper().as_mut(), degrees));
         close(&format!("{degrees} deg: step of touch"), found as f64, expected as f64, 1.0);
         let touch = found.min(expected);
-        // The impact takes the two a step or two: afterwards the lag of about a step is left.
+        // The impact takes both a step or two: afterwards a lag of about a step remains.
         for (when, step, rate_limit, tilt_limit) in
             [("before", touch - 5, 3e-3, 1e-3), ("after", touch + 50, 0.015, 1e-3)]
         {
@@ -110,7 +110,7 @@ fn fallen_robots_come_to_rest_on_the_floor(simulation: Simulation) {
         assert!(rise <= rise_limit, "{degrees} deg: energy rises by {rise:e} J in a step");
         assert!(impact <= impact_depth, "{degrees} deg: {impact:e} m into the floor");
         assert!(deepest <= depth, "{degrees} deg: lies {deepest:e} m in the floor");
-        // It rolls and rocks on a little.
+        // It continues to roll and rock a little.
         assert!(rate < 0.05, "{degrees} deg: still turns with {rate} rad/s");
     }
 }
@@ -131,8 +131,8 @@ fn rest_poses_of_fallen_robots_agree() {
     }
 }
 
-/// The floor's friction opposes the slip of what lies on it, along whichever axes it is counted; `contact` alone, since
-/// rapier's friction knows its own axes.
+/// The floor's friction opposes the slip of what lies on it, along whichever axes it is counted; only `contact`, since
+/// rapier's friction has its own axes.
 #[test]
 fn sliding_of_fallen_robots_is_isotropic() {
     // A bot that turns more easily about one axis than about the other, as seen from the point that it slides on.

@@ -29,7 +29,7 @@ fn angular_momentum(params: &Params, state: &State) -> Vector3<f64> {
     state.body_quaternion * (own - wheels.u.transpose() * spins * params.wheel_inertia)
 }
 
-/// Of its rotation; that of its flight is exact anyway.
+/// Energy of its rotation; the energy of its flight is exact anyway.
 fn turning_energy(params: &Params, state: &State) -> f64 {
     let wheels = Omniwheels::new(params);
     let rate = state.body_angular_velocity;
@@ -38,7 +38,7 @@ fn turning_energy(params: &Params, state: &State) -> f64 {
 }
 
 /// Largest changes, relative, over a second of tumbling: of angular momentum with the attitude half a step before the rate,
-/// of the same with that of the rate's own step, and of energy.
+/// of the same with the attitude of the rate's own step, and of energy.
 fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
     let mut robot = simulation.robot(params, sim_dt);
     let mut start = State::upright(params);
@@ -56,8 +56,8 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
     let (momentum, exact) = (halfway(&start, &last), angular_momentum(params, &start));
     let energy = turning_energy(params, &start);
     let thrown = com_velocity(params, &start);
-    // `rigid` moves the CoM of the body without its wheels, and turns it about that of the whole with the rates of half a
-    // step before.
+    // `rigid` moves the CoM of the body without its wheels, and rotates it about the CoM of the whole with the rates of
+    // half a step before.
     let wheels = Omniwheels::new(params);
     let center =
         wheels.contact_directions.iter().sum::<Vector3<f64>>() * (params.ball_radius + params.wheel_radius) / 3.0;
@@ -83,12 +83,13 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
     worst
 }
 
-/// The gyroscopic term is that of the middle of the step.
+/// The gyroscopic term is evaluated at the middle of the step.
 ///
-/// A step turns the body by the rate at its end (semi-implicit Euler), so that rates are those of half a step before the
-/// attitude: seen so, momentum is kept to second order; read off one state, it is off by up to the turn of half a step.
+/// A step turns the body by the rate at its end (semi-implicit Euler), so the rates belong to half a step before the
+/// attitude: with this, momentum is conserved to second order; read off one state, it is off by up to the rotation of
+/// half a step.
 fn tumbling_bot_keeps_its_angular_momentum_and_energy(simulation: Simulation) {
-    // Three different moments of inertia, or the tumbling would be a mere precession.
+    // Three different moments of inertia, otherwise the tumbling would be a mere precession.
     let even = Params { body_inertia: [0.0583, 0.04, 0.0137], ..Params::paper() };
     let general = Params {
         body_com_offset: [0.03, -0.04],

@@ -6,7 +6,7 @@ use ballbot_core::models::SpatialModel;
 use ballbot_core::{Params, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
 
-/// Friction of the wheels is out of the way when the floor's is measured.
+/// Friction of the wheels does not interfere when the floor's friction is measured.
 fn sticky_wheels(floor: f64) -> Params {
     Params {
         wheel_static_friction: 50.0,
@@ -40,11 +40,11 @@ fn floor_friction_is_isotropic(simulation: Simulation) {
     assert!(worst < 1e-9, "friction coefficient off by {worst:e}");
 }
 
-/// The smallest torque at which wheel 0 slips, found from the loads of the spatial model, against where it does.
+/// The smallest torque at which wheel 0 slips, found from the loads of the spatial model, against the simulation.
 fn wheels_slip_at_the_coulomb_limit_whatever_the_yaw(simulation: Simulation) {
     let params = Params { wheel_static_friction: 0.3, wheel_dynamic_friction: 0.3, ..Params::paper() };
     // All wheels driven alike turn the ball under the body and keep every load at M_b g / (3 cos α): the wheel and the
-    // share of the ball and the body that it has to turn leave the contact f = τ c, with c from the spatial model.
+    // part of the ball and the body that it has to turn leave the contact f = τ c, with c from the spatial model.
     let probe = SpatialModel::new(&params, true, true);
     let upright = UnitQuaternion::identity();
     let per_torque = probe.contacts(&upright, &Vector6::zeros(), &Vector3::repeat(1.0)).wheel_tractions[0];
@@ -101,7 +101,7 @@ fn static_friction_holds_beyond_dynamic_friction(simulation: Simulation) {
     assert!(slip(torque, 10.0) > 0.1, "a slipping wheel is caught");
 }
 
-/// Friction bounded by the load of the step before alone would swing the loads farther at every step.
+/// Friction bounded only by the load of the previous step would make the loads oscillate more at every step.
 fn wheels_that_slip_keep_their_loads(simulation: Simulation) {
     let params = Params::paper();
     for sim_dt in [2e-3, 1e-3] {

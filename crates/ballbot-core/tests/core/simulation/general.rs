@@ -18,7 +18,7 @@ pub(super) fn drawn<S: Strategy>(strategy: &S, count: usize) -> Vec<S::Value> {
     (0..count).map(|_| strategy.new_tree(&mut runner).expect("most can exist").current()).collect()
 }
 
-/// A robot whose wheels all carry a fair share of it, and that grips.
+/// A robot that grips, and whose wheels all carry a fair part of the load.
 pub(super) fn any_gripping_robot() -> impl Strategy<Value = Params> {
     let fair = |params: &Params| {
         let loads = params.equilibrium_wheel_loads();
@@ -43,7 +43,7 @@ pub(super) fn about_equilibrium(params: &Params, start: &Start) -> State {
     State::rolling(params, speed, spin, body, rolling.body_angular_velocity)
 }
 
-/// Differences of two robots: of places and attitudes, and of velocities, in the robot's own measures.
+/// Differences of two robots: of positions and attitudes, and of velocities, in the robot's own units.
 pub(super) fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
     let (length, rate) = (params.body_com_height, natural_rate(params));
     [
@@ -61,8 +61,8 @@ pub(super) fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
     ]
 }
 
-/// Runs `spatial` and the simulation for the time in which a robot falls, in that many steps. Differences of places and
-/// velocities at the end, and of the loads of wheels and floor as a share of the weight; none if a wheel lifts off.
+/// Runs `spatial` and the simulation for the time in which a robot falls, in that many steps. Differences of positions
+/// and velocities at the end, and of the loads of wheels and floor relative to the weight; `None` if a wheel lifts off.
 pub(super) fn off_spatial(
     simulation: Simulation,
     params: &Params,
@@ -193,7 +193,7 @@ fn motion_does_not_depend_on_the_body_axes(simulation: Simulation) {
     assert!(worst <= 1e-10, "{worst:e} apart");
 }
 
-/// Slipping, pushed off the ball, falling and lying: in other body axes the same, until rounding has grown.
+/// Slipping, pushed off the ball, falling and lying: the same in other body axes, until rounding has grown.
 #[test]
 fn falls_do_not_depend_on_the_body_axes() {
     let crooked = Params { body_inertia: [0.0583, 0.04, 0.0237], ..crooked() };
@@ -296,10 +296,10 @@ fn pushes_act_at_their_point(simulation: Simulation) {
         let com = params.body_com();
         let velocity = after.body_velocity + after.body_quaternion * after.body_angular_velocity.cross(&com);
         let expected = impulse / params.body_mass - Vector3::z() * (params.gravity * 1e-6);
-        // What a step of `rigid` turns the body by, its pose is ahead of its velocities.
+        // In `rigid` the pose of the body is ahead of its velocities by the rotation of a step.
         let limit = simulation.pick(1e-5, 1e-10);
         close("CoM velocity", (velocity - expected).norm() / expected.norm(), 0.0, limit);
-        // Free wheels keep their spin about their axles: only the inertia without it turns.
+        // Free wheels keep their spin about their axles: only the inertia without that spin turns.
         let arm = start.body_quaternion.inverse_transform_vector(&impulse);
         let turned = params.body_inertia_matrix().lu().solve(&(point - com).cross(&arm)).expect("moments are positive");
         close("rate", (after.body_angular_velocity - turned).norm() / turned.norm(), 0.0, limit);

@@ -7,7 +7,7 @@ use nalgebra::Vector2;
 /// Unstable pole of the upright robot with Table II, wheels counted with their absolute spin, 1/s.
 const POLE: f64 = 6.091_744_51;
 
-/// Growth rate λ of a small tilt from its values at three times h apart: cosh λh = (θ₋ + θ₊) / 2θ, whatever the share of
+/// Growth rate λ of a small tilt from its values at three times h apart: cosh λh = (θ₋ + θ₊) / 2θ, for any fraction of
 /// the decaying part, which half a step between rates and attitude would change.
 fn growth_rate(simulation: Simulation, sim_dt: f64, azimuth: f64) -> f64 {
     let params = Params::paper();

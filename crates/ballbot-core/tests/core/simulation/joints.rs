@@ -31,7 +31,7 @@ fn joint_friction_slows_wheels_that_turn_in_the_air(simulation: Simulation) {
         run(robot.as_mut(), [0.0; 3], steps);
         robot.state().wheel_speeds[0]
     };
-    // Three wheels against the body about the vertical: the body's yaw takes up a share c of each relative speed.
+    // Three wheels against the body about the vertical: the body's yaw takes up a fraction c of each relative speed.
     let share = 1.0 + 3.0 * params.wheel_inertia * 0.5 / params.body_inertia[2];
     let expected = 20.0 * (-1e-3 * share / params.wheel_inertia * 0.1).exp();
     let found = speed_after(&viscous(), 1000);
@@ -56,7 +56,7 @@ fn rolled(robot: &mut dyn Model, params: &Params) -> State {
 fn joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model(simulation: Simulation) {
     let params = Params::paper();
     let free = rolled(&mut SpatialMotion::new(&params, 1e-3), &params);
-    // The spatial model builds dry friction up over 0.05 rad/s, these let wheels stick.
+    // The spatial model builds dry friction up over 0.05 rad/s, these simulations let wheels stick.
     for (damped, limit) in [(viscous(), simulation.pick(3e-3, 5e-4)), (dry(), 1e-2)] {
         let exact = rolled(&mut SpatialMotion::new(&params, 1e-3), &damped);
         let found = rolled(simulation.paper().as_mut(), &damped);
@@ -88,7 +88,7 @@ fn dry_friction_holds_a_wheel_at_rest(simulation: Simulation) {
     assert!(speed > 0.1, "held beyond its friction: {speed} rad/s");
 }
 
-/// Wheels that dry friction holds do not turn, whatever the robot does: it tips over with its ball as one.
+/// Wheels held by dry friction do not turn, whatever the robot does: it tips over with its ball as one body.
 fn dry_friction_does_not_creep(simulation: Simulation) {
     for sim_dt in [2e-3, 1e-3] {
         let params = with_friction(0.0, 0.4);

@@ -4,7 +4,7 @@ use super::{Motion, Simulation, close, com_velocity, leaning, lifted, run};
 use ballbot_core::{Model, Params, State};
 use nalgebra::Vector3;
 
-/// When the wheels leave the ball and come back, how high the body gets over it, and how it moves just before that and
+/// When the wheels leave the ball and come back, how high the body gets above it, and how it moves just before that and
 /// 30 ms after.
 #[derive(Debug)]
 struct Hop {
@@ -123,14 +123,14 @@ fn landings_of_dropped_robots_agree() {
     // Nothing bounces: all of the fall's energy is lost.
     close("energy lost, rigid", rigid_lost, weight * 0.05, 1e-6);
     close("energy lost, contact", lost, weight * 0.05, 1e-6);
-    // The sweeps of one step do not get to the end of an impact; the next ones undo what they left.
+    // The sweeps of one step do not complete an impact; the next steps remove the rest.
     close("rise, rigid", rigid_rise, 0.0, 1e-7);
     close("rise, contact", rise, 0.0, 0.02);
     let (r, c) = (rigid.contacts(), contact.contacts());
     close("floor", c.floor_force.z, weight, 1e-4);
     close("floor", c.floor_force.z, r.floor_force.z, 1e-4);
     for i in 0..3 {
-        // What the impact left of a tilt grows on.
+        // The tilt that remains after the impact continues to grow.
         close("wheel", c.wheel_normal_forces[i], r.wheel_normal_forces[i], 0.03);
     }
     let (r, c) = (rigid.state(), contact.state());

@@ -1,4 +1,4 @@
-//! What the contacts carry.
+//! Loads of the contacts.
 
 use super::{Motion, Simulation, for_both, lifted, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};

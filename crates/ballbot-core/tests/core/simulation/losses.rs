@@ -12,8 +12,8 @@ fn solid_ball() -> Params {
     Params { ball_inertia: 0.4 * params.ball_mass * params.ball_radius.powi(2), ..params }
 }
 
-/// Places a ball that rolls and spins, with the bot far above it. Its losses need the load of a first step, after which its
-/// state is returned.
+/// Places a ball that rolls and spins, with the bot far above it. Its losses need the load of a first step; the state
+/// after that step is returned.
 fn place_alone(robot: &mut dyn Model, velocity: Vector2<f64>, spin: f64) -> State {
     let params = robot.params().clone();
     let mut state = State::rolling(&params, velocity, spin, UnitQuaternion::identity(), Vector3::zeros());
@@ -49,7 +49,8 @@ fn a_spinning_ball_stops_when_the_closed_form_says(simulation: Simulation) {
     }
 }
 
-/// A rolling ball loses c g / (r (1 + J / (m r²))) of its speed a second, keeps its direction, and stays where it stops.
+/// A rolling ball loses c g / (r (1 + J / (m r²))) of its speed per second, keeps its direction, and stays where it
+/// stops.
 fn a_rolling_ball_stops_when_the_closed_form_says(simulation: Simulation) {
     let lever = 3e-3;
     let params = Params { floor_rolling_friction: lever, ..solid_ball() };
@@ -66,18 +67,19 @@ fn a_rolling_ball_stops_when_the_closed_form_says(simulation: Simulation) {
     let state = robot.state();
     close("velocity", (state.ball_velocity.xy() - expected).norm(), 0.0, limit);
     close("spin", state.ball_angular_velocity.z, 0.5, 1e-9);
-    // The last speed, of the size of what a step takes, decays by J / (J + m r²) a step.
+    // The last speed, about the loss of one step, decays by J / (J + m r²) per step.
     run(robot.as_mut(), [0.0; 3], (stop / dt - half).ceil() as usize + 100);
     let stopped = robot.state().ball_position;
-    // A step adds or takes half of what it travels.
+    // A step adds or removes half of what it travels.
     let distance = ((stopped - from).xy().norm() - 0.5 * start.norm() * stop).abs();
     close("distance", distance, 0.0, start.norm() * dt);
     run(robot.as_mut(), [0.0; 3], 500);
     close("creep", (robot.state().ball_position - stopped).norm(), 0.0, simulation.pick(1e-8, 1e-12));
 }
 
-/// Motors turn ball and body against each other. Spinning friction above their torque holds the ball but for the creep at
-/// which a step's loss of all its spin is their torque: the body then has the yaw acceleration of a robot with its ball held.
+/// Motors turn ball and body against each other. Spinning friction above their torque holds the ball except for the
+/// creep at which losing all spin in a step equals their torque: the body then has the yaw acceleration of a robot with
+/// its ball held.
 fn spinning_friction_holds_the_ball_under_a_turning_body(simulation: Simulation) {
     let torque = 0.02;
     let paper = Params::paper();
@@ -104,8 +106,8 @@ fn spinning_friction_holds_the_ball_under_a_turning_body(simulation: Simulation)
     }
 }
 
-/// Rolling friction above what the motors do to the ball holds it but for a creep of first order in the time step: the body
-/// falls over.
+/// Rolling friction above the motors' effect on the ball holds it except for a creep of first order in the time step:
+/// the body falls over.
 fn rolling_friction_holds_the_ball(simulation: Simulation) {
     let params = Params { floor_rolling_friction: 0.05, floor_spinning_friction: 0.01, ..Params::paper() };
     let [coarse, fine] = [2e-3, 1e-3].map(|sim_dt| {
@@ -121,7 +123,8 @@ fn rolling_friction_holds_the_ball(simulation: Simulation) {
     assert!(coarse.norm() < 2e-3, "moves by {} m", coarse.norm());
 }
 
-/// Force against the motion of an upright robot at a speed along x, with these loads of its wheels: its power by the speed.
+/// Force against the motion of an upright robot at a speed along x, with these loads of its wheels: its power divided
+/// by the speed.
 fn drag(params: &Params, speed: f64, loads: [f64; 3]) -> f64 {
     let cosine = params.wheel_zenith.cos();
     params
@@ -138,7 +141,7 @@ fn drag(params: &Params, speed: f64, loads: [f64; 3]) -> f64 {
         .sum()
 }
 
-/// asRoBallet with the rollers that, beside its joint friction, make up its measured drag.
+/// asRoBallet with rollers that, together with its joint friction, give its measured drag.
 fn with_rollers() -> Params {
     Params { roller_friction: 0.008, roller_friction_slope: 0.084, ..Params::preset("asroballet").unwrap() }
 }
@@ -152,7 +155,7 @@ fn rollers_have_the_drag_of_the_closed_form(simulation: Simulation) {
         let mut robot = simulation.robot(&params, 1e-3);
         let velocity = Vector2::new(speed, 0.0);
         robot.reset(&State::rolling(&params, velocity, 0.0, UnitQuaternion::identity(), Vector3::zeros())).unwrap();
-        // The first step takes up the loads.
+        // The first step establishes the loads.
         robot.step(&[0.0; 3]);
         let before = robot.energy();
         let mut expected = 0.0;
@@ -221,7 +224,7 @@ fn losses_of_a_rolling_robot_are_those_of_the_spatial_model(simulation: Simulati
     }
 }
 
-/// A robot that balances with losses, on both simulations: where it is held, it rests.
+/// A robot that balances with losses, in both simulations: where it is held, it rests.
 fn a_regulated_robot_with_losses_balances_and_obeys_its_bounds(simulation: Simulation) {
     let params = lossy();
     let mut robot = simulation.robot(&params, 2e-3);
@@ -235,7 +238,7 @@ fn a_regulated_robot_with_losses_balances_and_obeys_its_bounds(simulation: Simul
     assert!(robot.state().tilt() < 0.03, "tilt {}", robot.state().tilt());
 }
 
-/// Into the fall and over the floor, where rare contacts are solved beside these frictions: no energy comes from them.
+/// Into the fall and over the floor, where rare contacts are solved together with these frictions: they add no energy.
 fn falls_with_losses_gain_no_energy(simulation: Simulation) {
     let params = Params { wheel_coulomb_friction: 0.01, ..lossy() };
     let mut robot = simulation.robot(&params, 1e-3);

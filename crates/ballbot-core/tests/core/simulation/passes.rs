@@ -1,11 +1,11 @@
-//! Passes over a step of `rigid` in which the bot touches the floor or its body the ball.
+//! Passes over a step of `rigid` in which the bot touches the floor, or its body touches the ball.
 
 use super::{Motion, Simulation};
 use ballbot_core::{Params, State};
 use nalgebra::{Vector2, Vector3};
 
-/// The body is thrown at the floor while its ball goes the other way, in time steps of 10 ms: in the second one each of eight
-/// passes changes what the next one finds, though each finds the modes of its contacts at once.
+/// The body is thrown at the floor while its ball goes the other way, in time steps of 10 ms: in the second step each
+/// of eight passes changes the result of the next pass, though each finds the modes of its contacts at once.
 #[test]
 fn steps_whose_passes_do_not_settle_are_unsolved() {
     let mut robot = Simulation::Rigid.robot(&Params::paper(), 0.01);

@@ -5,7 +5,7 @@ use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::{Model, Params, State};
 use nalgebra::{Vector2, Vector3};
 
-/// A run with everything in it: feedback, a push, a fall.
+/// A run with everything: feedback, a push, a fall.
 fn eventful(robot: &mut dyn Model) -> [f64; State::LEN] {
     let params = robot.params().clone();
     let mut lqr = Lqr::new(&params, 0.01).unwrap();

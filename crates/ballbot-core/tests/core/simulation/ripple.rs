@@ -6,7 +6,7 @@ use ballbot_core::{Model, Params, State, attitude};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::TAU;
 
-/// A twentieth of a millimeter either way, twelve times a turn.
+/// A twentieth of a millimeter either way, twelve times per turn.
 fn rippled() -> Params {
     Params { roller_ripple: 1e-4, ..Params::paper() }
 }
@@ -26,13 +26,14 @@ fn gaps(params: &Params, wheels: &Omniwheels, state: &State) -> [f64; 3] {
     })
 }
 
-/// The ball spins below an upright body, so that all wheels turn alike at this rate, rad/s.
+/// The ball spins below an upright body, so that all wheels turn at this rate, rad/s.
 fn spinning(params: &Params, wheel_rate: f64) -> State {
     let spin = wheel_rate / (params.gear_ratio() * params.wheel_zenith.sin());
     State::rolling(params, Vector2::zeros(), spin, UnitQuaternion::identity(), Vector3::zeros())
 }
 
-/// With wheels in phase the body goes up and down by A / cos α, n times a turn, under a load of its weight and inertia.
+/// With wheels in phase the body goes up and down by A / cos α, n times per turn, under a load of its weight and
+/// inertia.
 fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
     let params = rippled();
     let (count, cos) = (params.roller_count, params.wheel_zenith.cos());
@@ -52,7 +53,7 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
         (lowest, highest) = (lowest.min(height), highest.max(height));
         downs += u32::from(was >= 0.0 && state.body_velocity.z < 0.0);
         was = state.body_velocity.z;
-        // The load of a step is that of the phase at its start.
+        // The load of a step belongs to the phase at its start.
         let phase = count * (state.wheel_angles[0] - state.wheel_speeds[0] * dt);
         let bob = -0.5 * params.roller_ripple * (count * state.wheel_speeds[0]).powi(2) * phase.cos() / cos;
         let expected = params.body_mass * (params.gravity + bob) / (3.0 * cos);
@@ -68,7 +69,7 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
     close("load", load, 0.0, 0.05 * ripple);
 }
 
-/// Energy at the middle of the last step, where its velocities are; places are those of its end.
+/// Energy at the middle of the last step, where its velocities are; positions are at its end.
 fn energy(robot: &dyn Model, dt: f64) -> f64 {
     let (params, state) = (robot.params(), robot.state());
     let com_velocity =
@@ -77,7 +78,7 @@ fn energy(robot: &dyn Model, dt: f64) -> f64 {
     robot.energy() - 0.5 * dt * params.gravity * rise
 }
 
-/// What the bob takes the wheels give: it does no work. Later the robot falls.
+/// The energy of the vertical motion comes from the wheels: the ripple does no work. Later the robot falls.
 fn ripple_does_no_work(simulation: Simulation) {
     let params = rippled();
     let dt = 1e-3;
@@ -104,14 +105,14 @@ fn rolling(params: &Params) -> State {
     State::rolling(params, velocity, 0.3, attitude(Vector2::zeros(), 0.2), Vector3::zeros())
 }
 
-/// The displacement x of body and ball by which each wheel touches: p_i · x is the depth of its rim.
+/// The relative displacement x of body and ball at which each wheel touches: p_i · x is the depth of its rim.
 fn the_body_is_where_three_rims_touch_the_ball(simulation: Simulation) {
     let params = Params { roller_phases: [0.4, 2.0, -2.5], ..rippled() };
     let wheels = Omniwheels::new(&params);
     let directions = Matrix3::from_columns(&wheels.contact_directions).transpose();
     let mut robot = simulation.robot(&params, 1e-3);
     robot.reset(&rolling(&params)).unwrap();
-    // The start is as if the rims were round; the body settles on them.
+    // The start assumes round rims; the body then settles on them.
     run(robot.as_mut(), [0.0; 3], 100);
     let (mut worst, mut apart) = (0.0_f64, 0.0_f64);
     for _ in 0..300 {
@@ -127,7 +128,7 @@ fn the_body_is_where_three_rims_touch_the_ball(simulation: Simulation) {
     close("gaps", apart, 0.0, 1e-7);
 }
 
-/// Beyond A n² ψ̇² = 2 g cos α the wheels let go at the top of each roller.
+/// Beyond A n² ψ̇² = 2 g cos α the wheels lift off at the top of each roller.
 fn wheels_lift_off_where_the_closed_form_says(simulation: Simulation) {
     for (share, lifts) in [(0.97, false), (1.05, true)] {
         let params = Params { roller_ripple: 2e-4, ..rippled() };
@@ -143,8 +144,8 @@ fn wheels_lift_off_where_the_closed_form_says(simulation: Simulation) {
     }
 }
 
-/// Wheels that slip so fast that rollers pass within a step: rims reached 6 mm into the ball, which are 0.5 mm deep, and
-/// the robot was thrown off.
+/// Wheels that slip so fast that rollers pass within a step: rims with a ripple of 0.5 mm reached 6 mm into the ball,
+/// and the robot was thrown off.
 fn fast_rims_do_not_reach_deep_into_the_ball(simulation: Simulation) {
     for (count, case) in [6.0, 12.0].into_iter().flat_map(|count| (0..10).map(move |case| (count, f64::from(case)))) {
         let angle = 0.62 * case;
@@ -163,13 +164,13 @@ fn fast_rims_do_not_reach_deep_into_the_ball(simulation: Simulation) {
         for _ in 0..10 {
             robot.step(&[0.0; 3]);
             let deepest = gaps(&params, &wheels, &robot.state()).into_iter().fold(0.0, f64::min);
-            // What is left comes of the change of the wheel's rate within the step.
+            // The rest is due to the change of the wheel's rate within the step.
             assert!(deepest > -2e-3, "{deepest:e} m into the ball, {count} rollers, case {case}");
         }
     }
 }
 
-/// The phase is that of the angle within a turn.
+/// The phase follows from the angle within a turn.
 fn many_turns_change_nothing(simulation: Simulation) {
     let params = rippled();
     let [one, other] = [0.0, 1e4].map(|turns| {
@@ -193,7 +194,7 @@ for_both!(
     fast_rims_do_not_reach_deep_into_the_ball,
 );
 
-/// What the ripple does to a driven robot is the same in both simulations.
+/// The ripple has the same effect on a driven robot in both simulations.
 #[test]
 fn both_simulations_agree_on_what_ripple_does() {
     let run = |simulation: Simulation, params: &Params| {

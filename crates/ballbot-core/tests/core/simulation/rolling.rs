@@ -1,4 +1,4 @@
-//! Motion in which nothing slips: that of the spatial model.
+//! Motion without slip: it equals the spatial model.
 
 use super::{Motion, Simulation, for_both, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
@@ -21,7 +21,7 @@ fn regulated_run(robot: &mut dyn Model) -> Vec<State> {
     (0..200).map(control).collect()
 }
 
-/// States every 10 ms of half a second under torques that topple and turn the robot: longer, and the instability
+/// States every 10 ms of half a second under torques that topple and turn the robot: with a longer run, the instability
 /// (e^{6.09 t}) would show the solver's rounding instead of its physics.
 fn toppling_run(robot: &mut dyn Model) -> Vec<State> {
     let substeps = (0.01 / robot.sim_dt()).round() as usize;

@@ -28,7 +28,7 @@ fn slip_both(params: &Params, sim_dt: f64, torques: [f64; 3]) -> [Slipped; 2] {
     })
 }
 
-/// How far the velocities of the two are apart, as shares of what they are: wheels, ball, its rate, the body's rate; and
+/// Relative differences of the velocities of both: wheels, ball, its rate, the body's rate; and
 /// the means of tractions and floor force, N.
 fn apart([rigid, contact]: &[Slipped; 2]) -> [f64; 6] {
     let (r, c) = (rigid.robot.state(), contact.robot.state());
@@ -43,7 +43,8 @@ fn apart([rigid, contact]: &[Slipped; 2]) -> [f64; 6] {
     ]
 }
 
-/// Asserts that the two are as near as `usual` at 1 kHz and as `fine` at 10 kHz: the largest share, and force.
+/// Asserts that the two agree within `usual` at 1 kHz and within `fine` at 10 kHz: the largest relative difference, and
+/// force.
 ///
 /// They differ by terms of first order in the step: `rigid` counts how the directions of its rows turn within a step.
 #[track_caller]
@@ -73,11 +74,12 @@ fn slipping_wheels_agree() {
 #[test]
 fn wheels_slipping_with_stribeck_friction_agree() {
     let params = Params { wheel_static_friction: 0.5, wheel_dynamic_friction: 0.3, ..Params::paper() };
-    // Friction that falls with slip lets small differences grow.
+    // Friction that decreases with slip lets small differences grow.
     for torques in [[0.6, 0.6, 0.6], [-0.6, 0.05, -0.02]] {
         agree(&format!("{torques:?}"), &params, torques, Some([4e-3, 1e-3]), [4e-4, 1e-4]);
     }
-    // One wheel hardly touches here, and friction falls with slip: which wheel breaks loose first hangs on the step.
+    // One wheel hardly touches here, and friction decreases with slip: which wheel breaks loose first depends on the
+    // step.
     agree("a wheel almost off", &params, [0.7, -0.5, 0.1], None, [0.01, 0.03]);
 }
 

@@ -49,7 +49,7 @@ fn a_ball_rolls_down_as_the_closed_form_says(simulation: Simulation) {
     close("load", robot.contacts().floor_force.z, params.ball_mass * params.gravity * 0.4_f64.cos(), 1e-6);
 }
 
-/// Below the friction tan θ γ / (1 + γ) that rolling takes, it slides with g (sin θ − μ cos θ).
+/// Below the friction tan θ γ / (1 + γ) that rolling needs, it slides with g (sin θ − μ cos θ).
 fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
     let friction = 0.05;
     let params = Params { floor_static_friction: friction, floor_dynamic_friction: friction, ..steep() };
@@ -62,8 +62,8 @@ fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
     close("acceleration", (gained - expected).norm(), 0.0, simulation.pick(1e-4, 1e-11));
 }
 
-/// How a robot stands still on its slope, the torques that hold it, and its contact forces by `spatial`. None where a wheel
-/// carries next to nothing: with so much friction it is a solution, too, that it lets go.
+/// How a robot stands still on its slope, the torques that hold it, and its contact forces by `spatial`. `None` where a
+/// wheel carries almost no load: with so much friction, lifting off is also a solution.
 fn standing(params: &Params, yaw: f64) -> Option<(State, [f64; 3], Contacts)> {
     let start = State::tilted_from_equilibrium(params, params.slope_lean().ok()?, yaw);
     let held = params.holding_torques(yaw).ok()?;
@@ -124,7 +124,7 @@ fn robots_on_a_slope_converge_to_the_spatial_model(simulation: Simulation) {
     assert!(worst[0] <= 5e-4 && worst[1] <= 2e-3 && worst[2] <= 1e-3, "{worst:?}");
 }
 
-/// What falls on a slope gains no energy and stays above the floor, wherever its ball rolls.
+/// A robot that falls on a slope gains no energy and stays above the floor, wherever its ball rolls.
 fn falls_on_a_slope_gain_no_energy(simulation: Simulation) {
     let params = Params { floor_tilt: [0.1, 0.15], ..crooked() };
     for tilt in [[0.2, 0.1], [-0.3, 0.05]] {

@@ -1,4 +1,4 @@
-//! What holds for every task.
+//! Properties of every task.
 
 use crate::run::{Run, actions};
 use ballbot_core::batch::{Autoreset, Batch, TaskKind, task_kinds};
@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 const N: usize = 11;
 
-/// Short episodes of any task: falls, commands that change, and time limits all come about.
+/// Short episodes of any task: falls, changing commands and time limits all occur.
 fn batch(kind: &dyn TaskKind, model: ModelKind, mode: Autoreset, threads: usize, seed: u64, n: usize) -> Batch {
     let description = kind.description();
     let mut config = kind.config();
@@ -48,7 +48,7 @@ fn lanes_threads_and_snapshots_change_nothing() {
             let mut ended = 0;
             for k in 0..150 {
                 if k == 75 {
-                    // Continues from snapshots of the other.
+                    // Continues from snapshots of the other batch.
                     let saved = runs[0].snapshots();
                     for (i, bytes) in saved.iter().enumerate() {
                         runs[1].batch.load(i, bytes).unwrap();

@@ -41,7 +41,7 @@ fn goals_are_held_and_timed() {
             return;
         }
         for i in 0..8 {
-            // The goal before the one that the step may have ended with.
+            // The step may have ended with a new goal; this is about the goal before it.
             if (k + 1) % 800 == 0 {
                 arrivals[i].push(since[i].take());
                 continue;

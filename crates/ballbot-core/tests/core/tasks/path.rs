@@ -2,7 +2,7 @@
 
 use super::{command, config, metrics, regulate, reset_to, run_of, standing};
 
-/// Rows of the point now and of the last one of the preview.
+/// Rows of the current point and of the last preview point.
 const NOW: usize = 11;
 const AHEAD: usize = 21;
 

@@ -14,7 +14,8 @@ fn metrics_are_the_settled_errors_of_the_episode() {
     let mut sums = [[0.0; 2]; 3];
     let mut commands: Vec<_> = (0..3).map(|i| super::command(&run, i)).collect();
     regulate(&mut run, 500, |k, run| {
-        // A command is for the steps after the observation that shows it; settled after the first second of each two.
+        // A command applies to the steps after the observation that shows it; settled after the first second of each
+        // two.
         for (i, sum) in sums.iter_mut().enumerate() {
             if k % 200 >= 100 && k < 499 {
                 let state = run.batch.state(i).unwrap();
@@ -51,7 +52,7 @@ fn the_setpoint_of_the_task_brings_a_regulator_to_the_command() {
     }
 }
 
-/// Robots that observe by sensors with noise and bias.
+/// Robots that observe through sensors with noise and bias.
 fn sensed() -> Box<dyn TaskConfig> {
     let sensors = SensorOptions { gyro_noise: 0.01, gyro_bias: 0.05, ..SensorOptions::default() };
     let mut config = config("velocity", &[("history", &[2.0])]);

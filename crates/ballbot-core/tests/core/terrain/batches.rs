@@ -6,7 +6,7 @@ use ballbot_core::terrain::{Ground, Terrain};
 use ballbot_core::{ModelKind, Params};
 use std::sync::Arc;
 
-/// Robots of a task; "bare" has no end but that of time.
+/// Robots of a task; "bare" ends only by time.
 fn run(
     task: &str,
     terrain: Option<&Arc<Terrain>>,
@@ -23,7 +23,7 @@ fn run(
     Run::new(config.batch(n, Autoreset::SameStep, Some(threads), 5).unwrap())
 }
 
-/// Actions that push some robots over, of which those of the first robots do not depend on how many there are.
+/// Actions that tip some robots over; the actions of the first robots do not depend on the number of robots.
 fn step(run: &mut Run, k: usize) {
     let actions: Vec<f32> =
         (0..3 * run.batch.len()).map(|i| ((i / 3 * 7 + i % 3 * 2 + k / 3) % 5) as f32 * 0.4 - 0.8).collect();

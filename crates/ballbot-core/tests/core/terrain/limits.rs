@@ -1,4 +1,4 @@
-//! Slopes that robots can stand on, against statics of the bot alone and against the simulation.
+//! Slopes that robots can stand on, against statics of only the bot and against the simulation.
 
 use crate::support::general::{contacts_and_axles, crooked};
 use ballbot_core::terrain::Terrain;
@@ -37,7 +37,7 @@ fn robots() -> Vec<Params> {
     robots
 }
 
-/// How far the contact nearest to slipping is from it on a plane that rises towards x, as a share of the weight: μ N - |f|.
+/// Margin of the contact nearest to slipping on a plane that rises towards x, relative to the weight: μ N - |f|.
 fn margin(params: &Params, slope: f64, yaw: f64) -> f64 {
     let mass = params.ball_mass + params.body_mass;
     let com = params.body_com();
@@ -47,7 +47,8 @@ fn margin(params: &Params, slope: f64, yaw: f64) -> f64 {
     let attitude = turned(Vector3::y_axis(), lean)
         * turned(Vector3::z_axis(), yaw)
         * UnitQuaternion::rotation_between(&com, &Vector3::z()).unwrap();
-    // Force and moment of loads N p and tractions -f d on the bot about the ball's center, of the radius 1, carry its weight.
+    // Force and moment of loads N p and tractions -f d on the bot about the ball's center, with radius 1, carry its
+    // weight.
     let held = attitude.inverse_transform_vector(&Vector3::z());
     let moment = com.cross(&held) / params.ball_radius;
     let mut columns = Matrix6::zeros();
@@ -64,7 +65,7 @@ fn margin(params: &Params, slope: f64, yaw: f64) -> f64 {
     (0..3).map(|i| params.wheel_static_friction * forces[i] - forces[i + 3].abs()).fold(floor, f64::min)
 }
 
-/// The heading of the least margin, and the margin.
+/// The heading of the smallest margin, and the margin.
 fn worst(params: &Params, slope: f64) -> (f64, f64) {
     let least = |center: f64, half: f64| {
         let at = (0..=200).map(|k| center + half * (f64::from(k) / 100.0 - 1.0));

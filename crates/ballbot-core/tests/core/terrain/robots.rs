@@ -58,7 +58,7 @@ fn a_sloped_surface_is_a_tilted_gravity() {
     }
 }
 
-/// Ground that a robot does not touch changes no bit of its motion, however it leans.
+/// Ground that a robot does not touch does not change its motion by a bit, however it leans.
 #[test]
 fn a_bump_far_away_changes_no_bit() {
     let slope = |x: f64, _: f64| 0.2 * x;
@@ -197,7 +197,7 @@ fn a_fallen_robot_comes_to_rest_on_the_ground() {
             let energy = robot.energy();
             assert!(energy < before + 2e-3, "{kind}: {energy} J after {before} J");
             before = energy;
-            // No part below the ground by more than what a fall presses in, and none flies.
+            // No part is below the ground by more than a fall presses it in, and none flies.
             let state = robot.state();
             let (gap, _) = ground.gap(&state.ball_position, params.ball_radius);
             assert!(gap > -2e-3, "{kind}: ball {gap} m");
@@ -210,7 +210,7 @@ fn a_fallen_robot_comes_to_rest_on_the_ground() {
     }
 }
 
-/// Least height of the body's rims and wheels over the ground.
+/// Smallest height of the body's rims and wheels above the ground.
 fn lowest(terrain: &Terrain, params: &Params, state: &State) -> f64 {
     let height = |point: Vector3<f64>| {
         let place = state.body_position + state.body_quaternion * point;

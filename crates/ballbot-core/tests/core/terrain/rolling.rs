@@ -1,4 +1,4 @@
-//! A ball alone on the ground, by both models with contacts, against mechanics.
+//! A single ball on the ground, in both models with contacts, against mechanics.
 
 use super::{ball, inertia_ratio, rough, step};
 use ballbot_core::terrain::Terrain;
@@ -121,7 +121,7 @@ fn a_ball_loses_height_energy_on_a_bump_and_has_it_again_behind() {
 #[test]
 fn a_ball_leaves_a_cylinder_where_it_should() {
     let (radius, edge) = (0.5_f64, 1.03_f64);
-    // A cylinder that goes on as a plane where it is steeper than it has to be.
+    // A cylinder that continues as a plane where it is steeper than needed.
     let dome = |x: f64, _: f64| {
         let beyond = (x.abs() - radius * edge.sin()).max(0.0);
         (radius * radius - (x.abs() - beyond).powi(2)).sqrt() - radius - beyond * edge.tan()
@@ -170,7 +170,7 @@ fn a_ball_lifts_off_a_crest_above_its_critical_speed_only() {
     }
 }
 
-/// Wrong frames of friction, wrong axes of spin and tangents along fixed axes pass on planes and fail here.
+/// Wrong friction frames, wrong spin axes and tangents along fixed axes pass on planes and fail here.
 #[test]
 fn a_ball_in_a_gutter_turns_back() {
     let radius = 0.5_f64;

@@ -1,4 +1,4 @@
-//! The surface itself, and where balls touch it.
+//! The surface itself, and its contact points with balls.
 
 use super::{contact_normal, rough};
 use ballbot_core::Params;
@@ -121,7 +121,7 @@ fn a_ball_that_reaches_into_the_valleys_has_a_ground() {
                 // Between nodes as far apart as the ball's radius the surface of the centers is interpolated coarsely.
                 continue;
             }
-            // On the edges, too, the ball touches and is in no place below the ground.
+            // On the edges, too, the ball touches and is nowhere below the ground.
             for (x, y) in [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0), (0.3, 1.0), (-1.0, 0.2)] {
                 let [half_x, half_y] = terrain.half_size();
                 let (center, _) = ground.ball_center(&Params::paper(), x * half_x, y * half_y);

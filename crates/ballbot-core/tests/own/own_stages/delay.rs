@@ -1,4 +1,4 @@
-//! A sensor that measures the state of the control step before.
+//! A sensor that measures the state of the previous control step.
 
 use ballbot_core::LaneState;
 use ballbot_core::lanes::{Lane, Memory, Quat, Vec3};
@@ -11,7 +11,7 @@ pub struct Delay;
 const NUMBERS: usize = 32;
 /// Whether there was a reading, after the numbers of the last state.
 const STARTED: usize = NUMBERS;
-/// The state that was given last.
+/// The last state that was output.
 const GIVEN: usize = STARTED + 1;
 
 impl Sensor for Delay {

@@ -7,7 +7,7 @@ use ballbot_core::lanes::{Lane, Memory};
 pub struct Lag {
     /// Torque of a command of 1, N·m.
     pub max_torque: f64,
-    /// Share of the distance to the command that the torque goes in a model step.
+    /// Fraction of the distance to the command that the torque covers in a model step.
     pub share: f64,
 }
 

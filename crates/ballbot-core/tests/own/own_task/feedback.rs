@@ -1,4 +1,4 @@
-//! A PD controller of the tilt towards which a low-passed velocity error leans the robot.
+//! A PD controller of the tilt; the tilt setpoint follows from a low-passed velocity error.
 
 use ballbot_core::LaneState;
 use ballbot_core::control::{
@@ -29,7 +29,7 @@ pub struct Feedback {
     gains: Gains,
     /// Wheel torques per virtual torque about x and y.
     map: [[f64; 2]; 3],
-    /// Share of the distance to the error that the low-pass goes in a sample.
+    /// Fraction of the distance to the error that the low-pass covers in a sample.
     share: f64,
     limits: TorqueLimits,
     sampling: Sampling,

@@ -1,4 +1,4 @@
-//! The robot balanced on estimates, under noise, slip and a center of mass that is elsewhere.
+//! The robot balanced on estimates, under noise, slip and a wrong center of mass.
 
 use super::options;
 use super::record::{Filter, Noise, Plan, Sensors, attitude_error, crooked, read};
@@ -11,7 +11,7 @@ const DT: f64 = 0.01;
 /// Model steps in a control step.
 const SUBSTEPS: usize = 10;
 
-/// A robot with its sensors, its estimator and what both last gave.
+/// A robot with its sensors, its estimator and the last output of both.
 struct Plant {
     robot: Ballbot,
     sensors: Sensors,
@@ -72,7 +72,7 @@ fn robot_stands_on_estimates_under_noise() {
     }
 }
 
-/// With the least errors that a filter may expect, its gates are as tight as they get.
+/// With the smallest errors that a filter may expect, its gates are tightest.
 #[test]
 fn wheels_that_grip_take_part() {
     let options = EstimatorOptions {
@@ -114,7 +114,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
     let (mut velocity, mut position, mut slipped) = (0.0_f64, 0.0_f64, 0);
     for k in 0..400 {
         let mut torques = lqr.wheel_torques(&plant.robot.state(), &Setpoint::default());
-        // A burst on one wheel after the other, in turn of sign.
+        // A burst on one wheel after the other, with alternating sign.
         if k % 50 < 3 {
             torques[(k / 50) % 3] += if k % 100 < 50 { 0.5 } else { -0.5 };
         }

@@ -10,19 +10,19 @@ use std::f64::consts::TAU;
 const DT: f64 = 0.002;
 const TICK: f64 = TAU / 512.0;
 
-/// What a run shows.
+/// Results of a run.
 #[derive(Debug, Default)]
 struct Seen {
     /// Steps in which a wheel slips on the ball.
     slipped: usize,
-    /// Wheels that were gated, in those steps and in the others.
+    /// Wheels that were gated, in steps with slip and in other steps.
     gated: f64,
     gated_in_grip: f64,
     /// Largest error of the ball's velocity, m/s.
     velocity: f64,
 }
 
-/// The robot under LQR that knows the state, with torques of `burst` (N·m) on one wheel after the other.
+/// The robot under LQR on the true state, with torques of `burst` (N·m) on one wheel after the other.
 fn run(friction: f64, burst: f64, gates: f64) -> Seen {
     let params = Params { wheel_static_friction: friction, wheel_dynamic_friction: friction, ..Params::paper() };
     let options = EstimatorOptions {

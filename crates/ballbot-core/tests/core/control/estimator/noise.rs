@@ -8,7 +8,7 @@ use nalgebra::{Matrix2, Matrix3, Rotation2, UnitQuaternion, Vector3};
 
 const SEEDS: u64 = 100;
 
-/// What a filter assumes that is told the truth about its sensors.
+/// Assumptions of a filter that knows its sensors exactly.
 fn told(noise: &Noise) -> EstimatorOptions {
     EstimatorOptions {
         gyro_noise: noise.gyro,
@@ -71,8 +71,8 @@ fn errors_are_what_the_covariance_says() {
     assert!(tilt < 2e-3 && velocity < 0.015 && position < 0.02, "RMS {rms:?}");
 }
 
-/// Mean over steps and robots of the squared error of the velocity by its covariance, 2 if they agree, of robots whose
-/// wheels are by `error` larger or smaller than the filter knows.
+/// Mean over steps and robots of the squared velocity error relative to its covariance, 2 if they agree, for robots
+/// whose wheels are larger or smaller by `error` than the filter knows.
 fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
     let nominal = Params::paper();
     let (mut sum, mut count) = (0.0, 0.0);
@@ -87,7 +87,7 @@ fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
             if k <= 100 {
                 continue;
             }
-            // Less what the error of the heading makes.
+            // Without the part due to the heading error.
             let heading = Rotation2::new(attitude_error(truth, &found).z);
             let error = imu_velocity(truth).xy() - heading * imu_velocity(&found).xy();
             let [xx, xy, yy] = filter.estimate().velocity_covariance;
@@ -98,7 +98,7 @@ fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
     sum / count
 }
 
-/// They are constant, so no mean over readings takes them away.
+/// They are constant, so averaging readings does not remove them.
 #[test]
 fn the_covariance_has_the_error_of_the_wheels() {
     let sure = told(&Noise::default());

@@ -1,4 +1,4 @@
-//! True motions, and what sensors read of them.
+//! True motions, and their sensor readings.
 
 use crate::support::general;
 use ballbot_core::control::{Controller, Lqr, Setpoint};
@@ -20,7 +20,7 @@ pub fn crooked() -> Params {
     general::crooked()
 }
 
-/// A motion: the target goes around a lemniscate while the heading turns to and fro.
+/// A motion: the target moves along a lemniscate while the heading turns back and forth.
 pub struct Plan {
     /// Time between two readings, s.
     pub dt: f64,
@@ -81,7 +81,7 @@ impl Record {
         Self { readings: std::iter::once(first).chain(later).collect(), params: params.clone(), dt, states }
     }
 
-    /// A motion under LQR that knows the state.
+    /// A motion under LQR on the true state.
     pub fn driven(params: &Params, model: ModelKind, plan: &Plan) -> Self {
         let substeps = (plan.dt / 0.001).round() as usize;
         let mut robot = Ballbot::new(params, model, 0.001).unwrap();
@@ -118,7 +118,7 @@ impl Record {
         Self::of(params, dt, (0..=steps).map(state).collect())
     }
 
-    /// The same motion with noise on the readings, drawn from `seed`.
+    /// The same motion with noise on the readings, sampled with `seed`.
     pub fn with_noise(&self, noise: &Noise, seed: u64) -> Self {
         let mut sensors = Sensors::new(noise, seed);
         let readings = self.readings.iter().map(|exact| sensors.read(exact, self.dt)).collect();
@@ -126,7 +126,7 @@ impl Record {
     }
 }
 
-/// Standard deviations of the sensors, those of one reading.
+/// Standard deviations of the sensors, for one reading.
 #[derive(Clone, Copy)]
 pub struct Noise {
     /// rad/s.
@@ -162,7 +162,7 @@ impl Sensors {
         sensors
     }
 
-    /// Three normal numbers of variance 1, by the method of Box and Muller.
+    /// Three normal numbers with variance 1, by the Box-Muller method.
     pub fn normal(&mut self) -> Vector3<f64> {
         let mut uniform = || 1.0 - self.rng.random::<f64>();
         Vector3::from_fn(|_, _| (-2.0 * uniform().ln()).sqrt() * (TAU * uniform()).cos())
@@ -213,7 +213,7 @@ impl Filter {
         .into()
     }
 
-    /// The state with the lean bias taken off.
+    /// The state with the lean bias removed.
     pub fn balanced(&mut self, state: &State) -> State {
         let Self { estimator, cells } = self;
         estimator.balanced(&LaneState::from(state), &Memory::<f64>::new(Scalar, cells)).into()
