@@ -45,7 +45,7 @@ help:
 	@echo "make test    all tests, Rust and Python"
 	@echo "make test-builds  tests that compile for minutes: the core without features, the bindings with another crate's task"
 	@echo "make test-ray  tests of training on Ray, in an environment of its own, $(RAY_VENV) (minutes)"
-	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest"
+	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest, words of the prose"
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make site    the pages of docs/ as a site with search and the reference of the API, in target/site"
@@ -101,6 +101,7 @@ lint: $(INSTALLED)
 	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --no-deps --package ballbot-core
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
+	$(BIN)/python tools/check_words.py
 	$(BIN)/mypy
 	cd python && ../$(BIN)/python -m mypy.stubtest ballbot_rs._core
 
