@@ -1,8 +1,4 @@
-<<<<<<< HEAD
-//! A simulated robot on any rung of the ladder of models, with input checks and reports of divergence.
-=======
 //! A simulated robot with any model of the ladder; its input is checked and divergence is reported.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
 
 mod standing;
 
@@ -28,19 +24,11 @@ use std::sync::Arc;
 /// Rungs of the ladder of models, from the simplest.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ModelKind {
-<<<<<<< HEAD
-    /// Three decoupled planes, eqs. (1)-(7) of the paper; for robots symmetric about their mast.
-    Planar,
-    /// Coupled 3D motion without slip.
-    Spatial,
-    /// Ball, body and wheels with unilateral contacts and Coulomb friction on the ground, by a custom solver.
-=======
     /// Three decoupled planes, eqs. (1)-(7) of the paper, for robots that are symmetric about their mast.
     Planar,
     /// Coupled 3D motion without slip.
     Spatial,
     /// Ball, body and wheels with unilateral contacts and Coulomb friction on the ground, with a dedicated solver.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     #[default]
     Contact,
     /// Rigid bodies with contacts and Coulomb friction, with rapier3d; needs the cargo feature `rigid`.
@@ -51,11 +39,7 @@ impl ModelKind {
     /// All kinds.
     pub const ALL: [Self; 4] = [Self::Planar, Self::Spatial, Self::Contact, Self::Rigid];
 
-<<<<<<< HEAD
-    /// The name that selects it.
-=======
     /// Name in options.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn name(self) -> &'static str {
         match self {
             Self::Planar => "planar",
@@ -65,11 +49,7 @@ impl ModelKind {
         }
     }
 
-<<<<<<< HEAD
-    /// Approximate duration of a time step on a core of 2025, s; in lanes if the model supports lanes.
-=======
     /// Approximate duration of a time step on a core of 2025, s; in lanes where there are lanes.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub(crate) fn step_seconds(self) -> f64 {
         match self {
             Self::Planar => 0.6e-6,
@@ -126,16 +106,6 @@ impl FromStr for ModelKind {
     }
 }
 
-<<<<<<< HEAD
-/// Time steps supported by the models, s.
-const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
-
-/// Limits of a push, N·s and m: far beyond what a robot survives, far below overflow.
-const MAX_IMPULSE: f64 = 1e4;
-const MAX_ARM: f64 = 100.0;
-
-/// Number of steps between divergence checks in a long run.
-=======
 /// Time steps that the models support, s.
 const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
 
@@ -144,7 +114,6 @@ const MAX_IMPULSE: f64 = 1e4;
 const MAX_ARM: f64 = 100.0;
 
 /// Steps after which a long run checks for divergence.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
 const CHECK_INTERVAL: usize = 64;
 
 /// A robot that can be reset, driven by wheel torques, pushed and observed.
@@ -157,15 +126,6 @@ pub struct Ballbot {
 }
 
 impl Ballbot {
-<<<<<<< HEAD
-    /// A robot upright at rest, with a model time step of `sim_dt` seconds.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for invalid parameters or an invalid time step; [`Error::Inconsistent`] for invalid
-    /// parameters, and for a robot that the model does not simulate: [`ModelKind::Planar`] requires a symmetric robot
-    /// ([`Params::is_symmetric`]), [`ModelKind::Planar`] and [`ModelKind::Spatial`] require round wheels
-    /// ([`Params::has_ripple`]); [`Error::MissingFeature`] for a model that was not compiled.
-=======
     /// A robot upright at rest, its model advanced in steps of `sim_dt` seconds.
     ///
     /// # Errors
@@ -173,7 +133,6 @@ impl Ballbot {
     /// also for a robot that the model does not simulate: [`ModelKind::Planar`] takes only symmetric robots
     /// ([`Params::is_symmetric`]), and it and [`ModelKind::Spatial`] only round wheels ([`Params::has_ripple`]);
     /// [`Error::MissingFeature`] for a model that was not compiled.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn new(params: &Params, kind: ModelKind, sim_dt: f64) -> Result<Self> {
         params.validate()?;
         check_sim_dt(sim_dt)?;
@@ -195,11 +154,7 @@ impl Ballbot {
         self.model.sim_dt()
     }
 
-<<<<<<< HEAD
-    /// Restarts from `state` at time zero. A reset robot equals a new one to the last bit.
-=======
     /// Restarts from `state` at time zero. A reset robot equals a new robot to the last bit.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a state beyond the simulation's bounds, [`Error::Inconsistent`] for a state that the
@@ -225,21 +180,12 @@ impl Ballbot {
         self.model.accepts(state)
     }
 
-<<<<<<< HEAD
-    /// Replaces the robot's parameters. If the geometry (radii, wheel angles, position of the CoM) is the same, the
-    /// motion continues with the new parameters; otherwise the robot restarts, upright at rest. A reset keeps the
-    /// parameters. Returns whether the motion continues.
-    ///
-    /// # Errors
-    /// Errors of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot
-=======
     /// Replaces the robot's parameters. If the geometry (radii, wheel angles, CoM position) is unchanged, the motion
     /// continues, with the new parameters from the next step on; otherwise the robot restarts upright at rest. The
     /// change persists over resets. Returns whether the motion continues.
     ///
     /// # Errors
     /// Those of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     /// is then unchanged.
     pub fn set_params(&mut self, params: &Params) -> Result<bool> {
         params.validate()?;
@@ -259,11 +205,7 @@ impl Ballbot {
         Ok(goes_on)
     }
 
-<<<<<<< HEAD
-    /// [`Ballbot::set_params`] for valid parameters, on ground shared with other robots.
-=======
     /// [`Ballbot::set_params`] with valid parameters, on the ground that it shares with other robots.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub(crate) fn change_params(&mut self, params: &Params) -> Result<bool> {
         if self.ground.is_some() {
             params.require_level("a robot on a terrain")?;
@@ -280,15 +222,9 @@ impl Ballbot {
     /// Advances by `steps` time steps under constant motor torques, N·m.
     ///
     /// # Errors
-<<<<<<< HEAD
-    /// [`Error::OutOfRange`] for a torque that is not finite or above the motors' limit, before any motion;
-    /// [`Error::Diverged`] within 64 steps after the state leaves its bounds, and from then on until a reset;
-    /// [`Error::Interrupted`] in [`crate::stoppable`], with the robot at the time reached.
-=======
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
     /// [`Error::Diverged`] within 64 steps of when the state has left its bounds, and then until a reset;
     /// [`Error::Interrupted`] in [`crate::stoppable`]; the robot stays at the time it has reached.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
@@ -306,11 +242,7 @@ impl Ballbot {
         let mut watch = Watch::new();
         loop {
             watch.check()?;
-<<<<<<< HEAD
-            // Not after every step: a check of the state costs about as much as a step of the simpler models.
-=======
             // Not after every step: checking the state costs about as much as a step of the simpler models.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
             let some = left.min(CHECK_INTERVAL);
             self.advance(wheel_torques, some);
             if let Some(reason) = self.diverged() {
@@ -330,20 +262,12 @@ impl Ballbot {
         self.model.advance(wheel_torques, steps);
     }
 
-<<<<<<< HEAD
-    /// The bound that the present state violates, or that was violated when a step failed, if any.
-=======
     /// Which bound the current state violates, or a state violated when a step failed, if any.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn diverged(&self) -> Option<String> {
         self.diverged.as_ref().map(|(_, reason)| reason.clone()).or_else(|| self.diverged_at(&self.state()))
     }
 
-<<<<<<< HEAD
-    /// [`Ballbot::diverged`] for callers that already have the present state.
-=======
     /// [`Ballbot::diverged`] for callers that already have the current state.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     fn diverged_at(&self, state: &State) -> Option<String> {
         if !self.model.healthy() {
             return Some("the next state is not finite".into());
@@ -361,11 +285,7 @@ impl Ballbot {
         self.model.pending_push()
     }
 
-<<<<<<< HEAD
-    /// False after a step with non-finite numbers.
-=======
     /// False once a step has met numbers that are not finite.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub(crate) fn healthy(&self) -> bool {
         self.model.healthy()
     }
@@ -396,13 +316,8 @@ impl Ballbot {
         self.model.bot_on_floor()
     }
 
-<<<<<<< HEAD
-    /// Gives the body an impulse (inertial frame, N·s) at `point` (body frame, m; its CoM if `None`). The models
-    /// `contact` and `rigid` spread it over their next time step.
-=======
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; its CoM if `None`). Models with
     /// contacts spread it over their next time step.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for an impulse above 1e4 N·s or a point farther than 100 m.
@@ -413,11 +328,7 @@ impl Ballbot {
         Ok(())
     }
 
-<<<<<<< HEAD
-    /// Everything that determines the future motion, as bytes for [`Ballbot::load`].
-=======
     /// The complete state, as bytes for [`Ballbot::load`].
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn save(&self) -> Vec<u8> {
         let snapshot = Snapshot { identity: self.identity(), model: self.model.save() };
         snapshot::encode(&snapshot)
@@ -433,11 +344,7 @@ impl Ballbot {
         self.model.load(bytes)
     }
 
-<<<<<<< HEAD
-    /// Properties that must be equal for a snapshot to fit: model, time step, parameters and terrain.
-=======
     /// What must match for a snapshot to fit: model, time step and parameters.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     fn identity(&self) -> Identity {
         Identity {
             model: self.kind.name().to_owned(),
@@ -450,12 +357,8 @@ impl Ballbot {
     /// Continues from bytes of [`Ballbot::save`] of a robot with the same model, parameters and time step.
     ///
     /// # Errors
-<<<<<<< HEAD
-    /// [`Error::Decode`] for any other bytes, or if their numbers are not finite. The robot is then unchanged.
-=======
     /// [`Error::Decode`] if the bytes are not such a snapshot, or its numbers are not finite. The robot is then
     /// unchanged.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
     pub fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of a robot", bytes)?;
         let (theirs, ours) = (snapshot.identity, self.identity());
@@ -479,11 +382,7 @@ impl Ballbot {
     }
 }
 
-<<<<<<< HEAD
-/// Checks that a snapshot has restored a robot to a valid state.
-=======
 /// Checks that a snapshot has put a robot into a valid state.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
 ///
 /// # Errors
 /// [`Error::Decode`] naming the invalid number.
@@ -512,12 +411,8 @@ pub(crate) fn check_sim_dt(sim_dt: f64) -> Result<f64> {
     check("sim_dt", sim_dt, limit, |dt| SIM_DT.contains(&dt))
 }
 
-<<<<<<< HEAD
-/// Checks the bounds of a state common to all models: finite, within the limits of a valid state, ball above the floor.
-=======
 /// Checks the bounds of a state that all models share: finite, within the limits of a valid state, ball above the
 /// floor.
->>>>>>> ec063ece347949d7aade81aaceedda124568afb3
 pub(crate) fn check_state(params: &Params, ground: Option<&Ground>, state: &State) -> Result<()> {
     state.validate()?;
     if let Some(reason) = LaneState::from(state).out_of_bounds() {
