@@ -92,9 +92,9 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         if L::any(several) {
             first.floor = select3(several & grips_floor, last.floor, first.floor);
             first.normals = select3(several, last.normals, first.normals);
-            for i in 0..3 {
+            for (i, grip) in grips.into_iter().enumerate() {
                 // Twice the bound of friction for a wheel that slipped.
-                let kept = L::select(grips[i], last.drives[i], last.drives[i] + last.drives[i]);
+                let kept = L::select(grip, last.drives[i], last.drives[i] + last.drives[i]);
                 first.drives[i] = L::select(several, kept, first.drives[i]);
             }
         }
