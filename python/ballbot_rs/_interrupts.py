@@ -33,7 +33,7 @@ _handled = -math.inf
 _patience = 0
 _holding = 0
 _held: list[int] = []
-# A second signal may come while a thread holds this lock and ends the process: then that signal ends it.
+# Reentrant: a second signal may interrupt the thread that ends the process, and then ends it.
 _leaving = threading.RLock()
 
 

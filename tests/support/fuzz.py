@@ -14,7 +14,7 @@ from hypothesis import strategies as st
 from tests.support import surface
 
 DOCUMENTED = (ValueError, TypeError, OverflowError, ArithmeticError, RuntimeError, MemoryError, KeyError, OSError)
-#: Names that are not attributes.
+#: Methods that take a name, which may not be an attribute.
 BY_NAME = ("call", "get_attr", "set_attr")
 #: Words in a message that indicate a bug of ours.
 OURS = ("internal error", "panic", "unreachable", "borrowed")

@@ -35,7 +35,7 @@ class Trajectory:
     states: Sequence[State]
     #: Forces during the time step before the row.
     contacts: Sequence[Contacts]
-    #: Of the wheels, as commanded, N·m, shape (n, 3); the last row repeats the one before.
+    #: Wheel torques, as commanded, N·m, shape (n, 3); the last row repeats the row before.
     torques: Array
     #: Samples of the events at each row, by term, shape (n,) or (n, k), as `Batch.draws`; NaN before the first sample.
     #: Empty without events.

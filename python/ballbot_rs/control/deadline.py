@@ -12,7 +12,7 @@ PERIOD: Final = 0.05
 IDLE: Final = 5.0
 
 _lock = threading.Lock()
-#: Deadline of the run of a thread, and the options that end it.
+#: By thread, the deadline of its run, and the options that end it.
 _running: dict[int, tuple[float, Any]] = {}
 _watcher: threading.Thread | None = None
 

@@ -51,9 +51,9 @@ class ResolvedController:
     task: str | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
     make_law: Callable[[Params, float], Law] | None = None
-    #: Whether each call of `make_law` makes another law, and not the one there is, its past forgotten.
+    #: Whether each call of `make_law` makes another law; else it resets and returns the existing law.
     is_made: bool = True
-    #: Rate at which the law is to run, s; None takes the task's.
+    #: Control period of the law, s; None takes the task's.
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
     interrupt: Callable[[], None] | None = None
@@ -162,7 +162,7 @@ def common_task(controllers: Sequence[ResolvedController], task: str | None = No
     """The requested task, else the task of the policies among the controllers, else balancing.
 
     Raises:
-        ValueError: a policy for another task, or policies for different ones.
+        ValueError: a policy for another task, or policies for different tasks.
     """
     policies = [controller for controller in controllers if controller.task is not None]
     chosen = task or (policies[0].task if policies else None) or DEFAULT_TASK

@@ -18,13 +18,13 @@ from typing import Any, Final
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-#: Largest description of a policy, and largest file once it is unpacked, bytes.
+#: Largest description of a policy, and largest file after unpacking, bytes.
 MAX_DATA: Final = 16 * 2**20
 MAX_SIZE: Final = 2**30
 
 _PICKLED: Final = ":serialized:"
 
-#: Values that an algorithm cannot be set up without, in place of pickled ones; acting uses none of them.
+#: Replacements of pickled values that the setup of an algorithm requires; acting does not use them.
 _STAND_INS: Final[Mapping[str, Any]] = {
     "learning_rate": 0.0,
     "clip_range": 0.2,

@@ -25,7 +25,7 @@ DIVERGED = 1e6
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
-#: Disables all computations that are not used, and joint friction that is zero.
+#: Disabled features: all that are not used; joint friction also where it is zero.
 _UNUSED = (
     "equality", "limit", "spring", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
     # A diverged state must stay visible as such.

@@ -23,7 +23,7 @@ LEAST_GAIN: Final = -0.2
 GAINS: Final = (0.5, 2.0)
 #: Changes of a column, in standard deviations of its noise, above which its gain is checked.
 JUDGED: Final = 2.0
-#: Windows whose mean square is within this multiple of the noise always count as explained.
+#: Windows whose mean square is within this fraction of the noise always count as explained.
 EXACT: Final = 0.1
 
 

@@ -135,7 +135,7 @@ def run_scenarios(
     Args:
         controllers: one or more, each a name, a path or an object, as in `compare`.
         scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; none are all.
-        file: a TOML file of scenarios in place of those of this package.
+        file: a TOML file of scenarios in place of the package's scenarios.
         robot: parameters or a preset's name; None is the paper's.
         model: of the robot.
         seed: of everything random.

@@ -223,7 +223,7 @@ class Scenario:
 
 
 def load(path: str | Path | None = None) -> dict[str, Scenario]:
-    """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are those of this package.
+    """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are the package's scenarios.
 
     Raises:
         ValueError: malformed TOML, an unknown or missing field, a value of the wrong kind, or a number out of range;

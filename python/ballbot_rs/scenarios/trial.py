@@ -114,7 +114,7 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
 #: Motions that are equally hard for another robot when they use the same fraction of its traction.
 _BY_DEMAND: Final = ("line", "path", "stops", "square", "velocities", "circle", "lemniscate")
 
-#: Largest speedup of a motion relative to the paper's robot.
+#: Smallest time of a motion relative to the paper's robot.
 _FASTEST: Final = 0.2
 
 

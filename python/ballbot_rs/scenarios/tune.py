@@ -127,7 +127,7 @@ def tune(
     num_threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Tuned:
-    """Searches options of a controller by CMA-ES in their logarithms, from the default ones.
+    """Searches options of a controller by CMA-ES in their logarithms, from the defaults.
 
     The cost of a scenario is the ratio of its score to the baseline's: smaller errors, larger tilts and pushes.
 

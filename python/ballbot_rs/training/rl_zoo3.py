@@ -13,7 +13,7 @@ from typing import Any, Final
 from ballbot_rs._core import TASKS
 from ballbot_rs.training.config import TrainConfig, load
 
-#: The task whose PPO arguments replace those of tasks that `ballbot train` begins with a teacher: rl-zoo3 has none.
+#: The task whose PPO arguments serve tasks that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
 _WITHOUT_TEACHER: Final = "goal"
 
 

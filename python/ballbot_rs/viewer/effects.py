@@ -97,7 +97,7 @@ class Push:
         )
 
     def show(self, frame: Frame) -> None:
-        """Draws that of a frame."""
+        """Draws the push of a frame."""
         push = frame.push
         length = 0.0 if push is None else PUSH_LENGTH * float(np.linalg.norm(push))
         _set_visible(self._arrow, length >= SHORTEST)
@@ -119,7 +119,7 @@ class RouteLine:
         self._shown: FloatArray | None = None
 
     def show(self, frame: Frame) -> None:
-        """Draws that of a frame."""
+        """Draws the route of a frame."""
         _set_visible(self._line, frame.route is not None)
         if frame.route is not None and (self._shown is None or not np.array_equal(frame.route, self._shown)):
             self._shown = frame.route

@@ -129,7 +129,7 @@ class Robot:
             self._note_begin()
 
     def set_params(self, params: Params) -> None:
-        """Replaces the nominal parameters for the events, except those of the shape.
+        """Replaces the nominal parameters for the events, except the shape.
 
         Raises:
             ValueError: invalid parameters; then nothing has changed.
