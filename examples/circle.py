@@ -1,4 +1,4 @@
-"""Three controllers follow a circle, faster and faster: the error of the ball in mm, or what refuses the motion."""
+"""Three controllers follow a circle at increasing speed: the ball's position error in mm, or why it is refused."""
 
 import sys
 

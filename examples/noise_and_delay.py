@@ -1,4 +1,4 @@
-"""Sensors with noise and motors with a delay: how late the torques of LQR may come."""
+"""Noisy sensors and delayed motors: the delay that LQR tolerates."""
 
 import sys
 

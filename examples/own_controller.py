@@ -1,4 +1,4 @@
-"""A controller of your own, compared with one of the package: LQR from the linear model, in NumPy."""
+"""Your own controller, compared with a controller of the package: LQR from the linear model, in NumPy."""
 
 import sys
 
@@ -17,7 +17,7 @@ class MyLqr:
         for _ in range(2000):  # Riccati recursion
             self.gain = np.linalg.solve(100 * np.eye(3) + b.T @ p @ b, b.T @ p @ a)
             p = q + a.T @ p @ (a - b @ self.gain)
-        self.lqr = bb.Lqr(params, control_dt)  # for the coordinates of the linear model alone
+        self.lqr = bb.Lqr(params, control_dt)  # only for the coordinates of the linear model
 
     def __call__(self, state, position, yaw):
         return -self.gain @ self.lqr.deviation(state, position=position, yaw=yaw)

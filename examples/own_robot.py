@@ -1,4 +1,4 @@
-"""A robot from two URDFs: what it can stand, a push it recovers from, and its parameters as a TOML file."""
+"""A robot from two URDFs: its disturbance limits, a push it recovers from, and its parameters as a TOML file."""
 
 import sys
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""A task of your own: turn at 2 rad/s on the spot, learned with PPO."""
+"""Your own task: turn in place at 2 rad/s, learned with PPO."""
 
 import sys
 

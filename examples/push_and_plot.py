@@ -1,4 +1,4 @@
-"""Push a robot under LQR, print how far it leaned and rolled, and draw it."""
+"""Push a robot under LQR, print how far it leaned and rolled, and plot the trajectory."""
 
 import sys
 

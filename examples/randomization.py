@@ -1,4 +1,4 @@
-"""Draw a robot, a floor and pushes for each episode, and see what a controller loses by each."""
+"""Sample a robot, a floor and pushes for each episode, and see how much performance each costs a controller."""
 
 import sys
 

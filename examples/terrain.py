@@ -1,4 +1,4 @@
-"""Hills, steeper and steeper: how often controllers stay upright, and a picture of a robot on them."""
+"""Increasingly steep hills: how often controllers stay upright, and a picture of a robot on them."""
 
 import sys
 

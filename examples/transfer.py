@@ -1,7 +1,6 @@
-"""A trained policy where it was not trained: other models and engines, other robots, less friction, late motors.
+"""A trained policy in untrained conditions: other models and engines, other robots, less friction, delayed motors.
 
-Events change the robot without telling the controllers: LQR and the torque of an action remain those of the nominal
-one.
+Events change the robot, not the controllers: LQR and the torque of an action remain those of the nominal robot.
 """
 
 import importlib.util
@@ -15,7 +14,7 @@ episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 50
 
 
 def scaled(term, share):
-    """Every robot with a share of a nominal parameter."""
+    """Every robot with a nominal parameter scaled by a factor."""
     return {"events": [{"term": term, "op": "scale", "mode": "startup", "range": [share, share]}]}
 
 

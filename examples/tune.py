@@ -1,4 +1,4 @@
-"""Search the weights of LQR for a push, a step and a circle with late motors; compare them with the default ones."""
+"""Search the weights of LQR for a push, a step and a circle with delayed motors; compare them with the defaults."""
 
 import sys
 

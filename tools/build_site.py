@@ -1,6 +1,6 @@
 """Builds the site of docs/ into target/site: `make site`.
 
-Needs the extra `site`. Nothing is fetched, and the site asks for nothing from elsewhere.
+Needs the extra `site`. Nothing is fetched, and the site makes no requests to other hosts.
 """
 
 import argparse
@@ -17,7 +17,7 @@ from website import font, links, stage  # noqa: E402
 
 
 def build(site: Path, rust: Path) -> int:
-    """Builds the site with the documentation of the core from the folder `rust`; returns the exit code."""
+    """Builds the site, with the core's documentation from the folder `rust`; returns the exit code."""
     work = site.with_name(f"{site.name}-build")
     shutil.rmtree(site, ignore_errors=True)
     has_rust = (rust / "ballbot_core").is_dir()

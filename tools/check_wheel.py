@@ -1,4 +1,4 @@
-"""Installs a wheel into an empty environment, lists the data that it ships, and runs README's first example there.
+"""Installs a wheel into an empty environment, lists its data, and runs README's first example there.
 
 The digests of the observations are the same on all processors.
 
@@ -19,7 +19,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-#: Runs where the wheel is installed, in an empty folder.
+#: Runs in an empty folder where the wheel is installed.
 LISTING = """
 import sys
 from pathlib import Path
@@ -49,27 +49,27 @@ for model in ("contact", "rigid", "spatial", "planar"):
     print("digest of 100 steps,", model, bits.hexdigest()[:16])
 """
 
-#: What pip must know of an interpreter to install for it without running in it.
+#: Facts on an interpreter that pip needs to install for it without running in it.
 DESCRIPTION = """
 import json, platform, sys
 print(json.dumps([platform.machine(), *sys.version_info[:2]]))
 """
 
-#: Tags of wheels that serve a Linux with glibc 2.28, newest first.
+#: Wheel tags for Linux with glibc 2.28, newest first.
 GLIBC = ("manylinux_2_28", "manylinux_2_27", "manylinux_2_17", "manylinux2014")
 
 
 def first_example() -> str:
-    """README's first block of Python."""
+    """README's first Python block."""
     blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(encoding="utf-8"), flags=re.DOTALL)
     return blocks[0]
 
 
 def check(python: Sequence[str], path: Path | None = None) -> str:
-    """Runs the listing and the example with an interpreter, `path` before its own packages; returns what they print.
+    """Runs the listing and the example with an interpreter, `path` before its own packages; returns their output.
 
     Args:
-        python: the command of the interpreter, an emulator's with its arguments among them.
+        python: the command of the interpreter, possibly an emulator with its arguments.
         path: a folder of packages.
 
     Raises:
@@ -90,7 +90,7 @@ def check(python: Sequence[str], path: Path | None = None) -> str:
 
 
 def install_for(python: Sequence[str], wheel: Path, folder: Path) -> None:
-    """Installs a wheel and what it needs for an interpreter of another processor, which runs no pip."""
+    """Installs a wheel and its dependencies for an interpreter of another processor, without running pip there."""
     described = subprocess.run([*python, "-c", DESCRIPTION], check=True, capture_output=True, text=True).stdout
     machine, major, minor = json.loads(described)
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--disable-pip-version-check", str(wheel)]
@@ -101,7 +101,7 @@ def install_for(python: Sequence[str], wheel: Path, folder: Path) -> None:
 
 
 def main() -> None:
-    """Prints what is found, and raises for a wheel that does not work."""
+    """Prints the results, and raises for a wheel that does not work."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("wheel", type=Path)
     parser.add_argument("--python", type=shlex.split, default=[], help="the command of an emulated interpreter")

@@ -1,4 +1,4 @@
-"""Writes what follows from the core's tables: classes of the tasks, types of their options, the stub, docs/tasks.
+"""Writes the files generated from the core's tables: task classes, types of their options, the stub, docs/tasks.
 
 `python tools/generate.py` writes the files; with `--check` it fails if one of them is stale.
 """

@@ -1,6 +1,6 @@
-"""Compares the instructions that each model takes with those kept in the repository.
+"""Compares the instruction count of each model with the counts stored in the repository.
 
-A clock on a shared machine is off by tens of per cent; instructions that valgrind counts repeat.
+Times on a shared machine vary by tens of percent; instruction counts of valgrind are repeatable.
 """
 
 import argparse
@@ -32,10 +32,10 @@ WORKLOADS = {
     "rigid reset": ("rigid", "reset", 100, 1),
     "contact reset in a batch": ("contact", "batch-reset", 20, ENVS),
 }
-"""What is counted: model, workload, how often, and for how many environments at once."""
+"""Counted runs: model, workload, repetitions, and number of concurrent environments."""
 
 TOLERANCE = 0.03
-"""By how much of itself a count may grow: repeats differ by far less, a change that costs a few per cent shows."""
+"""Allowed relative growth of a count: repeats differ by far less, and a cost of a few percent is detected."""
 
 SHOWN = "{:<32} {:>12} {:>12} {:>8}"
 
@@ -46,7 +46,7 @@ def fail(message: str) -> None:
 
 
 def output(command: list[str]) -> str:
-    """What a program prints, which must succeed."""
+    """The output of a program, which must succeed."""
     return subprocess.run(command, cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
 
 
@@ -73,7 +73,7 @@ def run(program: str, model: str, workload: str, times: int) -> tuple[int, str]:
     """Instructions of a whole run, and the vector instructions that it used."""
     with tempfile.TemporaryDirectory() as folder:
         log = Path(folder) / "log"
-        # Nothing of the caller's environment is to reach the program.
+        # The program must not see the caller's environment.
         process = subprocess.run(
             [
                 "valgrind",
@@ -114,14 +114,14 @@ def measure(program: str) -> tuple[dict[str, int], str]:
 
 
 def conditions(lanes: str) -> dict[str, str]:
-    """What counts depend on besides the source."""
+    """What counts depend on in addition to the source."""
     rustc = output([os.environ.get("RUSTC", "rustc"), "--version"])
     flags = os.environ.get("RUSTFLAGS", "")
     return {"rustc": rustc, "rustflags": flags, "machine": platform.machine(), "lanes": lanes}
 
 
 def main() -> None:
-    """Measures, compares, and keeps the numbers if asked."""
+    """Measures, compares, and stores the numbers if requested."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--accept", action="store_true", help="keep what is measured")
     accept = parser.parse_args().accept

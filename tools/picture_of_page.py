@@ -15,10 +15,10 @@ from ballbot_rs.viewer.view import View
 from tests.support.chromium import Chromium, find_browser
 from tests.support.waiting import wait_until
 
-#: Of the window, px, and of the picture, px.
+#: Size of the window, px, and of the picture, px.
 WINDOW, WIDTH = (1400, 900), 1000
 
-#: Simulated time of the picture, s: robot and shadow are beside the trail.
+#: Simulated time of the picture, s: robot and shadow are next to the trail.
 TIME = 11.0
 
 
@@ -55,7 +55,7 @@ def main(path: Path) -> None:
             view.runner.submit(begin)
             wait_until(lambda: session.time > TIME)
             view.runner.submit(lambda session: setattr(session, "paused", True))
-            # Software rendering is behind by some frames.
+            # Software rendering lags by some frames.
             time.sleep(3.0)
             picture = Image.open(io.BytesIO(page.screenshot(folder / "page.png"))).convert("RGB")
         finally:

@@ -1,4 +1,4 @@
-"""Steps a second of training on Ray: our runner, RLlib's own runner, and Stable-Baselines3, on the same task.
+"""Training steps per second on Ray: our runner, RLlib's own runner, and Stable-Baselines3, on the same task.
 
 `python tools/ray_throughput.py [--seconds 20] [--workers 1 2 4]`, with the extra `rllib`, for docs/ray.md.
 """
@@ -26,7 +26,7 @@ WARM_UP = 3
 
 
 class Clock(BaseCallback):
-    """Ends a training of Stable-Baselines3 after a time."""
+    """Ends training of Stable-Baselines3 after a time."""
 
     def __init__(self, seconds: float, warm_up: int) -> None:
         super().__init__()
@@ -48,7 +48,7 @@ class Clock(BaseCallback):
 
 
 class Timed:
-    """A function and the time that its calls took."""
+    """A function and the duration of its calls."""
 
     def __init__(self, function: Callable[..., Any]) -> None:
         self.function, self.seconds = function, 0.0
@@ -89,7 +89,7 @@ def with_ray(config: Any, workers: int, seconds: float, is_plain: bool) -> dict[
 
 
 def parts(config: Any, samples: int = 30) -> dict[str, float]:
-    """What the parts cost in one process: a runner alone, and what it sends."""
+    """Cost of the parts in one process: a runner by itself, and its messages."""
     with tempfile.TemporaryDirectory() as folder:
         made = algorithm_config(Ray(1), config, train._new_model(config, Path(folder), 0), 0)
     runner = BatchEnvRunner(config=made, worker_index=1)

@@ -1,4 +1,4 @@
-"""Runs the notebooks of `examples/`, in an empty folder each, and writes their output anew.
+"""Runs the notebooks of `examples/`, each in an empty folder, and updates their output.
 
 `python tools/run_notebooks.py`.
 """
@@ -17,7 +17,7 @@ def executed(path: Path, changes: dict[str, str] | None = None) -> nbformat.Note
 
     Args:
         path: the notebook.
-        changes: texts of its cells by those that they replace.
+        changes: replacement texts of its cells, by the text to replace.
 
     Raises:
         nbclient.exceptions.CellExecutionError: a cell failed.
@@ -29,7 +29,7 @@ def executed(path: Path, changes: dict[str, str] | None = None) -> nbformat.Note
     with tempfile.TemporaryDirectory() as folder:
         resources = {"metadata": {"path": folder}}
         nbclient.NotebookClient(notebook, timeout=300, kernel_name="python3", resources=resources).execute()
-    # Times of the machine and versions would differ in every run.
+    # Timestamps and versions would differ in every run.
     notebook.metadata.get("language_info", {}).pop("version", None)
     for cell in notebook.cells:
         cell.metadata.pop("execution", None)

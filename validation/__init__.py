@@ -1,1 +1,1 @@
-"""The evidence: closed forms, other engines, the paper and benchmarks, each beside this simulator, with numbers."""
+"""The evidence: this simulator compared with closed forms, other engines, the paper and benchmarks, in numbers."""

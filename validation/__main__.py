@@ -33,7 +33,7 @@ def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
 
 
 def versions() -> str:
-    """What ran, in a line."""
+    """Versions of what ran, in a line."""
     names = ["ballbot-rs", "numpy", "pin", "mujoco", "pybullet"]
     found = {name: metadata.version(name) for name in names if any(metadata.distributions(name=name))}
     return (

@@ -1,4 +1,4 @@
-"""A claim: a number of ours beside the number it should be, and how far apart they may be."""
+"""A claim: our number, the expected number, and the allowed difference."""
 
 from dataclasses import dataclass
 
@@ -16,7 +16,7 @@ class Claim:
 
     @property
     def error(self) -> float:
-        """Difference, in `unit` if `absolute`, else as a share of what is expected."""
+        """Difference, in `unit` if `absolute`, else relative to the expected number."""
         difference = abs(self.found - self.expected)
         return difference if self.absolute else difference / abs(self.expected)
 

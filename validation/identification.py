@@ -1,4 +1,4 @@
-"""How often the intervals of `identify` hold: logs of random robots, each fitted from the nominal one.
+"""Coverage of the intervals of `identify`: logs of random robots, each fitted from the nominal robot.
 
 `python -m validation.identification` prints the table of docs/identify.md; `--figure FILE` draws its figure.
 """
@@ -30,7 +30,7 @@ RANGES = {
     "wheel_viscous_friction": (2e-4, 2e-3),
     "wheel_coulomb_friction": (2e-3, 1e-2),
 }
-#: Of the delay, model steps.
+#: Range of the delay, model steps.
 DELAYS = (1, 10)
 SIM_DT = 0.002
 
@@ -49,7 +49,7 @@ class Study:
     standard_errors: Array
     #: Processor time of each fit, s.
     seconds: Array
-    #: What did not converge, and why.
+    #: Logs that did not converge, and why.
     failures: tuple[str, ...]
 
 
@@ -66,7 +66,7 @@ def drawn(nominal: bb.Params, rng: np.random.Generator) -> tuple[bb.Params, floa
 
 
 def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | None = None) -> Study:
-    """Records and fits logs of random robots, the draw and the log of number i seeded with i."""
+    """Records and fits logs of random robots; i seeds robot and log number i."""
     nominal = bb.Params.paper()
     found: list[tuple[Array, Array, npt.NDArray[np.bool_]]] = []
     failures: list[str] = []
@@ -74,7 +74,7 @@ def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | 
     names: tuple[str, ...] = ()
     for seed in range(first, first + logs):
         robot, delay = drawn(nominal, np.random.default_rng(seed))
-        # LQR is made for the nominal robot: the true one is not known where a log is recorded.
+        # LQR is made for the nominal robot: the true robot is unknown when a log is recorded.
         log = bb.record_log(
             robot, seconds, actuators={"delay": delay}, controller_params=nominal, sim_dt=SIM_DT, seed=seed
         )
@@ -101,7 +101,7 @@ def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | 
 
 
 def true_values(robot: bb.Params, delay: float) -> Array:
-    """The numbers that `identify` fits unless told otherwise, of a robot."""
+    """A robot's numbers that `identify` fits by default."""
     from ballbot_rs.identification.fit import FIELDS
 
     values = [delay if name == "delay" else getattr(robot, name) for name in FIELDS]
@@ -146,7 +146,7 @@ def holds(study: Study) -> bool:
 
 
 def draw(study: Study, path: Path) -> None:
-    """A figure: the errors of each number in standard errors, a dot a log, and the ends of the 95 % interval."""
+    """A figure: the errors of each number in standard errors, one dot per log, and the ends of the 95 % interval."""
     from ballbot_rs.media.figures import style
 
     fig = style.figure(8.0, 3.6)

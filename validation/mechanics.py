@@ -13,8 +13,8 @@ Array = npt.NDArray[np.float64]
 def unstable_pole(params: bb.Params, wheel_share: float | None = None, absolute_wheel_spin: bool = True) -> float:
     """Growth rate λ = √(K M₁₁/det M) of a small tilt of the upright robot (1/s), in closed form.
 
-    `wheel_share` is how many times J_w the wheels amount to: three of them to 3/2 cos²α, which is the default. Their
-    absolute spin has r_k/r_w + 1 where the spin relative to the body has r_k/r_w.
+    `wheel_share` is the wheels' inertia in units of J_w: 3/2 cos²α for three wheels, the default. Their absolute spin
+    has r_k/r_w + 1 where the spin relative to the body has r_k/r_w.
     """
     mass = upright_mass(params, wheel_share, absolute_wheel_spin)
     topples = params.body_mass * params.gravity * params.body_com_height
@@ -22,7 +22,7 @@ def unstable_pole(params: bb.Params, wheel_share: float | None = None, absolute_
 
 
 def upright_mass(params: bb.Params, wheel_share: float | None = None, absolute_wheel_spin: bool = True) -> Array:
-    """M of eq. (2) upright, in position and tilt; arguments as those of the pole."""
+    """M of eq. (2) upright, in position and tilt; arguments as for the pole."""
     p = params
     share = 1.5 * np.cos(p.wheel_zenith) ** 2 if wheel_share is None else wheel_share
     wheels, ratio = share * p.wheel_inertia, p.ball_radius / p.wheel_radius + (1.0 if absolute_wheel_spin else 0.0)
@@ -35,8 +35,8 @@ def upright_mass(params: bb.Params, wheel_share: float | None = None, absolute_w
 def yaw_gain(params: bb.Params, absolute_wheel_spin: bool = True) -> float:
     """θ̈_z of the upright robot over the virtual torque τ_z on the body, 1/(kg·m²), in closed form.
 
-    Angular momentum about the vertical stays zero; the wheels turn at k sin α (s − θ̇_z), which is what the motors work
-    on, and spin in space at sin α (k s − (k + 1) θ̇_z).
+    Angular momentum about the vertical stays zero; the motors do work on the wheel rates k sin α (s − θ̇_z), and the
+    wheels spin in space at sin α (k s − (k + 1) θ̇_z).
     """
     p = params
     ratio = p.ball_radius / p.wheel_radius
@@ -65,10 +65,10 @@ def steady_lean(params: bb.Params, tilt: float, absolute_wheel_spin: bool = True
 
 
 def leaning(params: bb.Params, tilt: float, azimuth: float, yaw: float, torque: float) -> tuple[bb.State, Array]:
-    """A robot at rest that leans towards `azimuth`, and the wheel torques that amount to a virtual torque that way.
+    """A robot at rest that leans towards `azimuth`, and the wheel torques equivalent to a virtual torque that way.
 
-    A virtual wheel turns, as the wheels do, with the gear ratio times the ball's rate relative to the body: the wheels
-    do the same work about the axis of the ball's rotation if their torques along u_i add up to its torque.
+    A virtual wheel turns, like the wheels, at the gear ratio times the ball's rate relative to the body: the wheels do
+    the same work about the axis of the ball's rotation if their torques along u_i add up to its torque.
     """
     axis = np.array([-np.sin(azimuth), np.cos(azimuth), 0.0])
     state = bb.State.at_rest(params, tilt * axis[:2], yaw)
@@ -77,7 +77,7 @@ def leaning(params: bb.Params, tilt: float, azimuth: float, yaw: float, torque: 
 
 
 def wheel_directions(params: bb.Params) -> Array:
-    """u_i = p_i × d_i in its rows, body frame: the axis about which each wheel turns the ball."""
+    """Rows u_i = p_i × d_i, body frame: the axis about which each wheel turns the ball."""
     return -robot_geometry(params).axles
 
 

@@ -1,4 +1,4 @@
-"""Momentum of a state, from the conventions alone: not a line of this is shared with the models it checks."""
+"""Momentum of a state, only from the conventions: no line is shared with the models it checks."""
 
 import numpy as np
 
@@ -10,8 +10,8 @@ from validation.mechanics import Array, turn, wheel_directions
 def rotation(params: bb.Params, state: bb.State, back: float = 0.0) -> tuple[Array, float]:
     """Angular momentum of the bot about its CoM (inertial frame, kg·m²/s) and its energy of rotation (J).
 
-    The attitude is taken `back` seconds earlier: steps that turn the body by the rate at their end leave the rate of
-    half a step before.
+    The attitude is taken `back` seconds earlier: after steps that turn the body by the rate at their end, the rate lags
+    by half a step.
     """
     rate, spin = state.body_angular_velocity, wheel_spin(params, state)
     inertia = np.array(params.body_inertia)
@@ -44,7 +44,7 @@ def about_vertical(params: bb.Params, state: bb.State) -> float:
 
 
 def com_velocity(params: bb.Params, state: bb.State) -> Array:
-    """Of the body's CoM, inertial frame, m/s."""
+    """Velocity of the body's CoM, inertial frame, m/s."""
     arm = np.cross(state.body_angular_velocity, [0.0, 0.0, params.body_com_height])
     velocity: Array = state.body_velocity + matrix(state.body_quaternion) @ arm
     return velocity

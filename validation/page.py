@@ -1,4 +1,4 @@
-"""A page of topics: Markdown and one figure a topic."""
+"""A page of topics: Markdown and one figure per topic."""
 
 import argparse
 import time
@@ -20,14 +20,14 @@ class Chapter(NamedTuple):
     topics: Sequence[Topic]
 
 
-#: What stands above the chapters of a page, as Markdown, given what its topics found.
+#: Makes the Markdown above the chapters of a page from the findings of its topics.
 Head = Callable[[Sequence[tuple[Topic, Findings]]], str]
 
 
 def write(name: str, module: str, about: str | None, chapters: Sequence[Chapter], head: Head) -> int:
-    """Runs the topics asked for on the command line of `module`; the exit code, as `verdict` has it.
+    """Runs the topics requested on the command line of `module`; returns the exit code of `verdict`.
 
-    All of them make docs/`name`.md with figures in docs/`name`; those asked for by name are printed only.
+    All topics together make docs/`name`.md with figures in docs/`name`; topics requested by name are only printed.
     """
     asked = arguments(module, about, [topic for chapter in chapters for topic in chapter.topics])
     found: list[tuple[Topic, Findings]] = []
@@ -52,7 +52,7 @@ def write(name: str, module: str, about: str | None, chapters: Sequence[Chapter]
 
 
 def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argparse.Namespace:
-    """What was asked for on the command line: `topics` by name, `figures`, `allow_missing`."""
+    """The command line: `topics` by name, `figures`, `allow_missing`."""
     parser = argparse.ArgumentParser(prog=f"python -m {module}", description=about)
     parser.add_argument("topics", nargs="*", help="run these only, print their claims, and write no page")
     parser.add_argument(
@@ -71,7 +71,7 @@ def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argpar
 
 
 def run(topic: Topic) -> Findings:
-    """Runs a topic and prints what came of it in a line."""
+    """Runs a topic and prints the result in a line."""
     began = time.perf_counter()
     findings = topic.run()
     absent = "".join(f"\n  LACKS {reason}" for reason in findings.missing)
@@ -93,7 +93,7 @@ def draw(topic: Topic, findings: Findings, folder: Path) -> None:
 
 
 def section(topic: Topic, findings: Findings, module: str, folder: str) -> str:
-    """A topic's Markdown; its figure stands in docs/`folder`."""
+    """A topic's Markdown; its figure is in docs/`folder`."""
     parts = [f"### {topic.title}", topic.text]
     if findings.draw is not None:
         parts.append(f"![{topic.title}]({folder}/{topic.name}.svg)")
@@ -103,14 +103,14 @@ def section(topic: Topic, findings: Findings, module: str, folder: str) -> str:
 
 
 def evidence(findings: Findings) -> str:
-    """What was found, as Markdown: claims, further text, and what was not there."""
+    """The findings as Markdown: claims, more text, and missing parts."""
     parts = [claims_table(findings.claims) if findings.claims else "", findings.markdown]
     parts += [f"Not run: {reason}." for reason in findings.missing]
     return "\n\n".join(part for part in parts if part)
 
 
 def print_alone(topic: Topic, findings: Findings, figures: Path | None) -> None:
-    """A topic that was asked for by name, to the terminal; its figure only where one was asked for."""
+    """Prints a topic requested by name to the terminal; its figure only if requested."""
     print(f"\n{topic.title}\n\n{evidence(findings)}\n")
     if figures is not None and findings.draw is not None:
         draw(topic, findings, figures)
@@ -127,7 +127,7 @@ def outcome(findings: Findings) -> str:
 
 
 def verdict(findings: Sequence[Findings], allow_missing: bool) -> int:
-    """Prints how many claims hold in all; the exit code, which tells of failures and of what was not run."""
+    """Prints how many claims hold in all; returns the exit code, which shows failures and parts that were not run."""
     claims = [claim for found in findings for claim in found.claims]
     failed = sum(not claim.holds for claim in claims)
     absent = sorted({reason for found in findings for reason in found.missing})
@@ -159,7 +159,7 @@ def contents(what: str, found: Sequence[tuple[Topic, Findings]]) -> str:
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], align: str = "--:") -> str:
-    """A Markdown table; all columns but the first are aligned as `align` says, by default to the right."""
+    """A Markdown table; `align` sets the alignment of all columns but the first, by default to the right."""
     lines = [head, ["---", *[align] * (len(head) - 1)], *rows]
     return "\n".join("| " + " | ".join(cell.strip() for cell in line) + " |" for line in lines)
 
@@ -170,11 +170,11 @@ def anchor(title: str) -> str:
 
 
 def number(value: float, digits: int = 6) -> str:
-    """With `digits` significant digits, or three with an exponent where that is shorter."""
+    """A number with `digits` significant digits, or three with an exponent where that is shorter."""
     return f"{value:.{digits}g}" if value == 0.0 or 1e-3 <= abs(value) < 1e6 else f"{value:.2e}"
 
 
 def summary(claims: Sequence[Claim]) -> str:
-    """How many claims hold; those that do not, by name."""
+    """How many claims hold; failed claims by name."""
     failed = [str(claim) for claim in claims if not claim.holds]
     return f"{len(claims) - len(failed)} of {len(claims)} claims hold" + "".join(f"\n  FAILS {line}" for line in failed)

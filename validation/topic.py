@@ -1,4 +1,4 @@
-"""A topic: one thing that is verified. Its module's docstring is its title and text, its `run` the evidence."""
+"""A topic: one verified property. Its module's docstring is its title and text, its `run` the evidence."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
 
 
 class Comparison(NamedTuple):
-    """A row of a page's summary: a printed number beside ours, as text, and why they differ."""
+    """A row of a page's summary: a printed number and ours, as text, and why they differ."""
 
     what: str
     #: Section, equation, table or figure.
@@ -24,7 +24,7 @@ class Comparison(NamedTuple):
 
 
 class Findings(NamedTuple):
-    """What a topic's `run` gives: claims, how to draw them, and further Markdown to stand below."""
+    """The result of a topic's `run`: claims, how to draw them, and Markdown to place below."""
 
     claims: list[Claim]
     draw: "Callable[[Figure], None] | None" = None
@@ -39,7 +39,7 @@ class Findings(NamedTuple):
 
 @dataclass(frozen=True)
 class Topic:
-    """`name` is that of the figure's file; `run` needs no matplotlib, the `draw` it returns does."""
+    """`name` is the name of the figure's file; `run` does not need matplotlib, the `draw` it returns does."""
 
     name: str
     title: str
@@ -48,6 +48,6 @@ class Topic:
 
     @classmethod
     def of(cls, module: ModuleType) -> "Topic":
-        """The topic that a module is."""
+        """The topic of a module."""
         title, _, text = cleandoc(module.__doc__ or "").partition("\n")
         return cls(module.__name__.rpartition(".")[2], title.rstrip("."), text.strip(), module.run)

@@ -9,13 +9,13 @@ import numpy.typing as npt
 
 
 def read_only(array: npt.NDArray[Any]) -> npt.NDArray[Any]:
-    """The array, which cannot be written from now on."""
+    """The array, made read-only."""
     array.flags.writeable = False
     return array
 
 
 def keep_copies(record: Any) -> None:
-    """Replaces the arrays of a frozen dataclass, in mappings too, by read-only copies."""
+    """Replaces the arrays of a frozen dataclass, also those in mappings, by read-only copies."""
     for field in dataclasses.fields(record):
         value = getattr(record, field.name)
         if isinstance(value, np.ndarray):

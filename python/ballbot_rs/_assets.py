@@ -7,12 +7,12 @@ _REPOSITORY = _PACKAGE.parents[1]
 
 
 def path(name: str) -> Path:
-    """Where a file such as "bot.urdf" or "policies/balance.onnx" is: in a clone `assets/`, else inside the package.
+    """Path of a file such as "bot.urdf" or "policies/balance.onnx": in `assets/` of a clone, else inside the package.
 
     Raises:
         FileNotFoundError: no such file ships with the package.
     """
-    # A clone's own files come first: an editable installation may keep copies of older ones.
+    # Files of a clone come first: an editable installation may keep copies of older files.
     clone = _REPOSITORY / "assets"
     folder = clone if (_REPOSITORY / "pyproject.toml").is_file() and clone.is_dir() else _PACKAGE / "assets"
     found = folder / name

@@ -51,13 +51,13 @@ def check_real(name: str, value: float) -> float:
 
 
 def real_array(what: str, value: npt.ArrayLike, wanted: str, kinds: str = "biuf") -> npt.NDArray[Any]:
-    """An array-like as an array of the type that NumPy gives it, as the core takes them.
+    """An array-like as an array of the type that NumPy gives it, as the core takes arrays.
 
     Args:
         what: begins the message, as "the law gave".
         value: the array-like.
         wanted: ends the message.
-        kinds: the kinds of NumPy's types that are accepted.
+        kinds: the accepted kinds of NumPy types.
 
     Raises:
         TypeError: text, times, objects or complex numbers, and masked arrays.
@@ -83,7 +83,7 @@ def _whole(name: str, value: int) -> int:
 
 
 def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
-    """Reset options as a dict; a ValueError names one that is not known, a TypeError says that they are none."""
+    """Reset options as a dict; a ValueError names an unknown option, a TypeError says that they are not a dict."""
     if options is not None and not isinstance(options, Mapping):
         raise TypeError(f"options is of type {type(options).__name__}, expected a dict")
     options = dict(options or {})
@@ -97,7 +97,7 @@ def check_named(who: str, unnamed: Sequence[object]) -> None:
     """Checks that there was no positional argument after the first.
 
     Raises:
-        TypeError: there was; the message says how it is named.
+        TypeError: there was; the message gives the keyword to use.
     """
     if unnamed:
         name = "task=" if isinstance(unnamed[0], str) else ""
@@ -112,12 +112,12 @@ def check_options(
     """Checks the names of options.
 
     Raises:
-        TypeError: one is not known; the message names the closest known one, else all.
+        TypeError: an option is unknown; the message names the closest known option, else all.
     """
     for name in given:
         if name not in known:
             close = (hint and hint(name)) or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
-            # TorchRL looks for these words.
+            # TorchRL searches the message for these words.
             raise TypeError(f"{who} got an unexpected keyword argument '{name}'{close}")
 
 

@@ -8,7 +8,7 @@ class BallbotError(Exception):
 
 
 class InvalidInputError(BallbotError, ValueError):
-    """A value is out of range, inconsistent or not known; the message has the value and the limit."""
+    """A value is out of range, inconsistent or unknown; the message has the value and the limit."""
 
     __module__ = "ballbot_rs"
 
@@ -26,6 +26,6 @@ class UrdfError(BallbotError, ValueError):
 
 
 class ControllerError(BallbotError, RuntimeError):
-    """A controller in Python failed; its own error is the cause."""
+    """A controller in Python failed; its exception is the cause."""
 
     __module__ = "ballbot_rs"

@@ -1,4 +1,4 @@
-"""Files are written beside their place and moved into it whole: a crash or a full disk leaves the old file intact."""
+"""Files are written next to their target, then moved over it: a crash or a full disk leaves the old file intact."""
 
 import contextlib
 import errno
@@ -9,19 +9,19 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-#: What the name of a file that is not finished has in it.
+#: Part of the name of an unfinished file.
 PARTIAL = ".partial"
 
-#: Files that are being written now, and scratch folders. Whoever ends the process without unwinding deletes them.
+#: Files being written, and scratch folders. Code that ends the process without unwinding deletes them.
 _unfinished: set[Path] = set()
 
 
 @contextlib.contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A context that yields the path of a file to write; at its end that file takes the place of `path`.
+    """A context that yields the path of a file to write; at its end that file replaces `path`.
 
-    The file has the suffix of `path` and is in the same folder, which is made if need be. After an error it is
-    deleted, and `path` is as it was.
+    The file has the suffix of `path` and is in the same folder, which is made if needed. After an error it is
+    deleted, and `path` is unchanged.
 
     Raises:
         OSError: the file cannot be written or moved; its `filename` is `path`.
@@ -69,7 +69,7 @@ def write(path: Path, content: bytes | str) -> None:
 
 
 def delete_unfinished() -> None:
-    """Deletes the files that this process has not finished."""
+    """Deletes the unfinished files of this process."""
     for path in list(_unfinished):
         if path.is_dir():
             shutil.rmtree(path, ignore_errors=True)
@@ -79,14 +79,14 @@ def delete_unfinished() -> None:
 
 
 def is_remains(path: Path) -> bool:
-    """Whether a process that has ended has left this file unfinished."""
+    """Whether a process ended and left this file unfinished."""
     before, found, _ = path.name.rpartition(PARTIAL)
     number = before.rpartition(".")[2]
     return bool(found) and path.name.startswith(".") and number.isdecimal() and not _is_running(int(number))
 
 
 def delete_remains(folder: Path) -> None:
-    """Deletes files that a process which was killed has left unfinished in a folder."""
+    """Deletes unfinished files that a killed process left in a folder."""
     for path in folder.glob(f".*{PARTIAL}*"):
         if is_remains(path):
             path.unlink(missing_ok=True)
@@ -94,7 +94,7 @@ def delete_remains(folder: Path) -> None:
 
 def _is_running(process: int) -> bool:
     if os.name != "posix":
-        # There the signal 0 would end the process.
+        # There signal 0 would end the process.
         return False
     try:
         os.kill(process, 0)
@@ -106,7 +106,7 @@ def _is_running(process: int) -> bool:
 
 
 def _sync_folder(folder: Path) -> None:
-    # A rename lasts over a power cut once its folder has been written. Windows has no such call.
+    # A rename survives a power cut once its folder has been written. Windows has no such call.
     if os.name == "posix":
         descriptor = os.open(folder, os.O_RDONLY)
         try:

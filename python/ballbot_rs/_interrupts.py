@@ -1,7 +1,7 @@
-"""Ctrl-C and SIGTERM end the command at once, with one line and no unfinished file; a training is saved first.
+"""Ctrl-C and SIGTERM end the command at once, with one line and no unfinished file; a training run is saved first.
 
-The process ends without unwinding: libraries in C++ abort when `KeyboardInterrupt` comes through them, and take their
-time to end. Only a part of a command that is `patient` unwinds.
+The process ends without unwinding: C++ libraries abort when `KeyboardInterrupt` passes through them, and end slowly.
+Only a part of a command that is `patient` unwinds.
 """
 
 import contextlib
@@ -17,10 +17,10 @@ from typing import Final, NoReturn
 
 from ballbot_rs import _files
 
-#: What is printed for each signal.
+#: Message for each signal.
 WORDS: Final = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
 
-#: What a terminal is sent first: to clear the line of a progress bar, and to show the cursor.
+#: Sent to a terminal first: clears the line of a progress bar, and shows the cursor.
 _TERMINAL_RESET: Final = "\r\x1b[2K\x1b[?25h"
 
 #: Time that Python has to call its handler, s.
@@ -28,12 +28,12 @@ GRACE: Final = 0.05
 
 _is_installed = False
 _is_quiet = False
-#: When the handler was called last.
+#: Time of the last call of the handler.
 _handled = -math.inf
 _patience = 0
 _holding = 0
 _held: list[int] = []
-# A second signal may come while the thread that has it ends the process: it ends it then.
+# Reentrant: a second signal may interrupt the thread that ends the process, and then ends it.
 _leaving = threading.RLock()
 
 
@@ -43,7 +43,7 @@ class Terminated(KeyboardInterrupt):
 
 @contextlib.contextmanager
 def patient() -> Iterator[None]:
-    """A context in which a signal raises `KeyboardInterrupt` or `Terminated`, so that what has been done is saved."""
+    """A context in which a signal raises `KeyboardInterrupt` or `Terminated`, so that the work so far is saved."""
     global _patience
     _patience += 1
     try:
@@ -54,7 +54,7 @@ def patient() -> Iterator[None]:
 
 @contextlib.contextmanager
 def held_back() -> Iterator[None]:
-    """A context for calls that an exception must not come through; within `patient` it is raised at the end."""
+    """A context for calls that an exception must not pass through; within `patient` it is raised at the end."""
     global _holding
     _holding += 1
     try:
@@ -68,12 +68,12 @@ def held_back() -> Iterator[None]:
 
 
 def exit_code(number: int) -> int:
-    """The exit code of a process that a signal has ended, as a shell counts it."""
+    """The exit code of a process that a signal ended, as a shell counts it."""
     return 128 + number
 
 
 def install() -> None:
-    """Handles signals in this process from now on; those that it was started to ignore stay ignored."""
+    """Handles signals in this process from now on; signals that it was started to ignore stay ignored."""
     global _is_installed
     if _is_installed:
         return
@@ -84,12 +84,12 @@ def install() -> None:
     for number in handled:
         signal.signal(number, _on_signal)
     signal.set_wakeup_fd(ours.detach(), warn_on_full_buffer=False)
-    # Python calls its handlers only between two of its instructions: a thread hears of signals during long calls.
+    # Python calls its handlers only between two of its instructions: a thread receives signals during long calls.
     threading.Thread(target=_watch, args=(wakeups,), name="interrupts", daemon=True).start()
 
 
 def be_quiet() -> None:
-    """A signal ends this process without a word from now on: the one that has started it has the same signal."""
+    """From now on a signal ends this process without a message: its parent process gets the same signal."""
     global _is_quiet
     _is_quiet = True
 
@@ -114,13 +114,13 @@ def _watch(wakeups: socket.socket) -> None:
         for number in wakeups.recv(64):
             came = time.monotonic()
             time.sleep(GRACE)
-            # Python has called its handler, or it is in a call that does not return.
+            # Python has called its handler, or is in a call that does not return.
             if number in WORDS and not _patience and _handled < came - GRACE:
                 _leave(number)
 
 
 def _leave(number: int) -> NoReturn:
-    # Two threads come here; the first one ends the process, the other one must not print again.
+    # Two threads come here; the first ends the process, the second must not print again.
     if not _leaving.acquire(blocking=False):
         while True:
             threading.Event().wait()

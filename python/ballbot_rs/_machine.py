@@ -1,4 +1,4 @@
-"""What this machine is: its processor, and how much of it this process may use."""
+"""This machine: its processor, and how much of it this process may use."""
 
 import os
 import platform
@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def threads() -> int | None:
-    """How many threads this process may run at once."""
+    """Number of threads that this process may run at once."""
     try:
         return len(os.sched_getaffinity(0))
     except AttributeError:
@@ -15,7 +15,7 @@ def threads() -> int | None:
 
 
 def cpuinfo() -> str:
-    """What the kernel says of the processors; empty where it says nothing."""
+    """The kernel's report on the processors; empty where there is none."""
     try:
         return Path("/proc/cpuinfo").read_text(encoding="utf-8", errors="replace")
     except OSError:

@@ -1,4 +1,4 @@
-"""Reading of files that a user, or a file of a user, names."""
+"""Reading of files named by a user or by a user's file."""
 
 import os
 import stat
@@ -6,13 +6,13 @@ from pathlib import Path
 
 
 def read_regular(path: Path, limit: int) -> bytes:
-    """The contents of a regular file of at most `limit` bytes. A device or a pipe may block, or never end.
+    """The contents of a regular file of at most `limit` bytes: a device or a pipe may block, or never end.
 
     Raises:
         OSError: the file cannot be read.
         ValueError: it is not a regular file, or is larger.
     """
-    # A pipe would be waited for when it is opened.
+    # Opening a pipe would block.
     with open(path, "rb", opener=_open_at_once) as file:
         if not stat.S_ISREG(os.fstat(file.fileno()).st_mode):
             raise ValueError(f"{path} is not a regular file")

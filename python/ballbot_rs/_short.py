@@ -1,4 +1,4 @@
-"""Short texts of results, for prompts and notebooks; all digits are in their attributes."""
+"""Short texts of results, for prompts and notebooks; their attributes have all digits."""
 
 import dataclasses
 import html
@@ -18,7 +18,7 @@ def fields(instance: Any) -> str:
 
 
 def table(rows: Iterable[Sequence[str]], header: Sequence[str] = ()) -> str:
-    """A table of HTML, without scripts."""
+    """An HTML table, without scripts."""
     lines = [_row(header, "th")] if header else []
     lines += [_row(row, "td") for row in rows]
     return f"<table>{''.join(lines)}</table>"

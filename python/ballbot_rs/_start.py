@@ -1,7 +1,7 @@
-"""Imported first: where this process is the command `ballbot`, it ends on Ctrl-C with one line from now on.
+"""Imported first: if this process is the command `ballbot`, from now on Ctrl-C ends it with one line.
 
-The imports that follow take a third of a second, in which Python would answer with a traceback. In any other process
-nothing happens here.
+The following imports take a third of a second, during which Python would print a traceback. In any other process this
+module does nothing.
 """
 
 import os

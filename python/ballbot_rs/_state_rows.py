@@ -1,4 +1,4 @@
-"""Columns of an array of states, whose rows are those of `State.to_array`."""
+"""Columns of an array of states, with rows as `State.to_array`."""
 
 from typing import Final
 
@@ -24,7 +24,7 @@ def mast_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 
 
 def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
-    """Rotations from the body frame to the inertial one: shape (..., 3, 3) for states (..., 32)."""
+    """Rotations from the body frame to the inertial frame: shape (..., 3, 3) for states (..., 32)."""
     w, x, y, z = np.moveaxis(states[..., BODY_QUATERNION], -1, 0)
     first = np.stack([1 - 2 * (y * y + z * z), 2 * (x * y + w * z), 2 * (x * z - w * y)], axis=-1)
     second = np.stack([2 * (x * y - w * z), 1 - 2 * (x * x + z * z), 2 * (y * z + w * x)], axis=-1)
@@ -34,7 +34,7 @@ def body_axes_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
 def tilt_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
     """Tilts from the equilibrium, rad: shape (...) for states (..., 32).
 
-    `com` is the CoM in the body frame, m, shape (3,), or one each.
+    `com` is the CoM in the body frame, m, shape (3,), or one row per state.
     """
     axis = _balance_axis_of(states, com)
     angle: npt.NDArray[np.float64] = np.arctan2(np.linalg.norm(axis[..., :2], axis=-1), axis[..., 2])
@@ -42,7 +42,7 @@ def tilt_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[
 
 
 def tilt_components_of(states: npt.NDArray[np.float64], com: npt.ArrayLike) -> npt.NDArray[np.float64]:
-    """Rotation vectors (x, y), inertial frame, that take the equilibrium to the attitude but for the yaw, rad.
+    """Rotation vectors (x, y), inertial frame, from the equilibrium to the attitude except for the yaw, rad.
 
     Shape (..., 2) for states (..., 32); for a CoM on the mast as `State.tilt_components`. `com` as in `tilt_of`.
     """
@@ -59,7 +59,7 @@ def tilt_rates_of(states: npt.NDArray[np.float64]) -> npt.NDArray[np.float64]:
     mast = mast_of(states)
     rate = np.einsum("...ij,...j->...i", body_axes_of(states), states[..., BODY_RATE])
     change = np.cross(rate, mast)
-    # The components are the horizontal part of the mast, turned, times angle / length.
+    # The components are the horizontal part of the mast, rotated, times angle / length.
     length = np.linalg.norm(mast[..., :2], axis=-1)
     upright = length == 0.0
     safe = np.where(upright, 1.0, length)

@@ -30,13 +30,13 @@ LEGEND = (
     "Tilt, torque: root mean square over all steps to the end or the fall. Reward: mean of a step.",
 )
 
-#: Of tasks with a setpoint.
+#: For tasks with a setpoint.
 STANDING = (
     "Settling: median time from which the tilt stays within 1 deg.",
     "Ball: largest distance from the setpoint, mean over episodes.",
 )
 
-#: What takes the place of columns where robots are pushed.
+#: Columns that replace others where robots are pushed.
 _PUSHED: dict[str, tuple[str, Callable[[Result], str]]] = {
     "settling (s)": (
         "recovery (s)",
@@ -56,7 +56,7 @@ PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succe
 
 
 def _columns(task: str, pushed: bool) -> dict[str, Callable[[Result], str]]:
-    """The columns of a task: metrics of its own in place of those of standing at a setpoint, if it has any."""
+    """The columns of a task: its own metrics, if it has any, in place of the metrics for balancing at a setpoint."""
     description = description_of(task)
     metrics = description["metrics"]
     columns = {}
@@ -74,7 +74,7 @@ def _columns(task: str, pushed: bool) -> dict[str, Callable[[Result], str]]:
 
 
 def metric_label(metric: Mapping[str, str]) -> str:
-    """Name and unit of a metric of a task, as a column is called."""
+    """Name and unit of a metric of a task, as a column title."""
     unit = f" ({metric['unit']})" if metric["unit"] else ""
     return metric["name"].replace("_", " ") + unit
 
@@ -88,7 +88,7 @@ def _metric(name: str) -> Callable[[Result], str]:
 
 
 def rows(results: Sequence[Result], task: str) -> list[list[str]]:
-    """The header, and one row a controller."""
+    """The header, and one row per controller."""
     columns = _columns(task, _pushed(results))
     return [list(columns), *([cell(result) for cell in columns.values()] for result in results)]
 
@@ -98,7 +98,7 @@ def _pushed(results: Sequence[Result]) -> bool:
 
 
 def legend(results: Sequence[Result], task: str) -> list[str]:
-    """What the columns mean."""
+    """The meaning of the columns."""
     description, notes = description_of(task), list(LEGEND)
     metrics = description["metrics"]
     if _pushed(results) and not description["command"]:
@@ -120,15 +120,15 @@ def legend(results: Sequence[Result], task: str) -> list[str]:
 
 
 def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]) -> None:
-    """Prints one row a controller within `WIDTH` columns, the conditions, and the meaning of the columns.
+    """Prints one row per controller within `WIDTH` columns, the conditions, and the meaning of the columns.
 
     Args:
-        results: one a controller.
+        results: one per controller.
         task: name of the task.
-        options: options of the environment that they share.
+        options: their shared options of the environment.
     """
     header, *body = rows(results, task)
-    # Units have a line of their own, so that names of controllers have room.
+    # Units have a separate line, so that names of controllers have room.
     lines = [
         [name.partition(" (")[0] for name in header],
         [name.partition(" (")[2].rstrip(")") for name in header],
@@ -151,5 +151,5 @@ def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]
 
 
 def _shortened(name: str, width: int) -> str:
-    """A name, if need be only its end."""
+    """A name, or only its end if it is too long."""
     return name if len(name) <= width else f"…{name[1 - width :]}"

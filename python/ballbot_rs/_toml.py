@@ -1,4 +1,4 @@
-"""TOML: reading by the parser of the core, and writing of plain tables."""
+"""TOML: reads with the core's parser, and writes plain tables."""
 
 import json
 from collections.abc import Mapping

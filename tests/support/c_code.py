@@ -34,7 +34,7 @@ static ballbot_state read_state(const double *row)
 }
 """
 
-#: A controller behind arrays of doubles: a state a row, its setpoint, the torques, the shares that are left.
+#: A controller behind arrays of doubles: one state per row, its setpoint, the torques, the remaining fractions.
 CONTROLLER = """
 #include "{header}"
 
@@ -93,7 +93,7 @@ void roll(const double *from, double *to)
 
 
 def compiled(folder, source, flags=()):
-    """A library of a C file, made without a warning. The folder is a new one: a path is loaded only once."""
+    """A library from a C file, compiled without warnings. The folder is new: a path is loaded only once."""
     file = folder / "code.c"
     file.write_text(source, encoding="utf-8")
     library = folder / "code.so"
@@ -111,7 +111,7 @@ def pointer(cells):
 
 
 def state_row(state):
-    """A state as the C takes it."""
+    """A state in the format of the C."""
     return np.concatenate(
         (
             state.body_quaternion,
@@ -139,7 +139,7 @@ class CController:
         self._library.reset()
 
     def torques(self, states, setpoints):
-        """Torques (n, 3) and shares (n, 2) of a sequence of states with setpoints (`PLACES`)."""
+        """Torques (n, 3) and fractions (n, 2) of a sequence of states with setpoints (`PLACES`)."""
         rows = np.ascontiguousarray([state_row(state) for state in states])
         targets = np.ascontiguousarray(setpoints, dtype=float)
         torques, shares = np.zeros((len(rows), 3)), np.zeros((len(rows), 2))
@@ -149,14 +149,14 @@ class CController:
     def rolled(self, state):
         """Rate of the ball (3) and its velocity (2), from attitude, body rate and wheel speeds."""
         row, found = np.ascontiguousarray(state_row(state)), np.zeros(5)
-        # What is to be found is not given.
+        # The expected result is not given.
         row[7:14] = np.nan
         self._library.roll(pointer(row), pointer(found))
         return found[:3], found[3:]
 
 
 def random_states(params, rng, count):
-    """States of all kinds: near equilibrium or anywhere, rolling or with wheels that slip."""
+    """States of all kinds: near equilibrium or anywhere, rolling or with slipping wheels."""
     states = []
     for i in range(count):
         size = (0.02, 0.3, 1.0)[i % 3]
@@ -178,7 +178,7 @@ def random_states(params, rng, count):
 
 
 def random_setpoints(states, rng):
-    """Setpoints (`PLACES`) near the states and far from them, half of them of motions."""
+    """Setpoints (`PLACES`) near the states and far from them, half of them from motions."""
     rows = []
     for i, state in enumerate(states):
         size = (0.02, 0.3, 100.0)[i // 2 % 3]
@@ -194,7 +194,7 @@ def unit(vector):
     return np.asarray(vector) / np.linalg.norm(vector)
 
 
-#: Where the parts of a setpoint are in a row of the tests.
+#: Positions of the parts of a setpoint in a row of the tests.
 PLACES = {
     "position": slice(0, 2),
     "velocity": slice(2, 4),
@@ -295,7 +295,7 @@ class CPolicy:
         self._library.reset()
 
     def act(self, observations):
-        """Actions (n, 3) of observations as the environment gives them."""
+        """Actions (n, 3) for observations from the environment."""
         rows = np.ascontiguousarray(observations, dtype=float)
         actions = np.zeros((len(rows), 3))
         self._library.act(len(rows), pointer(rows), pointer(actions))
@@ -315,7 +315,7 @@ class CPolicy:
         return rows
 
 
-#: An estimator behind arrays of doubles: a state, readings of gyroscope, accelerometer and wheels, and what follows.
+#: An estimator behind arrays of doubles: a state, readings of gyroscope, accelerometer and wheels, and the results.
 ESTIMATOR = """
 #include "{header}"
 

@@ -1,4 +1,4 @@
-"""A headless Chromium driven by its own DevTools protocol: no driver program, no further package than websockets."""
+"""A headless Chromium driven by its own DevTools protocol: no driver program, no package except websockets."""
 
 import base64
 import contextlib
@@ -33,13 +33,13 @@ FLAGS = [
 
 
 def find_browser() -> str | None:
-    """The path of a Chromium, or None. A snap does not count: it keeps its files where nobody else sees them."""
+    """The path of a Chromium, or None. A snap does not count: other programs do not see its files."""
     paths = (path for name in NAMES if (path := shutil.which(name)))
     return next((path for path in paths if not str(Path(path).resolve()).startswith("/snap")), None)
 
 
 class Chromium:
-    """One page. Keeps what the console and uncaught exceptions say in `errors`."""
+    """One page. Keeps console messages and uncaught exceptions in `errors`."""
 
     def __init__(self, browser: str, folder: Path) -> None:
         self.errors: list[str] = []
@@ -110,7 +110,7 @@ class Chromium:
             time.sleep(0.05)
 
     def place_of(self, expression: str, seconds: float = LIMIT) -> tuple[float, float]:
-        """The center of an element, scrolled into view: once it can be clicked, and has stopped moving."""
+        """The center of an element, scrolled into view, when it is clickable and no longer moves."""
         shown = f"(e => e && (e.scrollIntoView({{block: 'center'}}), e.getBoundingClientRect()))({expression})"
         center = f"(b => b && b.width > 0 ? [b.x + b.width / 2, b.y + b.height / 2] : null)({shown})"
         hit = "(([x, y], e) => e.contains(document.elementFromPoint(x, y)))"
@@ -125,7 +125,7 @@ class Chromium:
             time.sleep(0.1)
 
     def click(self, x: float, y: float) -> None:
-        """A click of the mouse at a place of the window, with real events."""
+        """A mouse click at a point of the window, with real events."""
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=x, y=y)
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
@@ -151,7 +151,7 @@ class Chromium:
             self.call("Input.dispatchKeyEvent", type=kind, key=key, code=key, windowsVirtualKeyCode=code)
 
     def screenshot(self, path: Path) -> bytes:
-        """The window as PNG, kept in a file."""
+        """The window as PNG, saved to a file."""
         picture = base64.b64decode(self.call("Page.captureScreenshot", format="png")["data"])
         path.write_bytes(picture)
         return picture

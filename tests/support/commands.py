@@ -1,4 +1,4 @@
-"""The `ballbot` command in a process of its own."""
+"""The `ballbot` command in a separate process."""
 
 import subprocess
 import sys
@@ -7,10 +7,10 @@ from pathlib import Path
 
 from tests.support.paths import ROOT
 
-#: Where a process that is started elsewhere finds this package.
+#: Path of this package for a process started elsewhere.
 IMPORT_PATH = [str(ROOT / "python"), str(ROOT)]
 
-#: The command under a largest size of the files that it may write, which stands for a full disk.
+#: The command with a limit on the size of its files, which simulates a full disk.
 LIMITED = """
 import resource, sys
 resource.setrlimit(resource.RLIMIT_FSIZE, (int(sys.argv[1]),) * 2)
@@ -38,7 +38,7 @@ def start(*arguments, **options):
 
 
 def wait_for(path: Path, process: subprocess.Popen, seconds: float = 60.0) -> None:
-    """Returns when a file is there."""
+    """Returns when a file exists."""
     ends = time.monotonic() + seconds
     while not path.exists():
         assert process.poll() is None, f"ended with {process.returncode}: {process.communicate()}"

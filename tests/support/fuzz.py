@@ -1,7 +1,7 @@
-"""Calls everything with anything: `python -m tests.support.fuzz [examples a function]`.
+"""Calls everything with anything: `python -m tests.support.fuzz [examples per function]`.
 
-A call may fail with an exception that is documented, and a message. It must not panic, hang, end the process or give
-numbers that are not finite.
+A call may fail with a documented exception and a message. It must not panic, hang, end the process or return numbers
+that are not finite.
 """
 
 import faulthandler
@@ -14,11 +14,11 @@ from hypothesis import strategies as st
 from tests.support import surface
 
 DOCUMENTED = (ValueError, TypeError, OverflowError, ArithmeticError, RuntimeError, MemoryError, KeyError, OSError)
-#: What is named is no attribute.
+#: Methods that take a name, which may not be an attribute.
 BY_NAME = ("call", "get_attr", "set_attr")
-#: Words of a message that tell a mistake of ours.
+#: Words in a message that indicate a bug of ours.
 OURS = ("internal error", "panic", "unreachable", "borrowed")
-#: A call that takes longer hangs, s.
+#: A call that takes longer counts as hanging, s.
 DEADLINE = 30
 
 WRONG = st.one_of(
@@ -37,7 +37,7 @@ WRONG = st.one_of(
 
 
 def keywords(draw: Any, target: surface.Target) -> dict[str, Any]:
-    """Arguments, most of them right: what is behind a check is reached only if the check passes."""
+    """Arguments, most of them valid: code after a check is reached only if the check passes."""
     given_names = [
         name for name, needed in target.arguments if draw(st.integers(0, 99)) > 0 and (needed or draw(st.booleans()))
     ]
@@ -50,7 +50,7 @@ def keywords(draw: Any, target: surface.Target) -> dict[str, Any]:
 
 
 def complaints(target: surface.Target, instance: Any, arguments: dict[str, Any]) -> list[str]:
-    """Calls a target; what is wrong with what comes of it."""
+    """Calls a target; returns what is wrong with the result."""
     allowed = (*DOCUMENTED, AttributeError) if target.name.endswith(BY_NAME) else DOCUMENTED
     positional = () if instance is None else (instance,)
     faulthandler.dump_traceback_later(DEADLINE, exit=True)
@@ -64,7 +64,7 @@ def complaints(target: surface.Target, instance: Any, arguments: dict[str, Any])
         return [message] if wrong else []
     finally:
         faulthandler.cancel_dump_traceback_later()
-    # The sky has no end, an episode that is too short no metrics, and what is not drawn yet no number.
+    # The sky is infinitely far, a short episode has no metrics, and values not sampled yet are NaN.
     if target.name == "Renderer.depth" or target.name.endswith((".metrics", ".draws")):
         return []
     found = surface.numbers_that_are_not_finite(results, "results")
@@ -98,7 +98,7 @@ def is_sound(target: surface.Target, examples: int) -> bool:
     except KeyboardInterrupt:
         raise
     except BaseException as error:
-        # A panic is no Exception.
+        # A panic is not an Exception.
         notes = "\n".join(getattr(error, "__notes__", []))
         print(f"{target.name}: {type(error).__name__}: {error}\n{notes}", flush=True)
         return False

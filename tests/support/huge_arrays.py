@@ -17,22 +17,22 @@ import numpy as np
 import ballbot_rs as bb
 from tests.support import surface
 
-#: What the process may take beside what it has, bytes.
+#: Memory that the process may use in addition to its present memory, bytes.
 MEMORY = 1 << 30
-#: A call that takes longer hangs, s.
+#: A call that takes longer counts as hanging, s.
 DEADLINE = 60
-#: Words of a message that tell a mistake of ours.
+#: Words in a message that indicate a bug of ours.
 OURS = ("internal error", "panic", "unreachable", "borrowed")
 
 
 def field() -> np.ndarray:
-    """Numbers that are neither side by side nor aligned."""
+    """Numbers that are neither contiguous nor aligned."""
     records = np.zeros(3, dtype=[("flag", "u1"), ("number", "f8")])
     records["number"] = [0.1, 0.2, 0.3]
     return records["number"]
 
 
-#: Arrays by what is odd of them.
+#: Arrays by their defect.
 ODD: dict[str, Callable[[], Any]] = {
     **{
         f"shape {shape}": lambda shape=shape: np.broadcast_to(0.0, shape)
@@ -53,7 +53,7 @@ ODD: dict[str, Callable[[], Any]] = {
     "field": field,
 }
 
-#: Arguments that are within others.
+#: Arguments inside others.
 NESTED: dict[str, Callable[[Any], Any]] = {
     "actuators.strength": lambda odd: bb.BalanceEnv(actuators={"strength": odd}),
     "sensors.gyro_noise": lambda odd: bb.BalanceEnv(sensors={"gyro_noise": odd}),
@@ -71,7 +71,7 @@ NESTED: dict[str, Callable[[Any], Any]] = {
 
 
 def calls() -> Iterator[tuple[str, Callable[[], Any]]]:
-    """What is called, by name: each argument of everything is odd once, the others that it needs are right."""
+    """Calls by name: each argument of everything is odd once, the other required arguments are valid."""
     alike = {f"{surface.class_name(task)}Env" for task in bb._core.TASKS} - {"BalanceEnv"} | {"BallbotEnv"}
     for target in surface.targets():
         if target.name.partition(".")[0] in alike:
@@ -91,17 +91,17 @@ def calls() -> Iterator[tuple[str, Callable[[], Any]]]:
 
 
 def complaint(call: Callable[[], Any]) -> str | None:
-    """What is wrong with what comes of a call."""
+    """What is wrong with the result of a call."""
     faulthandler.dump_traceback_later(DEADLINE, exit=True)
     try:
         call()
     except Exception as error:
         message = f"{type(error).__name__}: {error}"
-        # Python's own error of memory says nothing.
+        # Python's own memory error has no message.
         silent = not str(error) and type(error) is not MemoryError
         return message if silent or any(word in message.lower() for word in OURS) else None
     except BaseException as error:
-        # A panic is no Exception.
+        # A panic is not an Exception.
         return f"{type(error).__name__}: {error}"
     finally:
         faulthandler.cancel_dump_traceback_later()
@@ -109,7 +109,7 @@ def complaint(call: Callable[[], Any]) -> str | None:
 
 
 def main() -> int:
-    """Calls everything; 1 if something is wrong. What is being called is in the file that is the argument."""
+    """Calls everything; 1 if something is wrong. The current call is in the file given as argument."""
     status = Path("/proc/self/statm").read_text(encoding="ascii")
     limit = int(status.split()[0]) * resource.getpagesize() + MEMORY
     resource.setrlimit(resource.RLIMIT_AS, (limit, limit))
@@ -117,7 +117,7 @@ def main() -> int:
     found = 0
     with Path(sys.argv[1]).open("w", encoding="utf-8") as log:
         for name, call in calls():
-            # Where the process ends, this is the last line.
+            # If the process ends, this is the last line.
             log.write(f"{name}\n")
             log.flush()
             said = complaint(call)

@@ -6,7 +6,7 @@ from ballbot_rs.cli import main
 
 
 def parse_json(text):
-    """JSON as other languages read it: NaN and Infinity are no numbers."""
+    """JSON as other languages read it: NaN and Infinity are not numbers."""
 
     def refuse(constant):
         raise AssertionError(f"{constant} in the JSON output")

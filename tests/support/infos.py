@@ -21,7 +21,7 @@ def assert_same_infos(found, expected):
 
 
 def structure(info):
-    """What clients take for granted from one step to the next: keys, types and shapes."""
+    """Properties that clients expect to stay the same between steps: keys, types and shapes."""
     return {
         key: structure(value) if isinstance(value, dict) else (type(value), value.dtype, value.shape)
         for key, value in info.items()

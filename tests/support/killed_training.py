@@ -2,7 +2,7 @@
 
 Usage: python -m tests.support.killed_training FOLDER RANDOM_KILLS
 
-Prints a line a kill. The kills are aimed at a moment of writing a file, or come at random times.
+Prints a line per kill. The kills are aimed at a moment of writing a file, or come at random times.
 """
 
 import importlib
@@ -25,7 +25,7 @@ from ballbot_rs.training import config, run_folder, train
 from tests.support.tiny_config import TINY_CONFIG
 
 STEPS = 768
-#: (moment, beginning of the file's name, which of the times that this happens)
+#: (moment, beginning of the file's name, index of the occurrence)
 AIMED = [
     *(
         ("half written", "rl_model_256", 1),
@@ -40,7 +40,7 @@ AIMED = [
 
 
 def main(folder: Path, random_kills: int) -> int:
-    """Returns 0 if every run went on as it should."""
+    """Returns 0 if every run continued correctly."""
     torch.set_num_threads(1)
     # Imported by the first training; once here instead of in every process.
     for name in ("torch._dynamo", "torch.utils.tensorboard"):
@@ -60,7 +60,7 @@ def main(folder: Path, random_kills: int) -> int:
     for i in range(random_kills):
         run, after = folder / f"random-{i}", rng.uniform(seconds - learning, seconds)
         ended = in_child(lambda run=run: trained(run), kill_after=after)
-        # A process may be through before its time.
+        # A process may finish before its kill.
         problems += report(f"after {after:.2f} s", ended if ended else -signal.SIGKILL, run, folder / "whole")
     return int(problems > 0)
 
@@ -71,7 +71,7 @@ def trained(run: Path) -> None:
 
 
 def aim_at(moment: str, name: str, count: int) -> None:
-    """From now on this process is killed at a moment of writing a file."""
+    """Arranges that this process is killed at a moment of writing a file."""
     write, move, happened = Path.write_bytes, Path.replace, [0]
 
     def is_time(path: Path) -> bool:
@@ -103,7 +103,7 @@ def aim_at(moment: str, name: str, count: int) -> None:
 
 
 def report(kill: str, ended: int, run: Path, whole: Path) -> int:
-    """Resumes a killed run in a process of its own; 0 if all is well."""
+    """Resumes a killed run in a separate process; 0 if all is well."""
     before = [path.name for path in run_folder.checkpoints(run)]
     resumed = in_child(lambda: check(run, whole)) if ended == -signal.SIGKILL else 1
     text = "well" if resumed == 0 else f"LOST (training ended with {ended}, resuming with {resumed})"
@@ -112,7 +112,7 @@ def report(kill: str, ended: int, run: Path, whole: Path) -> int:
 
 
 def check(run: Path, whole: Path) -> None:
-    """Resumes a run; an AssertionError says what is missing, or differs from the run that nobody killed."""
+    """Resumes a run; an AssertionError says what is missing, or differs from the uninterrupted run."""
     kept = run_folder.checkpoints(run)
     for path in kept:
         sb3_archive.read(path)
@@ -157,7 +157,7 @@ def weights(file: Path) -> list[bytes]:
 
 
 def in_child(work: Callable[[], object], kill_after: float | None = None) -> int:
-    """The exit code of a process that does this; negative for the signal that killed it."""
+    """The exit code of a child process that calls this; negative for the signal that killed it."""
     child = os.fork()
     if child == 0:
         try:

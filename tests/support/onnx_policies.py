@@ -16,7 +16,7 @@ SHIPPED = ASSETS / "policies" / "balance.onnx"
 
 
 def looping_policy(target, trips=2**62):
-    """The shipped policy behind a loop of so many turns."""
+    """The shipped policy after a loop with this number of iterations."""
     model = onnx.load(SHIPPED)
     number = lambda name, kind: helper.make_tensor_value_info(name, kind, [])  # noqa: E731
     body = helper.make_graph(
@@ -50,7 +50,7 @@ def looping_policy(target, trips=2**62):
 
 
 def tiny_policy(target, task, gain=0.0, **options):
-    """A random linear policy of a task; `gain` is the size of its weights, none of which act if it is 0."""
+    """A random linear policy of a task; `gain` scales its weights, 0 disables them."""
     batch = new_batch(1, task=task, num_threads=1, options=options)
     rows = batch.observation_len
     weights = gain * np.random.default_rng(0).standard_normal((rows, 3))

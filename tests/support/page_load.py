@@ -1,7 +1,7 @@
 """Loads a page with clients: `python -m tests.support.page_load [minutes]`.
 
-As many clients as the page takes, and some more, come and go, look around, click on the floor and pull the robot; some
-do not read what they are sent. The page must go on, and its memory must not grow. Prints its memory.
+As many clients as the page accepts, and some more, come and go, look around, click on the floor and pull the robot;
+some do not read their messages. The page must keep running, and its memory must not grow. Prints its memory.
 """
 
 import argparse
@@ -20,11 +20,11 @@ from websockets.exceptions import WebSocketException
 from tests.support.commands import command
 from tests.support.view import CAMERA, CLICK, DRAG, connect, packed
 
-#: Clients at once; the page takes 16.
+#: Concurrent clients; the page accepts 16.
 CLIENTS = 20
 #: How long a client stays, s.
 STAY = 3.0
-#: Memory without clients that the page may have beyond what it had after the first ones, MB.
+#: Allowed growth of the page's memory without clients, relative to its memory after the first clients, MB.
 GROWTH = 60
 
 
@@ -39,7 +39,7 @@ def client(url: str, seed: int) -> bool:
     rng = random.Random(seed)
     reads = rng.random() < 0.8
     ends = time.monotonic() + STAY
-    # A client that does not read is slow to leave.
+    # A client that does not read disconnects slowly.
     with contextlib.suppress(TimeoutError):
         try:
             with connect(url, max_size=None, close_timeout=0.1, open_timeout=60) as page:
@@ -80,7 +80,7 @@ def main() -> int:
                 time.sleep(0.8 * STAY)
                 most = max(most, resident(page.pid))
                 visits += sum(visit.result() for visit in coming)
-                # What closed pages took is given back a second later.
+                # The memory of closed pages is returned a second later.
                 time.sleep(2.5)
                 last = resident(page.pid)
                 first = first or last

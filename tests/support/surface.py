@@ -1,4 +1,4 @@
-"""The public Python surface: everything that can be called, and arguments that are right for it or are not."""
+"""The public Python surface: everything that can be called, with valid and invalid arguments."""
 
 import ast
 import functools
@@ -16,7 +16,7 @@ import numpy as np
 import ballbot_rs as bb
 from tests.support.paths import ASSETS, ROBOTS
 
-#: What is not called here, and why.
+#: Functions that are not called here, and why.
 LEFT_OUT = {
     "compare": "as evaluate",
     "evaluate": "thousands of steps a call; tests/analysis has its bad input",
@@ -60,19 +60,19 @@ LEFT_OUT = {
 
 
 def class_name(task: str) -> str:
-    """What the classes of a task begin with."""
+    """Prefix of the classes of a task."""
     return bb._core.TASKS[task]["id"].removeprefix("ballbot/").removesuffix("-v0")
 
 
 #: Numbers at the edges of their types.
 FLOATS = [0.0, -0.0, 1.0, -1.0, 0.5, float("nan"), float("inf"), -float("inf"), 5e-324, -5e-324, 1e-300, 1e-30, 1e-9]
 FLOATS += [1e9, 1e10, 1e16, 1e155, -1e155, 1e300, 1.7e308, np.pi, -np.pi]
-#: Below, and far beyond what any count may be: a valid one, as a billion steps, takes as long as it takes.
+#: Below, and far beyond the range of any count: a valid count, such as a billion steps, takes its time.
 INTEGERS = [-(2**70), -(2**63) - 1, -(2**31), -1, 0, 1, 2, 3, 2**63, 2**64, 10**30, 10**400]
 
 
 class Broken:
-    """Raises wherever it is read."""
+    """Raises on any access."""
 
     def __float__(self):
         raise ZeroDivisionError("no number")
@@ -91,7 +91,7 @@ def _masked():
     return np.ma.masked_array(np.ones(3), mask=[True, False, False])
 
 
-#: Objects of every kind, made anew for each call.
+#: Objects of every kind, created for each call.
 OBJECTS: list[Callable[[], Any]] = [
     *(
         functools.partial(lambda value: value, value)
@@ -127,15 +127,15 @@ OBJECTS: list[Callable[[], Any]] = [
     lambda: bytes(1000),
 ]
 
-#: Shapes of arrays: right ones of some argument, and others.
+#: Shapes of arrays: valid for some argument, and others.
 SHAPES = [(), (0,), (1,), (2,), (3,), (4,), (5,), (6,), (10,), (32,), (0, 3), (1, 3), (2, 3), (3, 2), (2, 32), (10, 10)]
 SHAPES += [(3, 3), (1, 1, 3), (2, 2, 3)]
-#: Their types: real ones, and others.
+#: Their types: real, and others.
 DTYPES = ["f8", "f4", "f2", "g", ">f8", "i4", "u8", "?", "c16", "O", "U5", "S5", "m8[s]", "M8[s]"]
 
 
 def array(shape: tuple[int, ...], dtype: str, value: float, order: str) -> np.ndarray:
-    """An array that is filled with `value`, as far as its type has it."""
+    """An array filled with `value`, as far as its type allows."""
     with np.errstate(all="ignore"):
         try:
             filled = np.full(shape, value).astype(dtype)
@@ -159,7 +159,7 @@ def _batch(model: str = "spatial", task: str = "balance") -> bb.Batch:
 
 
 def _environment(task: str = "balance") -> bb.BallbotEnv:
-    # A ground of their own takes a second to generate.
+    # Their own ground takes a second to generate.
     options = {"terrain": {"kind": "wave", "size_x": 8.0, "size_y": 8.0}} if task in ("terrain", "openballbot") else {}
     env = bb.BallbotEnv(task, model="contact", **options)
     env.reset(seed=0)
@@ -172,7 +172,7 @@ def _vector_environment() -> bb.BalanceVectorEnv:
     return env
 
 
-#: Objects of each class, on which methods are called.
+#: Objects of each class, whose methods are called.
 INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "Params": [bb.Params.paper],
     "State": [lambda: bb.State.at_rest(bb.Params.paper(), tilt=(0.05, 0.0))],
@@ -205,7 +205,7 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
 
 
 def _forged(snapshot: bytes, count: int) -> Iterator[bytes]:
-    """Snapshots with some bytes changed, their checksums right."""
+    """Snapshots with some bytes changed, and valid checksums."""
     rng = np.random.default_rng(0)
     for _ in range(count):
         data = bytearray(snapshot[:-4])
@@ -216,13 +216,13 @@ def _forged(snapshot: bytes, count: int) -> Iterator[bytes]:
 
 def _snapshots(made: list[Any], *index: int) -> list[bytes]:
     own = [thing.snapshot(*index) for thing in made]
-    # A snapshot of `rigid` is a world of rapier's, which trusts it.
+    # A snapshot of `rigid` is a rapier world, and rapier trusts it.
     ours = [snapshot for thing, snapshot in zip(made, own, strict=True) if thing.model != "rigid"]
     return own + [forged for snapshot in ours for forged in _forged(snapshot, 100)]
 
 
 _PAPER = bb.Params.paper().to_dict()
-#: Right values of arguments by their name; "class.argument" or "class.method.argument" goes before "argument".
+#: Valid values of arguments by name; "class.argument" or "class.method.argument" takes precedence over "argument".
 RIGHT: dict[str, list[Any]] = {
     **{name: [value] for name, value in _PAPER.items()},
     "params": [bb.Params.paper(), "kugle"],
@@ -353,7 +353,7 @@ RIGHT: dict[str, list[Any]] = {
     "fall_tilt": [0.3],
 }
 RIGHT |= {"PushEnv.push": [(0.1, 0.5)], "BallbotEnv.push": [(0.1, 0.5)], "Batch.push": [(0.1, 0.5)]}
-#: Keyword arguments that a signature leaves open.
+#: Keyword arguments that a signature does not list.
 _FLOATING = {option["name"]: [option["default"]] for task in bb._core.TASKS.values() for option in task["options"]}
 _COMMON = [
     "params",
@@ -395,7 +395,7 @@ OPEN: dict[str, list[str]] = {
     "BalanceVectorEnv": _ENVIRONMENT,
     "BallbotVectorEnv": _ENVIRONMENT,
 }
-#: Weights and gains are single numbers where a part of a setpoint of the same name is two.
+#: Weights and gains are single numbers where the part of a setpoint with the same name has two.
 SCALAR = {f"{owner}.{name}": [1.0] for owner in ("Pid", "Lqr", "Controller") for name in OPEN[owner]}
 
 
@@ -410,7 +410,7 @@ class Target:
     instances: tuple[Callable[[], Any], ...] = ()
 
     def right(self, argument: str) -> list[Any]:
-        """Right values of an argument."""
+        """Valid values of an argument."""
         owner, _, method = self.name.partition(".")
         keys = (f"{self.name}.{argument}", f"{method}.{argument}", argument)
         if not method and f"{owner}.{argument}" in SCALAR:
@@ -419,7 +419,7 @@ class Target:
         return found or RIGHT.get(argument) or _FLOATING.get(argument) or [[0.0, 0.0, 0.0]]
 
 
-#: Special methods that users call by other means, as functions of what those take.
+#: Special methods that users call by other syntax, as functions of its operands.
 SPECIAL: dict[str, tuple[Callable[..., Any], tuple[tuple[str, bool], ...]]] = {
     "__call__": (lambda self, **arguments: self(**arguments), (("state", True),)),
     "__eq__": (lambda self, other: self == other, (("other", True),)),
@@ -444,7 +444,7 @@ def _methods(owner: type) -> Iterator[str]:
         defined = next(base for base in owner.__mro__ if name in vars(base))
         if defined is object or not (defined.__module__ or "").startswith(module):
             continue
-        # Written in Python, it is what pickle calls.
+        # Written in Python, it is called by pickle.
         if (
             name == "__setstate__"
             and not defined.__module__.startswith("ballbot_rs._core")
@@ -478,7 +478,7 @@ def targets() -> Iterator[Target]:
 
 
 def stub_names() -> set[str]:
-    """Methods and functions that the stub of the extension module has, as `Class.method` or `function`."""
+    """Methods and functions in the stub of the extension module, as `Class.method` or `function`."""
     tree = ast.parse((Path(bb.__file__).parent / "_core.pyi").read_text(encoding="utf-8"))
     names = {node.name for node in tree.body if isinstance(node, ast.FunctionDef)}
     for owner in (node for node in tree.body if isinstance(node, ast.ClassDef) and not node.name.startswith("_")):
@@ -491,7 +491,7 @@ def stub_names() -> set[str]:
 
 
 def numbers_that_are_not_finite(value: Any, path: str = "") -> list[str]:
-    """Where a result, or what it consists of, is NaN or infinite."""
+    """Where a result, or a part of it, is NaN or infinite."""
     if isinstance(value, float):
         return [] if np.isfinite(value) else [f"{path} = {value}"]
     if isinstance(value, np.ndarray):
@@ -510,7 +510,7 @@ def numbers_that_are_not_finite(value: Any, path: str = "") -> list[str]:
     return found
 
 
-#: What goes on after a call: a robot that a call has broken shows it then.
+#: Continues after a call, which reveals a robot that the call has broken.
 THEN: dict[str, Callable[[Any], Any]] = {
     "Ballbot": lambda robot: robot.step([0, 0, 0], 2),
     "Batch": lambda batch: batch.step(np.zeros((2, 3))),
@@ -518,7 +518,7 @@ THEN: dict[str, Callable[[Any], Any]] = {
     "BalanceVectorEnv": lambda env: env.step(np.zeros((2, 3))),
 }
 
-#: Attributes of which the numbers are looked at. A contact without load has no finite utilization.
+#: Attributes whose numbers are checked. A contact without load has no finite utilization.
 _READABLE = {
     "State": ("ball_position", "tilt", "tilt_components", "yaw", "wheel_speeds", "body_quaternion"),
     "Contacts": (

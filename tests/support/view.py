@@ -1,4 +1,4 @@
-"""A page that is served, and clients that are no browsers."""
+"""A served page, and clients that are not browsers."""
 
 import functools
 import importlib.metadata
@@ -40,7 +40,7 @@ DRAG = {
     "button": "left",
 }
 
-#: What the page of another version would not ask for.
+#: The subprotocol, which the page of another version would not request.
 PROTOCOL = f"viser-v{importlib.metadata.version('viser')}"
 connect = functools.partial(websockets.sync.client.connect, subprotocols=[PROTOCOL])
 
@@ -50,7 +50,7 @@ def packed(**message):
 
 
 def ask(view, function):
-    """What a function says of the session, in the thread that owns it."""
+    """The result of a function of the session, in the thread that owns it."""
     answers = []
     assert view.runner.submit(lambda session: answers.append(function(session)))
     wait_until(lambda: answers)

@@ -2,8 +2,8 @@
 
 import time
 
-#: Seconds after which a start, an answer or an awaited state counts as missing. Other tests and compilers may occupy
-#: every core meanwhile.
+#: Seconds after which a start, a response or an awaited state counts as missing. Other tests and compilers may occupy
+#: every core at the same time.
 LIMIT = 120.0
 
 

@@ -1,1 +1,1 @@
-"""What `tools/generate.py` writes, one module for each kind of output."""
+"""Output of `tools/generate.py`, one module for each kind."""

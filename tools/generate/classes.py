@@ -251,7 +251,7 @@ Of the episode so far, in every info and from `metrics()`. NaN where it is too s
 
 
 def _info(task: str) -> str:
-    """What the section on infos says."""
+    """The section on infos."""
     metrics = "; the metrics" if TASKS[task]["metrics"] else ""
     return _paragraph(
         "The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here "

@@ -1,4 +1,4 @@
-"""`_core.pyi`: its docstrings, which are the core's, and the arguments that the core has in tables."""
+"""`_core.pyi`: its docstrings, taken from the core, and the arguments in the core's tables."""
 
 import ast
 import inspect
@@ -16,7 +16,7 @@ OWNER = re.compile(r"^class (\w+)", re.MULTILINE)
 
 
 def filled(text: str) -> str:
-    """The stub with its generated parts written anew."""
+    """The stub with its generated parts regenerated."""
 
     def block(match: re.Match[str]) -> str:
         indent, what = match[1], match[2]
@@ -29,7 +29,7 @@ def filled(text: str) -> str:
 
 
 def _parameters() -> tuple[list[str], dict[str, Any]]:
-    """Names of the parameters that must be given, and the defaults of the others."""
+    """Names of the required parameters, and the defaults of the others."""
     everything: Any = Params.paper().to_dict()
     required = [name for name in everything if _is_refused({**everything, name: None})]
     defaults: Any = Params(**{name: everything[name] for name in required}).to_dict()
@@ -45,7 +45,7 @@ def _is_refused(fields: dict[str, Any]) -> bool:
 
 
 def _default(value: Any) -> str:
-    """A default; those of arrays are in the comment of the parameter, where lines stay short."""
+    """A default; defaults of arrays are in the comment of the parameter, where lines stay short."""
     return "..." if isinstance(value, (list, tuple)) else repr(value)
 
 
@@ -108,7 +108,7 @@ def _lqr() -> list[str]:
 
 
 def _with_docstrings(text: str) -> str:
-    """The stub with the docstrings that the core has, whatever it had before."""
+    """The stub with its docstrings replaced by the core's."""
     lines = text.splitlines()
     # From the end, so that the lines above keep their numbers.
     for name, node in reversed(list(_documented(ast.parse(text).body, ""))):
@@ -116,7 +116,7 @@ def _with_docstrings(text: str) -> str:
         for part in name.split("."):
             owner = getattr(owner, part)
         found = inspect.getdoc(owner)
-        # Python's own docstrings of special methods are not ours.
+        # Docstrings of special methods are Python's, not ours.
         if found is None or node.name.startswith("__"):
             continue
         indent = " " * (node.col_offset + 4)
@@ -138,7 +138,7 @@ def _quoted(text: str) -> str:
 
 
 def _documented(nodes: list[ast.stmt], prefix: str) -> Any:
-    """Public classes and functions with their names; of overloads none."""
+    """Public classes and functions with their names, without overloads."""
     for node in nodes:
         if isinstance(node, ast.ClassDef) and not node.name.startswith("_"):
             yield node.name, node

@@ -17,7 +17,7 @@ from ballbot_rs._core import (
     Batch,
 )
 
-#: Options that every task has: name, type, unit, limit, what it is. Defaults are those of a batch.
+#: Options that every task has: name, type, unit, limit, description. Defaults are those of a batch.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
      "The robot: parameters, the name of a preset, or the path of a TOML file."),
@@ -54,7 +54,7 @@ COMMON = (
 
 
 def number(value: float) -> str:
-    """A number as documentation has it."""
+    """A number as in the documentation."""
     if value == math.pi:
         return "pi"
     return f"{value:.6g}" if value else "0"
@@ -66,7 +66,7 @@ def values(default: Any) -> str:
 
 
 def class_name(task: str) -> str:
-    """The name of a task as classes and its id have it: balance becomes Balance."""
+    """The name of a task as in classes and its id: balance becomes Balance."""
     return TASKS[task]["id"].partition("/")[2].rpartition("-")[0]
 
 

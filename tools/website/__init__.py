@@ -1,1 +1,1 @@
-"""The pages of docs/ as a site: what is staged for Sphinx, and what Sphinx is given to build it with."""
+"""The pages of docs/ as a site: the staged files for Sphinx, and its configuration and extensions."""

@@ -4,7 +4,7 @@ import inspect
 
 import ballbot_rs
 
-#: Every name of `ballbot_rs.__all__` is in one group; a test holds this.
+#: Every name of `ballbot_rs.__all__` is in one group; a test checks this.
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     "simulator": (
         "Simulator",

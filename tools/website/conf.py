@@ -1,4 +1,4 @@
-"""What Sphinx builds the site with; `tools/build_site.py` calls it."""
+"""Sphinx configuration of the site; `tools/build_site.py` uses it."""
 
 import sys
 from pathlib import Path

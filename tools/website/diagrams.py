@@ -1,4 +1,4 @@
-"""Mermaid's diagrams as SVG, drawn when the site is built."""
+"""Mermaid diagrams as SVG, drawn when the site is built."""
 
 import hashlib
 import re
@@ -10,7 +10,7 @@ BLOCK = re.compile(r"^```mermaid\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 
 
 def drawn(text: str, folder: Path, cache: Path) -> str:
-    """A page with its diagrams as pictures in `folder`, which is beside it; what was drawn before is in `cache`."""
+    """A page with its diagrams as pictures in `folder`, which is next to it; `cache` has earlier pictures."""
 
     def one(found: re.Match[str]) -> str:
         name = f"{hashlib.sha256(found[1].encode()).hexdigest()[:16]}.svg"
@@ -27,6 +27,6 @@ def drawn(text: str, folder: Path, cache: Path) -> str:
 
 
 def _standalone(svg: str) -> str:
-    """An SVG that has a size of its own, as a picture needs it."""
+    """An SVG with an explicit size, which a picture needs."""
     width, height = re.search(r'viewBox="[\d.-]+ [\d.-]+ ([\d.]+) ([\d.]+)"', svg).groups()
     return re.sub(r'width="100%"', f'width="{width}" height="{height}"', svg, count=1)

@@ -1,4 +1,4 @@
-"""The font of mathematics as a style sheet: without a table MATH a browser puts indices where it likes."""
+"""The math font as a style sheet: without a table MATH browsers place indices arbitrarily."""
 
 import base64
 import importlib.resources
@@ -14,7 +14,7 @@ RANGES = (
     (0x2100, 0x214F), (0x2190, 0x21FF), (0x2200, 0x22FF), (0x2308, 0x230B), (0x239B, 0x23B1), (0x27E8, 0x27EB),
     (0x1D400, 0x1D467), (0x1D49C, 0x1D4CF), (0x1D538, 0x1D56B), (0x1D6A8, 0x1D71B), (0x1D7CE, 0x1D7D7),
 )  # fmt: skip
-#: Within the style sheet, as a page that is a file may not read another file.
+#: Inside the style sheet, since a page opened as a file must not read another file.
 SHEET = """@font-face {{
   font-family: "Mathematics";
   src: local("STIX Two Math"), url(data:font/woff;base64,{data}) format("woff");
@@ -23,7 +23,7 @@ SHEET = """@font-face {{
 
 
 def write(sheet: Path) -> None:
-    """Writes a part of STIX Two Math, which ziamath carries, with its table MATH."""
+    """Writes a subset of STIX Two Math, which ziamath includes, with its table MATH."""
     file = importlib.resources.files("ziamath") / "fonts" / "STIXTwoMath-Regular.ttf"
     font = TTFont(BytesIO(file.read_bytes()))
     options = Options()

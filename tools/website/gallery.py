@@ -16,7 +16,7 @@ BLOCK = re.compile(r"^```sh\n(ballbot record [^`]*?-o (gallery/[\w-]+\.webp))\n`
 
 
 def animated(text: str, folder: Path, cache: Path) -> str:
-    """The page with each animation above the command that made it; `folder` is that of the page."""
+    """The page with each animation above the command that made it; `folder` is the page's folder."""
 
     def one(found: re.Match[str]) -> str:
         command, name = found.groups()
@@ -30,7 +30,7 @@ def animated(text: str, folder: Path, cache: Path) -> str:
 
 
 def _made(command: str, cache: Path) -> Path:
-    """The file that a command writes; one of an earlier build if the command and the extension are the same."""
+    """The file that a command writes, reused from an earlier build if the command and the extension are the same."""
     words = shlex.split(command)
     key = hashlib.sha256(f"{words}{Path(_core.__file__).stat().st_mtime_ns}".encode()).hexdigest()[:16]
     kept = cache / f"{key}.webp"

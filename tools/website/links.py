@@ -1,4 +1,4 @@
-"""Links of Markdown pages: to pages, to files of the clone, and whether those of the built site lead somewhere."""
+"""Links of Markdown pages: to pages and to files of the clone, and a check for broken links in the built site."""
 
 import os
 import re
@@ -12,7 +12,7 @@ from website.paths import ROOT
 #: `[text](target)` and `![text](target)`.
 LINK = re.compile(r"(!?\[[^\]]*\])\(([^)\s]+)\)")
 FENCE = re.compile(r"(^```.*?^```$)", flags=re.DOTALL | re.MULTILINE)
-#: What follows an absolute address that can be one.
+#: Pattern of a valid absolute address.
 ADDRESS = re.compile(r"https://[a-z0-9-]+(\.[a-z0-9-]+)+(/[^\s]*)?", flags=re.IGNORECASE)
 DEFINITION = r"\b(?:fn|struct|enum|trait|const|static|type|mod|def|class)\s+{name}\b|^\s*(?:pub\s+)?{name}\s*(?::|=)"
 
@@ -45,7 +45,7 @@ def _target(label: str, target: str, page: str, pages: dict[str, str]) -> str:
 
 
 def _line(label: str, file: Path) -> str:
-    """`#L-12` if the text of the link is a name that line 12 defines."""
+    """`#L-12` if line 12 defines the name in the text of the link."""
     name = re.fullmatch(r"\[`(?:[\w:.]+(?:::|\.))?(\w+)`\]", label)
     if not name or not file.is_file():
         return ""
@@ -55,7 +55,7 @@ def _line(label: str, file: Path) -> str:
 
 
 class _Page(HTMLParser):
-    """Names within a page, and addresses that it asks for."""
+    """Names within a page, and addresses that it requests."""
 
     def __init__(self, text: str) -> None:
         super().__init__()
@@ -73,7 +73,7 @@ class _Page(HTMLParser):
 
 
 def broken(site: Path, but: str = "rust") -> Iterator[str]:
-    """What the pages of a built site ask for and is not there; the folder `but` is not ours, and is not read."""
+    """Broken links of the pages of a built site; the folder `but` is not ours, and is not read."""
     pages = {
         file: _Page(file.read_text(encoding="utf-8"))
         for file in sorted(site.rglob("*.html"))

@@ -1,4 +1,4 @@
-"""Mathematics as MathML, made when the site is built: browsers draw it without scripts or fonts from elsewhere."""
+"""Mathematics as MathML, made when the site is built: browsers draw it without scripts or external fonts."""
 
 import html
 import re
@@ -13,7 +13,7 @@ from sphinx.util import logging
 
 SPACE = "{http://www.w3.org/1998/Math/MathML}"
 ElementTree.register_namespace("", SPACE[1:-1])
-#: What GitHub's renderer takes and the converter does not.
+#: Input that GitHub's renderer accepts and the converter does not.
 INSTEAD = (
     (r"\\cr\b", r"\\\\"),
     (r"\\gt\b", ">"),
@@ -32,7 +32,7 @@ BARS = "|‖∥"
 
 
 def mathml(tex: str, is_block: bool) -> str:
-    """A formula as MathML; raises MathError, which says what is not known."""
+    """A formula as MathML; raises MathError, which names the unknown part."""
     for pattern, replacement in INSTEAD:
         tex = re.sub(pattern, replacement, tex)
     formula = ElementTree.fromstring(
@@ -48,7 +48,7 @@ def mathml(tex: str, is_block: bool) -> str:
 
 
 def _index_beside(element: ElementTree.Element) -> None:
-    """Puts the index of a letter with an accent beside it; the converter has it below."""
+    """Moves the index of an accented letter to its side; the converter puts it below."""
     letter, index, accent = element
     element.tag = f"{SPACE}msub"
     element[:] = [ElementTree.Element(f"{SPACE}mover", accent="true"), index]
@@ -65,7 +65,7 @@ def _close_bars(element: ElementTree.Element) -> None:
 
 
 def _space_functions(element: ElementTree.Element) -> None:
-    """Puts thin spaces around names of functions, but before a bracket and after an operator."""
+    """Puts thin spaces around names of functions, except before a bracket and after an operator."""
     spaced: list[ElementTree.Element] = []
     for child in element:
         before = next((other for other in reversed(spaced) if other.text != APPLICATION), None)

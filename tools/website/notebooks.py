@@ -5,7 +5,7 @@ from typing import Any
 
 
 def page(text: str) -> str:
-    """The cells of a notebook as Markdown; what Python displayed is below each."""
+    """The cells of a notebook as Markdown, each followed by its output."""
     return "\n\n".join(part for cell in json.loads(text)["cells"] for part in _parts(cell)) + "\n"
 
 

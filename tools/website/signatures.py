@@ -1,4 +1,4 @@
-"""Docstrings and signatures as Sphinx takes them: Markdown in the ones, types of the extension's stub in the others."""
+"""Docstrings (Markdown) and signatures (with types of the extension's stub) in the form that Sphinx takes."""
 
 import ast
 import re
@@ -13,7 +13,7 @@ from website.paths import ROOT
 STUB = ROOT / "python" / "ballbot_rs" / "_core.pyi"
 BLOCK = re.compile(r"^```\w*\n(.*?)^```$", flags=re.DOTALL | re.MULTILINE)
 CODE = re.compile(r"(^```.*?^```$|`[^`]+`)", flags=re.DOTALL | re.MULTILINE)
-#: Outside backticks these mean something in reStructuredText.
+#: Outside backticks these have a meaning in reStructuredText.
 MARKUP = re.compile(r"([*|]|(?<=\w)_(?!\w))")
 
 
@@ -36,7 +36,7 @@ def signatures(stub: Path) -> dict[str, tuple[str, str | None] | None]:
 
 
 class _Spelled(ast.NodeTransformer):
-    """Puts what private names of types stand for in their places."""
+    """Replaces private type names by the types that they denote."""
 
     def __init__(self, aliases: dict[str, ast.expr]) -> None:
         self._aliases = {name: value for name, value in aliases.items() if name.startswith("_")}
@@ -59,9 +59,9 @@ def _is(node: ast.FunctionDef, decorator: str) -> bool:
 
 
 def restructured(text: str) -> str:
-    """A docstring with Markdown's blocks of code, and stars, bars and underscores that mean nothing."""
+    """A docstring with converted Markdown code blocks, and escaped stars, bars and underscores."""
     parts = CODE.split(text)
-    # A letter after the closing backtick would undo it, as in the plural of a name.
+    # A letter after the closing backtick would cancel it, as in the plural of a name.
     parts[2::2] = ["\\ " + part if part[:1].isalpha() else part for part in parts[2::2]]
     parts[::2] = [MARKUP.sub(r"\\\1", part) for part in parts[::2]]
     return BLOCK.sub(lambda block: "::\n\n" + textwrap.indent(block[1], "    "), "".join(parts))
@@ -79,6 +79,6 @@ def setup(app: Sphinx) -> dict[str, bool]:
         return known.get(name.removeprefix("ballbot_rs."))
 
     app.connect("autodoc-process-signature", signature)
-    # Before napoleon's, which makes its own markup.
+    # Before napoleon, which makes its own markup.
     app.connect("autodoc-process-docstring", _docstring, priority=400)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

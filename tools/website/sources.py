@@ -1,4 +1,4 @@
-"""Files of the clone that pages link to, highlighted, as pages of the site; and links to the documentation of Rust."""
+"""Highlighted files of the clone that pages link to, as pages of the site; and links to the Rust documentation."""
 
 from collections.abc import Iterator
 from pathlib import Path
@@ -37,7 +37,7 @@ def _highlighted(path: str) -> str:
         lexer = get_lexer_for_filename(file.name, stripnl=False)
     except ClassNotFound:
         lexer = TextLexer(stripnl=False)
-    # `linespans` names the lines, so that a link to one can show it.
+    # `linespans` names the lines, so that a link can point to a line.
     formatter = HtmlFormatter(linespans="L", wrapcode=True)
     return f"<h1>{path}</h1>{highlight(file.read_text(encoding='utf-8'), lexer, formatter)}"
 

@@ -1,4 +1,4 @@
-"""The folder that Sphinx reads: the pages of docs/, a few of elsewhere, what is generated, and the menu."""
+"""The folder that Sphinx reads: the pages of docs/, a few other pages, generated pages, and the menu."""
 
 import re
 import shutil
@@ -12,7 +12,7 @@ SECTION = re.compile(r"^## (.+)$", flags=re.MULTILINE)
 
 
 def write(folder: Path, cache: Path, has_rust: bool) -> None:
-    """Writes everything anew; `has_rust`: the documentation of the core will be beside it."""
+    """Writes everything from scratch; `has_rust`: the core's documentation will be next to it."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.md"))
     pages = staged()
@@ -24,7 +24,7 @@ def write(folder: Path, cache: Path, has_rust: bool) -> None:
             text = notebooks.page(text)
         text = rewritten(text, origin, pages)
         if "```mermaid" in text:
-            # What draws is installed for the site alone.
+            # The drawing packages are installed only for the site.
             from website import diagrams
 
             text = diagrams.drawn(text, file.parent / "diagrams", cache)
@@ -66,7 +66,7 @@ def _origin(target: str) -> str:
 
 
 def menu(index: str, reference: list[str]) -> str:
-    """The menu that follows from the sections of docs/index.md, with the generated pages, those of the API by name."""
+    """The menu from the sections of docs/index.md, with the generated pages; API pages by name."""
     sections = {title: [page.removesuffix(".md") for page in pages] for title, pages in listed(index).items()}
     text = ""
     for title, pages in sections.items():

@@ -11,7 +11,7 @@ from validation.mechanics import unstable_pole
 
 
 def accuracy(robot: AnyRobot, headings: int) -> dict[str, Any]:
-    """Probes of the paper's robot in an engine at yaw 0 and over evenly spaced headings, beside the closed forms."""
+    """Probes of the paper's robot in an engine at yaw 0 and over evenly spaced headings, versus the closed forms."""
     geometry = robot_geometry()
     params = geometry.params
     yaws = np.linspace(0.0, 2.0 * np.pi, headings, endpoint=False)

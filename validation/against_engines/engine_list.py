@@ -1,4 +1,4 @@
-"""The paper's robot in every engine, all at one time step, and how each is drawn."""
+"""The paper's robot in every engine, all at one time step, and its style in figures."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,7 +11,7 @@ from validation.engines.installed import missing
 from validation.engines.our_robot import OurRobot
 
 SIM_DT = 1e-3
-#: Of Bullet's solver: growth and loads have converged long before, the limit of grip never does.
+#: Iterations of Bullet's solver: growth and loads have converged long before, the slip limit never does.
 _BULLET_ITERATIONS = 50
 
 SPATIAL, CONTACT, RIGID = "spatial", "contact", "rigid"
@@ -26,7 +26,7 @@ DASHES = {ROLLING: (0, (4, 3)), TURNED: (0, (4, 1.5)), STOCK: (0, (1, 1)), BULLE
 
 @dataclass(frozen=True)
 class Engine:
-    """Its name for readers, and how to make a robot in it; or why there is none."""
+    """Its display name, and how to make a robot in it; or why it is missing."""
 
     name: str
     make: Callable[[bb.Params], AnyRobot]
@@ -34,7 +34,7 @@ class Engine:
 
 
 def engines() -> list[Engine]:
-    """All; those not installed with the reason."""
+    """All engines; missing engines with the reason."""
     mujoco, bullet = missing("mujoco"), missing("pybullet")
     return [
         *(Engine(model, partial(_ours, model)) for model in (SPATIAL, CONTACT, RIGID)),
@@ -46,7 +46,7 @@ def engines() -> list[Engine]:
 
 
 def absent(found: list[Engine]) -> tuple[str, ...]:
-    """The engines that are not there, and why."""
+    """The missing engines, and why."""
     return tuple(f"{engine.name} is {engine.reason}" for engine in found if engine.reason)
 
 

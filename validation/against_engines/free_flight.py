@@ -24,7 +24,8 @@ if TYPE_CHECKING:
 _SECONDS, _SAMPLES = 0.5, 50
 _TORQUES = np.array([0.01, 0.02, -0.03])
 _STEPS = (2e-3, 1e-3, 5e-4, 2.5e-4)
-#: Of each part of the state, relative to its size: at the smallest step, and extrapolated from the two smallest.
+#: Error limits of each part of the state, relative to its size: at the smallest step, and extrapolated from the two
+#: smallest steps.
 _LIMITS = {CONTACT: (1e-3, 1e-6), RIGID: (1e-3, 1e-6)}
 _PARTS = {"origin": slice(0, 3), "attitude": slice(3, 7), "rate": slice(7, 10), "wheel speeds": slice(10, 13)}
 
@@ -94,7 +95,7 @@ def _thrown(robot: OurRobot, start: bb.State) -> Array:
 
 
 def _error(found: Array, reference: Array) -> float:
-    """Largest over the parts of the state, each relative to its size."""
+    """Largest error over the parts of the state, each relative to its size."""
     return max(
         float(np.linalg.norm(found[part] - reference[part]) / np.linalg.norm(reference[part]))
         for part in _PARTS.values()

@@ -55,7 +55,7 @@ _FEWER = {ROLLING: (6, 2)}
 _TILT = 1e-4
 _LARGER = {TURNED: 1e-3, STOCK: 1e-3, BULLET: 1e-3}
 _FALL, _FALL_SECONDS = np.radians(1.0), 0.6
-#: How far from 2 the energy errors at a step and at half of it may be, relative.
+#: Allowed relative deviation from 2 of the ratio of energy errors at a step and at half of it.
 _HALVES = {CONTACT: 5e-3, RIGID: 5e-3}
 #: Limits of growth rate, load, grip and energy, relative.
 _LIMITS = {
@@ -67,7 +67,7 @@ _LIMITS = {
 
 
 class Measured:
-    """One engine's outcomes; each over closed form minus one."""
+    """One engine's results: each is its ratio to the closed form, minus one."""
 
     def __init__(self, engine: Engine, params: bb.Params, pole: float) -> None:
         model = robot_geometry(params)
@@ -78,7 +78,7 @@ class Measured:
         towards = 0.2 + 2.0 * np.pi * np.arange(azimuths) / azimuths
 
         def fresh(probe: Callable[[AnyRobot], Result]) -> Result:
-            # Bullet's contacts remember what was before a reset.
+            # Bullet's contacts keep memory across a reset.
             robot = engine.make(params)
             try:
                 return probe(robot)

@@ -8,7 +8,7 @@ from ballbot_rs.engines.robot_geometry import Array
 from validation.against_engines.urdf_readers import BALL, BOT
 from validation.engines.rotations import matrix
 
-#: Difference quotient along the motion for the constraints' change, s.
+#: Step of the difference quotient along the motion for the constraints' rate, s.
 _AHEAD = 1e-5
 #: Rows of the constraints: normal and drive direction of each wheel, then the floor.
 _NORMAL, _DRIVE, _FLOOR = slice(0, 3), slice(3, 6), slice(6, 9)
@@ -19,8 +19,8 @@ class MujocoRolling:
 
     They keep the nine velocity constraints J(q)v = 0: no motion of the ball's lowest point, none between wheel and ball
     along the normal and the drive direction. With MuJoCo's M, bias b and Jacobians,
-    λ = (J M⁻¹ Jᵀ)⁻¹ (−J̇v − J M⁻¹(τ − b)). Nothing of our equations of motion is in it.
-    If not `touching`, ball and bot fly past each other and the floor.
+    λ = (J M⁻¹ Jᵀ)⁻¹ (−J̇v − J M⁻¹(τ − b)). It uses none of our equations of motion.
+    If not `touching`, ball and bot pass through each other and the floor.
     """
 
     def __init__(self, params: bb.Params, sim_dt: float, touching: bool = True) -> None:
@@ -41,7 +41,7 @@ class MujocoRolling:
         self._forces, self._torques = np.zeros(9), np.zeros(3)
 
     def reset(self, state: bb.State) -> None:
-        """Starts anew from `state`."""
+        """Restarts from `state`."""
         mujoco.mj_resetData(self.model, self.data)
         body = (state.body_position, state.body_quaternion, state.wheel_angles)
         self.data.qpos[:] = np.concatenate([*body, state.ball_position, state.ball_quaternion])
@@ -93,7 +93,7 @@ class MujocoRolling:
         rows[_FLOOR] = self._jacobian(data, center - [0.0, 0.0, self._radius], self._ball)
         up = data.xmat[self._body].reshape(3, 3)[:, 2]
         for i, wheel in enumerate(self._wheels):
-            # Of the bot's own frame, as the two bodies' origins may part by what the integrator errs.
+            # Relative to the bot's own frame, as the two bodies' origins may drift apart by the integration error.
             normal = data.xpos[wheel] - data.xpos[self._body]
             normal = normal / np.linalg.norm(normal)
             drive = np.cross(up, normal)

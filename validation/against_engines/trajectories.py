@@ -1,4 +1,4 @@
-"""The same experiment in every engine, and how far each strays from `spatial`."""
+"""The same experiment in every engine, and how far each deviates from `spatial`."""
 
 from collections.abc import Callable
 from typing import TYPE_CHECKING
@@ -59,7 +59,7 @@ class Trajectory:
 def in_all(
     engines: list[Engine], params: bb.Params, start: bb.State, law: Law, seconds: float
 ) -> dict[str, Trajectory]:
-    """One trajectory in each engine that is there, by its name."""
+    """One trajectory in each available engine, by its name."""
     return {e.name: Trajectory(e.make(params), start, law, seconds) for e in engines if not e.reason}
 
 
@@ -73,7 +73,7 @@ def findings(claims: list[Claim], runs: dict[str, Trajectory], engines: list[Eng
 
 
 def tilt_claims(trajectories: dict[str, Trajectory], limits: dict[str, float], when: str = "") -> list[Claim]:
-    """How far tilts stray from those of `spatial`, RMS, for each engine that ran and has a limit (deg)."""
+    """RMS deviation of the tilts from `spatial`, for each engine that ran and has a limit (deg)."""
     claims = []
     for name, limit in limits.items():
         if name in trajectories:
@@ -92,7 +92,7 @@ def load_claims(trajectories: dict[str, Trajectory], limit: float) -> list[Claim
 
 
 def strays_table(trajectories: dict[str, Trajectory]) -> str:
-    """Of each from `spatial`, and of its tilt from `contact`, which shares the others' first-order step."""
+    """Deviation of each from `spatial`, and of its tilt from `contact`, which has the others' first-order step."""
     rows = []
     for name, trajectory in trajectories.items():
         if name == SPATIAL:
@@ -127,7 +127,7 @@ def draw(fig: "Figure", trajectories: dict[str, Trajectory]) -> None:
 
 
 def _limit(left: "Axes", middle: "Axes", exact: Trajectory) -> None:
-    """An engine that falls does not squeeze the others."""
+    """Limits the axis so that an engine that falls does not squeeze the others."""
     top = np.degrees(np.linalg.norm(exact.tilts, axis=1).max())
     left.set_ylim(-0.05 * top, 1.4 * top)
     low, high = 1e3 * exact.positions.min(axis=0), 1e3 * exact.positions.max(axis=0)

@@ -82,7 +82,7 @@ def run() -> Findings:
         fig.colorbar(image, ax=left, shrink=0.8)
         for (engine, found), marker in zip(matrices.items(), "osx", strict=False):
             error = np.abs((found - expected) / scale).ravel()
-            # An exact zero has no place on this axis.
+            # An exact zero does not fit on this axis.
             right.semilogy(np.where(error > 0.0, error, np.nan), marker, markersize=4, fillstyle="none", label=engine)
         right.axhline(np.finfo(float).eps, color="#868e96", linewidth=1, linestyle="--")
         right.set(xlabel="entry of $M$, row by row", ylabel="difference, same scale", ylim=(1e-20, 1e-13))
@@ -112,7 +112,7 @@ def _claims(engine: str, bot: Read, params: bb.Params, states: list[FreeState]) 
     if bot.acceleration is not None:
         found = np.array([bot.acceleration(state) for state in states]).reshape(-1, 3, 3)
         right = np.array([free_acceleration(params, state) for state in states]).reshape(-1, 3, 3)
-        # Origin, rate and wheels, each relative to its own size.
+        # Origin, rate and wheels, each relative to its size.
         largest["free-flight accelerations"] = (np.abs(found - right).max(axis=2) / np.abs(right).max(axis=2)).max()
     return [
         Claim(f"{engine}, {what}: largest difference", float(value), 0.0, _LIMIT, absolute=True)
@@ -146,7 +146,7 @@ def free_mass_matrix(params: bb.Params) -> Array:
 
 
 def free_acceleration(params: bb.Params, s: FreeState) -> Array:
-    """Of the origin (inertial), the rate (body) and the wheel speeds, of the gyrostat in free fall."""
+    """Accelerations of the origin (inertial), the rate (body) and the wheel speeds of the gyrostat in free fall."""
     _, com, inertia = _composite(params)
     axles, turn = robot_geometry(params).axles, matrix(s.quaternion)
     momentum = inertia @ s.rate + params.wheel_inertia * axles.T @ s.wheel_speeds
@@ -158,7 +158,7 @@ def free_acceleration(params: bb.Params, s: FreeState) -> Array:
 
 
 def random_state(rng: np.random.Generator) -> FreeState:
-    """Any attitude, rates of some rad/s, wheels that spin fast."""
+    """Any attitude, rates of some rad/s, fast wheels."""
     quaternion = rng.normal(size=4)
     velocity, rate, angles, torques = rng.normal(size=(4, 3))
     return FreeState(

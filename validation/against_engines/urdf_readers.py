@@ -1,4 +1,4 @@
-"""What Pinocchio, MuJoCo and PyBullet make of assets/bot.urdf, in one frame: the body's."""
+"""assets/bot.urdf as read by Pinocchio, MuJoCo and PyBullet, all in the body frame."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -30,8 +30,8 @@ class FreeState:
 class Read:
     """Four links, the body first, and three joints, in the body frame.
 
-    `mass_matrix` is that of (velocity of the origin, rate, both in the body frame, wheel speeds); `acceleration` that
-    of the origin (inertial), of the rate (body) and of the wheel speeds.
+    `mass_matrix` is for (velocity of the origin, rate, both in the body frame, wheel speeds); `acceleration` for the
+    origin (inertial), the rate (body) and the wheel speeds.
     """
 
     masses: Array
@@ -67,7 +67,7 @@ def pinocchio() -> Read:
 
     def q(s: FreeState) -> Array:
         w, x, y, z = s.quaternion
-        # A continuous joint is the cosine and sine of its angle.
+        # A continuous joint has the cosine and sine of its angle as coordinates.
         circles = np.stack([np.cos(s.wheel_angles), np.sin(s.wheel_angles)], axis=1).ravel()
         return np.concatenate([np.zeros(3), [x, y, z, w], circles])
 
@@ -80,7 +80,7 @@ def pinocchio() -> Read:
         velocity = turn.T @ s.velocity
         v = np.concatenate([velocity, s.rate, s.wheel_speeds])
         a = np.array(pin.aba(model, data, q(s), v, np.concatenate([np.zeros(6), s.torques])))
-        # Of the moving frame's components, not of the point.
+        # The acceleration of components in the moving frame, not of the point.
         a[:3] = turn @ (a[:3] + np.cross(s.rate, velocity))
         return a
 
@@ -139,7 +139,7 @@ def mujoco() -> Read:
 
 
 def pybullet(from_file: bool = True) -> Read:
-    """Base: rate before velocity, which is that of the body link's center of mass; both in the body frame."""
+    """Base: rate before velocity (of the body link's center of mass), both in the body frame."""
     import pybullet as pb
 
     from validation.engines.pybullet_robot import connect
@@ -149,7 +149,7 @@ def pybullet(from_file: bool = True) -> Read:
     infos = [bullet.getDynamicsInfo(bot, link) for link in (-1, *_WHEELS)]
     com = np.array(infos[0][3])
     joints = [bullet.getJointInfo(bot, i) for i in _WHEELS]
-    # From the base's center of mass; the quaternion is that of the inverse rotation.
+    # From the base's center of mass; the quaternion is the inverse rotation.
     at = [np.zeros(3), *(com + np.array(joint[14]) for joint in joints)]
     turns = [np.eye(3), *(matrix(np.roll(joint[15], 1)).T for joint in joints)]
     local = [matrix(np.roll(info[4], 1)) for info in infos]

@@ -56,7 +56,7 @@ def run() -> Findings:
 
 
 def _path(engine: str, terrain: bb.Terrain | None) -> Array:
-    """Places of the ball (3, m) after each control step."""
+    """Positions of the ball (3, m) after each control step."""
     params = bb.Params.paper()
     ours = bb.Ballbot(params, model="rigid" if engine == "rigid" else "contact", sim_dt=_SIM_DT, terrain=terrain)
     ours.place_on_ground(*_PLACE, yaw=_YAW, tilt=None if terrain is not None else (0.05, -0.03))

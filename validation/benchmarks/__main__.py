@@ -18,7 +18,7 @@ _PARTS = {
 
 
 def main() -> None:
-    """Does what the arguments say."""
+    """Runs the command line."""
     parser = argparse.ArgumentParser(prog="python -m validation.benchmarks", description=__doc__)
     parser.add_argument("--quick", action="store_true", help="fewer and shorter rounds: about three minutes")
     parser.add_argument("--only", choices=_PARTS, help="one part; the others stay as the JSON has them")
@@ -38,7 +38,7 @@ def main() -> None:
         for name, measure in _PARTS.items():
             if arguments.only in (None, name):
                 found[name] = measure(arguments.quick)
-                # A part that is measured alone may be of another day or machine than the rest.
+                # A part that is measured separately may be from another day or machine than the rest.
                 found.setdefault("measured", {})[name] = f"`{described['command']}`, {described['date']}"
         found["machine"] = described
         path.write_text(json.dumps(found, indent=1) + "\n", encoding="utf-8")

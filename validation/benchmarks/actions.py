@@ -1,4 +1,4 @@
-"""What larger actions cost: the balance task at growing torques, and robots that have all fallen."""
+"""Cost of larger actions: the balance task at increasing torques, and with all robots fallen."""
 
 from typing import Any
 
@@ -9,9 +9,9 @@ from validation.benchmarks.timing import interleave
 from validation.benchmarks.worker import in_child
 from validation.engines.installed import missing
 
-#: Largest torque of the drawn actions, N·m: half of the least at which a wheel of the upright robot slips, and more.
+#: Largest torque of the sampled actions, N·m: half of the least at which a wheel of the upright robot slips, and more.
 TORQUES = (task.HEADLINE_TORQUE, 0.3, 0.6, 1.0)
-#: The peers that one process steps, and how many robots of each; a robot of PyBullet takes 35 MiB.
+#: The peers that one process steps, and the number of robots of each; a robot of PyBullet takes 35 MiB.
 _PEERS = {"mujoco-batch": 256, "mujoco-dummy": 8, "pybullet-dummy": 8}
 _OURS = 256
 
@@ -65,5 +65,5 @@ def measure_here(plan: list[tuple[str, int]], rounds: int, seconds: float) -> li
 
 
 def settling(robots: int) -> int:
-    """Control steps before the first round: falls come into balance with starts, and few robots have time to fall."""
+    """Control steps before the first round: falls reach equilibrium with starts, and few robots have time to fall."""
     return max(100, 6400 // robots)

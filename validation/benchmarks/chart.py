@@ -1,4 +1,4 @@
-"""The chart of the README: environment steps per second on one core, one bar a simulator."""
+"""The chart of the README: environment steps per second on one core, one bar per simulator."""
 
 import math
 from pathlib import Path

@@ -37,7 +37,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 
 def measure_here(engine: str, quick: bool) -> dict[str, Any]:
-    """Everything about one engine; "yaw 0" is where the throughput is measured, the rest is over all headings."""
+    """All results of one engine; the throughput is measured at "yaw 0", the rest is over all headings."""
     robot: AnyRobot = (
         OurRobot(engine.removeprefix("ours:")) if engine.startswith("ours:") else make_external_robot(engine)
     )
@@ -49,7 +49,7 @@ def measure_here(engine: str, quick: bool) -> dict[str, Any]:
 
 
 def _falls(engine: str) -> float:
-    """Ends of episodes a robot and second under the actions of the throughput, over 2 s of 64 robots."""
+    """Ends of episodes per robot and second under the actions of the throughput, over 2 s of 64 robots."""
     env = simulators.vec_env(_VEC_ENVS.get(engine, engine), 64, 1)
     try:
         env.reset()

@@ -11,19 +11,19 @@ from validation.benchmarks.simulators import Running
 from validation.benchmarks.timing import timed
 
 MODEL = "contact"
-#: Control steps in which all fall, and after which the robots go back to how they lay then: the wheels of a robot on
-#: its side spin ever faster.
+#: Control steps in which all fall, and after which the robots return to their states at that time: the wheels of a
+#: robot on its side spin ever faster.
 SETTLING, CALLS = 300, 200
-#: The share of the robots that must lie on the floor; now and then one hops.
+#: The fraction of the robots that must lie on the floor; now and then a robot hops.
 _LYING = 0.9
 
 
 class Thrashing:
-    """`num_envs` robots on one thread that are stepped on after they have fallen.
+    """`num_envs` robots on one thread that are stepped after they have fallen.
 
-    A fall ends an episode whatever `fall_tilt` is, so each step begins an episode in the state in which the last one
-    ended. A state has no contact forces: the step finds them anew. A robot that has sunk deeper into the floor than an
-    episode may begin goes back to where its last step began.
+    A fall ends an episode whatever `fall_tilt` is, so each step begins an episode in the final state of the last
+    episode. A state has no contact forces: the step solves for them again. A robot that has sunk too deep into the
+    floor for the start of an episode returns to the start of its last step.
     """
 
     def __init__(self, num_envs: int) -> None:
@@ -49,7 +49,7 @@ class Thrashing:
         self.batch.step(next(self._actions))
 
     def go_on(self) -> None:
-        """Begins episodes where the last ones ended."""
+        """Begins episodes at the ends of the last episodes."""
         ended = self._states()
         try:
             self.batch.reset(starts=ended)
@@ -58,7 +58,7 @@ class Thrashing:
         self._starts = ended
 
     def before(self) -> None:
-        """What goes before a step that is timed."""
+        """Preparation before a timed step."""
         self._shares.append(self.lying())
         if next(self._calls) % CALLS == 0:
             self._starts = list(self._settled)
@@ -67,14 +67,14 @@ class Thrashing:
             self.go_on()
 
     def lying(self) -> float:
-        """Share of the robots whose body or wheels touched the floor in the last time step."""
+        """Fraction of the robots whose body or wheels touched the floor in the last time step."""
         return float(np.mean(self.batch.contacts()["bot_on_floor"]))
 
     def found(self) -> dict[str, Any]:
-        """Smallest and mean share of the robots that lay on the floor at the end of a step.
+        """Smallest and mean fraction of the robots that lay on the floor at the end of a step.
 
         Raises:
-            RuntimeError: too few did.
+            RuntimeError: too few robots lay on the floor.
         """
         smallest, mean = min(self._shares), float(np.mean(self._shares))
         if mean < _LYING:

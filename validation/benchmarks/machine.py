@@ -1,4 +1,4 @@
-"""What the numbers were measured on and with."""
+"""Hardware and software of the measurements."""
 
 import datetime
 import importlib.metadata

@@ -1,4 +1,4 @@
-"""Memory that one more robot takes: growth of the resident set over many robots, in a process of their own."""
+"""Memory per additional robot: growth of the resident set over many robots, in a separate process."""
 
 import gc
 import os
@@ -14,7 +14,7 @@ from validation.engines.installed import missing
 
 
 def measure(quick: bool) -> list[dict[str, Any]]:
-    """Rows of simulator, robots and bytes a robot, or the reason of absence."""
+    """Rows of simulator, robots and bytes per robot, or the reason of absence."""
     many = 1024 if quick else 4096
     plan = [(f"ours:{model}", many) for model in known_models()]
     plan += [("mujoco-batch", many), ("mujoco-dummy", 256), ("pybullet-dummy", 64)]
@@ -32,7 +32,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
 
 
 def measure_here(simulator: str, robots: int) -> dict[str, Any]:
-    """Bytes a robot: what `robots` of them add after a step, once a few have made the process load everything."""
+    """Bytes per robot: growth by `robots` robots after a step, once a few have made the process load everything."""
     few = simulators.environment(simulator, 4, 1)
     few.run()
     gc.collect()

@@ -38,7 +38,7 @@ class MujocoBatch:
         self._rest = np.array(model.qpos0)
 
     def start(self, rng: np.random.Generator, which: npt.NDArray[np.intp]) -> None:
-        """Draws new first states for the robots `which`."""
+        """Samples new initial states for the robots `which`."""
         starts = task.draw_starts(self.robot, rng, len(which))
         qpos = np.tile(self._rest, (len(which), 1))
         qpos[:, BODY_QUATERNION] = starts.attitude
@@ -100,7 +100,7 @@ class MujocoVecEnv(VecEnv):
         return [getattr(self, attr_name, None) for _ in self._get_indices(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:  # noqa: ARG002
-        """Nothing of it can be set."""
+        """No attribute can be set."""
         raise AttributeError(attr_name)
 
     def env_method(self, method_name: str, *_: Any, **__: Any) -> list[Any]:
@@ -108,7 +108,7 @@ class MujocoVecEnv(VecEnv):
         raise AttributeError(method_name)
 
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:  # noqa: ARG002
-        """False: there is nothing around the environments."""
+        """False: the environments have no wrappers."""
         return [False for _ in self._get_indices(indices)]
 
     def get_images(self) -> Sequence[npt.NDArray[np.uint8] | None]:

@@ -1,4 +1,4 @@
-"""Names of the simulators for readers, and the rows that stand for them."""
+"""Display names of the simulators, and the rows that represent them."""
 
 from typing import Any
 
@@ -14,7 +14,7 @@ _LABELS = {
 
 
 def label(simulator: str, quantity: str = "environment") -> str:
-    """A simulator's name for readers; where physics is measured, there is no environment around it."""
+    """A simulator's display name; where physics is measured, there is no environment around it."""
     if quantity == "physics" and not simulator.startswith("ours:"):
         return {"mujoco-batch": "MuJoCo batch"}.get(simulator, _LABELS.get(simulator.partition("-")[0], simulator))
     if simulator.startswith("ours:"):

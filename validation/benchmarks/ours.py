@@ -1,4 +1,4 @@
-"""This simulator, as the benchmark asks for it."""
+"""This simulator, set up for the benchmark."""
 
 from typing import Any
 
@@ -6,12 +6,12 @@ import ballbot_rs as bb
 from ballbot_rs._core import MODELS
 from validation.benchmarks import task
 
-#: Models to benchmark, the most interesting first; one that this build does not know is left out.
+#: Models to benchmark, the most interesting first; models that this build does not have are omitted.
 WANTED = ("contact", "rigid", "spatial")
 
 
 def known_models(wanted: tuple[str, ...] = WANTED) -> list[str]:
-    """Those of `wanted` that this build knows, with a printed line for each that it does not."""
+    """The models of `wanted` that this build has, with a printed line for each that it does not."""
     for model in wanted:
         if model not in MODELS:
             print(f"model '{model}' is not in this build: left out", flush=True)
@@ -19,6 +19,6 @@ def known_models(wanted: tuple[str, ...] = WANTED) -> list[str]:
 
 
 def make_env(model: str, num_envs: int, num_threads: int, **options: Any) -> bb.BallbotVecEnv:
-    """The balance task of `num_envs` robots on `num_threads` threads, started as those of the other engines are."""
+    """The balance task of `num_envs` robots on `num_threads` threads, started as in the other engines."""
     options = {"reset_yaw": task.RESET_YAW, "max_wheel_torque": task.MAX_TORQUE} | options
     return bb.BallbotVecEnv(num_envs=num_envs, model=model, num_threads=num_threads, seed=0, **options)

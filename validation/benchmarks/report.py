@@ -1,4 +1,4 @@
-"""The Markdown report, made from the JSON alone."""
+"""The Markdown report, made only from the JSON."""
 
 from typing import Any
 
@@ -28,7 +28,7 @@ smallest and the largest. One core means a process pinned to one core; linear al
 
 
 def markdown(found: dict[str, Any]) -> str:
-    """The report of everything that `found` has."""
+    """The report of everything in `found`."""
     machine = found["machine"]
     versions = ", ".join(f"{name} {version}" for name, version in machine["versions"].items())
     load = machine["load_before"]
@@ -94,7 +94,7 @@ def _throughput(rows: Rows) -> str:
 
 
 def _actions(rows: Rows) -> str:
-    """One table: a row a simulator, a column an action size; in parentheses what it is beside the MuJoCo batch."""
+    """One table: a row per simulator, a column per action size; in parentheses the ratio to the MuJoCo batch."""
     at = [r for r in rows if "median" in r]
     driven = [r for r in at if r["case"] == "driven"]
     torques = sorted({r["torque"] for r in driven})
@@ -244,6 +244,6 @@ def _memory(rows: Rows) -> str:
 
 
 def summary(throughput: Rows) -> str:
-    """One line a simulator, for the terminal."""
+    """One line per simulator, for the terminal."""
     rows = sorted(strongest(throughput, "environment", 1), key=lambda r: -float(r["median"]))
     return "\n".join(f"{label(r['simulator']):36} {r['median']:>12,.0f} environment steps/s on one core" for r in rows)

@@ -1,4 +1,4 @@
-"""Every simulator behind one name, and why one is missing."""
+"""Every simulator by name, and why a simulator is missing."""
 
 import contextlib
 import dataclasses
@@ -15,13 +15,13 @@ from validation.benchmarks import ours, task
 from validation.benchmarks.timing import Run, timed
 from validation.engines.steps import SIM_DT, SUBSTEPS
 
-#: Time steps in one call of a raw run, and calls before its robots are put upright again: 0.2 s, none falls.
+#: Time steps in one call of a raw run, and calls before its robots are reset upright: 0.2 s, no robot falls.
 RAW_SUBSTEPS, RAW_CALLS = 25, 4
 
 
 @dataclasses.dataclass
 class Running:
-    """A simulator that was built: `run` advances it, `close` ends it, `found` is what else it tells of itself."""
+    """A constructed simulator: `run` advances it, `close` ends it, `found` has its other results."""
 
     run: Run
     close: Callable[[], None]
@@ -33,7 +33,7 @@ def environment(
 ) -> Running:
     """A `VecEnv` of the balance task under the common actions of ±`torque`; a run is one step of all environments.
 
-    Before, there are `settling` steps; the second half of them tells how often a robot falls.
+    `settling` steps come first; their second half gives the rate of falls.
     """
     env = vec_env(simulator, num_envs, num_threads)
     actions = itertools.cycle(task.make_actions(64, num_envs, torque))
@@ -63,12 +63,12 @@ def vec_env(simulator: str, num_envs: int, num_threads: int) -> Any:
     from validation.benchmarks.gym_env import ExternalEnv
 
     makers: list[Callable[[], gymnasium.Env[Any, Any]]] = [partial(ExternalEnv, kind, i) for i in range(num_envs)]
-    # Other ways to start a process import PyTorch once an environment, which takes minutes.
+    # Other start methods import PyTorch once per environment, which takes minutes.
     return DummyVecEnv(makers) if way == "dummy" else SubprocVecEnv(makers, start_method="fork")
 
 
 def physics(simulator: str, num_envs: int, num_threads: int) -> Running:
-    """The engine alone: a run is `RAW_SUBSTEPS` time steps of all robots; now and then they start again."""
+    """Only the engine: a run is `RAW_SUBSTEPS` time steps of all robots, with occasional resets."""
     if simulator == "mujoco-batch":
         return _mujoco_physics(num_envs, num_threads)
     if simulator == "pybullet-dummy":

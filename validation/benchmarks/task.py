@@ -1,6 +1,6 @@
 """The balance task for the other engines, in NumPy, for any number of robots: start, observation, reward, end.
 
-The definition is that of `ballbot_rs.BalanceEnv`. This is a second derivation, independent of the Rust core on purpose:
+The definition is the same as `ballbot_rs.BalanceEnv`, deliberately derived independently of the Rust core:
 `comparability.task_error` compares the two number by number, and agreement is evidence. Do not replace it by calls of
 the core.
 """
@@ -16,15 +16,15 @@ from validation.engines.rotations import attitude, to_body
 Floats = npt.NDArray[np.float32]
 
 MAX_TORQUE = 1.0  # of an action of 1, N·m
-HEADLINE_TORQUE = 0.1  # largest of the actions unless something else is said, N·m
+HEADLINE_TORQUE = 0.1  # default torque limit of the actions, N·m
 MAX_EPISODE_STEPS = 1000
 FALL_TILT = np.radians(20.0)
 RESET_TILT, RESET_SPEED, RESET_RATE = np.radians(5.0), 0.1, 0.2  # rad, m/s, rad/s
-#: Every simulator starts at this yaw, rad: it is where MuJoCo's friction directions are those of the wheels.
+#: Every simulator starts at this yaw, rad, where MuJoCo's friction directions coincide with those of the wheels.
 RESET_YAW = 0.0
 SUCCESS_RADIUS = 0.1  # m
 
-#: Bounds of the rows of an observation, their values at rest upright, and the magnitudes over which they are divided.
+#: Bounds of the rows of an observation, their values at rest upright, and the magnitudes that divide them.
 _BOUND = np.array([1.0] * 3 + [20.0] * 3 + [200.0] * 3 + [10.0] * 4 + [1.0] * 3)
 _AT_REST = np.array([0.0, 0.0, -1.0] + [0.0] * 13)
 _TYPICAL = np.array([0.1] * 3 + [1.0] * 3 + [5.0] * 3 + [0.1] * 2 + [0.2] * 2 + [0.5] * 3)
@@ -33,7 +33,7 @@ _SCALED_BOUND = 10.0
 
 @dataclasses.dataclass(frozen=True)
 class Sensed:
-    """What the task reads of n robots."""
+    """Quantities that the task reads from n robots."""
 
     attitude: Array  # of the bodies, (n, 4), [w, x, y, z]
     rate: Array  # of the bodies, body frame, (n, 3), rad/s
@@ -49,7 +49,7 @@ class Sensed:
 
 @dataclasses.dataclass(frozen=True)
 class Starts:
-    """First states of n episodes: rolling without slip, the ball at the origin."""
+    """Initial states of n episodes: rolling without slip, the ball at the origin."""
 
     attitude: Array  # (n, 4)
     rate: Array  # (n, 3), body frame, rad/s
@@ -59,13 +59,13 @@ class Starts:
 
 
 def _disc(rng: np.random.Generator, n: int, radius: float) -> Array:
-    """Points drawn evenly from a disc, (n, 2)."""
+    """Points sampled uniformly from a disc, (n, 2)."""
     length, angle = radius * np.sqrt(rng.random(n)), 2.0 * np.pi * rng.random(n)
     return np.stack([length * np.cos(angle), length * np.sin(angle)], axis=1)
 
 
 def draw_starts(robot: RobotGeometry, rng: np.random.Generator, n: int) -> Starts:
-    """First states of n episodes."""
+    """Initial states of n episodes."""
     flat = np.zeros((n, 1))
     yaw = RESET_YAW * rng.uniform(-1.0, 1.0, n)
     quaternions = attitude(_disc(rng, n, RESET_TILT), yaw)
@@ -95,7 +95,7 @@ def observe(sensed: Sensed, last_action: Floats) -> Floats:
     out -= _AT_REST
     out /= _TYPICAL
     np.clip(out, -_SCALED_BOUND, _SCALED_BOUND, out=out)
-    # Only a diverged robot has one; looking is cheaper than replacing.
+    # Only a diverged robot has one; checking is cheaper than replacing.
     return (np.nan_to_num(out, copy=False) if np.isnan(out.sum()) else out).astype(np.float32)
 
 

@@ -1,4 +1,4 @@
-"""How many steps a second: the engine alone, and the balance task through a `VecEnv`."""
+"""Steps per second: the engine by itself, and the balance task through a `VecEnv`."""
 
 from typing import Any
 
@@ -16,7 +16,7 @@ EXTERNAL = {
     "mujoco-subproc": ("mujoco", False),
     "pybullet-subproc": ("pybullet", False),
 }
-#: These step all robots in one call; the others work robot by robot, and more of them are only slower to make.
+#: These step all robots in one call; the others step one by one, and more robots only take longer to make.
 _BATCHED = "mujoco-batch"
 
 
@@ -32,7 +32,7 @@ def measure(quick: bool) -> list[dict[str, Any]]:
             installed.append(name)
     everything = {"rounds": 3 if quick else 11, "seconds": 0.15 if quick else 0.5}
     for threads in sorted({1, len(cores())}):
-        # Separate processes are no way to use one core, and one process none to use many.
+        # Separate processes do not help on one core, and a single process cannot use many.
         fitting = [name for name in installed if name == _BATCHED or EXTERNAL[name][1] == (threads == 1)]
         raw = [name for name in fitting if name == _BATCHED or (name == "pybullet-dummy" and threads == 1)]
         for quantity, names, sizes in (
@@ -65,7 +65,7 @@ def measure_here(
     running: dict[str, simulators.Running] = {}
     build = simulators.environment if quantity == "environment" else simulators.physics
     try:
-        # Processes are forked from this one: before it has threads.
+        # Processes are forked from this process, before it has threads.
         for name, num_envs in sorted(plan, key=lambda item: not item[0].endswith("subproc")):
             key = f"{name}/{num_envs}"
             try:

@@ -1,4 +1,4 @@
-"""Rates measured in interleaved rounds, so that what disturbs the machine disturbs every simulator alike."""
+"""Rates measured in interleaved rounds, so that disturbances of the machine affect every simulator alike."""
 
 import dataclasses
 import statistics
@@ -6,12 +6,12 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-#: Advances everything by one call and returns how many steps that were and the seconds they took.
+#: Advances everything by one call; returns the number of steps and their duration, s.
 Run = Callable[[], tuple[int, float]]
 
 
 def timed(step: Callable[[], Any], steps: int, before: Callable[[], Any] | None = None) -> Run:
-    """A run of a call that makes `steps` steps; the time of `before`, which goes first, does not count."""
+    """A run of a call that makes `steps` steps; the time of `before`, which is called first, does not count."""
 
     def run() -> tuple[int, float]:
         if before is not None:
@@ -47,7 +47,7 @@ def _round(run: Run, seconds: float) -> float:
 
 
 def interleave(runs: Mapping[str, Run], rounds: int, seconds: float) -> dict[str, Rate]:
-    """Rate of each run over `rounds` rounds of about `seconds` each, after one of a third as warm-up."""
+    """Rate of each run over `rounds` rounds of about `seconds` each, after a warm-up round of a third."""
     found: dict[str, list[float]] = {name: [] for name in runs}
     for run in runs.values():
         _round(run, seconds / 3.0)

@@ -1,4 +1,4 @@
-"""A measurement in a process of its own: on the cores and threads it is given, its memory its own.
+"""A measurement in a separate process, with its own memory, on given cores and threads.
 
 `python -m validation.benchmarks.worker function result.json '{"argument": ...}'`, started by `in_child`.
 """
@@ -12,7 +12,7 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-#: Libraries of linear algebra start threads of their own, which no simulator here has use for.
+#: Linear algebra libraries start their own threads, which no simulator here uses.
 _ONE_THREAD = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"), "1")
 
 

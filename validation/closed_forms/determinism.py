@@ -22,7 +22,7 @@ _ROOT = Path(__file__).parents[2]
 
 
 def run() -> Findings:
-    """Counts the runs whose digest differs from that of the first."""
+    """Counts the runs whose digest differs from the first."""
     claims = []
     for model in _MODELS:
         first = digest(model, 1)
@@ -36,7 +36,7 @@ def run() -> Findings:
 
 
 def digest(model: str, threads: int) -> str:
-    """SHA-256 of all that a batch and a single robot give."""
+    """SHA-256 of all results of a batch and a single robot."""
     found = hashlib.sha256()
     envs = bb.BalanceVectorEnv(_ENVS, num_threads=threads, model=model, max_episode_steps=40, reset_tilt=0.2)
     found.update(envs.reset(seed=7)[0].tobytes())

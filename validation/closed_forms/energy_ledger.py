@@ -33,12 +33,12 @@ _ENTRIES = ("energy", "motors", "wheel slip", "floor slip", "viscous")
 _LIMITS = {"spatial": 1e-6, "contact": 2e-4, "rigid": 2e-4}
 #: A contact slips above this, m/s.
 _SLIPS = 1e-3
-#: Share of the turnover that contacts which hold may give, by turning within a step.
+#: Fraction of the turnover that sticking contacts may give, by turning within a step.
 _GIVEN = {"contact": 1e-3, "rigid": 2e-4}
 
 
 class Given(NamedTuple):
-    """What friction gave instead of taking it: largest power where it slips (W), all energy where it holds (J)."""
+    """Energy that friction gave instead of dissipating: largest power in slip (W), total energy in stick (J)."""
 
     slipping: float
     holding: float
@@ -77,7 +77,7 @@ def run() -> Findings:
 
 
 def ledger(model: str, sim_dt: float) -> tuple[Array, Given]:
-    """A row a step of [`_ENTRIES`], each summed since the start, J; and what friction gave."""
+    """One row per step of [`_ENTRIES`], each summed since the start, J; and the energy that friction gave."""
     params = bb.Params.paper().replace(
         ball_viscous_friction=2.0, wheel_viscous_friction=1e-4, wheel_static_friction=0.4, wheel_dynamic_friction=0.35
     )
@@ -119,7 +119,7 @@ def ledger(model: str, sim_dt: float) -> tuple[Array, Given]:
 
 
 def gap_of(entries: Array) -> Array:
-    """What the ledger lacks, J."""
+    """Imbalance of the ledger, J."""
     return np.asarray(entries[:, 0] - entries[:, 1] + entries[:, 2:].sum(axis=1))
 
 

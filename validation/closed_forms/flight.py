@@ -22,10 +22,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 _HEIGHT, _DT, _STEPS = 0.1, 1e-3, 400
-#: What counts as the landing, s, and the share of the momentum that is left at its end.
+#: Duration of the landing, s, and the fraction of the momentum that is left at its end.
 _LANDING, _LEFT = 0.01, 0.01
 #: Of speed (m/s) and height (m) in the fall, impulses up to any time and over the run, impulse of the landing, its
-#: length (s), and the speed back up over that of the touchdown.
+#: length (s), and the ratio of the speed back up to the touchdown speed.
 _LIMITS = {
     "contact": (5e-14, 5e-15, 1e-12, 1e-12, 1e-5, 0.003, 1e-4),
     "rigid": (5e-14, 5e-15, 1e-12, 1e-12, 1e-5, 0.003, 1e-4),

@@ -27,7 +27,7 @@ if TYPE_CHECKING:
 
 _MU = 0.3
 _YAWS = np.radians(np.arange(0.0, 360.0, 15.0))
-#: Of the torque, and of its spread over the headings, as shares of it.
+#: Relative limits of the torque's error, and of its spread over the headings.
 _LIMITS = {"contact": (2e-3, 3e-6), "rigid": (2e-3, 3e-6)}
 
 
@@ -67,7 +67,7 @@ def run() -> Findings:
 
 
 def slip_torque(params: bb.Params) -> float:
-    """Torque, the same for all wheels, at which they break loose, N·m."""
+    """Torque, equal on all wheels, at which they break loose, N·m."""
     return params.wheel_static_friction * probes.resting_load(params) / traction_share(params)
 
 
@@ -85,10 +85,10 @@ def traction_share(params: bb.Params) -> float:
 
 
 def grips(params: bb.Params, model: str, yaw: float, torque: float) -> bool:
-    """Whether no wheel slips 30 ms after three equal torques were put on."""
+    """Whether no wheel slips 30 ms after three equal torques are applied."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.reset(bb.State.at_rest(robot.params, tilt=(0.0, 0.0), yaw=yaw))
-    # The contacts of rapier take their load first.
+    # The contacts of rapier take up their load first.
     robot.step(np.zeros(3), steps=20)
     robot.step(np.full(3, torque), steps=30)
     return float(np.abs(robot.contacts.wheel_slip_speeds).max()) < 1e-3

@@ -31,12 +31,12 @@ from validation.topic import Findings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Tractions and loads of a robot, its tilt and azimuth.
+#: Tractions and loads of a robot, from its tilt and azimuth.
 Forces = Callable[[bb.Params, float, float], tuple[Array, Array]]
 
-#: Of wheel on ball.
+#: Friction coefficients of wheel on ball.
 FRICTIONS = (0.5, 0.6, 0.8, 1.0, 1.1)
-#: Towards which the robot leans; the wheels look the same after 120 deg.
+#: Azimuths of the lean; the wheels repeat after 120 deg.
 AZIMUTHS = np.radians(np.arange(0.0, 120.0, 2.5))
 _LIMITS = {"contact": 1e-3, "rigid": 3e-3}
 
@@ -81,7 +81,7 @@ def run() -> Findings:
 
 
 def robot(friction: float) -> bb.Params:
-    """The robot of Table II with this friction of the wheels, on a floor that holds."""
+    """The robot of Table II with this wheel friction, on a floor with enough friction."""
     return bb.Params.paper().replace(
         wheel_static_friction=friction,
         wheel_dynamic_friction=friction,
@@ -94,7 +94,7 @@ def closed_form(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, 
     """Tractions and loads of a robot that keeps a tilt towards `azimuth` at yaw 0, N."""
     p, alpha = params, params.wheel_zenith
     a, _ = steady_lean(p, tilt)
-    # The side that the robot leans to is 90 deg from the axis that it leans about.
+    # The direction of the lean is 90 deg from its axis.
     betas = np.array(p.wheel_azimuths) - azimuth + 0.5 * np.pi
     moved = (p.ball_mass + p.body_mass + p.ball_inertia / p.ball_radius**2) * a
     shared = p.body_mass * (p.gravity * np.cos(tilt) + a * np.sin(tilt)) / (3.0 * np.cos(alpha))
@@ -104,7 +104,7 @@ def closed_form(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, 
 
 
 def balance(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, Array]:
-    """The same from the torques, the wheels' own inertia, and the bot's balance of forces."""
+    """The same from the torques, the wheels' own inertia, and the bot's force balance."""
     p, geometry = params, robot_geometry(params)
     acceleration, torque = steady_lean(p, tilt)
     state, torques = leaning(p, tilt, azimuth, 0.0, torque)
@@ -128,7 +128,7 @@ def _apart(params: bb.Params) -> float:
 
 
 def largest_tilts(params: bb.Params) -> Array:
-    """Largest tilt that can be held towards each of the azimuths, rad."""
+    """Largest tilt that can be held towards each azimuth, rad."""
     return np.array([_largest(params, float(azimuth), closed_form) for azimuth in AZIMUTHS])
 
 
@@ -141,7 +141,7 @@ def _largest(params: bb.Params, azimuth: float, forces: Forces) -> float:
 
 
 def holds(params: bb.Params, model: str, azimuth: float, tilt: float) -> bool:
-    """Whether no wheel slips 40 ms after the robot was let go under the torques that hold the tilt."""
+    """Whether no wheel slips 40 ms after the robot is released under the torques that hold the tilt."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     _, torque = steady_lean(params, tilt)
     state, torques = leaning(params, tilt, azimuth, 0.0, torque)

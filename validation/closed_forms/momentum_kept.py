@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 _SECONDS, _VELOCITY = 0.4, np.array([0.3, -0.2, 0.0])
 _TORQUES = np.array([0.3, 0.1, 0.2])
 _NAMES = ("horizontal momentum", "angular momentum about the vertical")
-#: Drift of each as a share of what ball and body exchange.
+#: Limit of each drift relative to the momentum that ball and body exchange.
 _LIMITS = {"contact": (3e-14, 3e-2), "rigid": (5e-3, 1e-2)}
 
 
@@ -53,7 +53,7 @@ def run() -> Findings:
 
 
 def topple(model: str, sim_dt: float) -> Array:
-    """Drifts of both after each step (steps, 2), as shares of the momenta that ball and body exchange."""
+    """Drifts of both after each step (steps, 2), relative to the momenta that ball and body exchange."""
     params = bb.Params.paper().replace(floor_static_friction=0.0, floor_dynamic_friction=0.0)
     robot = bb.Ballbot(params, model=model, sim_dt=sim_dt)
     start = bb.State.at_rest(params, tilt=(0.2, -0.1), yaw=0.4)

@@ -25,7 +25,7 @@ _DT, _SECONDS = 0.005, 20.0
 _DEVIATIONS = np.array([0.15, 0.15, 0.1, 0.1, 0.5, 0.4, 0.4, 1.0, 1.0, 2.0])
 _TORQUE = 0.2
 _LIMITS = {"spatial": 1e-6, "contact": 2e-3, "rigid": 2e-3}
-#: Of the starts for single gains, rad and so on, and how long they are followed, s.
+#: Deviations of the starts for single gains, rad and so on, and their simulated time, s.
 _SMALL, _SHORT = 1e-5, 5.0
 _TILTS = np.radians([0.01, 0.1, 0.5, 1.0, 2.0])
 
@@ -57,7 +57,7 @@ def run() -> Findings:
 
 
 def single_gains() -> tuple[float, float]:
-    """Most and least that changing a single gain by 2 % of the largest, up or down, costs, over what is promised."""
+    """Most and least cost, relative to the promise, after changing a single gain by ±2 % of the largest."""
     gain = np.asarray(bb.Lqr(bb.Params.paper(), control_dt=_DT).gain)
     kept, step = ride(gain), 0.02 * float(np.abs(gain).max())
     costs = []
@@ -70,9 +70,9 @@ def single_gains() -> tuple[float, float]:
 
 
 def ride(gain: Array) -> float:
-    """Cost under `gain` from a small deviation of all kinds, over what the regulator promises, in `spatial`."""
+    """Ratio of the cost under `gain` from a small deviation of all kinds to the regulator's promise, in `spatial`."""
     params = bb.Params.paper()
-    # Runge-Kutta at the rate of the control: its error is far below what is looked for.
+    # Runge-Kutta at the control rate: its error is far below the effect of interest.
     robot, regulator = bb.Ballbot(params, model="spatial", sim_dt=_DT), bb.Lqr(params, control_dt=_DT)
     upright = bb.State.at_rest(params, tilt=_SMALL * np.array([0.8, -0.6]), yaw=0.3)
     rates = _SMALL * np.array([2.0, -1.0, 0.0])
@@ -96,12 +96,12 @@ def _cost_of(x: Array, torques: Array) -> float:
 
 
 def cost(model: str, tilt: float, change: float = 1.0) -> float:
-    """Cost of a recovery over what the regulator promises; `change` multiplies its gains."""
+    """Ratio of the cost of a recovery to the regulator's promise; `change` multiplies its gains."""
     params = bb.Params.paper()
     robot, regulator = bb.Ballbot(params, model=model, sim_dt=1e-3), bb.Lqr(params, control_dt=_DT)
     robot.reset(bb.State.at_rest(robot.params, tilt=tilt * np.array([0.8, -0.6]), yaw=0.3))
     gain = change * regulator.gain
-    # A heading error and a position error as large, so that all parts of the cost take part.
+    # An equally large heading error and position error, so that all parts of the cost contribute.
     yaw, position = 0.3 + tilt, tilt * np.array([0.1, 0.05])
     start = regulator.deviation(robot.state, position=position, yaw=yaw)
     total = 0.0

@@ -23,12 +23,12 @@ if TYPE_CHECKING:
 
 _MU, _SPEED, _SECONDS = 0.2, 2.0, 0.6
 _HEIGHT = 15.0
-#: Of the speed when it rolls, relative; of the speed at any time, m/s.
+#: Error limits: of the speed when it rolls, relative; of the speed at any time, m/s.
 _LIMITS = {"contact": (1e-12, 1e-12), "rigid": (1e-9, 5e-9)}
 
 
 def run() -> Findings:
-    """Throws the ball in each model; the heading of the throw changes, the law must not."""
+    """Throws the ball in each model; the heading of the throw varies, the result must not."""
     params = bb.Params.paper().replace(floor_static_friction=_MU, floor_dynamic_friction=_MU)
     inertia = params.ball_inertia / (params.ball_mass * params.ball_radius**2)
     rolls_at = _SPEED / (_MU * params.gravity * (1.0 + 1.0 / inertia))

@@ -103,7 +103,7 @@ def fly(params: bb.Params, model: str, sim_dt: float, steps: int) -> list[bb.Sta
 
 
 def apart(masts: Array, states: list[bb.State]) -> Array:
-    """Angles between the masts and those of the states, deg."""
+    """Angles between these masts and the masts of the states, deg."""
     found = np.array([matrix(state.body_quaternion)[:, 2] for state in states])
     angles: Array = np.degrees(2.0 * np.arcsin(0.5 * np.linalg.norm(found - masts, axis=1)))
     return angles

@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 _MODELS = ("contact", "rigid")
 _SIM_DT = 0.5e-3
-#: No part of the bot comes down within the ten seconds of the longest motion.
+#: Height at which no part of the bot comes down within the ten seconds of the longest motion.
 _OUT_OF_REACH = 2000.0
 _GUTTER, _BOWL, _CYCLOID, _DOME = 0.5, 1.0, 0.3, 0.5
 _ALONG = 0.3
@@ -114,7 +114,7 @@ def _slopes(model: str) -> list[Claim]:
 
 
 def _period(robot: bb.Ballbot) -> float:
-    """From rest, s: between the first and the third passage through the origin."""
+    """Period from rest, s: between the first and the third passage through the origin."""
     passages: list[float] = []
     before = robot.state.ball_position[0]
     for step, state in enumerate(_states(robot, 10.0), 1):
@@ -128,7 +128,7 @@ def _period(robot: bb.Ballbot) -> float:
 
 
 def below_cycloid(x: Array, _: Array) -> Array:
-    """Ground of the cycloid of centers, m."""
+    """Ground below the cycloid of ball centers, m."""
     a, r = _CYCLOID, bb.Params.paper().ball_radius
     angle = np.linspace(-np.pi, np.pi, 20001)
     places = a * (angle + np.sin(angle)) + r * np.sin(0.5 * angle)

@@ -1,4 +1,4 @@
-"""The figure of a law: how it follows a motion and a step, and from which tilts it recovers."""
+"""The figure of a law: its response to a motion and a step, and the tilts from which it recovers."""
 
 from typing import TYPE_CHECKING, Any, Final
 
@@ -13,14 +13,14 @@ if TYPE_CHECKING:
 
 #: Of the figure, inches.
 SIZE: Final = (8.0, 3.3)
-#: The same for all laws, so that they compare: m, deg, and deg of the basin.
+#: Axis limits, the same for all laws for comparison: m, deg, and deg of the basin.
 _POSITIONS: Final = (-0.06, 0.56)
 _LEANS: Final = (-13.0, 13.0)
 _LARGEST: Final = 52.0
 
 
 def draw(fig: "Figure", found: Measured) -> None:
-    """Position and lean over time at the left, the basin at the right."""
+    """Position and lean over time on the left, the basin on the right."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -76,7 +76,7 @@ def _cells(found: Measured) -> "Path":
     from matplotlib.path import Path
 
     sectors = found.recovered.shape[1]
-    # An arc in four chords.
+    # An arc as four chords.
     arc = np.linspace(-0.5, 0.5, 5) * 2.0 * np.pi / sectors
     paths = []
     for sector, recovered in enumerate(found.recovered.T):
@@ -84,7 +84,7 @@ def _cells(found: Measured) -> "Path":
         for first, last in _runs(recovered):
             inner = np.stack([azimuths, np.full(len(arc), first)], axis=-1)
             outer = np.stack([azimuths, np.full(len(arc), last)], axis=-1)
-            # Its last vertex is where it closes.
+            # Its last vertex closes it.
             corners = np.concatenate([inner if first > 0.0 else inner[:1], outer[::-1]])
             paths.append(Path(np.concatenate([corners, corners[:1]]), closed=True))
     return Path.make_compound_path(*paths)

@@ -1,4 +1,4 @@
-"""Draws docs/laws: how each law follows a motion and a step, and from which tilts it recovers."""
+"""Draws docs/laws: the response of each law to a motion and a step, and the tilts from which it recovers."""
 
 import argparse
 import sys
@@ -11,7 +11,7 @@ from validation.controllers import law_figure, responses
 from validation.page import DOCS
 
 FIGURES: Final = DOCS / "laws"
-#: What is drawn unless laws are named; `mppi` takes two minutes.
+#: Laws drawn by default; `mppi` takes two minutes.
 USUAL: Final = tuple(name for name in bb.controllers() if name not in responses.SEARCHED)
 
 

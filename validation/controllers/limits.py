@@ -53,7 +53,7 @@ from validation.claim import Claim
 from validation.controllers.trials import Stood, measure, side_by_side
 from validation.topic import Findings
 
-#: What turns the clips off.
+#: Options that disable the clips.
 _ANY = 1e3
 VARIANTS = {
     "a largest torque alone": bb.Lqr(traction=False, max_lean=_ANY, max_speed=_ANY),
@@ -63,13 +63,13 @@ VARIANTS = {
     "both, all of the friction limit": bb.Lqr(traction=1.0),
 }
 DEFAULT = "both (the default)"
-#: Of the default in the worst direction: tilt, deg, and pushes at once and in 0.1 s, N·s.
+#: Limits of the default in the worst direction: tilt, deg, and pushes, instantaneous and over 0.1 s, N·s.
 BASIN, AT_ONCE, SLOW = 28.0, 2.15, 3.1
 
 
 @cache
 def measured(name: str) -> Stood:
-    """What LQR of a variant stands."""
+    """Disturbance limits of a variant of LQR."""
     return measure(VARIANTS[name])
 
 
@@ -79,7 +79,7 @@ def run() -> Findings:
 
 
 def claims() -> list[Claim]:
-    """What is worst with both."""
+    """Claims on the worst directions with both."""
     tilt, at_once, slow = (of.min() for of in measured(DEFAULT))
     return [
         Claim("worst tilt, LQR with both", tilt, BASIN, 0.5, "deg", absolute=True),

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: What `mppi` is asked for.
+#: Scenarios of `mppi`.
 _FEW: Final = ("S10-3.1s", "S13-6s", "S13-4s", "S15-6s")
 POLICY: Final = "policy"
 
@@ -45,7 +45,7 @@ def names() -> list[str]:
 
 @cache
 def outcome(name: str, scenario: str) -> Outcome | None:
-    """One outcome; None is what a controller is not asked for."""
+    """One outcome; None if the controller does not run the scenario."""
     if name == "mppi" and scenario not in _FEW:
         return None
     source = _assets.path("policies/balance.onnx") if name == POLICY else name
@@ -67,7 +67,7 @@ def run() -> Findings:
 
 
 def claims(found: Found) -> list[Claim]:
-    """What is asked for of the best controllers: by how much it is missed."""
+    """Requirements for the best controllers: by how much they are missed."""
 
     def best(scenario: str, largest: bool) -> float:
         scores = [outcome.score for (_, name), outcome in found.items() if name == scenario]
@@ -95,7 +95,7 @@ def claims(found: Found) -> list[Claim]:
 
 
 def _mean(found: Found) -> Claim:
-    """The mean over all episodes, where the score is that of the worse half."""
+    """The mean over all episodes, where the score is the mean of the worse half."""
     of = [
         float(one.metrics["rms_error"].mean())
         for (_, name), one in found.items()

@@ -18,12 +18,12 @@ from validation.page import table
 from validation.topic import Findings
 
 SCENARIOS: Final = ("S2-rest", "S3-at-once", "S3-slow", "S10-4s", "S13-6s")
-#: `pid` follows no motion, and `mppi` takes too long for maps.
+#: `pid` does not follow motions, and `mppi` takes too long for maps.
 NAMES: Final = tuple(name for name in CONTROLLERS if name not in ("pid", "mppi"))
 
 
 def run() -> Findings:
-    """The scenarios on all presets but the paper's."""
+    """The scenarios on all presets except the paper's."""
     parts, claims = [], []
     for robot in ROBOTS:
         if robot == "paper":

@@ -1,7 +1,7 @@
 """Published tunings on other robots, mapped to our options by the poles of their closed loops.
 
-Poles are brought to another robot by the rate at which it topples: those of the published loop, times λ of ours by λ of
-its own. What a law has as options follows in closed form.
+Poles are scaled to another robot by the rate at which it topples: the poles of the published loop, times the ratio of
+our λ to its own. The options of a law follow in closed form.
 """
 
 import math
@@ -19,9 +19,9 @@ from ballbot_rs.scenarios.scale import Scale
 
 PATH: Final = Path(__file__).with_name("published.toml")
 
-#: Of the input of a regulator, N·m: its scale alone changes nothing.
+#: Weight of the input of a regulator, N·m: its scale by itself has no effect.
 _TORQUE: Final = 0.2
-#: A deviation that costs nothing, in any unit.
+#: A deviation of negligible cost, in any unit.
 _FREE: Final = 1e3
 
 Array = npt.NDArray[np.float64]
@@ -53,9 +53,9 @@ class Tuning(NamedTuple):
     source: str
     #: λ of its robot, 1/s.
     toppling: float
-    #: Of its closed loop, 1/s; of a law of the attitude the pole of its lean alone.
+    #: Poles of its closed loop, 1/s; for an attitude controller only the pole of its lean.
     poles: Poles
-    #: As the file has it.
+    #: As in the file.
     numbers: Mapping[str, Any]
 
     def scaled(self, toppling: float) -> Poles:
@@ -84,7 +84,7 @@ def _tuning(table: Mapping[str, Any]) -> Tuning:
 
 
 def _linearizing_gain(a: Array, b: Array, table: Mapping[str, Any]) -> Array:
-    """Of the torque that gives the lean the acceleration -k (lean + k' ball): a PD of the lean that a PD asks for."""
+    """Gain of the torque with lean acceleration -k (lean + k' ball): a PD of the lean commanded by a PD."""
     k, rate = table["lean_gains"]
     ball, ball_rate = table["ball_gains"]
     gain: Array = np.array([k * ball, a[3, 1] + k, k * ball_rate, rate]) / b[3]
@@ -92,7 +92,7 @@ def _linearizing_gain(a: Array, b: Array, table: Mapping[str, Any]) -> Array:
 
 
 def _regulator_poles(a: Array, b: Array, q: Array, r: float) -> Poles:
-    """The stable ones of the Hamiltonian matrix."""
+    """The stable eigenvalues of the Hamiltonian matrix."""
     hamiltonian = np.block([[a, -np.outer(b, b) / r], [-np.diag(q), -a.T]])
     poles: Poles = np.linalg.eigvals(hamiltonian).astype(np.complex128)
     return poles[poles.real < 0.0]
@@ -110,8 +110,8 @@ def options(law: str, params: Params) -> dict[str, float]:
 def _regulator(poles: Poles, plane: Plane) -> dict[str, float]:
     """Deviations of equal cost of the regulator with these poles.
 
-    With w = s², p(s) p(−s) = w² (w − λ²)² + (q_y − q_v w) (g − ℓ w)² + q_θ w² − q_ω w³ has one weight more in each
-    coefficient. A weight below zero is none of a regulator: none is taken in its place.
+    With w = s², p(s) p(−s) = w² (w − λ²)² + (q_y − q_v w) (g − ℓ w)² + q_θ w² − q_ω w³ has one more weight in each
+    coefficient. A regulator has no negative weights: zero replaces them.
     """
     c = np.poly(poles).real
     even, odd = c[[0, 2, 4]], c[[1, 3]]
@@ -121,14 +121,14 @@ def _regulator(poles: Poles, plane: Plane) -> dict[str, float]:
     velocity = -(w1 + 2.0 * g * lever * position) / g**2
     tilt = w2 - toppling**2 - lever**2 * position - 2.0 * g * lever * velocity
     rate = -(w3 + 2.0 * toppling + lever**2 * velocity)
-    # The weight of u, in units of that of the torques.
+    # The weight of u, in units of the weight of the torques.
     r = plane.effort / _TORQUE**2
     weights = {"position": position, "velocity": velocity, "tilt": tilt, "tilt_rate": rate}
     return {"torque": _TORQUE, **{name: float(q * r) ** -0.5 if q > 0.0 else _FREE for name, q in weights.items()}}
 
 
 def _inverse_dynamics(poles: Poles, plane: Plane) -> dict[str, float]:
-    """The two slowest poles are those of the position; those of the lean alone follow from all four."""
+    """The two slowest poles belong to the position; the poles of the lean itself follow from all four."""
     ordered = poles[np.argsort(np.abs(poles))]
     _, c1, c0 = np.poly(ordered[:2]).real
     _, p1, p0 = np.poly(ordered[2:]).real
@@ -142,7 +142,7 @@ def _inverse_dynamics(poles: Poles, plane: Plane) -> dict[str, float]:
 
 
 def _sliding_mode(tuning: Tuning, toppling: float) -> dict[str, float]:
-    """Lean in units of λ; the heading, which has options in 1/s, faster as λ is. The position is left as it is."""
+    """Lean in units of λ; the heading, with options in 1/s, scales with λ. The position is unchanged."""
     (surface, yaw_surface), (switching, yaw_switching), (layer, yaw_layer) = (
         tuning.numbers[name] for name in ("surface", "switching", "layer")
     )

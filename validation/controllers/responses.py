@@ -1,4 +1,4 @@
-"""How a law follows a motion and a step of the setpoint, and from which tilts it recovers."""
+"""Responses of a law to a motion and a setpoint step, and the tilts from which it recovers."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -12,7 +12,7 @@ from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis.settling import HOLD
 from validation.closed_forms import holdable_tilt
 
-#: The motion: from rest to rest, m, s. It takes 0.41 of the traction.
+#: The motion: from rest to rest, m, s. It uses 0.41 of the traction.
 DISTANCE: Final = 0.5
 MOVING: Final = 2.5
 #: The step of the setpoint, m.
@@ -25,11 +25,11 @@ _UPRIGHT: Final = np.radians(2.0)
 #: Tilts of the basin, deg: the middles of rings.
 RING: Final = 1.0
 TILTS: Final = np.arange(0.5, 55.0, RING)
-#: Directions: the wheels look the same after 120 deg.
+#: Directions: the wheels repeat after 120 deg.
 SECTORS: Final = 24
-#: A task's limit would decide about a part of the basin, rad.
+#: Fall tilt, rad: a task's limit would cut off a part of the basin.
 _FALLEN: Final = 1.0
-#: Each of its decisions simulates 512 motions: the edge of its basin is searched, in a third of the directions.
+#: Each of its decisions simulates 512 motions: only the edge of its basin is searched, in a third of the directions.
 SEARCHED: Final = ("mppi",)
 
 Array = npt.NDArray[np.float64]
@@ -42,15 +42,15 @@ class Response(NamedTuple):
     times: Array
     position: Array
     lean: Array
-    #: Position that the setpoint has.
+    #: Position of the setpoint.
     wanted: Array
 
 
 class Measured(NamedTuple):
-    """What the figure of a law shows."""
+    """Contents of the figure of a law."""
 
     motion: Response
-    #: None of a law that follows no position.
+    #: None for a law that does not follow a position.
     step: Response | None
     #: Whether the robot recovers: tilts by directions.
     recovered: Mask
@@ -68,7 +68,7 @@ def _motion(name: str, follows: bool) -> Response:
     per_acceleration = 1.0 / bb.Scale.of(bb.Params.paper()).acceleration_per_lean
 
     def leaning(time: float) -> Mapping[str, object]:
-        """The lean of the motion, for a law that knows no other setpoint."""
+        """The lean of the motion, for a law without other setpoints."""
         return {"tilt": (0.0, per_acceleration * line(time)["acceleration"][0])}
 
     done = bb.simulate(name, reference=line if follows else leaning, seconds=SECONDS)
@@ -98,7 +98,7 @@ def _basin(name: str) -> Mask:
 
 
 def recovers(name: str, tilts: Array, azimuths: Array) -> Mask:
-    """Whether the robot, let go at rest with tilts (deg) towards azimuths (rad), is upright all the last second."""
+    """Whether the robot, released at rest at tilts (deg) towards azimuths (rad), is upright all the last second."""
     params = bb.Params.paper()
     control_dt = bb.controllers()[name].control_dt or 0.01
     batch = bb.Batch(

@@ -1,4 +1,4 @@
-"""How far a controller can be tilted, and how hard it can be pushed."""
+"""The largest tilts and pushes from which a controller recovers."""
 
 from collections.abc import Mapping
 from typing import Final, NamedTuple
@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 
 
 class Stood(NamedTuple):
-    """What a controller stands, in each direction."""
+    """Disturbance limits of a controller, in each direction."""
 
     #: deg.
     tilt: Array
@@ -27,7 +27,7 @@ class Stood(NamedTuple):
 
 
 def measure(controller: Source) -> Stood:
-    """The basin, and pushes at once and in 0.1 s."""
+    """The basin, and pushes, instantaneous and over 0.1 s."""
     return Stood(*(outcome.largest for outcome in run_scenarios(controller, SCENARIOS)))
 
 

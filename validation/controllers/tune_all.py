@@ -1,7 +1,6 @@
-"""Tunes the laws of the core with one budget for all, and writes validation/controllers/tuned.toml.
+"""Tunes the laws of the core with the same budget for all, and writes validation/controllers/tuned.toml.
 
-`python -m validation.controllers.tune_all` takes twenty minutes; with names of laws it tunes these and leaves the
-others.
+`python -m validation.controllers.tune_all` takes twenty minutes; with names of laws it only tunes these.
 """
 
 import argparse
@@ -22,7 +21,7 @@ def main() -> int:
         parser.error(f"no law {', '.join(unknown)} to tune; there are: {', '.join(laws)}")
     for name in asked.laws or laws:
         found = tuning.search(name, asked.threads)
-        # Another process may have written the file meanwhile.
+        # Another process may have written the file in the meantime.
         tuning.tuned.cache_clear()
         tuning.write({**tuning.tuned(), name: found})
         print(f"{name}: cost {found.cost:.3f}", flush=True)

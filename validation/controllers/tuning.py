@@ -1,4 +1,4 @@
-"""Options that one search with one budget found for every law of the core, and what they cost."""
+"""Options that the same search with the same budget found for every law of the core, and their cost."""
 
 from collections.abc import Mapping
 from functools import cache
@@ -10,12 +10,12 @@ from ballbot_rs._core import CONTROLLERS
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.tune import DEFAULT, mean_ratio, tune, with_options
 
-#: Evaluations of each law, the first of the default options among them.
+#: Evaluations of each law, including the first with the default options.
 BUDGET: Final = 2000
 SEED: Final = 0
-#: Its default options have the cost 1.
+#: The law whose default options have the cost 1.
 BASELINE: Final = "lqr"
-#: What takes too long: each decision simulates 512 motions.
+#: Laws that take too long: each decision simulates 512 motions.
 LEFT_OUT: Final = ("mppi",)
 PATH: Final = Path(__file__).with_name("tuned.toml")
 
@@ -26,7 +26,7 @@ _HEAD = f"""\
 
 
 class TunedLaw(NamedTuple):
-    """What the search has found for a law."""
+    """The result of the search for a law."""
 
     cost: float
     options: Mapping[str, float]
@@ -34,7 +34,7 @@ class TunedLaw(NamedTuple):
 
 @cache
 def tuned() -> Mapping[str, TunedLaw]:
-    """What the file has, by law."""
+    """The contents of the file, by law."""
     tables: Mapping[str, Any] = _toml.loads(PATH.read_text(encoding="utf-8")) if PATH.exists() else {}
     return {name: TunedLaw(table["cost"], table["options"]) for name, table in tables.items()}
 
@@ -47,7 +47,7 @@ def _baseline() -> Mapping[str, float]:
 
 
 def cost(law: str, options: Mapping[str, float]) -> float:
-    """What the search makes least."""
+    """The cost that the search minimizes."""
     return mean_ratio(run_scenarios(with_options(law, options), DEFAULT, seed=SEED), _baseline())
 
 

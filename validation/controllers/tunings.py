@@ -44,7 +44,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Columns of the table and what they are called there.
+#: Columns of the table and their titles.
 COLUMNS: Final = {
     "S1-sensors": "noise",
     "S2-rest": "tilt",
@@ -67,7 +67,7 @@ Found = Mapping[tuple[str, str, str], Outcome]
 
 
 def options(law: str) -> dict[str, Mapping[str, float]]:
-    """Options of a law by tuning, but for the default ones."""
+    """Options of a law by tuning, except the defaults."""
     found: dict[str, Mapping[str, float]] = {}
     if law in published.published():
         found[PUBLISHED] = published.options(law, Params.paper())
@@ -77,7 +77,7 @@ def options(law: str) -> dict[str, Mapping[str, float]]:
 
 
 def measured() -> dict[tuple[str, str, str], Outcome]:
-    """What the table has; the default options and the policy are those of the matrix."""
+    """Outcomes of the table; those of the default options and the policy come from the matrix."""
     found: dict[tuple[str, str, str], Outcome] = {}
     for law in matrix.names():
         for scenario in COLUMNS:
@@ -92,13 +92,13 @@ def measured() -> dict[tuple[str, str, str], Outcome]:
 
 
 def run() -> Findings:
-    """All tunings beside each other."""
+    """All tunings side by side."""
     found = measured()
     return Findings(claims(), lambda fig: draw(fig, found), _table(found), (8.0, 4.0))
 
 
 def claims() -> list[Claim]:
-    """What the search found is what it says."""
+    """Claims that the tuned options have the cost that the search reported."""
     return [
         Claim(f"cost of {law}, tuned", tuning.cost(law, one.options), one.cost, 1e-6, "", True)
         for law, one in tuning.tuned().items()
@@ -123,7 +123,7 @@ def _cost(law: str, name: str) -> str:
 
 
 def draw(fig: "Figure", found: Found) -> None:
-    """Robustness against tracking, and the torque that noise costs against tracking."""
+    """Robustness versus tracking, and torque due to noise versus tracking."""
     left, right = fig.subplots(1, 2)
     for law in matrix.names():
         for name in (DEFAULT, PUBLISHED, TUNED):
@@ -140,7 +140,7 @@ def draw(fig: "Figure", found: Found) -> None:
 
 def _mark(left: "Axes", right: "Axes", found: Found, law: str, name: str) -> None:
     error = 1e3 * found[law, name, "S13-4s"].score
-    # The inside shows the tuning here, so that more controllers than colors need more markers.
+    # The fill shows the tuning here, so that more controllers than colors need more markers.
     marker = "osD^vPX*hpd<>8"[matrix.names().index(law)]
     style = matrix.style(law) | {"linestyle": "none", "markersize": 6, "marker": marker}
     if name == PUBLISHED:

@@ -1,4 +1,4 @@
-"""What every engine's robot can be asked, and how to make one."""
+"""The interface of every engine's robot, and how to make one."""
 
 from typing import Protocol
 
@@ -13,7 +13,7 @@ class AnyRobot(Protocol):
     sim_dt: float
 
     def reset(self, state: bb.State) -> None:
-        """Starts anew from `state`."""
+        """Restarts from `state`."""
 
     def step(self, torques: Array, steps: int) -> None:
         """Advances by time steps under wheel torques (3, N·m)."""
@@ -22,7 +22,7 @@ class AnyRobot(Protocol):
         """Attitude (4), body rate (3), wheel speeds (3), ball position and velocity (2 each)."""
 
     def state(self) -> bb.State:
-        """All that there is to know, but slower."""
+        """The full state, but slower."""
 
     def wheel_loads(self) -> Array:
         """Normal forces (3, N)."""
@@ -35,7 +35,7 @@ class ExternalRobot(AnyRobot, Protocol):
     """One robot in another engine, which can be started without a `State`."""
 
     def reset(self, state: bb.State) -> None:
-        """Starts anew from `state`, its ball and wheels at zero angles."""
+        """Restarts from `state`, its ball and wheels at zero angles."""
         self.reset_raw(
             state.body_quaternion, state.body_angular_velocity, state.wheel_speeds, state.ball_position,
             state.ball_velocity, state.ball_angular_velocity,
@@ -44,7 +44,7 @@ class ExternalRobot(AnyRobot, Protocol):
     def reset_raw(
         self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
     ) -> None:
-        """Starts anew with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
+        """Restarts with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
 
 
 def make_external_robot(engine: str, robot: RobotGeometry | None = None) -> ExternalRobot:

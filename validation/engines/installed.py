@@ -1,4 +1,4 @@
-"""Which engines are there."""
+"""Which engines are installed."""
 
 import importlib
 

@@ -1,4 +1,4 @@
-"""A `ballbot_rs.Ballbot` under the interface of `AnyRobot`."""
+"""A `ballbot_rs.Ballbot` with the interface of `AnyRobot`."""
 
 import numpy as np
 
@@ -15,7 +15,7 @@ class OurRobot:
         self.sim_dt = sim_dt
 
     def reset(self, state: bb.State) -> None:
-        """Starts anew from `state`."""
+        """Restarts from `state`."""
         self._robot.reset(state)
 
     def step(self, torques: Array, steps: int) -> None:

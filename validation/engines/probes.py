@@ -1,4 +1,4 @@
-"""Small experiments whose outcome a closed form gives, on any engine's robot."""
+"""Small experiments with a closed-form result, on any engine's robot."""
 
 import numpy as np
 
@@ -11,9 +11,9 @@ from validation.engines.steps import SUBSTEPS
 
 #: A tilt that stays small, rad, and how often and how far apart it is read, s.
 _TILT, _READINGS, _APART = 1e-3, 3, 0.2
-#: Torque on one wheel, N·m, far below slip, and for how long, s.
+#: Torque on one wheel, N·m, far below slip, and its duration, s.
 _TORQUE, _PUSHED = 0.1, 0.02
-#: Torque on each wheel, N·m, twice what slips, and for how long it is measured, s.
+#: Torque on each wheel, N·m, twice the slip limit, and the measurement time, s.
 _SLIPPING, _SLIPS = 1.0, 0.01
 
 
@@ -40,14 +40,14 @@ def growth(robot: AnyRobot, params: bb.Params, yaw: float, azimuth: float, tilt:
 def growth_rate(before: float, at: float, after: float, apart: float) -> float:
     """λ by cosh λh = (θ₋ + θ₊) / 2θ of tilts at three times h apart, 1/s.
 
-    That holds whatever the share of the decaying part, which the half step between rates and attitude of semi-implicit
+    That holds for any amount of the decaying part, which the half step between rates and attitude of semi-implicit
     engines would change. Zero for a tilt that does not grow.
     """
     return float(np.arccosh(max(1.0, (before + after) / (2.0 * at))) / apart)
 
 
 def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[float, float]:
-    """How a ball starts to move when one wheel is driven: angle to the exact motion (deg) and share of its speed."""
+    """Initial motion of a ball when one wheel is driven: angle to the exact motion (deg) and ratio of its speed."""
     start, exact = bb.State.at_rest(params, yaw=yaw), OurRobot("spatial", params, robot.sim_dt)
     torques = np.zeros(3)
     torques[wheel] = _TORQUE
@@ -55,7 +55,7 @@ def drive(robot: AnyRobot, params: bb.Params, yaw: float, wheel: int) -> tuple[f
     pair: tuple[AnyRobot, AnyRobot] = (robot, exact)
     for one in pair:
         one.reset(start)
-        # Contacts of the rigid engines take their load first.
+        # Contacts of the rigid engines take up their load first.
         advance(one, np.zeros(3), _PUSHED)
         advance(one, torques, _PUSHED)
         velocities.append(np.array(one.sense()[4]))

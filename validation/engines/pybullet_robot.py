@@ -16,7 +16,7 @@ from validation.engines.any_robot import ExternalRobot
 from validation.engines.rotations import matrix, roll_pitch_yaw
 from validation.engines.steps import SIM_DT
 
-#: Iterations of Bullet's sequential-impulse solver; half as many make the growth rate's error ten times as large.
+#: Iterations of Bullet's sequential-impulse solver; half as many increase the growth rate's error tenfold.
 SOLVER_ITERATIONS = 10
 
 _STILL = {"linearDamping": 0.0, "angularDamping": 0.0, "restitution": 0.0, "rollingFriction": 0.0}
@@ -55,7 +55,7 @@ def urdfs(robot: RobotGeometry) -> tuple[str, str]:
 
 
 def connect() -> bullet_client.BulletClient:
-    """A physics server of its own, without the line that Bullet prints from C for each."""
+    """A separate physics server, without the line that Bullet prints from C for each."""
     flush = ctypes.CDLL(None).fflush
     sys.stdout.flush()
     kept = os.dup(1)
@@ -101,7 +101,7 @@ class PybulletRobot(ExternalRobot):
             # The rollers are free along the axle.
             bullet.changeDynamics(self._body, i, anisotropicFriction=[0.0, 1.0, 1.0])
             bullet.setCollisionFilterPair(floor, self._body, -1, i, 0)
-        # Bullet brakes every joint unless told otherwise.
+        # By default Bullet brakes every joint.
         bullet.setJointMotorControlArray(self._body, self._joints, bullet.VELOCITY_CONTROL, forces=[0.0] * 3)
 
     def _set_substeps(self, substeps: int) -> None:
@@ -112,7 +112,7 @@ class PybulletRobot(ExternalRobot):
     def reset_raw(
         self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
     ) -> None:
-        """Starts anew with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
+        """Restarts with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
         bullet, turn = self._bullet, matrix(attitude)
         bullet.resetBasePositionAndOrientation(self._ball, position.tolist(), [0.0, 0.0, 0.0, 1.0])
         bullet.resetBaseVelocity(self._ball, velocity.tolist(), ball_rate.tolist())

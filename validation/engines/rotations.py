@@ -1,4 +1,4 @@
-"""Rotations as quaternions [w, x, y, z], matrices and angles; the first axes of an array run over robots."""
+"""Rotations as quaternions [w, x, y, z], matrices and angles; first array axes over robots."""
 
 import numpy as np
 
@@ -18,7 +18,7 @@ def matrix(quaternion: Array) -> Array:
 
 
 def attitude(tilt: Array, yaw: Array) -> Array:
-    """Quaternions (n, 4) of bodies turned by `yaw` (n), then tilted by rotation vectors `tilt` (n, 2), rad."""
+    """Quaternions (n, 4) of bodies rotated by `yaw` (n), then tilted by rotation vectors `tilt` (n, 2), rad."""
     angle = np.hypot(tilt[:, 0], tilt[:, 1])
     share = 0.5 * np.sinc(angle / (2.0 * np.pi))
     w, x, y = np.cos(0.5 * angle), tilt[:, 0] * share, tilt[:, 1] * share

@@ -1,5 +1,5 @@
-"""The time step that every engine is measured at."""
+"""The time step of all measurements of engines."""
 
-#: Time step of every engine, s, and steps of it in one action.
+#: Time step of every engine, s, and time steps per action.
 SIM_DT = 0.002
 SUBSTEPS = 5

@@ -1,4 +1,4 @@
-"""The paper's experiments, repeated: printed beside found, and why they differ."""
+"""The paper's experiments, repeated: printed versus found, and why they differ."""
 
 from validation.page import Chapter
 from validation.paper_replication import (

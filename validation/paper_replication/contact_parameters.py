@@ -42,9 +42,9 @@ CRITICAL_VELOCITY = 0.1
 _SIM_DT = 5e-4
 _BREAK_LOOSE = 0.75
 _FASTEST = 0.6
-#: Below this a step may hold a contact that the one before let slip.
+#: Slip speed below which a step may hold a contact that slipped in the step before.
 _SLIPS = 0.003
-#: Largest and median error of a friction coefficient.
+#: Limits of the largest and median error of a friction coefficient.
 _LIMITS = {
     ("wheel on ball", "contact"): (5e-9, 1e-11),
     ("wheel on ball", "rigid"): (5e-9, 1e-11),
@@ -109,7 +109,7 @@ def stribeck(contact: str, speeds: Array) -> Array:
 
 
 def wheel_friction(params: bb.Params, model: str) -> Curve:
-    """Of wheel 0 while equal torques make all three slip, which leaves their loads as they are."""
+    """Friction of wheel 0 while equal torques make all three slip, which does not change their loads."""
     robot = bb.Ballbot(params, model=model, sim_dt=_SIM_DT)
     robot.step(np.zeros(3), steps=100)
     speeds, coefficients, speed = [], [], 0.0
@@ -123,7 +123,7 @@ def wheel_friction(params: bb.Params, model: str) -> Curve:
 
 
 def floor_friction(params: bb.Params, model: str) -> Curve:
-    """Of a ball that is set down turning on the spot."""
+    """Friction of a ball that is set down spinning in place."""
     idle = params.replace(wheel_static_friction=1e-6, wheel_dynamic_friction=1e-6)
     robot = bb.Ballbot(idle, model=model, sim_dt=_SIM_DT)
     turning = [0.0, -_FASTEST / params.ball_radius, 0.0]
@@ -135,7 +135,7 @@ def floor_friction(params: bb.Params, model: str) -> Curve:
         speeds.append(speed)
         coefficients.append(float(np.hypot(force[0], force[1]) / force[2]))
         speed = float(np.hypot(*robot.contacts.floor_slip_velocity))
-    # In the last step the ball comes to roll, which takes less than all friction.
+    # In the last step the ball begins to roll, which takes less than full friction.
     return _slipping(speeds[:-1], coefficients[:-1])
 
 
@@ -150,7 +150,7 @@ def _loads(params: bb.Params) -> dict[str, float]:
 
 
 def _friction_table(params: bb.Params) -> str:
-    """Beside each other: `Params.paper` is written to have what is printed, which is nothing to claim."""
+    """Printed values and ours: `Params.paper` copies the printed values, so there is nothing to claim."""
     p = params
     ours = {
         "wheel on ball": (p.wheel_static_friction, p.wheel_dynamic_friction),
@@ -202,7 +202,7 @@ def _depth(depth: float) -> str:
 
 
 def recovery_rate(params: bb.Params, model: str) -> float:
-    """Of a body that was set 20 µm into the ball: the share of the overlap that goes in a step, over its time, 1/s."""
+    """For a body set 20 µm into the ball: the fraction of the overlap removed per step, over the step, 1/s."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.step(np.zeros(3), steps=200)
     rest = robot.state

@@ -20,7 +20,7 @@ _MODE = "rgb_array"
 
 
 def run() -> Findings:
-    """Checks the environment, and that what the table names is there."""
+    """Checks the environment, and that everything named in the table exists."""
     warned = checker_warnings()
     claims = [Claim("warnings of the environment checkers", float(warned), 0.0, 0.0, "", absolute=True)]
     rows = [

@@ -27,7 +27,7 @@ _LIMITS = {"what traction allows": None, "±5 N·m": PRINTED_TORQUE}
 
 
 def run() -> Findings:
-    """The three inclines, and how far each variant goes."""
+    """The three inclines, and the largest incline of each variant."""
     runs = {
         (model, incline, name): balance(model, (incline, 0.0), max_torque=limit, seconds=2.0)
         for model in ("rigid", "contact")

@@ -9,9 +9,9 @@ from ballbot_rs.analysis.settling import settling_times
 from validation.mechanics import Array
 from validation.search import largest
 
-#: The paper's torque maps and ours: eq. (8), and the one that keeps the power.
+#: The paper's torque map and ours: eq. (8), and the power-conserving map.
 MAPS = ("as_printed", "consistent")
-#: What the paper's wheels are driven with, N·m (Fig. 6c).
+#: Torque of the paper's wheels, N·m (Fig. 6c).
 PRINTED_TORQUE = 5.0
 #: A robot that leans this far has fallen, rad.
 FALLEN = np.radians(45.0)
@@ -21,7 +21,7 @@ _SIM_DT = 1e-3
 
 @dataclass(frozen=True)
 class Run:
-    """One row a control step, as it begins; the forces are those at its end."""
+    """One row per control step, at its start; the forces are at its end."""
 
     times: Array
     #: Angle between mast and vertical, rad.
@@ -36,7 +36,7 @@ class Run:
     fell: bool
 
     def time_within(self, degrees: float) -> float:
-        """From which the tilt stays within a bound; infinite if it does not."""
+        """Time from which the tilt stays within a bound; infinite if it does not."""
         if self.fell:
             return float("inf")
         return float(settling_times(self.tilt, np.radians(degrees), self.times[1] - self.times[0]))
@@ -51,7 +51,7 @@ def balance(
     control_dt: float = 1e-3,
     seconds: float = 4.0,
 ) -> Run:
-    """The robot of Table II from rest at (θ_x, θ_y) in degrees; `max_torque` None is what traction allows."""
+    """The robot of Table II from rest at (θ_x, θ_y) in degrees; `max_torque` None is the traction limit."""
     params = bb.Params.paper()
     robot = bb.Ballbot(params, model=model, sim_dt=_SIM_DT)
     # A tilt about +x leans towards −y.

@@ -148,13 +148,13 @@ def _no_difference(where: str, found: float) -> Claim:
 
 
 def motion(share: float) -> tuple[Array, Array]:
-    """Coordinates and rates of a motion of which a share is out of the yz-plane."""
+    """Coordinates and rates of a motion with a fraction out of the yz-plane."""
     q = np.array([0.0, 0.0, -0.3, 0.2 * share, 0.0, 0.0])
     return q, np.array([0.3 * share, 0.4, 0.9, 0.4 * share, share, 0.5 * share])
 
 
 def quaternion(q: Array) -> Array:
-    """Attitude of the body: turned about z, then y, then x by the angles of `q`."""
+    """Attitude of the body: rotated about z, then y, then x by the angles of `q`."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(0.5 * q[_ANGLES]), np.sin(0.5 * q[_ANGLES])
     return np.array(
         [
@@ -167,7 +167,7 @@ def quaternion(q: Array) -> Array:
 
 
 def kinematics(q: Array) -> Array:
-    """The matrix that takes rates of `q` to the generalized velocity."""
+    """The matrix that maps rates of `q` to the generalized velocity."""
     (cx, cy), (sx, sy) = np.cos(q[2:4]), np.sin(q[2:4])
     rates = np.eye(_N)
     rates[_ANGLES, _ANGLES] = [[1.0, 0.0, -sy], [0.0, cx, cy * sx], [0.0, -sx, cy * cx]]
@@ -199,7 +199,7 @@ def _quadratic(model: bb.SpatialModel, attitude: Array, units: Array) -> tuple[A
 
 
 def recipe(model: bb.SpatialModel) -> Acceleration:
-    """q̈ by d/dt ∂L/∂q̇ − ∂L/∂q = Q with the constraint put into L."""
+    """q̈ by d/dt ∂L/∂q̇ − ∂L/∂q = Q with the constraint substituted into L."""
 
     def energies(q: Array) -> tuple[Array, float]:
         """Mass matrix in `q` and potential energy."""
@@ -243,7 +243,7 @@ def _kinematics_rate(q: Array, rates: Array) -> Array:
 
 
 def difference(params: bb.Params, q: Array, rates: Array, torques: Array, absolute: bool) -> float:
-    """Of the accelerations of the two, as a share of the larger."""
+    """Difference between the two accelerations, relative to the larger."""
     model = bb.SpatialModel(params, absolute, ball_spins_about_vertical=True)
     a, b = kane(model)(q, rates, torques), recipe(model)(q, rates, torques)
     return float(np.linalg.norm(a - b) / np.linalg.norm(a))
@@ -257,7 +257,7 @@ def random_states(count: int) -> list[tuple[Array, Array]]:
 
 
 def formula(params: bb.Params, q: Array, rates: Array, absolute: bool) -> Array:
-    """What the recipe adds to Kane's inertia forces, from the conventions."""
+    """The recipe's excess over Kane's inertia forces, from the conventions."""
     p, nu, turn, directions = params, velocity(q, rates), matrix(quaternion(q)), wheel_directions(params)
     ratio, rate = p.ball_radius / p.wheel_radius, nu[_ANGLES]
     rolling = np.zeros((3, _N))
@@ -271,12 +271,12 @@ def formula(params: bb.Params, q: Array, rates: Array, absolute: bool) -> Array:
 
 
 def mass_matrix(model: bb.SpatialModel, q: Array) -> Array:
-    """Of the generalized velocity, from sums of it: the kinetic energy is quadratic."""
+    """Mass matrix of the generalized velocity, from sums of unit velocities: the kinetic energy is quadratic."""
     return _quadratic(model, quaternion(q), np.eye(_N))[0]
 
 
 def formula_error(params: bb.Params, q: Array, rates: Array, absolute: bool) -> float:
-    """Of the formula against the difference of recipe and Kane, as a share of the larger."""
+    """Error of the formula against the difference of recipe and Kane, relative to the larger."""
     model, idle = bb.SpatialModel(params, absolute, ball_spins_about_vertical=True), np.zeros(3)
     apart = kane(model)(q, rates, idle) - recipe(model)(q, rates, idle)
     found, expected = mass_matrix(model, q) @ kinematics(q) @ apart, formula(params, q, rates, absolute)
@@ -284,7 +284,7 @@ def formula_error(params: bb.Params, q: Array, rates: Array, absolute: bool) -> 
 
 
 def share_of_quadratic(params: bb.Params, q: Array, rates: Array, absolute: bool) -> float:
-    """Accelerations by the formula's term over those by all terms that are quadratic in the rates."""
+    """Ratio of accelerations by the formula's term to those by all terms quadratic in the rates."""
     model, idle = bb.SpatialModel(params, absolute, ball_spins_about_vertical=True), np.zeros(3)
     attitude = quaternion(q)
     moving = model.accelerations(attitude, velocity(q, rates), idle) - model.accelerations(attitude, np.zeros(_N), idle)

@@ -20,7 +20,7 @@ from validation.topic import Comparison, Findings
 
 _ASSETS = Path(__file__).parents[2] / "assets"
 
-#: Table II, and what else follows from it.
+#: Table II, and derived quantities.
 PRINTED = {
     "J_k": (0.0112, "kg·m²"),
     "J_w": (0.000149, "kg·m²"),

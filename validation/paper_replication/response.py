@@ -18,7 +18,7 @@ Plant = Callable[[Array, float], Array]
 
 
 class Analysis(NamedTuple):
-    """Of a step response: share of the step, and time from which it stays within 2 % of it, s."""
+    """Analysis of a step response: overshoot relative to the step, and 2 % settling time, s."""
 
     overshoot: float
     settling: float
@@ -74,7 +74,7 @@ def closed_loop(plant: Plant, reference: float, start: Array, seconds: float, dt
 
 
 def torque_of(y: Array, reference: float) -> float:
-    """What the PID asks for; eq. (1) takes it with the other sign, since a positive torque tilts the mast away."""
+    """Torque of the PID; eq. (1) takes the opposite sign, since a positive torque tilts the mast away."""
     error = reference - y[1]
     return float(PROPORTIONAL * error + INTEGRAL * y[4] + DERIVATIVE * FILTER * (error - y[5]))
 
@@ -85,7 +85,7 @@ def _pid_rates(y: Array, reference: float) -> Array:
 
 
 def linear_tilt(friction: float, times: Array) -> Array:
-    """Tilt after a unit step by the modes of the linear closed loop: a closed form, nothing is integrated."""
+    """Tilt after a unit step by the modes of the linear closed loop: a closed form, without integration."""
     zero = np.zeros(6)
     plant = linear_plant(friction)
 
@@ -94,7 +94,7 @@ def linear_tilt(friction: float, times: Array) -> Array:
 
     matrix = np.array([rate(unit, 0.0) for unit in np.eye(6)]).T
     drive = rate(zero, 1.0)
-    # Position drives nothing and would make the matrix singular.
+    # Position has no effect and would make the matrix singular.
     matrix, drive = matrix[1:, 1:], drive[1:]
     rest = -np.linalg.solve(matrix, drive)
     values, vectors = np.linalg.eig(matrix)
@@ -104,7 +104,7 @@ def linear_tilt(friction: float, times: Array) -> Array:
 
 
 def analyze(tilts: Array, dt: float) -> Analysis:
-    """Of tilts every `dt` after a step of 1 rad."""
+    """Analyzes tilts every `dt` after a step of 1 rad."""
     return Analysis(float(tilts.max() - 1.0), float(settling_times(tilts - 1.0, 0.02, dt)))
 
 
@@ -114,7 +114,7 @@ def sampled_step(control_dt: float, seconds: float = 1.0, friction: float = VISC
     params = bb.Params.paper().replace(ball_viscous_friction=friction, max_wheel_torque=limit)
     robot = bb.Ballbot(params, model="planar", sim_dt=min(control_dt, 1e-3))
     pid = bb.Pid(params, control_dt, max_torque=limit)
-    # Its derivative starts at the first error: without a sample before the step there would be no kick.
+    # Its derivative starts at the first error: without a sample before the step it would have no kick.
     pid(robot.state)
     rows = []
     for _ in range(round(seconds / control_dt)):

@@ -26,7 +26,7 @@ from validation.topic import Findings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Where the largest eigenvalue is far from the next, so that a simulation shows it.
+#: Periods at which the largest eigenvalue is far from the next, so that a simulation shows it.
 _MEASURED = {"as_printed": (0.008, 0.009, 0.01), "consistent": (0.01, 0.011, 0.012)}
 _TILT = 1e-6
 
@@ -70,7 +70,7 @@ def run() -> Findings:
 
 
 def tilt_gain(params: bb.Params, mapping: str) -> float:
-    """Tilt torque that arrives, over the one that was asked for."""
+    """Ratio of the actual to the commanded tilt torque."""
     wheels = bb.virtual_to_wheel_torques(params, (1.0, 0.0, 0.0), mapping)
     return float(bb.wheel_to_virtual_torques(params, wheels)[0])
 
@@ -85,7 +85,7 @@ def tilt_plant(params: bb.Params) -> tuple[Array, Array]:
 
 
 def spectral_radius(params: bb.Params, gain: float, control_dt: float) -> float:
-    """Of the sampled loop with state (tilt, rate, integral, filter), its torque `gain` times what the PID asks for."""
+    """Spectral radius of the sampled loop with state (tilt, rate, integral, filter) and PID torque times `gain`."""
     a, b = tilt_plant(params)
     held = np.zeros((3, 3))
     held[:2, :2], held[:2, 2] = a, gain * b
@@ -102,7 +102,7 @@ def spectral_radius(params: bb.Params, gain: float, control_dt: float) -> float:
 
 
 def _exponential(matrix: Array) -> Array:
-    """By its series: the matrices here are small."""
+    """Matrix exponential by its series: the matrices here are small."""
     total, term = np.eye(len(matrix)), np.eye(len(matrix))
     for k in range(1, 30):
         term = term @ matrix / k
@@ -111,7 +111,7 @@ def _exponential(matrix: Array) -> Array:
 
 
 def growth(params: bb.Params, mapping: str, control_dt: float, model: str = "spatial") -> float:
-    """Factor by which a small tilt about x grows from sample to sample, once the fastest one or two modes lead."""
+    """Growth factor of a small tilt about x per sample, once the fastest one or two modes dominate."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     robot.reset(bb.State.at_rest(robot.params, tilt=(_TILT, 0.0)))
     pid = bb.Pid(params, control_dt, mapping=mapping, max_torque=params.max_wheel_torque)

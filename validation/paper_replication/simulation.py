@@ -29,9 +29,9 @@ PRINTED_SECONDS = 3.16
 TILTS = (4.0, 3.0)
 _RATES = {"1 kHz": 1e-3, "500 Hz": 2e-3, "100 Hz": 1e-2}
 _MODELS = ("rigid", "contact")
-#: How near to the largest tilt that is recovered from (deg), and for how long it is watched (s).
+#: Distance from the largest recovered tilt (deg), and simulated time (s).
 _NEAR, _WATCHED = 0.01, 4.0
-#: Of lean, in (θ_x, θ_y).
+#: Directions of lean, in (θ_x, θ_y).
 _DIRECTIONS = ((1.0, 0.0), (0.8, 0.6), (0.0, 1.0))
 
 
@@ -148,7 +148,7 @@ def run() -> Findings:
 
 
 def edge(direction: tuple[float, float]) -> tuple[float, float]:
-    """Largest tilt that `rigid` recovers from (deg), and how long it takes from a little less (s)."""
+    """Largest tilt that `rigid` recovers from (deg), and the recovery time from slightly less (s)."""
 
     def ride(tilt: float) -> Run:
         return balance("rigid", (tilt * direction[0], tilt * direction[1]), seconds=_WATCHED)
@@ -158,13 +158,13 @@ def edge(direction: tuple[float, float]) -> tuple[float, float]:
 
 
 def _rolling_on() -> Claim:
-    """The ball's speed against the integral of the tilt, of a small tilt that saturates the torques at first."""
+    """The ball's speed versus the integral of the tilt, for a small tilt that saturates the torques at first."""
     params = bb.Params.paper()
     r = balance("contact", (1.0, 0.0), seconds=1.0)
     p = params
     m11 = p.ball_inertia / p.ball_radius**2 + p.ball_mass + p.body_mass
     m12 = p.body_mass * p.body_com_height
-    # The wheels' inertia cancels but for 0.3 %; the integral is the sum that semi-implicit steps take.
+    # The wheels' inertia cancels except for 0.3 %; the integral is the sum over semi-implicit steps.
     drive = p.body_mass * p.gravity * p.body_com_height * float(r.tilts[:-1, 0].sum() * (r.times[1] - r.times[0]))
     m22 = p.body_inertia[0] + p.body_mass * p.body_com_height**2
     rate = float(np.gradient(r.tilts[:, 0], r.times)[-1])

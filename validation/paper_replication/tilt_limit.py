@@ -29,7 +29,7 @@ PRINTED_DEGREES = 30.0
 
 
 def run() -> Findings:
-    """The limit over friction, and that of the model without slip at the worst azimuth."""
+    """The limit over friction, and the limit of the model without slip at the worst azimuth."""
     frictions = np.linspace(0.3, 1.3, 21)
     limits = {
         float(mu): np.degrees(holdable_tilt.largest_tilts(holdable_tilt.robot(float(mu))))
@@ -68,7 +68,7 @@ def run() -> Findings:
 
 
 def holding_torques(params: bb.Params, tilt: float, azimuth: float) -> tuple[Array, bb.Contacts]:
-    """Wheel torques under which a robot at rest keeps its tilt towards `azimuth`, and the forces then."""
+    """Wheel torques under which a robot at rest holds its tilt towards `azimuth`, and the resulting forces."""
     model = bb.SpatialModel(params, ball_spins_about_vertical=False)
     about = tilt * np.array([-np.sin(azimuth), np.cos(azimuth)])
     quaternion = bb.State.at_rest(params, about).body_quaternion

@@ -81,7 +81,7 @@ def eq_8(params: bb.Params) -> Array:
 
 
 def power_ratios(params: bb.Params, mapping: str) -> list[float]:
-    """Power of the wheels over that of each virtual torque."""
+    """Ratio of the wheels' power to the power of each virtual torque."""
     model = bb.SpatialModel(params, ball_spins_about_vertical=True)
     r_w, ratio = params.wheel_radius, params.ball_radius / params.wheel_radius
     speed, tilt_rate, yaw_rate, spin = 0.3, 0.7, 0.4, 1.0

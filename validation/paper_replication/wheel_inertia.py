@@ -111,7 +111,7 @@ def eq_7() -> float:
 
 
 def _spatial_pole(params: bb.Params) -> float:
-    """Of `SpatialModel`, by the difference quotient of its accelerations over a small tilt."""
+    """Pole of `SpatialModel`, by the difference quotient of its accelerations over a small tilt."""
     model, angle = bb.SpatialModel(params, ball_spins_about_vertical=False), 1e-6
     tilted = np.array([np.cos(0.5 * angle), np.sin(0.5 * angle), 0.0, 0.0])
     upright, rest, torque = np.array([1.0, 0.0, 0.0, 0.0]), np.zeros(5), np.zeros(3)

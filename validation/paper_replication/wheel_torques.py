@@ -31,7 +31,7 @@ from validation.topic import Comparison, Findings
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Of the load at rest, and of the spin-up.
+#: Error limits of the load at rest, and of the spin-up.
 _MODELS = {"contact": (1e-14, 1e-12), "rigid": (1e-7, 5e-4)}
 _INCLINE = 3.0
 _DIRECTIONS = np.linspace(0.0, 2.0 * np.pi, 48, endpoint=False)
@@ -113,8 +113,8 @@ def run() -> Findings:
 def tilt_onset(params: bb.Params, friction: float) -> float:
     """Largest wheel torque of a tilt torque at which a wheel slips, in the worst direction, closed form, N·m.
 
-    The planar equations with absolute spins give the accelerations of ball and mast, these the tractions and loads of
-    docs/derivations.md.
+    The planar equations with absolute spins give the accelerations of ball and mast, and these the tractions and loads
+    of docs/derivations.md.
     """
     p, alpha = params, params.wheel_zenith
     drive = 1.5 * np.cos(alpha) * np.array([1.0, -p.ball_radius]) / p.wheel_radius
@@ -133,13 +133,13 @@ def tilt_onset(params: bb.Params, friction: float) -> float:
 
 
 def tilt_torques(params: bb.Params) -> list[Array]:
-    """Wheel torques of tilts in all directions, the largest of them 1 N·m."""
+    """Wheel torques of tilts in all directions, the largest 1 N·m."""
     torques = [bb.virtual_to_wheel_torques(params, (np.cos(a), np.sin(a), 0.0)) for a in _DIRECTIONS]
     return [t / np.abs(t).max() for t in torques]
 
 
 def model_slips(params: bb.Params, torques: Array) -> float:
-    """How often these torques fit until dynamic friction no longer holds all wheels, by `SpatialModel.contacts`."""
+    """Multiple of these torques at which dynamic friction no longer holds all wheels, by `SpatialModel.contacts`."""
     model, upright, rest = bb.SpatialModel(params, ball_spins_about_vertical=True), (1.0, 0.0, 0.0, 0.0), np.zeros(6)
     load = model.contacts(upright, rest, np.zeros(3)).wheel_normal_forces
     driven = model.contacts(upright, rest, torques)
@@ -156,6 +156,6 @@ def spin_up(params: bb.Params, model: str) -> float:
     for _ in range(2):
         robot.step(np.full(3, PRINTED_TORQUE), steps=10)
         state = robot.state
-        # Less what the body's turning about the vertical takes from the encoder.
+        # Minus the contribution of the body's yaw rate to the encoder.
         spins.append(float(state.wheel_speeds[0] - np.sin(params.wheel_zenith) * state.body_angular_velocity[2]))
     return (spins[1] - spins[0]) / 0.01

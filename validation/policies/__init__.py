@@ -1,1 +1,1 @@
-"""Policies that come with the package: trained, judged in three engines, and what they transfer to."""
+"""Policies that come with the package: training, tests in three engines, and transfer."""

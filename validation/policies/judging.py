@@ -9,10 +9,10 @@ from typing import Any, NamedTuple
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
 
-#: First seed of the bank of starts and commands: episode i is that of seed 1000 + i, as in `ballbot evaluate`.
+#: First seed of the bank of starts and commands: episode i has seed 1000 + i, as in `ballbot evaluate`.
 FIRST_SEED = 1000
 
-#: Episodes of a cell; in MuJoCo, which takes a hundred times as long, fewer.
+#: Episodes of a cell; fewer in MuJoCo, which takes a hundred times as long.
 EPISODES = 200
 IN_MUJOCO = 50
 
@@ -32,7 +32,7 @@ MUJOCO = Judge("MuJoCo", engine="mujoco", episodes=IN_MUJOCO)
 
 
 def episodes_of(task: str) -> dict[str, Any]:
-    """Options of a task's own episodes, whatever a policy was trained in: starts, commands, ends, successes."""
+    """Options of a task's own episodes, independent of a policy's training: starts, commands, ends, successes."""
     found = {option["name"]: option["default"] for option in TASKS[task]["options"]}
     return {**found, "max_episode_steps": TASKS[task]["max_episode_steps"]}
 
@@ -46,7 +46,7 @@ class Cell(NamedTuple):
 
 
 def results(cells: Sequence[Cell]) -> list[bb.Result]:
-    """What each cell gives, in their order; the slowest begin first."""
+    """The result of each cell, in their order; the slowest begin first."""
     order = sorted(range(len(cells)), key=lambda i: cells[i].judge.engine is None)
     with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
         found = dict(zip(order, pool.map(_result, [cells[i] for i in order]), strict=True))

@@ -1,4 +1,4 @@
-"""The policies that come with the package: their recipes, what was asked of them, and what they reach."""
+"""The policies that come with the package: their recipes, requirements and results."""
 
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, NamedTuple
@@ -18,17 +18,17 @@ if TYPE_CHECKING:
 
     from matplotlib.figure import Figure
 
-#: Seeds of each policy's training; the first one's policy is shipped.
+#: Training seeds of each policy; the policy of the first is shipped.
 SEEDS = (0, 1, 2)
 
 JUDGES = (CONTACT, RIGID, MUJOCO)
 
 
 class Limit(NamedTuple):
-    """What was asked of a policy before it was trained: a bound of what a judge finds."""
+    """A requirement of a policy, set before its training: a bound of a judge's result."""
 
     what: str
-    #: Name of a metric of the task, or "failures", the share of episodes that are no success.
+    #: Name of a metric of the task, or "failures", the fraction of episodes without success.
     name: str
     most: float
     unit: str
@@ -41,7 +41,7 @@ class Shipped(NamedTuple):
     title: str
     recipe: Recipe
     limits: Sequence[Limit]
-    #: Scenarios whose worst direction is claimed, with the least tilt (deg) or impulse (N·s).
+    #: Scenarios with a claim on the worst direction, with the least tilt (deg) or impulse (N·s).
     least: Mapping[str, tuple[str, float, str]] = {}
 
     @property
@@ -61,7 +61,7 @@ def _in_engines(what: str, name: str, most: float, unit: str) -> list[Limit]:
     return [Limit(f"{what}, {judge.name}", name, most, unit, judge) for judge in JUDGES]
 
 
-#: Largest push that traction lets the paper's robot bear, N·s.
+#: Largest push that the paper's robot can withstand with its traction, N·s.
 _CAPTURE_IMPULSE = Scale.of(bb.Params.paper()).capture_impulse
 
 SHIPPED = (
@@ -114,12 +114,12 @@ SHIPPED = (
 
 
 def recipes() -> list[Recipe]:
-    """All that must be trained."""
+    """All recipes to train."""
     return [one.recipe._replace(seed=seed) for one in SHIPPED for seed in SEEDS]
 
 
 def topics(folder: "Path") -> list[Topic]:
-    """One topic a policy, whose file is in `folder`."""
+    """One topic per policy, whose file is in `folder`."""
     return [_topic(one, folder) for one in SHIPPED]
 
 
@@ -144,14 +144,14 @@ def _run(one: Shipped, policy: str) -> Findings:
         for judge in (*JUDGES, *others.values())
         for label, source in controllers.items()
     }
-    # The other seeds, where each was trained.
+    # The other seeds, under their training conditions.
     for recipe in (one.recipe._replace(seed=seed) for seed in SEEDS[1:]):
         cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
     for scenario, (what, least, unit) in one.least.items():
         (outcome,) = bb.run_scenarios([policy], [scenario])
-        # What is missing to the least that was asked for.
+        # Shortfall relative to the requirement.
         claims.append(Claim(f"{what}, missing", max(least - outcome.score, 0.0), 0.0, 1e-9, unit, absolute=True))
     lines = [row(judge, label, result) for (judge, label), result in found.items()]
     return Findings(claims, lambda fig: _curves(fig, one), table(head(task), lines))

@@ -8,13 +8,13 @@ from ballbot_rs.envs.registration import description_of
 
 
 def head(task: str) -> list[str]:
-    """Of a table of results of a task."""
+    """Header of a table of results of a task."""
     metrics = [metric_label(metric) for metric in description_of(task)["metrics"]]
     return ["judge", "controller", "episodes", "success", "upright", *metrics]
 
 
 def row(judge: str, controller: str, result: bb.Result) -> list[str]:
-    """A row of it: means with their 95 % intervals."""
+    """A row of the table: means with their 95 % intervals."""
     success = _percent(result.success_rate, result.success_interval)
     upright = f"{100.0 * result.survival_rate:.4g} %"
     metrics = [_mean(result, name) for name in result.metrics]
@@ -22,7 +22,7 @@ def row(judge: str, controller: str, result: bb.Result) -> list[str]:
 
 
 def measure(result: bb.Result, name: str) -> float:
-    """A metric of the task by name; "failures": the share of episodes without success, "missed_goals": of goals."""
+    """A metric of the task by name; "failures": the fraction of episodes without success, "missed_goals": of goals."""
     if name == "failures":
         return 1.0 - result.success_rate
     if name == "missed_goals":
@@ -32,7 +32,7 @@ def measure(result: bb.Result, name: str) -> float:
 
 
 def interval(result: bb.Result, name: str) -> tuple[float, float]:
-    """The 95 % interval of `measure`; NaN where there is none."""
+    """The 95 % interval of `measure`; NaN if there is none."""
     if name == "failures":
         low, high = result.success_interval
         return 1.0 - high, 1.0 - low

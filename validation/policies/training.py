@@ -7,10 +7,10 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import NamedTuple
 
-#: Where runs are kept from one call to the next.
+#: Folder of runs, kept between calls.
 RUNS = Path(__file__).parents[2] / "runs" / "policies"
 
-#: Runs at once, each on one core: the learner is the slower part, and has one thread.
+#: Concurrent runs, each on one core: the learner is the slower part, and has one thread.
 AT_ONCE = 2
 
 
@@ -18,24 +18,24 @@ class Recipe(NamedTuple):
     """A run: a configuration that comes with the package, with events and a seed."""
 
     task: str
-    #: As `ballbot train --config` names it; None is the task's own.
+    #: Name for `ballbot train --config`; None is the task's own.
     variant: str | None = None
     events: str | None = None
     seed: int = 0
 
     @property
     def name(self) -> str:
-        """Of its folder."""
+        """Name of its folder."""
         return "-".join(str(part) for part in (self.task, self.variant, self.events, f"seed-{self.seed}") if part)
 
     @property
     def folder(self) -> Path:
-        """Of the run."""
+        """Folder of the run."""
         return RUNS / self.name
 
 
 def train_all(recipes: Sequence[Recipe]) -> None:
-    """Trains those that have not been trained with their present configuration."""
+    """Trains recipes that have not been trained with their present configuration."""
     wanted = [recipe for recipe in recipes if not _is_done(recipe)]
     with ProcessPoolExecutor(AT_ONCE, mp_context=multiprocessing.get_context("spawn")) as pool:
         for recipe, seconds in zip(wanted, pool.map(_train, wanted), strict=True):
@@ -63,7 +63,7 @@ def _is_done(recipe: Recipe) -> bool:
     options = config.parse(text, recipe.name).env
     now = resolved_options(new_batch(1, task=recipe.task, num_threads=1, options=options), options)
     _, kept = sb3_policy.load(recipe.folder / run_folder.FINAL, recipe.task)
-    # An option that there was not then has its default now, unless the configuration names it.
+    # An option that did not exist then has its default now, unless the configuration names it.
     usual = new_batch(1, task=recipe.task, num_threads=1).options
     then = {name: value for name, value in usual.items() if name not in kept["env_options"]} | kept["env_options"]
     return bool(json.dumps(then, sort_keys=True) == json.dumps(now, sort_keys=True))

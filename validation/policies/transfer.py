@@ -29,13 +29,13 @@ ARMS: Final[Mapping[str, str | None]] = {"none": None, "mild": "mild", "hard": "
 #: The task that all arms are trained for with five seeds.
 FIVE_SEEDS: Final = "balance"
 
-#: Episodes of a cell; in MuJoCo fewer.
+#: Episodes of a cell; fewer in MuJoCo.
 EPISODES: Final = 100
 IN_MUJOCO: Final = 20
 
 
 def _changed(term: str, op: str, by: object) -> dict[str, object]:
-    """A robot of which nobody is told: laws are made for the nominal one."""
+    """A changed robot, unknown to the controllers: laws are made for the nominal robot."""
     return {"events": [{"term": term, "mode": "reset", "op": op, "dist": "uniform", "range": by}]}
 
 
@@ -52,7 +52,7 @@ JUDGES: Final = (
     Judge("`hard`", {"events": "hard"}),
 )
 
-#: What each task is judged by: a measure of `tables.measure`, its name on the page, unit, and the largest value with
+#: Criterion of each task: a measure of `tables.measure`, its name on the page, unit, and the largest value with
 #: which a policy counts as transferred. Set before the first run.
 MEASURES: Final = {
     "balance": ("failures", "episodes without success", "", 0.02),
@@ -62,18 +62,18 @@ MEASURES: Final = {
     "push": ("failures", "episodes with a fall", "", 0.1),
 }
 
-#: The judges under which the policies without random robots are to transfer; the others are measured.
+#: The judges under which the policies without random robots must transfer; the others are only measured.
 CLAIMED: Final = (CONTACT, RIGID, MUJOCO)
 
 
 def recipes() -> list[Recipe]:
-    """All that must be trained."""
+    """All recipes to train."""
     seeds = {task: range(5 if task == FIVE_SEEDS else 1) for task in TASKS}
     return [Recipe(task, None, events, seed) for task in TASKS for events in ARMS.values() for seed in seeds[task]]
 
 
 def topics() -> list[Topic]:
-    """One topic a task, and one on seeds."""
+    """One topic per task, and one on seeds."""
     found = [Topic(task, task.capitalize(), _about(task), partial(_run, task)) for task in TASKS]
     about = (
         f"The task {FIVE_SEEDS}, seeds 0 to 4 of each arm: the mean over the seeds of the share of episodes without "
@@ -113,7 +113,7 @@ def _short(judge: Judge) -> Judge:
 
 
 def _text(result: bb.Result, name: str, unit: str) -> str:
-    """Measure with its interval, in percent or in its unit, and the share of falls if there are any."""
+    """Measure with its interval, in percent or in its unit, and the fraction of falls if there are any."""
     scale = 1.0 if unit else 100.0
     value, (low, high) = scale * measure(result, name), (scale * bound for bound in interval(result, name))
     text = "none" if math.isnan(value) else f"{value:.3g} ({low:.3g} … {high:.3g})"
@@ -122,12 +122,12 @@ def _text(result: bb.Result, name: str, unit: str) -> str:
 
 
 def _verdict(values: Mapping[tuple[str, str], float], most: float) -> str:
-    """Under how many judges each arm transfers."""
+    """Number of judges under which each arm transfers."""
     counts = [f"{arm} {sum(values[judge.name, arm] <= most for judge in JUDGES)}" for arm in (*ARMS, "`lqr`")]
     return f"Transfers under how many of {len(JUDGES)} judges: {', '.join(counts)}."
 
 
-#: What figures call arms that are no policies.
+#: Labels of arms that are not policies.
 _NAMES = {"`lqr`": "LQR"}
 
 

@@ -47,14 +47,14 @@ def lean(offset: float) -> float:
 
 
 def displacement(offset: float) -> float:
-    """Where LQR that was made for the mast holds the ball, m, beside the setpoint: its torques vanish there."""
+    """Offset from the setpoint, m, at which LQR designed for the mast holds the ball: its torques vanish there."""
     gain = bb.Lqr(control_dt=0.01).gain
-    # Columns: position x, and tilt about y, which is a negative one.
+    # Columns: position x, and tilt about y, which is negative.
     return float(np.linalg.lstsq(gain[:, :1], gain[:, 3] * lean(offset), rcond=None)[0][0])
 
 
 def at_rest(offset: float, designed_for: bb.Params) -> tuple[float, float]:
-    """Tilt of the mast, rad, and ball position x, m, in which LQR comes to rest in `contact`."""
+    """Tilt of the mast, rad, and ball position x, m, at which LQR comes to rest in `contact`."""
     robot = bb.Ballbot(offset_robot(offset), "contact", 0.002)
     law = bb.Lqr(designed_for, 0.01)
     robot.reset(bb.State.at_equilibrium(robot.params))

@@ -38,7 +38,7 @@ SWEEP = Sweep(
 
 
 def with_friction(friction: float) -> bb.Params:
-    """The paper's robot with this dynamic friction of its wheels; the static one in proportion."""
+    """The paper's robot with this dynamic friction of its wheels; static friction in proportion."""
     share = friction / PAPER.wheel_dynamic_friction
     return PAPER.replace(wheel_dynamic_friction=friction, wheel_static_friction=share * PAPER.wheel_static_friction)
 

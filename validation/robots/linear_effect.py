@@ -1,4 +1,4 @@
-"""An effect of the motors under which the loop of LQR stays linear: its largest eigenvalue is the closed form."""
+"""An effect of the motors that keeps the LQR loop linear: its largest eigenvalue is the closed form."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ class LinearEffect:
     sweep: Sweep
     #: A value with its name and unit, with `{:g}` for the number.
     what: str
-    #: Values at which the loop is not stable.
+    #: Values at which the loop is unstable.
     unstable: Sequence[float]
     #: Arguments of `loop.matrix` and `loop.growth`.
     arguments: Callable[[float], Mapping[str, float]]
@@ -31,7 +31,7 @@ class LinearEffect:
         return loop.radius(loop.matrix(**self.arguments(value)))
 
     def claims(self) -> list[Claim]:
-        """Growth of small tilts where the loop is not stable."""
+        """Growth of small tilts where the loop is unstable."""
         return [
             Claim(
                 f"growth a control step, `spatial`, {self.what.format(value)}",

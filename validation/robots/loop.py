@@ -10,14 +10,14 @@ from validation.mechanics import Array
 SIM_DT, CONTROL_DT = 0.002, 0.01
 SUBSTEPS = 5
 
-#: First tilt of a growth, rad, and how large it may become while it counts as small.
+#: Initial tilt of a growth test, rad, and the limit up to which it counts as small.
 _TILT, _SMALL = 1e-9, 1e-5
 
 
 def matrix(delay: float = 0.0, lag: float = 0.0, strength: Array | float = 1.0) -> Array:
     """The map of a control step of 10 ms, five model steps. Delay and lag in s; strength of all motors or of each.
 
-    Its state: the ten of `LinearModel`, three lagging torques, and the commands of the control steps before.
+    Its state: the ten states of `LinearModel`, three lagging torques, and the commands of earlier control steps.
     """
     gain = bb.Lqr(control_dt=CONTROL_DT).gain
     a, b = bb.LinearModel().discretize(SIM_DT)
@@ -25,7 +25,7 @@ def matrix(delay: float = 0.0, lag: float = 0.0, strength: Array | float = 1.0) 
     kept = steps // SUBSTEPS + 1
     size = 13 + 3 * kept
     state, torque = np.eye(10, size), np.eye(3, size, 10)
-    # The present command, then those before it.
+    # The present command, then earlier commands.
     commands = [-gain @ state, *(np.eye(3, size, 13 + 3 * age) for age in range(kept))]
     shares = np.broadcast_to(strength, (3,))[:, np.newaxis]
     for step in range(SUBSTEPS):
@@ -36,14 +36,14 @@ def matrix(delay: float = 0.0, lag: float = 0.0, strength: Array | float = 1.0) 
 
 
 def radius(loop: Array) -> float:
-    """The largest absolute value of the eigenvalues: growth a control step."""
+    """The largest absolute value of the eigenvalues: growth per control step."""
     return float(np.abs(np.linalg.eigvals(loop)).max())
 
 
 def growth(delay: float = 0.0, lag: float = 0.0, strength: Array | float = 1.0) -> float:
-    """Growth a control step of a small tilt in `spatial`, of a loop that is not stable.
+    """Growth per control step of a small tilt in `spatial`, for an unstable loop.
 
-    Two past samples give the next one once one pair of eigenvalues, or a single one, is left.
+    Two past samples give the next once one pair of eigenvalues, or a single eigenvalue, dominates.
     """
     shares = np.broadcast_to(strength, (3,)).tolist()
     batch = bb.Batch(

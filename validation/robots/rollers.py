@@ -40,7 +40,7 @@ def closed_form(params: bb.Params, speed: float) -> float:
 
 
 def claims() -> list[Claim]:
-    """Drag in both simulations, and that of an asRoBallet."""
+    """Drag in both simulations, and of an asRoBallet."""
     rough = PAPER.replace(roller_friction=0.02, roller_friction_slope=0.1)
     expected = closed_form(rough, 0.2)
     found = [

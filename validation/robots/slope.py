@@ -35,7 +35,7 @@ SWEEP = Sweep(
 
 
 def on_slope(degrees: float) -> bb.Params:
-    """The paper's robot on a floor that goes down towards +x."""
+    """The paper's robot on a floor that slopes down towards +x."""
     return PAPER.replace(floor_tilt=(0.0, np.radians(degrees)))
 
 
@@ -47,15 +47,15 @@ def lean(degrees: float) -> float:
 
 
 def displacement(degrees: float) -> float:
-    """Where LQR for a level floor holds the ball, m, downhill of the setpoint."""
+    """Distance downhill of the setpoint, m, at which LQR for a level floor holds the ball."""
     gain = bb.Lqr(control_dt=0.01).gain
-    # Columns: position x, and tilt about y, which is a negative one.
+    # Columns: position x, and tilt about y, which is negative.
     asked = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
     return float(np.linalg.lstsq(gain[:, :1], asked, rcond=None)[0][0])
 
 
 def at_rest(model: str, degrees: float) -> tuple[float, float]:
-    """Lean from the floor's normal, rad, and ball position x, m, in which LQR for a level floor comes to rest."""
+    """Lean from the floor's normal, rad, and ball position x, m, at which LQR for a level floor comes to rest."""
     robot = bb.Ballbot(on_slope(degrees), model, 0.002)
     law = bb.Lqr(control_dt=0.01)
     robot.reset(bb.State.at_equilibrium(robot.params))

@@ -1,4 +1,4 @@
-"""A robot or its motors changed more and more: what it does to controllers that are made for the nominal one."""
+"""Increasing changes of a robot or its motors: their effect on controllers made for the nominal robot."""
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
@@ -31,27 +31,27 @@ class Sweep:
 
     #: With its unit.
     label: str
-    #: As the page shows them.
+    #: As shown on the page.
     values: Sequence[float]
     #: Options of the environment; controllers remain those of the nominal robot.
     options: Callable[[float], Options]
-    #: To how much the edge is found.
+    #: Tolerance of the edge.
     to: float
-    #: The options of the command line that do what the second value does.
+    #: Command-line options equivalent to the second value.
     command: str
-    #: The changed robot, for an LQR that is made for it; None where motors change.
+    #: The changed robot, for an LQR designed for it; None where motors change.
     robot: Callable[[float], bb.Params] | None = None
 
 
 def drawn(term: str, op: str, numbers: Sequence[float] | float) -> Options:
-    """A parameter that is changed in all episodes, which controllers are not made for."""
+    """A parameter changed in all episodes, unknown to the controllers."""
     given = [[float(x), float(x)] for x in np.atleast_1d(np.asarray(numbers, dtype=np.float64))]
     value = given[0] if np.isscalar(numbers) else given
     return {"events": [{"term": term, "op": op, "mode": "startup", "range": value}]}
 
 
 class Measured:
-    """What controllers do in 100 episodes of the balance task at each value of a sweep."""
+    """Results of controllers in 100 episodes of the balance task at each value of a sweep."""
 
     def __init__(self, sweep: Sweep) -> None:
         self.sweep = sweep
@@ -72,7 +72,7 @@ class Measured:
         return bb.evaluate("lqr", episodes=EPISODES, env_options={"params": self.sweep.robot(value)})
 
     def _edge(self, name: str) -> float | None:
-        """The strongest effect that no start falls under; None if it is beyond the last value."""
+        """The strongest effect without a fall from any start; None if it is beyond the last value."""
         stands = [result.survival_rate == 1.0 for result in self.results[name]]
         if all(stands):
             return None
@@ -80,7 +80,7 @@ class Measured:
         values = self.sweep.values
         if first == 0:
             return float("nan")
-        # Sweeps may go down: the bisection is over the share of the way between two values.
+        # Sweeps may decrease: the bisection is over the fraction of the interval between two values.
         low, high = values[first - 1], values[first]
 
         def holds(share: float) -> bool:
@@ -117,7 +117,7 @@ class Measured:
         return "none" if edge is None else number(edge, 3)
 
     def findings(self, claims: list[Claim], label: str, lines: Sequence[float], dots: Sequence[float]) -> Findings:
-        """Closed form and simulation of a quantity over the values, beside the episodes."""
+        """Closed form and simulation of a quantity over the values, next to the episodes."""
 
         def draw(fig: "Figure") -> None:
             left, middle, right = fig.subplots(1, 3)
@@ -130,7 +130,7 @@ class Measured:
         return Findings(claims, draw, self.markdown(), (11.0, 3.2))
 
     def draw(self, upright: "Axes", position: "Axes") -> None:
-        """Shares of upright robots, and how far their balls are from the setpoint, over the values."""
+        """Fractions of upright robots, and distances of their balls from the setpoint, over the values."""
         for name, results in self.results.items():
             upright.plot(self.sweep.values, [100 * r.survival_rate for r in results], ".-", label=name)
             position.plot(self.sweep.values, [r.ball_rms for r in results], ".-", label=name)

@@ -64,7 +64,7 @@ def closed_form(times: Array, no_load_speed: float) -> Array:
 
 
 def claims() -> list[Claim]:
-    """The time constant, the speed at the end, and what LQR needs the speed for."""
+    """The time constant, the final speed, and the reason why LQR needs the speed."""
     found = []
     for speed in _CLAIMED:
         times, speeds = spin_up(motors(speed))

@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 
 def azimuths(degrees: float) -> list[float]:
-    """Those of the wheels with wheel 1 turned, rad."""
+    """Azimuths of the wheels with wheel 1 turned, rad."""
     return [0.0, float(np.radians(120.0 + degrees)), float(np.radians(240.0))]
 
 

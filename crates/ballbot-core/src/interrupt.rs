@@ -49,7 +49,7 @@ fn stopped(now: Instant) -> bool {
     stop.is_some_and(|stop| stop())
 }
 
-/// Checks periodically whether the caller wants to stop the work.
+/// Checks periodically whether the caller has requested to stop the work.
 pub struct Watch {
     /// Last clock reading; `None` without a caller that may stop the work.
     looked: Option<Instant>,

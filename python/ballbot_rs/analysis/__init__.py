@@ -1,1 +1,1 @@
-"""Rollouts and what is read from them: comparisons over episodes, recovery maps, trajectories."""
+"""Rollouts and their results: comparisons over episodes, recovery maps, trajectories."""

@@ -1,4 +1,4 @@
-"""What acts on the robots of a batch: a law of the core, a law in Python or a policy, all called alike."""
+"""One interface to all that can drive the robots of a batch: a law of the core, a law in Python or a policy."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Protocol
@@ -19,14 +19,14 @@ class Actor(Protocol):
     """Chooses the actions of all robots of a batch."""
 
     def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:
-        """Actions within [-1, 1], shape (n, 3), for the parts of a setpoint; None is that of the task."""
+        """Actions within [-1, 1], shape (n, 3), for the parts of a setpoint; None is the task's setpoint."""
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:
-        """Is told which robots have begun a new episode, shape (n,)."""
+        """Takes a mask of the robots that have begun a new episode, shape (n,)."""
 
 
 def core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
-    """The law of the core that a controller is; None if it is anything else."""
+    """A controller as a law of the core; None if it is anything else."""
     if controller.policy is not None:
         return None
     # A controller keeps the direction of its torques within this limit.
@@ -47,7 +47,7 @@ def make_actor(controller: ResolvedController, batch: Batch) -> Actor:
 
 
 def observes_estimates(batch: Batch) -> bool:
-    """Whether the task of a batch observes what follows from sensors."""
+    """Whether the task of a batch observes estimates from sensors."""
     return bool(batch.options["observation"] == "sensors")
 
 
@@ -90,7 +90,7 @@ class PolicyActor:
 
 
 class LawActor:
-    """A law in Python, on what the task of a batch observes."""
+    """A law in Python, on the states that the task of a batch observes."""
 
     def __init__(self, laws: Laws, batch: Batch) -> None:
         self._laws, self._batch = laws, batch

@@ -1,4 +1,4 @@
-"""A trajectory as named quantities with units: what tables, files and messages are made of."""
+"""A trajectory as named quantities with units, for tables, files and messages."""
 
 import dataclasses
 from collections.abc import Iterator, Sequence
@@ -21,14 +21,14 @@ XYZ, XY, WXYZ, WHEELS, SCALAR = ("x", "y", "z"), ("x", "y"), ("w", "x", "y", "z"
 class Quantity:
     """A quantity at all rows."""
 
-    #: What it is part of: state, estimate, setpoint, torque, contacts or draws.
+    #: Its group: state, estimate, setpoint, torque, contacts or draws.
     group: str
     name: str
-    #: What its numbers are called; none for one number.
+    #: Names of its numbers; empty for one number.
     axes: tuple[str, ...]
     unit: str
     doc: str
-    #: Shape (n, number of axes), or (n, 1) without axes; NaN where there is none.
+    #: Shape (n, number of axes), or (n, 1) without axes; NaN where there is no number.
     values: Array
 
     @property
@@ -51,7 +51,7 @@ _SUFFIXES: Final = {
     "N·m": "_N_m",
 }
 
-#: Attribute of a state, axes, unit, what it is.
+#: Attribute of a state, axes, unit, description.
 _STATE: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("ball_position", XYZ, "m", "center of the ball, inertial frame"),
     ("ball_quaternion", WXYZ, "", "attitude of the ball, ball to inertial"),
@@ -67,7 +67,7 @@ _STATE: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("tilt_components", XY, "rad", "rotation vector that takes the vertical to the mast"),
     ("yaw", SCALAR, "rad", "heading"),
 )
-#: The same of contacts.
+#: The same for contacts.
 _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("wheel_normal_forces", WHEELS, "N", "load of a wheel on the ball, in the time step before"),
     ("wheel_tractions", WHEELS, "N", "drive friction of a wheel on the ball, in the time step before"),
@@ -76,7 +76,7 @@ _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("bot_floor_force", XYZ, "N", "of the floor on body and wheels, inertial frame, in the time step before"),
     ("friction_utilization", ("0", "1", "2", "floor"), "", "share of the dynamic friction limit"),
 )
-#: Unit of a part of a setpoint, and what it is.
+#: Unit and description of a part of a setpoint.
 _SETPOINT: Final = {
     "position": ("m", "of the ball, inertial frame"),
     "velocity": ("m/s", "inertial frame"),
@@ -90,7 +90,7 @@ _SETPOINT: Final = {
 
 
 def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
-    """All quantities of a trajectory, but for the time."""
+    """All quantities of a trajectory except the time."""
     rows = len(trajectory.times)
     for name, axes, unit, doc in _STATE:
         yield Quantity("state", name, axes, unit, doc, _rows(trajectory.of_states(name), rows))
@@ -122,7 +122,7 @@ def columns(trajectory: "Trajectory") -> dict[str, Array]:
 
 
 def _rows(values: Array, count: int) -> Array:
-    """Rows of numbers, with NaN after the last one."""
+    """Rows of numbers, with NaN after the last row."""
     numbers = np.asarray(values, dtype=np.float64)
     numbers = numbers.reshape(len(numbers), -1)
     missing = np.full((count - len(numbers), numbers.shape[1]), np.nan)

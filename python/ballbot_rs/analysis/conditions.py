@@ -1,4 +1,4 @@
-"""The conditions of a comparison in words: what of its environment is not the task's default."""
+"""The conditions of a comparison in words: where its environment differs from the task's defaults."""
 
 import math
 from collections.abc import Mapping
@@ -10,7 +10,7 @@ from ballbot_rs._core import ROBOTS, Params
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 from ballbot_rs.envs.registration import description_of
 
-#: Parameters of a changed robot that are listed.
+#: Number of a changed robot's parameters that are listed.
 _MOST_LISTED = 4
 
 
@@ -19,7 +19,7 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
 
     Args:
         task: name of the task.
-        options: options of the environment. `control_dt` is left out: each controller has its own rate.
+        options: options of the environment. `control_dt` is omitted: each controller has its own rate.
     """
     found = []
     if "params" in options:
@@ -41,12 +41,12 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
 
 
 def beside(task: str) -> tuple[str, ...]:
-    """Controllers that a policy of the task is compared with: those that can do it."""
+    """Controllers that a policy of the task is compared with: those that can perform the task."""
     return ("lqr",) if description_of(task)["command"] else ("lqr", "pid")
 
 
 def success_rule(task: str, options: Mapping[str, Any]) -> str:
-    """What an episode must be to count as a success; empty for a task without successes."""
+    """The condition for an episode to count as a success; empty for a task without successes."""
     resolved = _resolved(task, options)
     try:
         window, tilt, radius = (resolved[f"success_{name}"] for name in ("window", "tilt", "radius"))

@@ -1,4 +1,4 @@
-"""Pushes that events and tasks have drawn, read from the draws of a simulation."""
+"""Pushes that events and tasks have sampled, read from the draws of a simulation."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -10,27 +10,27 @@ from ballbot_rs.analysis.pushes import Push
 
 Array = npt.NDArray[np.float64]
 
-#: Name of the terms; those with an id of their own follow a colon.
+#: Name of the terms; the id of a term, if it has one, follows a colon.
 TERM = "push"
 
 
 def is_push(term: str) -> bool:
-    """Whether a term of draws is one of pushes."""
+    """Whether a term of draws is a push."""
     return term == TERM or term.startswith(f"{TERM}:")
 
 
 def drawn_pushes(
     draws: Mapping[str, Array], times: Array, events: Sequence[Mapping[str, Any]], body_mass: float
 ) -> tuple[Push, ...]:
-    """The pushes, in the order of their times.
+    """The pushes, ordered by time.
 
-    A push that has the very numbers of the one before it, of events without a range, is taken for the same one.
+    A push with exactly the numbers of the push before it, as from events without a range, is taken for the same push.
 
     Args:
-        draws: at each row, by term, as `Batch.draws`.
+        draws: of each row, by term, as `Batch.draws`.
         times: of the rows, s.
         events: as `Batch.options["events"]` has them.
-        body_mass: of the robot without events, kg, which pushes with `op = "scale"` are multiples of.
+        body_mass: of the robot without events, kg; pushes with `op = "scale"` are multiples of it.
     """
     scaled = {_name(event) for event in events if event.get("op") == "scale"}
     found = []

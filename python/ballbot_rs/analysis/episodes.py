@@ -42,25 +42,25 @@ class Result:
     model: str
     #: Time between two actions, s.
     control_dt: float
-    #: Time step of the model, s: the option `sim_dt`, or less where the controller's own rate is no multiple of it.
+    #: Time step of the model, s: the option `sim_dt`, or less where the controller's period is not a multiple of it.
     sim_dt: float
     episodes: int
-    #: Share of episodes that ended in success. With pushes it measures when the last one comes, not the controller:
-    #: judge by `survival_rate`, `recovery_time` and `ball_rms`.
+    #: Fraction of episodes that ended in success. With pushes it measures the time of the last push, not the
+    #: controller: judge by `survival_rate`, `recovery_time` and `ball_rms`.
     success_rate: float
-    #: Wilson's 95 % interval of that share.
+    #: Wilson 95 % interval of that fraction.
     success_interval: tuple[float, float]
-    #: Share of episodes that ran to their end.
+    #: Fraction of episodes that ran to their end.
     survival_rate: float
-    #: Median time from which the tilt stays within 1 deg, s; None if in most episodes it never does.
+    #: Median time from which the tilt stays within 1 deg, s; None if it never does in most episodes.
     settling_time: float | None
     #: Pushes by events and the task, in all episodes.
     pushes: int
     #: Median time from a push until tilt and ball are back within `recovery_limits` and stay there up to the next push
-    #: or the end, for at least 1 s; s. Time that a next push cuts short counts as censored (Kaplan and Meier), a fall
-    #: as never. None if less than half recovers, without pushes, and for tasks without the option `setpoint`.
+    #: or the end, for at least 1 s; s. Times cut short by the next push count as censored (Kaplan and Meier), a fall
+    #: as never. None if fewer than half recover, without pushes, and for tasks without the option `setpoint`.
     recovery_time: float | None
-    #: Tilt (rad) and distance of the ball from the setpoint (m) within which a robot has recovered: those of a success.
+    #: Tilt (rad) and distance of the ball from the setpoint (m) within which a robot has recovered, as for a success.
     recovery_limits: tuple[float, float]
     #: Root mean square of the tilt over all steps, rad.
     tilt_rms: float
@@ -72,7 +72,7 @@ class Result:
     torque_rms: float
     #: Mean reward of a step, a fallen robot's missing steps counted as zero.
     mean_reward: float
-    #: Metrics of the task by name, means over the episodes that ran to their end; None where there is none.
+    #: Metrics of the task by name, means over the episodes that ran to their end; None without such an episode.
     metrics: Mapping[str, float | None]
     #: 95 % intervals of these means, by bootstrap over episodes; None for fewer than two.
     metric_intervals: Mapping[str, tuple[float, float] | None]
@@ -119,25 +119,25 @@ def compare(
     engine: str | None = None,
     progress: Progress = no_progress,
 ) -> list[Result]:
-    """Runs episodes of one task from the starts that `seed` gives, the same for every controller.
+    """Runs episodes of one task from starts that follow from `seed`, the same for every controller.
 
     Args:
         controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`;
-            "zero" is no torque), the path of a policy file (of Stable-Baselines3, or ONNX) or of a training run, a
+            "zero" is no torque), the path of a policy file (Stable-Baselines3 or ONNX) or of a training run, a
             `Controller`, or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the
             setpoint, m).
-        task: name of the task; None is that of the policies, else "balance". It, or `env_options`, is needed for policy
-            files without metadata.
-        episodes: number of episodes; episode i is that of an environment seeded with seed + i.
+        task: name of the task; None is the policies' task, else "balance". Policy files without metadata need it or
+            `env_options`.
+        episodes: number of episodes; episode i is the episode of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: options of the environment, over those that the policies were trained with. Without
-            `max_wheel_torque` among them feedback laws have the motors' limit and their own, not that of policies.
-        engine: another engine in place of a model, "mujoco" or None; it has ideal motors.
+        env_options: options of the environment; they override the options that the policies were trained with. Without
+            `max_wheel_torque`, feedback laws have the motors' limit and their own, not the policies' limit.
+        engine: another engine in place of a model, "mujoco" or None; its motors are ideal.
         progress: called with the number of steps done and their total.
 
     Raises:
-        TypeError: one name in place of a list of controllers.
+        TypeError: a single name in place of a list of controllers.
         ValueError: an unknown name, a number out of range, a policy for another environment, policies that were
             trained with different options of the environment, or a robot, motors or events that the engine does not
             simulate.
@@ -154,7 +154,7 @@ def compare(
     if engine is not None and "model" in (env_options or {}):
         raise InvalidInputError(f"engine = '{engine}' takes the place of model = '{options['model']}': leave one out")
     if engine is not None:
-        # A policy may have been trained in a model that cannot hold the engine's states.
+        # A policy may have been trained in a model that cannot represent the engine's states.
         options["model"] = "contact"
     batches = [
         batch_for(
@@ -201,7 +201,7 @@ def _run(controller: ResolvedController, batch: Batch, advance: Callable[[int], 
     returns = np.zeros(n)
     for chunk in rollout(batch, controller, steps):
         ended = chunk.terminated | chunk.truncated
-        # Before a step, no earlier one has ended the first episode.
+        # Before a step: no earlier step has ended the first episode.
         still = running & (np.cumsum(ended, axis=0) - ended == 0)
         rows = slice(chunk.first, chunk.first + len(chunk))
         tilts[rows] = np.where(still, tilt_of(chunk.states, chunk.com), np.nan)

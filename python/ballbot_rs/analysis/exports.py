@@ -1,6 +1,6 @@
 """Files and tables of a trajectory: CSV, NPZ, MCAP and pandas, with the columns of `columns`.
 
-Quaternions are (w, x, y, z), but for the transforms of an MCAP file, whose format names the parts.
+Quaternions are (w, x, y, z), except in the transforms of an MCAP file, whose format names the components.
 """
 
 import io
@@ -26,12 +26,12 @@ _FRAMES: Final = (("ball", "ball_position", "ball_quaternion"), ("body", "body_p
 
 
 def to_csv(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
-    """Writes a table, its header in the first row; numbers are read back to the last bit."""
+    """Writes a table, its header in the first row; numbers read back bit for bit."""
     write_csv(columns(trajectory), path)
 
 
 def to_npz(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
-    """Writes a compressed archive of NumPy, an array a column."""
+    """Writes a compressed NumPy archive, one array per column."""
     write_npz(columns(trajectory), path)
 
 
@@ -61,7 +61,7 @@ def to_dataframe(trajectory: "Trajectory") -> Any:
 
 
 def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
-    """Writes a log of MCAP with messages in JSON: a topic a group of quantities, and `/tf` with ball and body.
+    """Writes an MCAP log with JSON messages: one topic per group of quantities, and `/tf` with ball and body.
 
     Raises:
         ModuleNotFoundError: mcap is not installed.
@@ -70,7 +70,7 @@ def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
     with require("an MCAP file", "mcap"):
         from mcap.writer import CompressionType, Writer
     packed = io.BytesIO()
-    # Chunks with gzip-like compression need more packages; a file of some MB does without.
+    # Compressed chunks need more packages; a file of some MB does without.
     writer = Writer(packed, compression=CompressionType.NONE)
     writer.start(profile="", library=f"ballbot_rs {__version__}")
     groups: dict[str, list[Quantity]] = {}
@@ -136,7 +136,7 @@ def _schema(of: list[Quantity]) -> dict[str, Any]:
 
 
 def _value(quantity: Quantity, row: int) -> Any:
-    """What a message has of a quantity; None where it is not there."""
+    """The value of a quantity in a message; None where it is missing."""
     numbers: Array = quantity.values[row]
     if not np.isfinite(numbers).all():
         return None

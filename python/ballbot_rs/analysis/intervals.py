@@ -1,4 +1,4 @@
-"""Confidence intervals of what episodes gave."""
+"""Confidence intervals over episodes."""
 
 import math
 from typing import Final
@@ -14,7 +14,7 @@ _RESAMPLES: Final = 2000
 
 
 def of_share(share: float, count: int) -> tuple[float, float]:
-    """Wilson's 95 % interval of a share of `count` episodes."""
+    """Wilson 95 % interval of a fraction of `count` episodes."""
     center = (share + _Z * _Z / (2 * count)) / (1 + _Z * _Z / count)
     half = _Z / (1 + _Z * _Z / count) * math.sqrt(share * (1 - share) / count + _Z * _Z / (4 * count * count))
     return max(center - half, 0.0), min(center + half, 1.0)
@@ -23,7 +23,7 @@ def of_share(share: float, count: int) -> tuple[float, float]:
 def of_mean(values: npt.NDArray[np.float64]) -> tuple[float, float]:
     """95 % interval of the mean by bootstrap over episodes, shape (n,), n ≥ 2; the same in every call."""
     rng, n = np.random.default_rng(0), len(values)
-    # One at a time: all of them may not fit into memory.
+    # One resample at a time: all of them may not fit into memory.
     means = [values[rng.integers(n, size=n)].mean() for _ in range(_RESAMPLES)]
     low, high = np.quantile(means, (0.025, 0.975))
     return float(low), float(high)

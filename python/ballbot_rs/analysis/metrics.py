@@ -1,4 +1,4 @@
-"""Numbers that sum a trajectory up, until the robot fell."""
+"""Numbers that summarize a trajectory, until the robot fell."""
 
 import dataclasses
 from typing import TYPE_CHECKING
@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Metrics:
-    """How a controller did on one trajectory, until the robot fell."""
+    """Performance of a controller on one trajectory, until the robot fell."""
 
     #: Tilt from the equilibrium, rad.
     tilt_rms: float
@@ -27,7 +27,7 @@ class Metrics:
     #: Commanded wheel torques, N·m.
     torque_rms: float
     torque_max: float
-    #: Largest share of the dynamic friction limit that a wheel took.
+    #: Largest fraction of the dynamic friction limit that a wheel used.
     traction_utilization_max: float
 
     def __repr__(self) -> str:
@@ -47,7 +47,7 @@ def metrics(trajectory: "Trajectory") -> Metrics:
     states = trajectory.to_array()[:end]
     tilts = tilt_of(states, trajectory.params.body_com)
     errors = np.linalg.norm(states[:, BALL_POSITION][:, :2] - trajectory.setpoints["position"][:end], axis=1)
-    # The last row repeats the torques of the one before.
+    # The last row repeats the torques of the row before.
     torques = trajectory.torques[: max(end - 1, 1)]
     utilization = trajectory.of_contacts("friction_utilization")[:end, :3]
     return Metrics(

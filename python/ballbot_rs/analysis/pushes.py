@@ -1,4 +1,4 @@
-"""Pushes and forces on the body over time, as impulses at the beginnings of control steps."""
+"""Pushes and forces on the body over time, as impulses at the starts of control steps."""
 
 import dataclasses
 import math
@@ -17,7 +17,7 @@ Impulse: TypeAlias = tuple[Vector, Vector | None]
 
 
 def half_sine(count: int) -> npt.NDArray[np.float64]:
-    """Shares of an impulse along half a sine in `count` equal parts of its time; they sum to one."""
+    """Fractions of a half-sine impulse in `count` equal parts of its duration; they sum to one."""
     shares: npt.NDArray[np.float64] = np.sin((np.arange(count) + 0.5) * np.pi / count) * np.sin(0.5 * np.pi / count)
     return shares
 
@@ -31,15 +31,15 @@ class Push:
 
     #: Inertial frame, N·s.
     impulse: Vector
-    #: Of its beginning, s.
+    #: Start, s.
     time: float = 1.0
-    #: s; 0 is at once.
+    #: s; 0 is an instantaneous impulse.
     duration: float = 0.0
     #: Body frame, m; None is the CoM of the body.
     point: Vector | None = None
 
     def share(self, begin: float, end: float) -> float:
-        """Which share of the impulse is from one time to another, s."""
+        """Fraction of the impulse between two times, s."""
         if self.duration == 0.0:
             return float(begin <= self.time < end)
         angles = [math.pi * min(max((t - self.time) / self.duration, 0.0), 1.0) for t in (begin, end)]
@@ -48,7 +48,7 @@ class Push:
 
 @dataclasses.dataclass(frozen=True)
 class Force:
-    """A constant force on the body from a time to another."""
+    """A constant force on the body between two times."""
 
     #: Inertial frame, N.
     force: Vector
@@ -64,7 +64,7 @@ def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> No
     """Checks pushes and forces on a simulation of a duration.
 
     Raises:
-        TypeError: something else than pushes and forces.
+        TypeError: anything other than pushes and forces.
         ValueError: a number out of range.
     """
     for push in pushes:
@@ -98,10 +98,10 @@ def _check_vectors(what: str, vector: Any, point: Any) -> None:
 def impulses(
     pushes: Sequence[Push], forces: Sequence[Force], steps: int, control_dt: float
 ) -> Mapping[int, Sequence[Impulse]]:
-    """Impulses by the number of the control step that begins with them.
+    """Impulses by the number of the control step that starts with them.
 
-    A push at once goes to the step that begins nearest to its time; what is spread over time, to each step with that
-    which falls into it.
+    An instantaneous push goes to the step that starts nearest to its time; a push or force with a duration is divided
+    over the steps that it overlaps.
     """
     found: dict[int, list[Impulse]] = {}
 
@@ -115,7 +115,7 @@ def impulses(
             continue
         spread = _steps(push.time, push.time + push.duration, steps, control_dt)
         if not spread:
-            # It begins after the last whole step, as one at once may.
+            # It begins after the last whole step, as an instantaneous push may.
             add(steps - 1, push.impulse, 1.0, push.point)
         for step in spread:
             add(step, push.impulse, push.share(step * control_dt, (step + 1) * control_dt), push.point)
@@ -128,6 +128,6 @@ def impulses(
 
 
 def _steps(begin: float, end: float, steps: int, control_dt: float) -> range:
-    """The control steps in which a time lies that is between two times, s."""
+    """The control steps that overlap the span between two times, s."""
     last = steps if end == math.inf else min(math.ceil(end / control_dt), steps)
     return range(min(math.floor(begin / control_dt), steps), last)

@@ -1,4 +1,4 @@
-"""From which initial tilts a controller recovers: the data of a map over tilt and azimuth."""
+"""The initial tilts from which a controller recovers: data of a map over tilt and azimuth."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -15,17 +15,17 @@ from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import HOLD, recovery_times
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 
-#: Beyond this tilt (rad) the robot has fallen: not the task's limit, which would decide about half of the map.
+#: Beyond this tilt (rad) the robot has fallen. The task's limit would decide half of the map.
 FALLEN = 1.0
 
 
 @dataclasses.dataclass(frozen=True)
 class Recovery:
-    """What became of a robot that starts at rest, for each initial tilt (rows) and azimuth (columns)."""
+    """Outcome for a robot that starts at rest, for each initial tilt (rows) and azimuth (columns)."""
 
     controller: str
     model: str
-    #: First tilts from the equilibrium, rad; those of the mast if the center of mass is on it.
+    #: Initial tilts from the equilibrium, rad; equal to the tilts of the mast if the center of mass is on it.
     tilts: npt.NDArray[np.float64]
     #: Directions of these tilts, from the x axis, rad.
     azimuths: npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class Recovery:
     wheel_azimuths: tuple[float, float, float]
     #: Whether the robot never fell.
     stood: npt.NDArray[np.bool_]
-    #: Whether, besides, its tilt is within 1 deg from some time on to the end, for at least 1 s.
+    #: Whether, in addition, its tilt stays within 1 deg from some time to the end, for at least 1 s.
     recovered: npt.NDArray[np.bool_]
     #: Time from which the tilt stays within 1 deg, s; NaN where it has not recovered.
     recovery_times: npt.NDArray[np.float64]
@@ -55,18 +55,18 @@ def collect(
     num_threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Recovery:
-    """Lets go of a robot at every cell of a polar grid and sees whether it recovers.
+    """Releases a robot at every cell of a polar grid and checks whether it recovers.
 
     Args:
         controller: a name, a path or an object, as in `compare`.
         max_tilt: outer edge of the map, rad.
         rings: number of initial tilts, at the middle of as many equal rings.
         sectors: number of azimuths.
-        seconds: simulated time. A start counts as recovered if the tilt stays within 1 deg from some time on to the
-            end, for at least 1 s. 10 s are enough for the classical controllers on the paper's robot; robots that are
-            upright without are shown apart.
+        seconds: simulated time. A start counts as recovered if the tilt stays within 1 deg from some time to the end,
+            for at least 1 s. 10 s are enough for the classical controllers on the paper's robot; robots that stay
+            upright without recovering are shown separately.
         task: name of the task, as in `compare`.
-        env_options: options of the environment, over those that a policy was trained with.
+        env_options: options of the environment; they override the options that a policy was trained with.
         num_threads: threads that step the robots; None takes all cores.
         progress: called with the number of steps done and their total.
 
@@ -80,7 +80,7 @@ def collect(
     if not seconds >= HOLD:
         raise ValueError(f"seconds = {seconds} is out of range: a robot must stay upright for {HOLD:g} s to recover")
     found = find(controller, task=task, env_options=env_options)
-    # Episodes never end by time: robots that have fallen start anew and are ignored from then on.
+    # Episodes never end by time: robots that have fallen restart and are ignored from then on.
     options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
     if options.get("events"):
         raise ValueError("a recovery map is of one robot: it takes no events")

@@ -1,4 +1,4 @@
-"""Closed loops of controllers on batches: the one place where robots are stepped for analysis."""
+"""Closed loops of controllers on batches: the only place where robots are stepped for analysis."""
 
 import dataclasses
 import math
@@ -18,13 +18,13 @@ from ballbot_rs.envs._batch_env import new_batch
 
 Array = npt.NDArray[np.float64]
 
-#: Models without a floor under the body: a robot that has fallen cannot lie.
+#: Models without a floor under the body: a fallen robot cannot lie.
 WITHOUT_FLOOR: Final = ("planar", "spatial")
 
 #: Control steps that are kept in memory at once.
 CHUNK: Final = 50
 
-#: By how much of a time step a controller's own may differ from a multiple.
+#: Tolerance, in time steps, for a controller's period to count as a multiple of the time step.
 ROUNDING: Final = 1e-6
 
 
@@ -48,7 +48,7 @@ class Chunk:
     success: npt.NDArray[np.bool_]
     #: Of the task, of the episode that a step belongs to, shape (k, n, metrics).
     metrics: Array
-    #: Pushes that events and the task have given each robot in its episode, up to the end of the step, shape (k, n).
+    #: Pushes from events and the task on each robot in its episode, up to the end of the step, shape (k, n).
     push_counts: Array
     #: CoM of each robot in its first episode, body frame, m, shape (n, 3).
     com: Array
@@ -68,16 +68,16 @@ def batch_for(
     given: Container[str] | None = None,
     autoreset: str = "same_step",
 ) -> Batch:
-    """Robots, sampled at the rate of the controller unless the options name one.
+    """Robots at the control rate of the controller unless the options name a rate.
 
-    Among the options may be some that were not asked for but taken over from a policy: a `control_dt` that is not in
-    `given` (None: all are) is no rate for a controller with its own. A time step that was not asked for is shortened to
-    a whole part of that controller's.
+    Some options may come from a policy and not from the caller: a `control_dt` that is not in `given` (None: all are)
+    does not override the rate of a controller that has one. A time step that was not requested is shortened so that it
+    divides the controller's period.
 
-    A feedback law has a limit of torques of its own; unless the options name one, that of the motors is the batch's.
+    A feedback law has its own torque limit; unless the options name a limit, the batch has the limit of the motors.
 
     Raises:
-        ValueError: options out of range, or a time step that was asked for and does not divide the controller's.
+        ValueError: options out of range, or a requested time step that does not divide the controller's period.
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
         params = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
@@ -100,7 +100,7 @@ def batch_for(
             )
         sim_dt = control_dt / substeps
     steps = options.get("max_episode_steps", usual.max_episode_steps)
-    # The episodes last as long as at the task's own rate.
+    # The episodes last as long as at the task's rate.
     steps = None if steps is None else max(round(steps * usual.control_dt / control_dt), 1)
     return batch({**options, "control_dt": control_dt, "sim_dt": sim_dt, "max_episode_steps": steps})
 
@@ -108,18 +108,18 @@ def batch_for(
 def rollout(
     batch: Batch, controller: ResolvedController, steps: int, starts: Sequence[State | None] | None = None
 ) -> Iterator[Chunk]:
-    """Steps a controller on all robots of a batch, from their first episodes on.
+    """Steps a controller on all robots of a batch, starting with their first episodes.
 
     Args:
         batch: the robots; they are reset first.
-        controller: on every robot; those of the core run without Python in the loop.
+        controller: on every robot; controllers of the core run without Python in the loop.
         steps: number of control steps.
-        starts: states to start from; None draws them.
+        starts: states to start from; None samples them.
     """
-    # The core knows nothing of a task in Python, nor of another engine.
+    # The core does not know tasks in Python or other engines.
     law = core_law(controller, batch) if isinstance(batch, Batch) else None
     observations = batch.reset(starts=starts)
-    # Before a next episode draws other robots.
+    # Before the next episode samples other robots.
     com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
     act = None if law is not None else make_actor(controller, batch)
     for first in range(0, steps, CHUNK):
@@ -137,7 +137,7 @@ def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array)
     found = batch.rollout(law, length, record=record)
     found["states"] = found["states"][:-1]
     found["success"] &= found["terminated"] | found["truncated"]
-    # A single number a robot has no axis of its own there.
+    # A single number per robot has no axis there.
     found["metrics"] = found["metrics"].reshape(length, batch.num_envs, -1)
     return Chunk(first, **found, com=com)
 
@@ -166,20 +166,20 @@ def _in_python(
 
 @dataclasses.dataclass(frozen=True)
 class Run:
-    """One robot; rows are at the controller's decisions, the last one is the end."""
+    """One robot; rows are at the controller's decisions, the last row is the end."""
 
     states: Sequence[State]
     #: During the time step before the row.
     contacts: Sequence[Contacts]
-    #: From a row to the next one, as commanded, N·m, shape (n - 1, 3).
+    #: From a row to the next row, as commanded, N·m, shape (n - 1, 3).
     torques: Array
-    #: What events had drawn at each row, by term, as `Batch.draws`.
+    #: Samples of the events at each row, by term, as `Batch.draws`.
     draws: Sequence[Mapping[str, Any]]
-    #: States as the task observes them at each row up to a fall; empty where it observes the true ones.
+    #: States as the task observes them at each row up to a fall; empty where it observes the true states.
     estimates: Sequence[State]
     #: Command of the task at each row up to a fall, shape (m, k).
     commands: Array
-    #: Setpoint of the task at each row, by part; that of the last one stays after a fall.
+    #: Setpoint of the task at each row, by part; the last setpoint stays after a fall.
     setpoints: Sequence[Mapping[str, Any]]
     #: Row at which the task counted the robot as fallen and its motors were switched off.
     fell_at: int | None
@@ -194,15 +194,15 @@ def run_one(
     seed: int | None = None,
     setpoint: Callable[[int], Mapping[str, Any]] | None = None,
 ) -> Run:
-    """Runs a controller on a batch of one robot; after a fall with the motors off.
+    """Runs a controller on a batch of one robot; after a fall the motors are off.
 
     Args:
         batch: one robot, not reset by itself.
         controller: on this robot.
         steps: number of control steps.
-        start: first state.
-        pushes: impulses on the body by the number of the step that begins with them.
-        seed: starts the random numbers of events anew; None goes on with them.
+        start: initial state.
+        pushes: impulses on the body by the number of the step that starts with them.
+        seed: reseeds the random numbers of events; None continues with them.
         setpoint: parts of the setpoint by the number of the step; None is the task's.
     """
     pushes = pushes or {}
@@ -230,12 +230,12 @@ def run_one(
         if terminated[0]:
             fell_at = step + 1
             _lie(batch, states, contacts, torques, steps, pushes)
-            # No event fires on the robot that lies, and no task asks it for anything else.
+            # No event fires on a robot that lies, and no task changes its setpoint.
             draws += [draws[-1]] * (len(states) - len(draws))
             setpoints += [setpoints[-1]] * (len(states) - len(setpoints))
             break
         if truncated[0]:
-            # The end of the ground, or of a task that has a last step of its own.
+            # The end of the ground, or of a task that sets its own last step.
             break
     return Run(
         states=states,
@@ -250,12 +250,12 @@ def run_one(
 
 
 def _estimates(batch: Batch) -> list[State]:
-    """The present estimate of the only robot, if its task observes one."""
+    """The present estimate of the only robot, if its task observes estimates."""
     return [batch.estimate(0)] if observes_estimates(batch) else []
 
 
 def _command(batch: Batch) -> Array:
-    """The present command of the only robot's task; empty without one."""
+    """The present command of the only robot's task; empty without a command."""
     return np.array(batch.command(0), dtype=np.float64)
 
 
@@ -267,7 +267,7 @@ def _lie(
     steps: int,
     pushes: Mapping[int, Sequence[Impulse]],
 ) -> None:
-    """Goes on after a fall, motors off, to the end of the time; the task's episode has ended, so without the batch."""
+    """Continues after a fall, motors off, to the end of the time; without the batch, since the episode has ended."""
     if batch.model in WITHOUT_FLOOR:
         return
     robot = Ballbot(batch.params(0), batch.model, batch.sim_dt)

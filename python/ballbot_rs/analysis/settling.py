@@ -5,12 +5,12 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-#: Time for which a robot must have stayed within its limits to have recovered, s.
+#: Time for which a robot must stay within its limits to have recovered, s.
 HOLD: Final = 1.0
 
 
 def settling_times(deviations: npt.ArrayLike, limit: float, control_dt: float) -> npt.NDArray[np.float64]:
-    """Times from which series stay within a limit, s; infinite where the last value is outside.
+    """Times from which series stay within a limit, s; infinite where the last value is outside it.
 
     Args:
         deviations: rows `control_dt` apart, the first at time zero: shape (steps,) or (steps, n). NaN counts as inside.
@@ -44,8 +44,8 @@ def push_recovery_times(
         control_dt: duration of a control step, s.
 
     Returns:
-        A time a push, s, infinite before a fall; and whether it is known: after less than `HOLD` seconds within the
-        limits it is only known to be no shorter.
+        A time per push, s, infinite before a fall; and whether it is known: after less than `HOLD` seconds within the
+        limits it is only a lower bound.
     """
     first = np.flatnonzero(pushed)
     times, known = np.full(len(first), np.inf), np.ones(len(first), dtype=np.bool_)
@@ -53,7 +53,7 @@ def push_recovery_times(
     for i, (begin, end) in enumerate(zip(first.tolist(), ends.tolist(), strict=True)):
         if fell and i == len(first) - 1:
             break
-        # The state before the step of the push is not its effect.
+        # The state before the step of the push is not an effect of it.
         span = outside[begin : end + 1].copy()
         span[0] = False
         back = len(span) - int(np.argmax(span[::-1])) if span.any() else 0
@@ -63,7 +63,7 @@ def push_recovery_times(
 
 
 def censored_median(times: npt.NDArray[np.float64], known: npt.NDArray[np.bool_]) -> float:
-    """Median of times of which some are only known to be no shorter, by Kaplan and Meier; infinite if half are."""
+    """Kaplan-Meier median of times of which some are only lower bounds; infinite if half are."""
     left = 1.0
     for time in np.unique(times[known & np.isfinite(times)]):
         left *= 1.0 - (known & (times == time)).sum() / (times >= time).sum()

@@ -17,7 +17,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
 
-#: What a controller is to follow: a motion, parts of a setpoint by time (s), or parts that stay.
+#: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
 
 #: Simulated time without a reference that ends, s.
@@ -45,39 +45,39 @@ def simulate(
     env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
 ) -> Trajectory:
-    """Runs a controller on one robot; the result plots, records and exports itself.
+    """Runs a controller on one robot; the result can plot, record and export itself.
 
-    The robot begins at rest in equilibrium, but for its tilt. Once the task counts it as fallen its motors are off; a
-    model that cannot lie on the floor ends there. An episode that is over without a fall, as at the end of the
+    The robot begins at rest in equilibrium, except for its tilt. Once the task counts it as fallen its motors are off;
+    a model whose robot cannot lie on the floor ends there. An episode that ends without a fall, as at the end of the
     ground, ends the trajectory.
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
         robot: `Params`, the name of a preset, or a dict of parameters; None is a policy's own, else the paper's.
         model: of the robot; None is a policy's own, else "contact".
-        reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of parts that
-            stay, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are left out. A `Reference`
-            without `params` is that of this robot; the function `lambda time: reference(time)` leaves it as it was
+        reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of constant
+            parts, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are omitted. A `Reference`
+            without `params` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
             made. None is the setpoint of the task.
         pushes: impulses on the body, at once or over a duration.
-        forces: constant forces on the body. Both act as impulses at the beginnings of control steps.
+        forces: constant forces on the body. Both act as impulses at the starts of control steps.
         seconds: simulated time; None is until the reference ends, or 5 s if it does not.
-        start: first state, in place of position, tilt and yaw.
-        position: place of the ball above the ground, shape (2,), m; None is where the reference begins, the origin
-            without one or for parts that stay.
-        tilt: from the equilibrium, components (x, y), rad; on a slope added to the lean that stands still there.
+        start: initial state, in place of position, tilt and yaw.
+        position: place of the ball above the ground, shape (2,), m; None is the start of the reference, or the origin
+            without a reference or for constant parts.
+        tilt: from the equilibrium, components (x, y), rad; on a slope added to the equilibrium lean there.
         yaw: heading, rad; None as `position`.
         actuators: motors, as the option of the environment.
         sensors: sensors, as the option of the environment.
-        observation: "sensors" for controllers to take what follows from sensors, "ground_truth" for the true state.
-        events: what is drawn at random, as the option of the environment.
+        observation: "sensors" gives controllers the estimate from sensors, "ground_truth" the true state.
+        events: what is sampled at random, as the option of the environment.
         task: name of the task, as in `compare`.
-        env_options: more options of the environment, over those that a policy was trained with.
+        env_options: more options of the environment; they override the options that a policy was trained with.
         seed: of the events and sensors.
 
     Raises:
-        ValueError: a number out of range, a part of a setpoint that there is not, a `Reference` that this robot cannot
-            follow or that was made with `params` of another one, or as `compare`.
+        ValueError: a number out of range, an unknown part of a setpoint, a `Reference` that this robot cannot follow
+            or that was made with `params` of another robot, or as `compare`.
         TypeError: an argument of the wrong type, a reference that the controller cannot follow, or an option given
             twice.
         ControllerError: a controller in Python failed.
@@ -166,7 +166,7 @@ def run(
     env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
 ) -> Trajectory:
-    """`simulate` of a robot that starts tilted at the setpoint of its task, with at most one push.
+    """`simulate` for a robot that starts tilted at the setpoint of its task, with at most one push.
 
     Args:
         controller: as in `simulate`.
@@ -175,7 +175,7 @@ def run(
         yaw: initial heading, rad.
         push: on the body.
         task: name of the task, as in `compare`.
-        env_options: options of the environment, over those that a policy was trained with.
+        env_options: options of the environment; they override the options that a policy was trained with.
         seed: of the events.
 
     Raises:
@@ -188,7 +188,7 @@ def run(
 
 
 def _options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of the environment with those that have an argument of their own."""
+    """Options of the environment, including those that are separate arguments."""
     options = dict(env_options or {})
     for name, value in named.items():
         if value is None:
@@ -251,7 +251,7 @@ def _start(
 
 
 def _setpoints(rows: Sequence[Mapping[str, Any]]) -> dict[str, npt.NDArray[np.float64]]:
-    """Parts of the setpoint at all rows; the position is always among them."""
+    """Parts of the setpoint at all rows, always with the position."""
     names = dict.fromkeys(part for row in rows for part in row)
     # A part that is not named is zero.
     zeros = {part: np.zeros(np.shape(next(row[part] for row in rows if part in row))) for part in names}

@@ -35,20 +35,20 @@ class Trajectory:
     states: Sequence[State]
     #: Forces during the time step before the row.
     contacts: Sequence[Contacts]
-    #: Of the wheels, as commanded, N·m, shape (n, 3); the last row repeats the one before.
+    #: Wheel torques, as commanded, N·m, shape (n, 3); the last row repeats the row before.
     torques: Array
-    #: What events had drawn at each row, by term, shape (n,) or (n, k), as `Batch.draws`; NaN where nothing was. Empty
-    #: without events.
+    #: Samples of the events at each row, by term, shape (n,) or (n, k), as `Batch.draws`; NaN before the first sample.
+    #: Empty without events.
     draws: Mapping[str, Array]
-    #: States as the task observes them, up to a fall; empty where it observes the true ones.
+    #: States as the task observes them, up to a fall; empty where it observes the true states.
     estimates: Sequence[State]
     #: Time at which the robot counted as fallen and its motors were switched off, s; None if it never did.
     fell_at: float | None
-    #: What was to be followed, by part, shape (n, 2) or (n,); without a reference what the task asked of a law.
+    #: The setpoint to follow, by part, shape (n, 2) or (n,); without a reference the task's setpoint for a law.
     setpoints: Mapping[str, Array]
     #: The ground; None is level.
     terrain: Terrain | None = None
-    #: Impulses and forces on the body that were asked for.
+    #: Requested impulses and forces on the body.
     pushes: Sequence[Push] = ()
     forces: Sequence[Force] = ()
     #: Largest torque of a wheel, N·m; None is unknown.
@@ -58,10 +58,10 @@ class Trajectory:
     #: Name of the task.
     task: str = "balance"
     #: Time between two decisions of the controller, and time step of the model, s: the option `sim_dt`, or less where
-    #: the controller's own rate is no multiple of it; None is unknown.
+    #: the controller's period is not a multiple of it; None is unknown.
     control_dt: float | None = None
     sim_dt: float | None = None
-    #: Pushes of events and of the task, which are among the draws.
+    #: Pushes of events and of the task, taken from the draws.
     drawn_pushes: Sequence[Push] = ()
 
     def __post_init__(self) -> None:
@@ -69,7 +69,7 @@ class Trajectory:
 
     @property
     def all_pushes(self) -> Sequence[Push]:
-        """Those that were asked for and those that were drawn."""
+        """Requested and sampled pushes."""
         return (*self.pushes, *self.drawn_pushes)
 
     def __repr__(self) -> str:
@@ -106,9 +106,9 @@ class Trajectory:
         return numbers.metrics(self)
 
     def columns(self) -> dict[str, Array]:
-        """All quantities by names with their units, shape (n,) each, as the files have them.
+        """All quantities by names with their units, shape (n,) each, as in the files.
 
-        Wheels are 0, 1, 2. NaN is where a quantity is missing: estimates after a fall, events not drawn yet.
+        Wheels are 0, 1, 2. Missing quantities are NaN: estimates after a fall, events not sampled yet.
         """
         return columns.columns(self)
 
@@ -121,7 +121,7 @@ class Trajectory:
         return exports.to_dataframe(self)
 
     def to_csv(self, path: str | PathLike[str]) -> None:
-        """Writes the columns of `columns` as CSV; numbers are read back to the last bit.
+        """Writes the columns of `columns` as CSV; numbers read back bit for bit.
 
         Raises:
             ValueError: another suffix than .csv.
@@ -152,11 +152,11 @@ class Trajectory:
         exports.to_mcap(self, path)
 
     def plot(self, path: str | PathLike[str] | None = None, *, width: float | None = None) -> Any:
-        """The figure of tilt, position, torques, loads and friction over time, of matplotlib.
+        """The matplotlib figure of tilt, position, torques, loads and friction over time.
 
         Args:
-            path: where it is written, if there is one.
-            width: of the figure, inches, as 3.5 for one column of a paper.
+            path: the file to write, if any.
+            width: of the figure, inches, for example 3.5 for one column of a paper.
 
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
@@ -176,7 +176,7 @@ class Trajectory:
     def record(self, path: str | PathLike[str], **options: Any) -> int:
         """Writes a video or an animation; returns the number of its frames.
 
-        `options` as of `ballbot_rs.media.video.write_video`.
+        `options` as in `ballbot_rs.media.video.write_video`.
 
         Raises:
             ModuleNotFoundError: moviepy is not installed.

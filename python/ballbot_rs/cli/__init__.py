@@ -29,9 +29,9 @@ from ballbot_rs.cli import (
     view,
 )
 
-#: Exit code of an error that the message explains.
+#: Exit code of an error that its message explains.
 FAILED = 1
-#: What is explained by its message alone; anything else is a mistake of ours, and is shown with its traceback.
+#: Errors that their messages explain; any other error is a bug of ours, and is shown with its traceback.
 ERRORS = (ValueError, OSError, ImportError, ArithmeticError, TypeError, RuntimeError, MemoryError)
 
 DESCRIPTION = "Simulate, train, evaluate and show ballbots."
@@ -45,7 +45,7 @@ COMMANDS = (train, tune, evaluate, compare, report, export, plot, record, view, 
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser that names the closest option or command to one that it does not know."""
+    """A parser that names the option or command closest to an unknown name."""
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
         super().__init__(*arguments, **options)
@@ -53,10 +53,10 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-(inf|nan)$", re.IGNORECASE)
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Parses, after the names of the options have been checked."""
+        """Checks the names of the options, then parses."""
         given = list(sys.argv[1:] if args is None else args)
         known = list(self._option_string_actions)
-        # A parser of commands leaves the options behind a command to that command.
+        # A parser of commands leaves the options after a command to that command.
         is_command = self._subparsers is None
         for text in given:
             if not text.startswith("-"):
@@ -119,11 +119,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
 
 
 def run() -> int:
-    """Carries out the command that this process is for, and ends with it when it is interrupted."""
+    """Carries out the command of this process, and ends the process if it is interrupted."""
     _interrupts.install()
     code = main()
     if code in map(_interrupts.exit_code, _interrupts.WORDS):
-        # Python would collect torch's garbage for seconds. All is written, and flushed here.
+        # Python would collect torch's garbage for seconds. All output is written, and flushed here.
         sys.stderr.flush()
         os._exit(code)
     return code
@@ -147,7 +147,7 @@ def _interrupted(number: signal.Signals) -> int:
 
 
 def _message(error: BaseException) -> str:
-    """An error on one line, which names the file that it is about."""
+    """An error on one line, with the name of its file."""
     if isinstance(error, OSError) and error.filename is not None and error.strerror:
         text = f"{error.filename}: {error.strerror}"
     elif isinstance(error, MemoryError):
@@ -158,6 +158,6 @@ def _message(error: BaseException) -> str:
 
 
 def _print_warning(message: Warning | str, category: type[Warning], *_: Any, **__: Any) -> None:
-    # Others are for the authors of the libraries that they come from.
+    # Other warnings are for the authors of the libraries that issue them.
     if issubclass(category, UserWarning):
         print(f"ballbot: warning: {message}", file=sys.stderr)

@@ -1,4 +1,4 @@
-"""`ballbot compare`: controllers beside each other in scenarios."""
+"""`ballbot compare`: controllers side by side in scenarios."""
 
 import argparse
 import json

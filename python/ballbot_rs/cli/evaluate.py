@@ -58,7 +58,7 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps(report, indent=2))
     else:
         shown = common_options(controllers, options)
-        # A name of events says more than their list.
+        # The name of a set of events is clearer than a list of them.
         if isinstance(options.get("events"), str) and options["events"] != TRAINED:
             shown["events"] = options["events"]
         print_table(results, task, shown)

@@ -118,7 +118,7 @@ def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
 
 
 def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence[str]) -> tuple[Path, dict[str, Any]]:
-    """The file, and options of the environment, which are among the known ones."""
+    """The file, and options of the environment out of the known options."""
     if arguments.task is not None:
         raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
     target = arguments.output or Path(f"{arguments.controller or 'estimator'}.h")
@@ -146,7 +146,7 @@ def _export_estimator(arguments: argparse.Namespace) -> None:
 def _export_controller(arguments: argparse.Namespace) -> None:
     target, options = _robot_and_options(arguments, "a controller", OF_CONTROLLERS)
     given = settings.assignments(arguments.controller_option, "--controller-option")
-    # What the environment is asked for as such is no option of the controller.
+    # Options set for the environment itself are not options of the controller.
     if taken := sorted({"name", *OF_CONTROLLERS} & set(given)):
         raise ValueError(f"--controller-option {taken[0]}: name the robot by --robot and the rest by --set")
     try:

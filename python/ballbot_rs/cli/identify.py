@@ -13,7 +13,7 @@ from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
-#: Models that a fit can have.
+#: Models that a fit can use.
 _MODELS: Final = tuple(name for name in MODELS if name != "planar")
 
 

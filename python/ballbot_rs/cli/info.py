@@ -1,4 +1,4 @@
-"""`ballbot info`: what a bug report should say of the machine and of what is installed."""
+"""`ballbot info`: the machine and the installed packages, for a bug report."""
 
 import argparse
 import importlib.metadata
@@ -15,12 +15,12 @@ from ballbot_rs._machine import cpuinfo, processor, threads
 from ballbot_rs._text_table import WIDTH
 from ballbot_rs.control.resolve import NAMES
 
-#: What the package may work with.
+#: Optional packages.
 LIBRARIES = (
     *("numpy", "scipy", "gymnasium", "stable-baselines3", "torch", "matplotlib", "moviepy", "rich", "tensorboard"),
     *("onnx", "onnxruntime", "onnxscript", "viser", "websockets", "trimesh", "yourdfpy", "pillow", "pygame"),
 )
-#: Features of a processor on which the speed of the core depends.
+#: Processor features that affect the speed of the core.
 FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")
 
 
@@ -47,7 +47,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def collect() -> dict[str, Any]:
-    """What is printed, by name."""
+    """The printed facts, by name."""
     return {
         "ballbot_rs": __version__,
         "python": f"{platform.python_implementation()} {platform.python_version()}",

@@ -1,4 +1,4 @@
-"""`ballbot list`: the names that other arguments take, with what each is."""
+"""`ballbot list`: the names that other arguments take, with a description of each."""
 
 import argparse
 import collections
@@ -14,7 +14,7 @@ from ballbot_rs._core import ACTUATORS, EVENT_SETS, MODELS, ROBOTS, SENSORS, TAS
 from ballbot_rs._text_table import WIDTH
 from ballbot_rs.control.catalog import controllers
 
-#: Each model in a line; the README has more.
+#: One line for each model; the README has more.
 SUMMARIES_OF_MODELS: Final = {
     "planar": "the paper's equations, three decoupled planes",
     "spatial": "coupled motion without slip",
@@ -39,7 +39,7 @@ def _controllers() -> dict[str, str]:
 def _terrains() -> dict[str, str]:
     kinds = terrain_kinds()
     counted = collections.Counter(key for keys in kinds.values() for key in keys)
-    # What most kinds have, as their size, says nothing of one of them.
+    # Fields that most kinds have, such as their size, do not identify one.
     shared = {key for key, count in counted.items() if 2 * count > len(kinds)} - {"slope", "wavelength"}
     return {
         name: ", ".join(
@@ -61,7 +61,7 @@ def _shortest(path: Path) -> str:
     return str(path.relative_to(Path.cwd()) if path.is_relative_to(Path.cwd()) else path)
 
 
-#: What there is, by what it is called: the argument that takes it, and its names with a text each.
+#: Kinds of things by title: the argument that takes them, and their names with a text each.
 KINDS: Final[Mapping[str, tuple[str, Callable[[], Mapping[str, str]]]]] = {
     "tasks": ("TASK", lambda: {name: task["summary"] for name, task in TASKS.items()}),
     "robots": ("--robot", _robots),

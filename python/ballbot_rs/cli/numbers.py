@@ -1,4 +1,4 @@
-"""Numbers of the command line: what is no number or out of range is refused with its value and the limits."""
+"""Numbers of the command line: errors for values that are out of range or not numbers have the value and the limits."""
 
 import argparse
 import math
@@ -13,7 +13,7 @@ MAX_SECONDS: Final = 3600.0
 
 
 def whole(low: int, high: int) -> Callable[[str], int]:
-    """A type of argparse for whole numbers from `low` to `high`."""
+    """An argparse type for whole numbers from `low` to `high`."""
 
     def read(text: str) -> int:
         try:
@@ -28,7 +28,7 @@ def whole(low: int, high: int) -> Callable[[str], int]:
 
 
 def real(low: float = -math.inf, high: float = math.inf, *, above: bool = False) -> Callable[[str], float]:
-    """A type of argparse for finite numbers from `low` to `high`, without `low` itself if it is to be above."""
+    """An argparse type for finite numbers from `low` to `high`, without `low` itself if they must be above it."""
     lower = "" if low == -math.inf else f"above {low:g}" if above else f"at least {low:g}"
     upper = "" if high == math.inf else f"at most {high:g}"
     limits = " and ".join(["finite", *filter(None, (lower, upper))])

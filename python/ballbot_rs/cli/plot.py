@@ -83,19 +83,19 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 class _Drawn(NamedTuple):
-    """A figure, what its file is called, and its numbers."""
+    """A figure, the name of its file, and its numbers."""
 
     name: str
     figure: Any
-    #: What the files of its numbers begin with.
+    #: Prefix of the files of its numbers.
     data_name: str
-    #: A controller or run each.
+    #: One per controller or run.
     owners: Sequence[str]
     tables: Sequence[Callable[[], dict[str, Any]]]
 
 
 def _tables(drawn: _Drawn, output: Path, suffix: str) -> Iterator[tuple[Path, dict[str, Any]]]:
-    """Files and their tables; owners that would share a file are counted."""
+    """Files and their tables; owners that would share a file are numbered."""
     names = [re.sub(r"[^A-Za-z0-9._-]+", "_", owner) for owner in drawn.owners]
     for i, (name, table) in enumerate(zip(names, drawn.tables, strict=True)):
         again = f"-{names[:i].count(name) + 1}" if name in names[:i] else ""

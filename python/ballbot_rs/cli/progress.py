@@ -9,7 +9,7 @@ from ballbot_rs._progress import Progress, no_progress
 
 @contextlib.contextmanager
 def bar(what: str, quiet: bool = False) -> Iterator[Progress]:
-    """A progress bar, to be told how much of how much is done; nothing is shown when quiet or not on a terminal."""
+    """A progress bar, called with the amount done and the total; hidden when quiet or not on a terminal."""
     if quiet or not sys.stderr.isatty():
         yield no_progress
         return

@@ -18,7 +18,7 @@ from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.media.video import FRAME_RATES, check_suffix, renderer_for, side_by_side, write_picture, write_video
 
-#: Color samples a pixel of a picture, which takes its time once.
+#: Color samples per pixel of a picture: a single picture may take time.
 STILL_SAMPLES = 4
 
 
@@ -77,7 +77,7 @@ def run(arguments: argparse.Namespace) -> None:
     shown = scenario.trajectories(arguments)
     caption = not arguments.no_caption
     described = [_described(one) for one in shown]
-    # Of one robot its own record, of several those of all, from left to right.
+    # The record of a single robot, or a list of the records of several, from left to right.
     report: dict[str, Any] = described[0] if len(shown) == 1 else {"shown": described}
     if arguments.still is not None:
         time = _moment(shown) if arguments.still is True else arguments.still
@@ -141,7 +141,7 @@ def _described(trajectory: Trajectory) -> dict[str, Any]:
 def _moment(shown: Sequence[Trajectory]) -> float:
     """The time of the largest tilt of any robot: after the push if there is one, else after the first step.
 
-    At the start itself no forces are known yet.
+    At the start itself the forces are not known yet.
     """
     latest = 0.0
     largest = -1.0

@@ -1,4 +1,4 @@
-"""`ballbot record-log`: a log of a simulated robot that is excited while it balances, for `ballbot identify`."""
+"""`ballbot record-log`: a log of a simulated robot under excitation while it balances, for `ballbot identify`."""
 
 import argparse
 import json

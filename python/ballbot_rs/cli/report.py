@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def after_training(folder: Path, results: Sequence[Result], quiet: bool) -> Path | None:
-    """The report that ends a training; where it cannot be, says why on standard error and goes on."""
+    """Writes the report after a training run; if it cannot, prints the reason to standard error and continues."""
     try:
         return _write(folder, quiet, results=results, episodes=0)
     except (ModuleNotFoundError, OSError, ValueError) as error:

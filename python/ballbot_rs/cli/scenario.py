@@ -45,14 +45,14 @@ def add_task(command: Any) -> None:
     command.add_argument("task", nargs="?", type=task_name, metavar="TASK", help=known)
 
 
-#: Ends of the names of policies' files.
+#: Suffixes of policy files.
 POLICY_SUFFIXES = (".onnx", ".zip")
 
 
 def add_task_or_policy(command: Any) -> None:
-    """Adds the first argument: a task, or in its place a policy, which brings its task and is the same as a controller.
+    """Adds the first argument: a task, or a policy, which names its task and serves as the controller.
 
-    `add_controller` comes with it.
+    Call `add_controller`, too.
     """
     known = f"{', '.join(sorted(TASKS))} or a policy, FILE.onnx or RUN (default: the policy's own, else {DEFAULT_TASK})"
     command.add_argument(
@@ -120,9 +120,9 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
     """Adds the model, the robot, its motors, sensors and other options of the environment.
 
     Args:
-        command: where to.
-        otherwise: whose model and robot they are by default.
-        others: what else than options of the environment `--set` takes.
+        command: the parser to add them to.
+        otherwise: whose model and robot are the default.
+        others: what `--set` takes in addition to options of the environment.
     """
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
@@ -146,14 +146,14 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
 
 
 def add_urdf(command: Any) -> None:
-    """Adds a robot that is two URDFs."""
+    """Adds a robot described by two URDFs."""
     command.add_argument(
         "--urdf", type=Path, nargs=2, metavar=("BOT", "BALL"), help="a robot as two URDFs, instead of --robot"
     )
 
 
 def add_events(command: Any, *others: str) -> None:
-    """Adds what is drawn at random of the robots."""
+    """Adds what is sampled at random for the robots."""
     names = "|".join((*EVENT_SETS, *others, "FILE.toml"))
     command.add_argument("--events", metavar=names, help="draw robots and pushes at random (default: nominal robots)")
 
@@ -178,7 +178,7 @@ def robot_option(name: str) -> Any:
     """The option `params` of an environment for a preset's name or a TOML file.
 
     Raises:
-        ValueError: a malformed file, or a parameter that is not known.
+        ValueError: a malformed file, or an unknown parameter.
         OSError: the file cannot be read.
     """
     if Path(name).suffix != ".toml":
@@ -189,7 +189,7 @@ def robot_option(name: str) -> Any:
         return name
     try:
         table = _toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())
-        # What --actuators and --sensors read.
+        # --actuators and --sensors read these.
         for part in ("actuators", "sensors"):
             if isinstance(table.get(part), dict):
                 del table[part]
@@ -202,7 +202,7 @@ def actuators_option(name: str) -> Any:
     """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
 
     Raises:
-        ValueError: a malformed file, or an option that is not known.
+        ValueError: a malformed file, or an unknown option.
         OSError: the file cannot be read.
     """
     if Path(name).suffix in (".toml", ".urdf"):
@@ -214,7 +214,7 @@ def actuators_option(name: str) -> Any:
 
 
 def _in_full(name_or_file: str, load: Callable[[str], Any]) -> Any:
-    """A name as it is and a TOML file in full, so that what is kept of a run does not depend on the file."""
+    """A name as it is and a TOML file in full, so that the record of a run does not depend on the file."""
     return load(name_or_file) if Path(name_or_file).suffix == ".toml" else name_or_file
 
 
@@ -227,7 +227,7 @@ def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The options of the environment that have arguments of their own."""
+    """The options of the environment that have separate arguments."""
     options: dict[str, Any] = {}
     if arguments.model is not None:
         options["model"] = arguments.model
@@ -247,7 +247,7 @@ def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
 
 
 def _names(arguments: argparse.Namespace) -> list[str]:
-    """The controllers as the command line has them."""
+    """The controllers as on the command line."""
     given = getattr(arguments, "controller", None) or getattr(arguments, "policy", None) or "lqr"
     return given if isinstance(given, list) else [str(given)]
 
@@ -273,7 +273,7 @@ class Scenario:
     push: Push | None
     env_options: dict[str, Any]
     task: str | None
-    #: Of the events.
+    #: Seed of the events.
     seed: int = 0
 
     def of(self, controller: Source) -> Trajectory:
@@ -331,7 +331,7 @@ def scenario(arguments: argparse.Namespace) -> Scenario:
 
 
 def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[ResolvedController]]:
-    """The scenario and its controllers, all on the same task and robot: the policies' own, else the default."""
+    """The scenario and its controllers, all on the same task and robot: those of the policies, else the default."""
     chosen = scenario(arguments)
     found = controllers(arguments)
     chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
@@ -346,6 +346,6 @@ def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[Resolved
 
 
 def trajectories(arguments: argparse.Namespace) -> list[Trajectory]:
-    """Those of all controllers of the command line."""
+    """The trajectories of all controllers of the command line."""
     chosen, found = on_one_robot(arguments)
     return [chosen.of(controller) for controller in found]

@@ -13,7 +13,7 @@ from ballbot_rs.envs.registration import DEFAULT_TASK
 
 FLAG: Final = "--set"
 
-#: What follows `--set` in messages and in the text of `--help`.
+#: Text after `--set` in messages and in `--help`.
 EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, params.body_mass=2.5"
 
 
@@ -28,7 +28,7 @@ def params_of(robot: Any) -> Params:
 
 
 def value_of(text: str) -> Any:
-    """A value of the command line: true, false or a list as JSON has it, a number, otherwise text."""
+    """A value of the command line: true, false or a list as in JSON, a number, otherwise text."""
     for read in (json.loads, float):
         with contextlib.suppress(ValueError):
             return read(text)
@@ -36,7 +36,7 @@ def value_of(text: str) -> Any:
 
 
 def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:
-    """Values by name of texts NAME=VALUE."""
+    """Values by name, from texts NAME=VALUE."""
     values = {}
     for text in given:
         name, equals, value = text.partition("=")
@@ -46,7 +46,7 @@ def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:
     return values
 
 
-#: Options that have parts, and the table of one that is given by its name or in full.
+#: Options that have parts, with a function for the table of an option that is given by name or in full.
 _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
     "params": lambda robot: params_of("paper" if robot is None else robot).to_dict(),
     "actuators": lambda motors: dict(load_actuators(motors) if isinstance(motors, str) else motors or {}),
@@ -61,16 +61,16 @@ _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
 def apply(
     values: Mapping[str, Any], options: Mapping[str, Any], base: Mapping[str, Any] | Callable[[], Mapping[str, Any]]
 ) -> dict[str, Any]:
-    """Options of an environment with values of the command line over them.
+    """Options of an environment, overridden by values of the command line.
 
     Args:
-        values: by name; with a dot a part of an option, `actuators.delay`.
-        options: those that other arguments name.
-        base: the options that parts are laid over where neither `options` nor `values` have the whole; a function is
+        values: by name; a dot names a part of an option, `actuators.delay`.
+        options: options that other arguments name.
+        base: the options whose parts are overridden where neither `options` nor `values` have the whole; a function is
             called if there are such parts.
 
     Raises:
-        ValueError: an option given twice, one without parts, or a robot that cannot be.
+        ValueError: an option given twice, an option without parts, or invalid parameters of a robot.
     """
     found = dict(options)
     for name, value in values.items():
@@ -94,10 +94,10 @@ def apply(
 
 
 def changed_robot(params: Params, values: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of a robot with others in their place.
+    """The parameters of a robot with some of them replaced.
 
     Raises:
-        ValueError: a parameter that is not known, or a robot that cannot be.
+        ValueError: an unknown parameter, or invalid parameters.
     """
     try:
         return params.replace(**values).to_dict()
@@ -106,7 +106,7 @@ def changed_robot(params: Params, values: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def robot_of(arguments: argparse.Namespace, robot: Any) -> Params:
-    """The robot of a command that has no environments, where `--set` changes parameters alone."""
+    """The robot of a command that has no environments, where `--set` only changes parameters."""
     values = assignments(arguments.set)
     for name, value in values.items():
         if not name.startswith("params."):
@@ -118,9 +118,9 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
     """Checks names of options.
 
     Args:
-        names: the names; of one with a dot the part before it.
-        task: whose options are known; None if a policy decides the task, then parameters of robots alone are refused.
-        others: further known names.
+        names: the names; of a name with a dot, the part before it.
+        task: whose options are known; None if a policy decides the task: then only parameters of robots are refused.
+        others: other known names.
 
     Raises:
         ValueError: an unknown name; the message has the closest known one.

@@ -1,4 +1,4 @@
-"""Standard streams of the command: closed ones, ones that have no room, and ones that know few characters."""
+"""Standard streams of the command: closed, out of space, or with a small character set."""
 
 import codecs
 import contextlib
@@ -9,10 +9,10 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Final
 
-#: Exit code of a process whose reader has gone, as a shell counts it: 128 and the number of SIGPIPE.
+#: Exit code of a process whose reader has closed, as a shell counts it: 128 plus the number of SIGPIPE.
 BROKEN_PIPE: Final = 141
 
-#: What stands for characters of our own texts where the terminal's encoding has none.
+#: Replacements of characters in our texts that the terminal's encoding lacks.
 PLAIN: Final = {"·": "*", "…": "~", "°": " deg", "×": "x", "±": "+-", "µ": "u"}
 
 _ERRORS: Final = "ballbot_rs.plain"
@@ -30,10 +30,10 @@ codecs.register_error(_ERRORS, _plainly)
 
 @contextlib.contextmanager
 def prepared() -> Iterator[None]:
-    """A context in which all three streams can be used whatever they are, and printing fails on no character."""
+    """A context in which all three streams can be used, whatever their state, and every character can be printed."""
     _fill_closed()
     if isinstance(sys.stdout, io.TextIOWrapper) and not sys.stdout.isatty():
-        # So that PYTHONUNBUFFERED changes nothing: what cannot be written is found out in `flush`.
+        # So that PYTHONUNBUFFERED changes nothing: `flush` finds text that cannot be written.
         sys.stdout.reconfigure(write_through=False)
     changed: list[tuple[io.TextIOWrapper, str]] = []
     for stream in (sys.stdout, sys.stderr):
@@ -52,8 +52,8 @@ def flush() -> None:
     """Writes out what has been printed. After an error nothing more is written.
 
     Raises:
-        BrokenPipeError: the reader has gone.
-        OSError: standard output has no room.
+        BrokenPipeError: the reader has closed.
+        OSError: no space left for standard output.
     """
     try:
         sys.stdout.flush()
@@ -84,7 +84,7 @@ def _knows(encoding: str, characters: str) -> bool:
 
 
 def _fill_closed() -> None:
-    # A file that is opened later would take the number of a closed stream, and be written to by who prints.
+    # A file opened later would take the descriptor of a closed stream, and prints would be written to it.
     for descriptor, name in enumerate(("stdin", "stdout", "stderr")):
         mode = "r" if name == "stdin" else "w"
         try:

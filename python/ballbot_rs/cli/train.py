@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from ballbot_rs.training.config import TrainConfig
     from ballbot_rs.training.train import Learn
 
-#: Most steps of a training; at a hundred thousand a second they take a year.
+#: Most steps of a training run; at a hundred thousand per second they take a year.
 MAX_TIMESTEPS = 10**12
 
 
@@ -79,11 +79,11 @@ def add_to(commands: Any) -> None:
 
 
 def _config_of_run(folder: Path, asked: str | None) -> "TrainConfig":
-    """The configuration of a run, before anything of the run is changed.
+    """The configuration of a run, before the run is changed.
 
     Raises:
-        ValueError: another task is asked for, or the configuration is damaged.
-        FileNotFoundError: the folder holds no run.
+        ValueError: another task is requested, or the configuration is damaged.
+        FileNotFoundError: the folder has no run.
     """
     from ballbot_rs.training import config as config_module
     from ballbot_rs.training import run_folder
@@ -132,7 +132,7 @@ def run(arguments: argparse.Namespace) -> None:
         seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
         folder = arguments.run or Path("runs") / f"{task}-seed-{seed}-{stamp}"
-        # An earlier run's checkpoints are none of this one.
+        # Checkpoints of an earlier run do not belong to this run.
         train.check_folder(folder, bool(arguments.overwrite))
         policy = _interruptible(
             task,
@@ -183,7 +183,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _loop(arguments: argparse.Namespace) -> "Learn | None":
-    """The loop that learns; None is that of Stable-Baselines3."""
+    """The training loop; None is the loop of Stable-Baselines3."""
     if arguments.on is None:
         for name in ("workers", "ray_address"):
             if getattr(arguments, name) is not None:
@@ -197,7 +197,7 @@ def _loop(arguments: argparse.Namespace) -> "Learn | None":
 
 
 def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:
-    """Values over those of the configuration, by dotted name.
+    """Values that override the configuration, by dotted name.
 
     Args:
         arguments: of the command line.
@@ -219,7 +219,7 @@ def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) 
 
 
 def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
-    """Does the work; whatever ends it early, says what has been saved and how to go on."""
+    """Does the work; if anything ends it early, prints what has been saved and how to continue."""
     from ballbot_rs.training import run_folder
 
     try:

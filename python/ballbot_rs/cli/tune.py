@@ -1,4 +1,4 @@
-"""`ballbot tune`: search the hyperparameters of a training."""
+"""`ballbot tune`: search the hyperparameters of training."""
 
 import argparse
 import dataclasses
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
 
 MAX_TRIALS = 1_000_000
 
-#: Best trials that are printed.
+#: Number of best trials printed.
 SHOWN = 5
 
 
@@ -150,7 +150,7 @@ def _work(search: "Search", tell: Any) -> None:
 
 
 def _end_with_parent() -> None:
-    """A parent that was killed has not ended its processes."""
+    """Ends this process if its parent was killed: then the parent has not ended it."""
     parent = multiprocessing.parent_process()
     assert parent is not None
     parent.join()

@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _end_without(code: int) -> None:
-    """If a call does not return, ends the process without it: its thread would crash in a Python that has ended."""
+    """If a call does not return, ends the process anyway: its thread would crash after Python has ended."""
     if is_any_left():
         atexit.register(lambda: (sys.stdout.flush(), sys.stderr.flush(), os._exit(code)))
 
@@ -87,7 +87,7 @@ def _start(arguments: argparse.Namespace) -> "View":
     options = common_options([controller], given)
     robot, params = _robot(arguments, options.get("params", "paper"))
     urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
-    # The robot of the policy's training remains: a session tries the policy on any other.
+    # Keep the robot of the policy's training: a session can try the policy on any other robot.
     trained = {name: value for name, value in controller.env_options.items() if name == "params"}
     kept = {name: value for name, value in options.items() if name != "params"}
     controller = dataclasses.replace(controller, env_options={**kept, **trained})
@@ -109,7 +109,7 @@ def _start(arguments: argparse.Namespace) -> "View":
         from ballbot_rs.viewer.view import View
     try:
         return View(session, arguments.port, urdfs)
-    # The readers of meshes raise what their formats' libraries do.
+    # The mesh readers raise the exceptions of their formats' libraries.
     except Exception as error:
         if arguments.urdf is None or isinstance(error, OSError):
             raise
@@ -117,7 +117,7 @@ def _start(arguments: argparse.Namespace) -> "View":
 
 
 def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
-    """Those of the options that are not of the robot, for controllers that the page is asked for later."""
+    """The options that do not concern the robot, for controllers that the page selects later."""
     check_options(f"the environment of {task}", given, option_names(task))
     return {name: value for name, value in given.items() if name == "terrain" or name not in DECIDED}
 

@@ -1,1 +1,1 @@
-"""Controllers and policies: how a name, a path or an object becomes what drives robots."""
+"""Controllers and policies: resolves a name, a path or an object to a controller of robots."""

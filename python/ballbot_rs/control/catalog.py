@@ -1,4 +1,4 @@
-"""The controllers that come with the package, by name, and one of them for a robot."""
+"""The controllers that come with the package, by name, and a controller for a robot."""
 
 import dataclasses
 import html
@@ -28,11 +28,11 @@ class ControllerInfo:
 
     name: str
     summary: str
-    #: The parts of a setpoint that it follows.
+    #: Parts of a setpoint that it follows.
     setpoint_parts: tuple[str, ...]
-    #: Time between two calls that it is made for, s; None has none of its own.
+    #: Time between two calls that it is made for, s; None is any.
     control_dt: float | None
-    #: Share of the friction limit to which its torques are scaled down by default; None is not scaled.
+    #: Fraction of the friction limit to which its torques are scaled down by default; None is not scaled.
     traction: float | None
     #: By name.
     options: Mapping[str, ControllerOption]
@@ -91,9 +91,9 @@ def make_controller(
     Args:
         name: one of `controllers()`.
         params: the robot: `Params`, the name of a preset or the path of a TOML file; None is the paper's.
-        control_dt: time between two calls, s; None is the one that the controller is made for (0.002 for "pid"), or
+        control_dt: time between two calls, s; None is the time that the controller is made for (0.002 for "pid"), or
             0.01.
-        options: weights or gains, as `controllers()[name].options` lists them, and `max_torque` and `traction` as in
+        options: weights or gains listed in `controllers()[name].options`, and `max_torque` and `traction` as in
             `Controller`.
 
     Raises:

@@ -7,18 +7,18 @@ from typing import Any, Final, TypeVar
 
 _Result = TypeVar("_Result")
 
-#: Time between two looks at what is running, and after which a thread without work ends, s.
+#: Period of the checks of running calls, and idle time after which the thread ends, s.
 PERIOD: Final = 0.05
 IDLE: Final = 5.0
 
 _lock = threading.Lock()
-#: When the run of a thread has to be over, and the options by which it is told to end.
+#: By thread, the deadline of its run, and the options that end it.
 _running: dict[int, tuple[float, Any]] = {}
 _watcher: threading.Thread | None = None
 
 
 def run(seconds: float, options: Any, call: Callable[[Any], _Result]) -> _Result:
-    """Calls with `options`, a `RunOptions` of onnxruntime of its own, by which the call is ended after a time.
+    """Calls with `options`, a separate `RunOptions` of onnxruntime, which ends the call after a time limit.
 
     Raises:
         TimeoutError: it took longer.
@@ -32,7 +32,7 @@ def run(seconds: float, options: Any, call: Callable[[Any], _Result]) -> _Result
             _watcher.start()
     try:
         return call(options)
-    # Its exceptions have no common base of their own.
+    # Its exceptions have no common base class.
     except Exception as error:
         # Another thread may have ended it sooner.
         if options.terminate and time.monotonic() > ends:

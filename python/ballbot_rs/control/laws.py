@@ -1,4 +1,4 @@
-"""Feedback laws on robots: the forms in which they are called, and what they may answer.
+"""Feedback laws on robots: how they are called, and what they may return.
 
 A law of one robot is called as `law(state)`, `law(state, setpoint)` or `law(state, position=...)` and returns three
 wheel torques, N·m. A batched law has the attribute `batched = True` and is called once for all robots, as
@@ -28,7 +28,8 @@ _PLACED = (inspect.Parameter.POSITIONAL_ONLY, inspect.Parameter.POSITIONAL_OR_KE
 class Law(Protocol):
     """A feedback law in one of the forms above; `name`, `control_dt` (s) and `reset` are optional.
 
-    `reset()` makes it forget the past; a batched law has `reset(mask)`, which is that of some robots, shape (n,), bool.
+    `reset()` clears its memory; a batched law has `reset(mask)`, which clears the memory of some robots, shape (n,),
+    bool.
     """
 
     def __call__(self, state: Any, /) -> npt.ArrayLike:
@@ -53,7 +54,7 @@ def takes_position(law: Any) -> bool:
 
 
 def parts_for(name: str, followed: Sequence[str], parts: Mapping[str, Any]) -> dict[str, Any]:
-    """Those of the parts that a law follows, so that one reference goes to all laws.
+    """The parts of a setpoint that a law follows, so that one reference can go to all laws.
 
     Raises:
         TypeError: it follows none of them.
@@ -73,12 +74,12 @@ def _parameters(law: Any) -> list[inspect.Parameter]:
 
 
 def _part_names(law: Any) -> tuple[str, ...]:
-    """The parts that are arguments of their own."""
+    """The parts that are separate arguments."""
     return tuple(p.name for p in _parameters(law) if p.name in PARTS and p.kind in _NAMED)
 
 
 def _takes_setpoint(law: Any) -> bool:
-    """Whether the second argument is a setpoint: it has that name, or no default and no part's name."""
+    """Whether the second argument is a setpoint: it is named so, or it has no default and not the name of a part."""
     placed = [p for p in _parameters(law) if p.kind in _PLACED]
     if len(placed) < 2 or (placed[1].name in PARTS and placed[1].kind in _NAMED):
         return False
@@ -88,11 +89,11 @@ def _takes_setpoint(law: Any) -> bool:
 class Laws:
     """A feedback law on each of `count` robots. Torques beyond the limit are scaled down together.
 
-    Clipped each by itself, they would turn.
+    Clipping each of them would change their direction.
 
     Args:
         name: of the law, for errors.
-        make: makes the law, or returns the one there is.
+        make: makes the law, or returns the existing law.
         count: number of robots.
         max_torque: limit of a wheel torque, N·m.
         is_made: whether `make` makes another law at each call; else robots beyond the first have copies.
@@ -115,13 +116,13 @@ class Laws:
         """Wheel torques for the next control step, shape (n, 3), N·m.
 
         Args:
-            states: of all robots; of a batched law also as an array, shape (n, 32).
-            setpoints: one a robot.
+            states: of all robots; for a batched law also an array, shape (n, 32).
+            setpoints: one per robot.
 
         Raises:
             ControllerError: a law in Python failed.
             ValueError: torques of a wrong shape, or that are not finite.
-            TypeError: torques that are no numbers.
+            TypeError: torques that are not numbers.
         """
         if self.is_batched:
             rows = states if isinstance(states, np.ndarray) else np.array([state.to_array() for state in states])
@@ -161,7 +162,7 @@ class Laws:
                     self._laws[robot].reset()
 
     def _copies(self, first: Any) -> list[Any]:
-        """Copies of an object, so that no robot has another one's memory."""
+        """Copies of an object, so that robots do not share memory."""
         try:
             return [copy.deepcopy(first) for _ in range(self._count - 1)]
         except TypeError as error:

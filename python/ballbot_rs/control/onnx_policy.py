@@ -1,4 +1,4 @@
-"""A policy in an ONNX file: run by onnxruntime alone, without torch and without pickled code."""
+"""A policy in an ONNX file: runs in onnxruntime, without torch and without pickled code."""
 
 import json
 from os import PathLike, fspath
@@ -13,7 +13,7 @@ from ballbot_rs._extras import require
 from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.spaces import observation_width
 
-#: What an exported policy says of itself, each a JSON text; the keys of its file begin with `PREFIX`.
+#: Metadata of an exported policy, each a JSON text; the keys in its file begin with `PREFIX`.
 FIELDS = {
     "env_id": str,
     "env_options": dict,
@@ -25,7 +25,7 @@ FIELDS = {
 }
 PREFIX = "ballbot."
 
-#: Longest time that a policy may take for actions, s: of a call, and of each observation in it.
+#: Longest time that a policy may take for actions, s: per call, plus per observation in it.
 CALL_LIMIT = 1.0
 ROW_LIMIT = 1e-3
 
@@ -35,11 +35,11 @@ class OnnxPolicy:
 
     Args:
         path: the file.
-        task: the task that it is to act in; None is the one that the file names.
+        task: the task that it is to act in; None is the task that the file names.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is no exported policy, or one for another environment or another layout of observations.
+        ValueError: it is not an exported policy, or is for another environment or another layout of observations.
         ModuleNotFoundError: onnxruntime is not installed.
     """
 
@@ -65,7 +65,7 @@ class OnnxPolicy:
     def env_options(self) -> dict[str, Any]:
         """Options of the environment that the policy was trained in.
 
-        A policy from before 0.2.0 gets observations without scaling, and 1 N·m an action, as it was trained.
+        A policy from before 0.2.0 gets observations without scaling, and 1 N·m per unit of action, as in its training.
         """
         return dict(self._env_options)
 
@@ -74,7 +74,7 @@ class OnnxPolicy:
 
         Raises:
             ValueError: another shape.
-            TypeError: something else than numbers.
+            TypeError: not numbers.
             TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; it has been ended.
         """
         rows = real_array("observation is", observation, "numbers").astype(np.float32, copy=False)
@@ -84,7 +84,7 @@ class OnnxPolicy:
         limit = CALL_LIMIT + ROW_LIMIT * len(given["observation"])
         actions: npt.NDArray[np.float32]
         self._run = self._new_options()
-        # What it says of a run that is ended is in the exception.
+        # The exception has its message on an ended run.
         self._run.log_severity_level = 4
         try:
             (actions,) = deadline.run(limit, self._run, lambda options: self._session.run(["action"], given, options))
@@ -99,16 +99,16 @@ class OnnxPolicy:
 
 
 def _session(file: Path) -> tuple[Any, Any]:
-    """The model, ready to run, and what makes the options of a run."""
+    """The model, ready to run, and a function that makes the options of a run."""
     with require("an ONNX policy", "onnx"):
         import onnxruntime
     options = onnxruntime.SessionOptions()
-    # The network is small: a second thread would cost more than it brings.
+    # The network is small: a second thread would cost more than it gains.
     options.intra_op_num_threads = options.inter_op_num_threads = 1
     options.log_severity_level = 4
     try:
         session = onnxruntime.InferenceSession(file.read_bytes(), options, providers=["CPUExecutionProvider"])
-    # Its exceptions have no common base of their own.
+    # Its exceptions have no common base class.
     except Exception as error:
         raise ValueError(f"{file} is not an ONNX file that onnxruntime can run: {error}") from error
     return session, onnxruntime.RunOptions

@@ -1,4 +1,4 @@
-"""What policy files keep of the environment that they were trained in."""
+"""The training environment as policy files describe it."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -8,15 +8,15 @@ from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 from ballbot_rs.envs.registration import description_of, env_id_of, task_of
 
-#: Options of policies from before 0.2.0: these had no scaling, and their actions this torque.
+#: Options of policies from before 0.2.0: these had no scaling, and this torque per unit of action.
 BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
 
 
 def task_in(file: Path, env_id: str, task: str | None) -> str:
-    """The task of a policy file, from the environment's id in it; `task` is the one that is asked for, if any.
+    """The task of a policy file, from the environment's id in it; `task` is the requested task, if any.
 
     Raises:
-        ValueError: it is for another task, or for none that is known.
+        ValueError: it is for another task, or for an unknown task.
     """
     if task is None:
         try:
@@ -34,19 +34,19 @@ def task_in(file: Path, env_id: str, task: str | None) -> str:
 
 
 def observation_layout(task: str) -> list[list[Any]]:
-    """Name, unit, bound, value at rest and typical magnitude of each row of an observation, as JSON has it."""
+    """Name, unit, bound, value at rest and typical magnitude of each row of an observation, as in JSON."""
     fields = ("name", "unit", "bound", "rest", "typical")
     return [[row[field] for field in fields] for row in description_of(task)["observation"]]
 
 
 def fits(layout: Any, task: str) -> bool:
-    """Whether a file's rows of an observation are those of a task. Before 0.2.0 they had no value at rest."""
+    """Whether a file's rows of an observation match a task. Before 0.2.0 they had no value at rest."""
     rows = observation_layout(task)
     return layout in (rows, [row[:3] for row in rows], [row[0] for row in rows])
 
 
 def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of the environment that a policy was trained in, from those that its file has.
+    """All options of the environment that a policy was trained in, completed from the options in its file.
 
     Raises:
         ValueError: there is no such environment.
@@ -59,6 +59,6 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
         if isinstance(value, str) and value not in known:
             raise ValueError(f"{name} = {value!r}: a policy file has one of {', '.join(known)}, or all numbers")
     before = {} if "scale_observations" in options else BEFORE_SCALING
-    # Where Gymnasium, not the environment, ended the episodes, the task's own number of steps stands.
+    # Where Gymnasium, not the environment, ended the episodes, the task's number of steps holds.
     given = {**before, **{name: value for name, value in options.items() if value is not None}}
     return resolved_options(new_batch(1, task=task, num_threads=1, options=given), given)

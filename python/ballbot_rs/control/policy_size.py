@@ -3,7 +3,7 @@
 from collections.abc import Mapping
 from typing import Any, Final
 
-#: Most layers of a network, and most weights of it; usual policies have some ten thousand.
+#: Most layers and most weights of a network; usual policies have some ten thousand weights.
 MAX_LAYERS: Final = 100
 MAX_WEIGHTS: Final = 10_000_000
 
@@ -12,7 +12,7 @@ def check_net_arch(policy_arguments: Mapping[str, Any], inputs: int) -> None:
     """Checks the hidden layers of a policy of Stable-Baselines3.
 
     Args:
-        policy_arguments: its `policy_kwargs`; without `net_arch` they are fine.
+        policy_arguments: its `policy_kwargs`; without `net_arch` they are accepted.
         inputs: rows of an observation.
 
     Raises:
@@ -20,7 +20,7 @@ def check_net_arch(policy_arguments: Mapping[str, Any], inputs: int) -> None:
     """
     arch = policy_arguments.get("net_arch")
     if isinstance(arch, list) and len(arch) == 1 and isinstance(arch[0], Mapping):
-        # How Stable-Baselines3 wrote it before 1.8.
+        # The format of Stable-Baselines3 before 1.8.
         arch = arch[0]
     networks = arch if isinstance(arch, Mapping) else {"": arch}
     for name, widths in networks.items():

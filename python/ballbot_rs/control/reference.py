@@ -1,8 +1,8 @@
 """A reference between the goal of a user and a controller: a target that the controller can follow.
 
-A controller that is given a far position leans more than the traction allows, and falls. The target of a `Reference`
-moves to the goal with limited speed and acceleration, and is never farther from the ball than a lead at which the
-controller still has torque to spare.
+With a far setpoint a controller leans more than the traction allows, and falls. The target of a `Reference` moves to
+the goal with limited speed and acceleration, and is never farther from the ball than a lead that leaves the controller
+torque in reserve.
 """
 
 import math
@@ -13,26 +13,26 @@ import numpy.typing as npt
 
 FloatArray = npt.NDArray[np.float64]
 
-#: The largest lead, m, and the step in which it is searched.
+#: The largest lead, m, and the step of its search.
 MAX_LEAD = 0.4
 LEAD_STEP = 0.02
 
-#: Directions in which the torque is examined: wheels stand a third of a turn apart.
+#: Directions in which the torque is checked: wheels are a third of a turn apart.
 DIRECTIONS = 12
 
-#: The target covers at most this many leads a second, and reaches that speed in no less than a second.
+#: The target covers at most this many leads per second, and takes at least a second to reach that speed.
 RATE = 2.0
 
 
 def largest_lead(torques: Callable[[FloatArray], npt.ArrayLike], limit: float) -> float:
-    """The distance of a target, m, below which a controller's torques stay below a limit, on the upright robot at rest.
+    """The distance to a target, m, below which a controller's torques on the upright robot at rest stay below a limit.
 
     Args:
-        torques: wheel torques, N·m, of the robot at rest with its ball at the origin, for a target (x, y), m.
+        torques: wheel torques, N·m, for the robot at rest with its ball at the origin and a target (x, y), m.
         limit: largest torque of a wheel, N·m, usually that at which a wheel slips.
 
     Returns:
-        A multiple of `LEAD_STEP`, from one to `MAX_LEAD`.
+        A multiple of `LEAD_STEP`, from `LEAD_STEP` to `MAX_LEAD`.
 
     Raises:
         ValueError: a limit that is not positive.
@@ -55,7 +55,7 @@ class Reference:
     """A target on its way to a goal.
 
     Args:
-        lead: largest distance of the target from the ball, m; it sets the limits of speed and acceleration, too.
+        lead: largest distance of the target from the ball, m; it also sets the limits of speed and acceleration.
 
     Raises:
         ValueError: a lead that is not positive and finite.
@@ -70,16 +70,16 @@ class Reference:
         self.start((0.0, 0.0), (0.0, 0.0))
 
     def start(self, ball: npt.ArrayLike, velocity: npt.ArrayLike) -> None:
-        """Begins at a ball, m, in the direction in which it rolls, m/s."""
+        """Begins at the position of a ball, m, with its velocity, m/s."""
         moving = np.asarray(velocity, dtype=np.float64)
         self._velocity = _within(moving, self.max_speed)
         self.position: FloatArray = np.asarray(ball, dtype=np.float64) + _within(moving / RATE, self.lead)
 
     def advance(self, goal: npt.ArrayLike, ball: npt.ArrayLike, seconds: float) -> FloatArray:
-        """The target, shape (2,), m, after a time step of `seconds` towards the goal, m, with the ball where it is."""
+        """The target, shape (2,), m, after a time step of `seconds` towards the goal, m, for the ball's position, m."""
         way = np.asarray(goal, dtype=np.float64) - self.position
         distance = float(np.linalg.norm(way))
-        # As fast as the target can still be braked at the goal after this step: v²/2a + v dt = distance.
+        # The speed from which the target can still stop at the goal after this step: v²/2a + v dt = distance.
         brakes = math.hypot(seconds, math.sqrt(2.0 * distance / self.max_acceleration)) - seconds
         speed = min(self.max_speed, self.max_acceleration * brakes)
         wanted = way * (speed / distance) if distance > 0.0 else np.zeros(2)

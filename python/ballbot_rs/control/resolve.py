@@ -22,19 +22,19 @@ from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
-#: Names of controllers: those of the core, and no torque at all. Anything else is the path of a policy.
+#: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
 
 #: Events of the environment that a policy was trained in, in place of the name of a set.
 TRAINED: Final = "trained"
 
-#: Largest file that is read for someone who is not trusted; exported policies have some 30 kB.
+#: Largest file that is read from an untrusted source; exported policies have some 30 kB.
 MAX_FILE_SIZE: Final = 64 * 2**20
 
 #: Actions in [-1, 1], shape (n, 3), for observations, shape (n, m).
 Policy: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
 
-#: A name, a path, a law or a class of laws in Python (`laws` has their forms), or what `find` has made of one of them.
+#: A name, a path, a law or a class of laws in Python (`laws` has their forms), or the result of `find` for one of them.
 Source: TypeAlias = "str | PathLike[str] | Law | Callable[..., Law] | ResolvedController"
 
 
@@ -43,25 +43,25 @@ class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained in, with none of its events; or those of a policy with
-    #: which a feedback law is compared.
+    #: Options of the environment that a policy was trained in, without its events; for a feedback law, the options of
+    #: the policy that it is compared with.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
     #: The task that a policy was trained in; laws have none.
     task: str | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
     make_law: Callable[[Params, float], Law] | None = None
-    #: Whether each call of `make_law` makes another law, and not the one there is, its past forgotten.
+    #: Whether each call of `make_law` makes another law; else it resets and returns the existing law.
     is_made: bool = True
-    #: Rate at which the law is to run, s; None takes the task's.
+    #: Control period of the law, s; None takes the task's.
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
     interrupt: Callable[[], None] | None = None
-    #: Events of the environment that a policy was trained in: evaluation has nominal robots unless asked for these.
+    #: Events of the environment that a policy was trained in; evaluation uses nominal robots unless they are requested.
     events: Sequence[Mapping[str, Any]] = ()
 
     def law(self, params: Params, control_dt: float) -> Law:
-        """The feedback law; one of the core runs all robots of a batch."""
+        """The feedback law; a law of the core runs all robots of a batch."""
         assert self.make_law is not None
         return self.make_law(params, control_dt)
 
@@ -88,11 +88,11 @@ def find(
     Args:
         source: one of `NAMES`, the path of a policy, "file.py:NAME" (a function, an object or a class), or such a
             function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
-            wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are made for each robot, with the
-            robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name` and
-            `control_dt` (s) and the method `reset` are optional.
-        task: the task; None is the one that a policy file names. It, or `env_options`, is needed for a file that does
-            not name its own.
+            wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are instantiated for each robot, with
+            the robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name`
+            and `control_dt` (s) and the method `reset` are optional.
+        task: the task; None is the task that a policy file names. A file that does not name its task needs `task` or
+            `env_options`.
         env_options: options of the environment that such a policy file was trained with.
         trusted: whether files with code may be loaded; ONNX files have none.
 
@@ -101,7 +101,7 @@ def find(
         FileNotFoundError: there is no policy at that path.
         ModuleNotFoundError: an optional dependency is missing; the message says what to install.
         TypeError: the object cannot be called, or a class needs other arguments.
-        ControllerError: a class cannot be made.
+        ControllerError: a class cannot be instantiated.
     """
     if task is not None:
         env_id_of(task)
@@ -159,10 +159,10 @@ def _check_size(path: Path) -> None:
 
 
 def common_task(controllers: Sequence[ResolvedController], task: str | None = None) -> str:
-    """The task that is asked for, else that of the policies among the controllers, else balancing.
+    """The requested task, else the task of the policies among the controllers, else balancing.
 
     Raises:
-        ValueError: a policy for another task, or policies for different ones.
+        ValueError: a policy for another task, or policies for different tasks.
     """
     policies = [controller for controller in controllers if controller.task is not None]
     chosen = task or (policies[0].task if policies else None) or DEFAULT_TASK
@@ -178,7 +178,7 @@ def common_options(
 ) -> dict[str, Any]:
     """The options of the environment that the policies among the controllers share, updated by `env_options`.
 
-    Events are those of `env_options` alone; `TRAINED` there is those that the policies were trained with.
+    Events come only from `env_options`; `TRAINED` there selects the events that the policies were trained with.
 
     Raises:
         ValueError: policies that were trained with different options, or, with `TRAINED`, different events or none.
@@ -203,16 +203,16 @@ def common_options(
 def options_of(
     controller: ResolvedController, shared: Mapping[str, Any], env_options: Mapping[str, Any] | None = None
 ) -> dict[str, Any]:
-    """The shared options for one of the controllers: the torque of a policy's action is no limit of a feedback law."""
+    """The shared options for a controller: the torque of a policy's action does not limit a feedback law."""
     is_kept = controller.policy is not None or "max_wheel_torque" in (env_options or {})
     return {name: value for name, value in shared.items() if is_kept or name != "max_wheel_torque"}
 
 
 def _imported(file: Path, attribute: str) -> Any:
-    """An object of a Python file, or an instance of a class of it."""
+    """An object in a Python file, or an instance of a class in it."""
     if not file.is_file():
         raise FileNotFoundError(f"no Python file at {file}")
-    # Not the stem alone: that may be the name of another module.
+    # Not only the stem: that may be the name of another module.
     name = f"_ballbot_controller_{file.stem}"
     spec = importlib.util.spec_from_file_location(name, file)
     assert spec is not None
@@ -235,7 +235,7 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
     name = str(own) if name is None else name
 
     def fresh(params: Params, control_dt: float) -> Law:  # noqa: ARG001
-        # A batched law is told how many robots there are; see `Laws`.
+        # A batched law is given the number of robots; see `Laws`.
         if hasattr(law, "reset") and not is_batched(law):
             try:
                 law.reset()
@@ -248,7 +248,7 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
 
 
 def _from_class(cls: type, name: str | None) -> ResolvedController:
-    """A class of laws, each robot has one."""
+    """A class of laws, instantiated for each robot."""
     own = getattr(cls, "name", None)
     name = (own if isinstance(own, str) else cls.__name__.lower()) if name is None else name
     if not any("__call__" in vars(base) for base in cls.__mro__):
@@ -270,7 +270,7 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
             raise failed(name, error) from error
         return law
 
-    # Objects that are made without arguments may have the rate in an attribute of their own.
+    # Objects made without arguments may have the rate in an attribute.
     if takes or isinstance(getattr(cls, "control_dt", None), (int, float)):
         return ResolvedController(name, make_law=make, control_dt=_control_dt(name, cls))
     try:
@@ -281,7 +281,7 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
 
 
 def _control_dt(name: str, law: Any) -> float | None:
-    """The time between two calls that a law has itself."""
+    """A law's own time between two calls."""
     found = getattr(law, "control_dt", None)
     if found is None or (isinstance(law, type) and not isinstance(found, (int, float))):
         return None

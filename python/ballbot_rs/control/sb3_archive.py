@@ -1,7 +1,7 @@
-"""What is in a policy file of Stable-Baselines3, read without running anything that is in it.
+"""The contents of a policy file of Stable-Baselines3, read without running code in it.
 
-Such a file keeps some values as pickles, which can run any code as they are loaded. What acting needs of them follows
-from the metadata, so that a policy of a usual form is loaded without them.
+Such a file has some values as pickles, which can run any code when loaded. The values that acting needs follow from the
+metadata, so that a policy of a usual form is loaded without pickles.
 """
 
 import base64
@@ -18,13 +18,13 @@ from typing import Any, Final
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-#: Largest description of a policy, and largest file once it is unpacked, bytes.
+#: Largest description of a policy, and largest file after unpacking, bytes.
 MAX_DATA: Final = 16 * 2**20
 MAX_SIZE: Final = 2**30
 
 _PICKLED: Final = ":serialized:"
 
-#: Values that an algorithm cannot be set up without, in place of pickled ones; acting uses none of them.
+#: Replacements of pickled values that the setup of an algorithm requires; acting does not use them.
 _STAND_INS: Final[Mapping[str, Any]] = {
     "learning_rate": 0.0,
     "clip_range": 0.2,
@@ -37,10 +37,10 @@ _CALLS: Final = {"REDUCE", "BUILD", "INST", "OBJ", "NEWOBJ", "NEWOBJ_EX", "EXT1"
 
 
 def read(path: Path) -> dict[str, Any]:
-    """The description of a policy; values that are pickled stay so.
+    """The description of a policy; pickled values stay pickled.
 
     Raises:
-        ValueError: no policy file of Stable-Baselines3, or a damaged one.
+        ValueError: not a policy file of Stable-Baselines3, or a damaged file.
     """
     refusal = f"{path} is not a policy file of Stable-Baselines3"
     if not zipfile.is_zipfile(path):
@@ -68,7 +68,7 @@ def read(path: Path) -> dict[str, Any]:
 
 
 def without_pickles(data: Mapping[str, Any], kind: type[BaseAlgorithm]) -> tuple[dict[str, Any], list[str]]:
-    """Values in place of the pickled ones, and the names of those that only unpickling can give.
+    """Replacements of the pickled values, and the names of the values that only unpickling can give.
 
     Args:
         data: as `read` returns it.
@@ -98,22 +98,22 @@ def _is_pickled(value: Any) -> bool:
 
 
 def _policy_class(value: Mapping[str, Any], kind: type[BaseAlgorithm]) -> type | None:
-    """The algorithm's own policy class that a file names, or None for a class of somebody else."""
+    """The algorithm's own policy class that a file names, or None for a foreign class."""
     known = [found for found in kind.policy_aliases.values() if found.__module__ == value.get("__module__")]
     if not known:
         return None
-    # Classes of one module are told apart by their text; all but one of them want other observations.
+    # Classes of one module are distinguished by their docstrings; all but one of them expect other observations.
     return next((found for found in known if found.__doc__ == value.get("__doc__")), kind.policy_aliases["MlpPolicy"])
 
 
 def _plain(text: Any) -> Any:
-    """A pickle of plain values and of classes of torch, or None for one that would call anything."""
+    """A pickle of plain values and of classes of torch, or None for a pickle that would call anything."""
     try:
         content = base64.b64decode(text)
         if any(operation.name in _CALLS for operation, _, _ in pickletools.genops(content)):
             return None
         return _PlainUnpickler(io.BytesIO(content)).load()
-    # What a damaged pickle raises has no common base.
+    # The exceptions of a damaged pickle have no common base class.
     except Exception:
         return None
 

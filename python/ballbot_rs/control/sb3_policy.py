@@ -21,7 +21,7 @@ from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space, observation_width
 
-#: Modules with algorithms for continuous actions, and their names; policies with a memory of their own are left out.
+#: Modules with algorithms for continuous actions, and their names; recurrent policies are omitted.
 ALGORITHMS: Final = {
     "stable_baselines3": ("PPO", "A2C", "SAC", "TD3", "DDPG"),
     "sb3_contrib": ("TQC", "TRPO", "CrossQ", "ARS"),
@@ -32,7 +32,7 @@ METADATA: Final = "ballbot_metadata"
 
 
 def algorithms() -> dict[str, type[BaseAlgorithm]]:
-    """Algorithms by name, those of sb3-contrib where it is installed."""
+    """Algorithms by name, including sb3-contrib where it is installed."""
     found: dict[str, type[BaseAlgorithm]] = {}
     for module, names in ALGORITHMS.items():
         try:
@@ -59,14 +59,14 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
 
     Args:
         model: trained on a `BallbotVecEnv`, or on environments of `gymnasium.make`.
-        path: the file; `.zip` is added unless it ends so.
+        path: the file; `.zip` is added if missing.
 
     Returns:
         The file.
 
     Raises:
         ValueError: an environment that is not of this package or that changes observations or actions (VecNormalize,
-            VecFrameStack, ...), an algorithm that is not known, or a model without environment.
+            VecFrameStack, ...), an unknown algorithm, or a model without environment.
         OSError: the file cannot be written.
     """
     known = algorithms()
@@ -98,18 +98,18 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
 
 
 def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = MappingProxyType({})) -> None:
-    """Writes a model as Stable-Baselines3 does, but whole or not at all.
+    """Writes a model as Stable-Baselines3 does, but atomically.
 
     Args:
         model: the model.
-        file: where to.
-        beside: other content of the archive, by name.
+        file: the file to write.
+        beside: more content of the archive, by name.
 
     Raises:
         OSError: the file cannot be written.
     """
     content = io.BytesIO()
-    # torch writes by calls of Python from C++, which ends the process if they raise.
+    # torch writes by calling Python from C++, which ends the process if a call raises.
     with _interrupts.held_back():
         model.save(content)
     with zipfile.ZipFile(content, "a") as archive:
@@ -119,7 +119,7 @@ def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = Mappin
 
 
 def find_file(path: Path) -> Path:
-    """The policy file that `path` means: itself, or the best one of a run's folder.
+    """The policy file that `path` means: itself, or the best policy in a run's folder.
 
     Raises:
         FileNotFoundError: there is none.
@@ -131,7 +131,7 @@ def find_file(path: Path) -> Path:
 
 
 def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-    """The policy's actions, computed on one thread: for small networks a second one costs more than it brings."""
+    """The policy's actions, computed on one thread: for small networks a second thread costs more than it gains."""
     threads = torch.get_num_threads()
     torch.set_num_threads(1)
     try:
@@ -146,18 +146,18 @@ def load(
 ) -> tuple[BaseAlgorithm, dict[str, Any]]:
     """A policy for a task with its metadata, in which `env_options` are complete.
 
-    A file of `ballbot_rs.save` or `ballbot train` is loaded without running code that is in it. One with a policy class
-    of its own, or without metadata, is unpickled, which runs its code; a `UserWarning` names the file.
+    A file of `ballbot_rs.save` or `ballbot train` is loaded without running code in it. A file with a custom policy
+    class, or without metadata, is unpickled, which runs its code; a `UserWarning` names the file.
 
     Args:
         path: the file, or the folder of a training run.
-        task: name of the task; None is the one that the file names, or balancing for a file without metadata.
+        task: name of the task; None is the task that the file names, or balancing for a file without metadata.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is no policy file, a damaged one, or one for another environment or another layout of
-            observations. This is found out before anything is unpickled.
+        ValueError: it is not a policy file, is damaged, or is for another environment or another layout of
+            observations. This is checked before anything is unpickled.
     """
     path = find_file(path)
     data = sb3_archive.read(path)
@@ -221,7 +221,7 @@ def _load_unnamed(
             f"{path} was trained for another environment: it maps {found_spaces[0]} to {found_spaces[1]}, "
             f"expected {known[True][0]} to {known[True][1]}"
         )
-    # Observations without scaling are those of a policy from before 0.2.0, unless the options say more.
+    # Observations without scaling mean a policy from before 0.2.0, unless the options say otherwise.
     options = {"scale_observations": True, **env_options} if scaled else dict(env_options)
     return model, {**metadata(task, name, {}), "env_options": policy_file.completed(task, options)}
 
@@ -259,13 +259,13 @@ def _unpacked(path: Path, algorithm: str, replaced: dict[str, Any]) -> BaseAlgor
             f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
             "scale observations with a module of that version: export them as ONNX with it, or train anew"
         ) from error
-    # What a damaged or foreign file raises has no common base.
+    # The exceptions of a damaged or foreign file have no common base class.
     except Exception as error:
         raise ValueError(f"{path} holds no {algorithm} policy that can be loaded: {error}") from error
 
 
 def _algorithm_of(data: Mapping[str, Any]) -> str:
-    """The algorithm that wrote a file. Those that share their policy's class act alike."""
+    """The algorithm that wrote a file. Algorithms with the same policy class act alike."""
     kind = data.get("policy_class")
     module = str(kind.get("__module__")) if isinstance(kind, dict) else ""
     for name in algorithms():

@@ -1,4 +1,4 @@
-"""Setpoints as laws in Python get them: where the ball and the heading are to be, and how they move on."""
+"""Setpoints as laws in Python get them: desired ball position and heading, with their derivatives."""
 
 import dataclasses
 from collections.abc import Iterator, Mapping
@@ -12,7 +12,7 @@ from ballbot_rs._errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
 
-#: How many numbers the parts of a setpoint have that a `Reference` gives, by name; one is a float.
+#: How many numbers each part of a setpoint from a `Reference` has, by name; 1 is a float.
 PARTS: Final[Mapping[str, int]] = {
     "position": 2,
     "velocity": 2,
@@ -22,13 +22,13 @@ PARTS: Final[Mapping[str, int]] = {
     "yaw": 1,
     "yaw_rate": 1,
 }
-#: The same with the tilt, which laws of the tilt alone follow.
+#: The same with the tilt, which pure tilt controllers follow.
 ALL_PARTS: Final[Mapping[str, int]] = {**PARTS, "tilt": 2}
 
 
 @dataclasses.dataclass(frozen=True, eq=False)
 class Setpoint(Mapping[str, Any]):
-    """What a law is to follow, with attributes and as a mapping of the same names; arrays are read-only.
+    """The setpoint of a law, with attributes and as a mapping of the same names; arrays are read-only.
 
     Raises:
         ValueError: a wrong shape, or a number that is not finite.
@@ -77,7 +77,7 @@ def checked(parts: Mapping[str, Any]) -> dict[str, Any]:
 
     Raises:
         ValueError: an unknown part, a wrong shape, or a number that is not finite.
-        TypeError: something else than numbers.
+        TypeError: not numbers.
     """
     found: dict[str, Any] = {}
     for name, value in parts.items():

@@ -1,4 +1,4 @@
-"""C text: numbers, arrays, comments, and the parts of a header that are the same in all of them."""
+"""C text: numbers, arrays, comments, and the common parts of headers."""
 
 import hashlib
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -18,7 +18,7 @@ def piece(name: str) -> str:
 
 
 def comment(lines: Iterable[str]) -> str:
-    """A comment of these lines, in ASCII, which every compiler reads."""
+    """A comment of these lines, in ASCII for any compiler."""
     text = "\n".join(lines).replace("N·m", "N m").replace("·", " ").replace("²", "^2").replace("³", "^3")
     text = text.replace("Σ", "sum").replace("τ", "torque").encode("ascii", "replace").decode().replace("*/", "* /")
     body = "\n".join(f" * {line}".rstrip() for line in text.splitlines())
@@ -26,7 +26,7 @@ def comment(lines: Iterable[str]) -> str:
 
 
 def number(value: float) -> str:
-    """A number that is read back to the last bit.
+    """A number that reads back bit for bit.
 
     Raises:
         ValueError: it is not finite.
@@ -58,20 +58,20 @@ def array(name: str, values: npt.ArrayLike, written: Callable[[Any], str] = numb
 
 
 def single_array(name: str, values: npt.ArrayLike) -> str:
-    """The definition of a vector or a matrix of single precision."""
+    """The definition of a vector or a matrix in single precision."""
     text = array(name, np.asarray(values, dtype=np.float32), _single)
     return text.replace("static const ballbot_real", "static const float", 1)
 
 
 def _single(value: Any) -> str:
-    """A number of single precision, by as few digits as tell it from others."""
+    """A number in single precision, with the fewest digits that identify it."""
     number(value)
     text = str(np.float32(value))
     return f"{text}f" if "." in text or "e" in text else f"{text}.0f"
 
 
 def constants(values: Mapping[str, Any], prefix: str = "BALLBOT") -> str:
-    """Definitions of numbers, as macros, and of arrays, by names in capitals."""
+    """Definitions of numbers (macros) and arrays, with names in capitals."""
     text = ""
     for name, value in values.items():
         known = f"{prefix}_{name.upper()}"
@@ -83,7 +83,7 @@ def constants(values: Mapping[str, Any], prefix: str = "BALLBOT") -> str:
 
 
 def guarded(kind: str, name: str, head: str, body: str) -> str:
-    """A header, by a guard that another one of the same kind does not have; both at once are an error."""
+    """A header with a guard that is unique among headers of its kind; including two of a kind is an error."""
     digest = hashlib.sha256(body.encode()).hexdigest()[:8].upper()
     guard = f"BALLBOT_{name.upper()}_{digest}_H"
     return (

@@ -1,4 +1,4 @@
-"""A feedback law as a header of C99."""
+"""A feedback law as a C99 header."""
 
 import math
 from typing import Any, Final
@@ -11,7 +11,7 @@ from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
 from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
 
-#: What a law is written with besides its own part: both are in the folder `c`.
+#: Common parts that a law needs in addition to its own part: all are in the folder `c`.
 _REGULATOR: Final = ("planar", "deviation", "lean_planes", "outer")
 _PIECES: Final = {
     "lqr": _REGULATOR,
@@ -24,10 +24,10 @@ _PIECES: Final = {
 #: The controllers that can be written as C.
 CONTROLLERS_IN_C: Final = tuple(_PIECES)
 
-#: Options with which a law keeps of the past what the C does not have.
+#: Options that give a law memory that the C lacks.
 NOT_IN_C: Final = ("delay", "lean_observer", "adaptation")
 
-#: The parts of a setpoint that the C has.
+#: Parts of a setpoint in the C.
 SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt")
 
 
@@ -39,13 +39,13 @@ def controller_header(
     max_wheel_torque: float | None = None,
     **options: Any,
 ) -> str:
-    """The text of a header of C99 with a controller for one robot.
+    """The text of a C99 header with a controller for one robot.
 
     Args:
         name: one of `CONTROLLERS_IN_C`.
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: as in `Controller`.
-        max_wheel_torque: a largest torque besides that of the controller, N·m, as that of an environment.
+        max_wheel_torque: a torque limit in addition to the controller's, N·m, as the option of an environment.
         options: as in `Controller`.
 
     Raises:
@@ -64,7 +64,7 @@ def controller_header(
                 f"{option} = {options[option]} of the controller '{name}' cannot be written as C: it must be 0"
             )
     if max_wheel_torque is not None:
-        # That of the environment comes on top, as in a batch.
+        # The limit of the environment applies in addition, as in a batch.
         options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)
         law = make_controller(name, robot, control_dt, **options)
     if unknown := sorted(set(law.setpoint_parts) - set(SETPOINT_PARTS)):
@@ -83,12 +83,12 @@ def controller_header(
 def _least(first: Any, second: Any) -> float:
     if isinstance(second, bool) or not isinstance(second, (int, float)):
         raise ValueError(f"max_wheel_torque is {second!r}, expected a number")
-    # NaN is left for the controller to refuse.
+    # The controller refuses NaN.
     return float(first) if first < second else float(second)
 
 
 def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
-    """Rate of the ball relative to the body, body frame, per speed of each wheel that grips it (3 × 3)."""
+    """Rate of the ball relative to the body, body frame, per speed of each wheel without slip (3 × 3)."""
     # Laws with traction scaling have the geometry of the wheels.
     wheels: dict[str, Any] = Controller("pid", robot, traction=True).constants()
     rates: np.ndarray[Any, Any] = np.linalg.inv(wheels["surface"]) * wheels["wheel_radius"]
@@ -96,7 +96,7 @@ def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
 
 
 def robot_name(robot: Params) -> str:
-    """The name of a preset in quotes, or where the parameters of another robot are."""
+    """The name of a preset in quotes, or a reference to the parameters of another robot."""
     preset = next((name for name in ROBOTS if Params.preset(name) == robot), None)
     return "with the parameters below" if preset is None else f"'{preset}'"
 

@@ -1,4 +1,4 @@
-"""The estimator of a robot's state as a header of C99."""
+"""The estimator of a robot's state as a C99 header."""
 
 from collections.abc import Mapping
 from typing import Any, Final
@@ -8,8 +8,8 @@ from ballbot_rs._core import Params, estimator_constants
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
 from ballbot_rs.deployment.controller import robot_name
 
-#: Variance of a wheel rate, (rad/s)², below which single precision does not do: the covariance is then a small
-#: difference of large numbers. That of 4096 ticks at 100 Hz is 3.9e-3.
+#: Variance of a wheel rate, (rad/s)², below which single precision is insufficient: the covariance is then a small
+#: difference of large numbers. 4096 ticks at 100 Hz give 3.9e-3.
 LEAST_SINGLE: Final = 3e-3
 
 REFUSAL: Final = """\
@@ -23,7 +23,7 @@ def estimator_header(
     sensors: Mapping[str, Any] | str,
     control_dt: float = 0.01,
 ) -> str:
-    """The text of a header of C99 with the estimator of attitude, velocity, position and lean bias for one robot.
+    """The text of a C99 header with the estimator of attitude, velocity, position and lean bias for one robot.
 
     Args:
         params: the robot: `Params`, or the name of a preset; None is the paper's.

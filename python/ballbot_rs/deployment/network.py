@@ -10,7 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._extras import require
 from ballbot_rs.deployment.c_text import number, single_array
 
-#: Elementwise operators, as expressions of x and of the operator's attribute alpha.
+#: Elementwise operators, as expressions in x and the operator's attribute alpha.
 _OF_ONE: Final[dict[str, tuple[str, float]]] = {
     "Tanh": ("ballbot_tanh(x)", 0.0),
     "Relu": ("x > 0 ? x : 0", 0.0),
@@ -27,7 +27,7 @@ OPERATORS: Final = (*_OF_ONE, *_OF_TWO, "Clip", "Constant", "Gemm", "MatMul")
 
 @dataclasses.dataclass
 class _Vector:
-    """A result in C: the name of an array, and how many numbers it has."""
+    """A result in C: the name and length of an array."""
 
     name: str
     size: int
@@ -35,7 +35,7 @@ class _Vector:
 
 @dataclasses.dataclass
 class _Writer:
-    """Writes one node after another."""
+    """Writes the nodes in order."""
 
     constants: dict[str, npt.NDArray[Any]]
     vectors: dict[str, _Vector]
@@ -148,14 +148,14 @@ def _constant(attributes: dict[str, Any]) -> Any:
 
 
 def network(content: bytes, rows: int) -> tuple[str, str]:
-    """Arrays of weights, and the function `ballbot_policy_act` of the network of an ONNX file.
+    """Arrays of weights, and the function `ballbot_policy_act`, for the network of an ONNX file.
 
     Args:
         content: the file.
-        rows: how many numbers an observation has.
+        rows: length of an observation.
 
     Raises:
-        ValueError: an operator that cannot be written as C, by its name.
+        ValueError: an operator that cannot be written as C; the message names it.
         ModuleNotFoundError: onnx is not installed.
     """
     with require("a policy as C", "export"):

@@ -1,4 +1,4 @@
-"""A policy as a header of C99."""
+"""A policy as a C99 header."""
 
 from os import PathLike, fspath
 from pathlib import Path
@@ -24,15 +24,15 @@ _NUMBERS: Final = ("bound", "rest", "typical")
 
 
 def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
-    """The text of a header of C99 with a policy.
+    """The text of a C99 header with a policy.
 
     Args:
         path: an ONNX file that `ballbot export` wrote.
-        task: the task that it was trained for; None is the one that the file names.
+        task: the task that it was trained for; None is the task that the file names.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is no policy for the task, or has an operator that cannot be written as C.
+        ValueError: it is not a policy for the task, or has an operator that cannot be written as C.
         ModuleNotFoundError: onnxruntime or onnx is not installed.
     """
     file = Path(fspath(path))
@@ -81,7 +81,7 @@ def _scaling(options: dict[str, Any], rows: list[dict[str, Any]]) -> str:
 
 
 def _observe(rows: list[dict[str, Any]]) -> str:
-    """The function that makes the rows from a state; empty for a task with others than `_ROWS`."""
+    """The function that makes the rows from a state; empty for a task with rows outside `_ROWS`."""
     names = [row["name"] for row in rows]
     if not set(names) <= set(_ROWS):
         return ""

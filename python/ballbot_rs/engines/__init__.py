@@ -1,1 +1,1 @@
-"""Other engines that the robots of a task can move in."""
+"""Other engines for the robots of a task."""

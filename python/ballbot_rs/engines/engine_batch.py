@@ -1,4 +1,4 @@
-"""A batch whose robots another engine moves; commands, observations, rewards and ends are those of the task."""
+"""A batch whose robots move in another engine; commands, observations, rewards and ends come from the task."""
 
 from collections.abc import Callable, Mapping
 from typing import Any, Final, Protocol, cast
@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 #: Names of the engines.
 ENGINES: Final = ("mujoco",)
 
-#: Parameters that the engines' models have no part for.
+#: Parameters that the engines' models do not have.
 NOT_SIMULATED: Final = (
     "ball_viscous_friction",
     "floor_rolling_friction",
@@ -27,7 +27,7 @@ NOT_SIMULATED: Final = (
     "roller_ripple",
 )
 
-#: Parameters of friction at rest, which the engines' models hold like a slow slip.
+#: Parameters of static friction, which the engines' models approximate by a slow slip.
 STATIC_FRICTION: Final = ("wheel_static_friction", "floor_static_friction", "friction_critical_velocity")
 
 
@@ -35,7 +35,7 @@ class EngineRobot(Protocol):
     """One robot in an engine."""
 
     def move(self, row: Array) -> None:
-        """Goes on from a state, a row as `State.to_array` (32)."""
+        """Continues from a state, a row as `State.to_array` (32)."""
 
     def push(self, push: Array) -> None:
         """Pushes the body over the next time step: impulse (N·s), its moment about the CoM (N·m·s), inertial, (6)."""
@@ -50,7 +50,7 @@ class EngineRobot(Protocol):
 class EngineBatch:
     """A `Batch` whose robots move in another engine.
 
-    The motors are ideal ones, and friction has its dynamic coefficients alone. What is not here is that of the `Batch`.
+    The motors are ideal, and friction has only dynamic coefficients. Attributes not defined here come from the `Batch`.
 
     Args:
         batch: the robots' task.
@@ -70,13 +70,13 @@ class EngineBatch:
         self._robots: list[tuple[Params, EngineRobot]] = []
 
     def __getattr__(self, name: str) -> Any:
-        # Not while it is being made or unpickled.
+        # Not during construction or unpickling.
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._inner, name)
 
     def rollout(self, *_: Any, **__: Any) -> None:
-        """Not there: the core does not step the robots.
+        """Not available: the core does not step the robots.
 
         Raises:
             TypeError: always.
@@ -85,7 +85,7 @@ class EngineBatch:
 
     def step(self, actions: npt.ArrayLike) -> tuple[Array, ...]:
         """As `Batch.step`."""
-        # The batch cannot be asked while it waits for the motion.
+        # The batch cannot be queried while it waits for the motion.
         self._renew()
         limits = np.array([[params.max_wheel_torque] for params, _ in self._robots])
         torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.max_wheel_torque
@@ -106,7 +106,7 @@ class EngineBatch:
         return found
 
     def _renew(self) -> None:
-        """Makes the robots that are not there yet, and those anew that have other parameters by now."""
+        """Makes missing robots, and remakes robots whose parameters have changed."""
         for i in range(self._inner.num_envs):
             params = self._inner.params(i)
             if i == len(self._robots):
@@ -120,7 +120,7 @@ class EngineBatch:
 
 
 def in_engine(batch: Batch, engine: str) -> Batch:
-    """The batch with its robots in another engine: it has what a `Batch` has.
+    """The batch with its robots in another engine, with the interface of a `Batch`.
 
     Raises as `EngineBatch`.
     """

@@ -1,11 +1,11 @@
-"""A plane that follows the ground under a ball: uneven ground for engines that collide with planes alone."""
+"""A plane that follows the ground under a ball: uneven ground for engines that only collide with planes."""
 
 import numpy as np
 
 from ballbot_rs._core import Terrain
 from ballbot_rs.engines.robot_geometry import Array
 
-#: Fixed-point steps to the point of contact, and where they end, m. Each leaves at most half of the distance: valleys
+#: Fixed-point steps to the contact point, and their tolerance, m. Each step at least halves the distance: valleys
 #: have at most half of the ball's curvature.
 _MOST_STEPS = 60
 _FOUND = 1e-12
@@ -14,7 +14,7 @@ _FARTHEST = 1e6
 
 
 def contact_plane(terrain: Terrain, center: Array, radius: float) -> tuple[Array, Array]:
-    """The plane that touches the ground where a ball with its center there does, or would.
+    """The plane tangent to the ground at the point where a ball with this center touches it, or would.
 
     Args:
         terrain: the ground.
@@ -22,7 +22,7 @@ def contact_plane(terrain: Terrain, center: Array, radius: float) -> tuple[Array
         radius: of the ball, m.
 
     Returns:
-        A point of the plane, shape (3,), m, and its rotation from a horizontal one, the smallest, as (w, x, y, z).
+        A point of the plane, shape (3,), m, and its smallest rotation from horizontal, as (w, x, y, z).
     """
     if not np.abs(center).max() < _FARTHEST:
         # A state that has diverged has no such point.

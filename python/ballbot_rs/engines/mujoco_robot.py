@@ -1,4 +1,4 @@
-"""The robot in MuJoCo: its MJCF, and one robot that is stepped by hand."""
+"""The robot in MuJoCo: its MJCF, and a robot that is stepped explicitly."""
 
 import dataclasses
 from typing import Any
@@ -11,13 +11,13 @@ from ballbot_rs._core import Params, State, Terrain
 from ballbot_rs.engines.moving_floor import contact_plane
 from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 
-#: Where the pieces stand in qpos (17) and qvel (15): ball, body, three wheels.
+#: Positions of the parts in qpos (17) and qvel (15): ball, body, three wheels.
 BALL_POSITION, BALL_QUATERNION, BODY_POSITION = slice(0, 3), slice(3, 7), slice(7, 10)
 BODY_QUATERNION, WHEEL_ANGLES = slice(10, 14), slice(14, 17)
 BALL_VELOCITY, BALL_RATE, BODY_VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 BODY_RATE, WHEEL_SPEEDS = slice(9, 12), slice(12, 15)
 
-#: Which of a contact's two friction directions is the wheel's drive direction, where the robot faces along x.
+#: Index of the wheel's drive direction among a contact's two friction directions, where the robot faces along x.
 #: MuJoCo derives them from the normal and the world's axes, not from the wheel.
 _DRIVE_SLOT = (0, 1, 1)
 #: Sum of positions and speeds beyond which a state has diverged.
@@ -25,17 +25,17 @@ DIVERGED = 1e6
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
-#: Nothing is computed that is not used; of joint friction, nothing that is zero.
+#: Disabled features: all that are not used; joint friction also where it is zero.
 _UNUSED = (
     "equality", "limit", "spring", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
-    # A state that has diverged is to be seen as such.
+    # A diverged state must stay visible as such.
     "autoreset",
 )  # fmt: skip
 
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """How MuJoCo steps: time step (s), attributes of its solver, and whether contact frames are turned to the wheels.
+    """How MuJoCo steps: time step (s), solver attributes, and whether contact frames are aligned with the wheels.
 
     Cones are elliptic, as a pyramid cannot be this thin; contacts are as stiff as the time step allows.
     """
@@ -60,7 +60,7 @@ class Setup:
 
 
 def accurate(sim_dt: float = 1e-3, *, turned: bool = True) -> Setup:
-    """Contacts solved out, with their frames turned to the wheels or, as in stock MuJoCo, not."""
+    """Contacts solved to convergence, with their frames aligned with the wheels or, as in stock MuJoCo, not."""
     return Setup(sim_dt, 'integrator="Euler" iterations="100" ls_iterations="100" tolerance="1e-12"', turned)
 
 
@@ -75,7 +75,7 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
 
 
 def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> str:
-    """MJCF of the robot on a floor, with only what it needs: four contact pairs, three motors, no other collision.
+    """MJCF of the robot on a floor, minimal: four contact pairs, three motors, no other collision.
 
     A moving floor is a mocap body.
     """
@@ -119,7 +119,7 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
 class MujocoRobot:
     """One robot, one `MjData`.
 
-    On a terrain the floor is the plane that touches it under the ball, anew in each step.
+    On a terrain the floor is its tangent plane under the ball, updated in each step.
     """
 
     def __init__(self, robot: RobotGeometry, setup: Setup, terrain: Terrain | None = None) -> None:
@@ -128,29 +128,29 @@ class MujocoRobot:
         self.data = mujoco.MjData(self.model)
         self.sim_dt = setup.sim_dt
         self._turned, self._drives = setup.turned, robot.drives
-        #: Number of the wheel that a geom is, −1 for others.
+        #: Wheel number of a geom, −1 for other geoms.
         self._wheel_of = np.full(self.model.ngeom, -1)
         self._wheel_of[[self.model.geom(f"wheel{i}").id for i in range(3)]] = range(3)
         self._body = int(self.model.jnt_bodyid[1])
         self._turn = np.zeros(9)
 
     def reset(self, state: State) -> None:
-        """Starts anew from a state."""
+        """Restarts from a state."""
         mujoco.mj_resetData(self.model, self.data)
         self.move(state.to_array())
 
     def reset_raw(
         self, attitude: Array, rate: Array, speeds: Array, position: Array, velocity: Array, ball_rate: Array
     ) -> None:
-        """Starts anew with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
+        """Restarts with the body at the ball; arguments as the fields of `ballbot_rs.State`."""
         mujoco.mj_resetData(self.model, self.data)
         qpos = self.data.qpos
         qpos[BALL_POSITION], qpos[BODY_POSITION], qpos[BODY_QUATERNION] = position, position, attitude
-        # The ball's rate is in its own frame, which a reset leaves at the inertial one.
+        # The ball's rate is in the ball's frame, which a reset aligns with the inertial frame.
         self.data.qvel[:] = np.concatenate([velocity, ball_rate, velocity, rate, speeds])
 
     def move(self, row: Array) -> None:
-        """Goes on from another state, a row as `State.to_array` (32); the solver starts from its last forces."""
+        """Continues from another state, a row as `State.to_array` (32); the solver starts from its last forces."""
         qpos, qvel = self.data.qpos, self.data.qvel
         qpos[BALL_POSITION], qpos[BALL_QUATERNION] = row[rows.BALL_POSITION], row[rows.BALL_QUATERNION]
         qpos[BODY_POSITION], qpos[BODY_QUATERNION] = row[rows.BODY_POSITION], row[rows.BODY_QUATERNION]
@@ -178,7 +178,7 @@ class MujocoRobot:
         )
 
     def _ball_axes(self) -> Array:
-        """Rotation from the ball's frame to the inertial one, (3, 3)."""
+        """Rotation from the ball's frame to the inertial frame, (3, 3)."""
         mujoco.mju_quat2Mat(self._turn, self.data.qpos[BALL_QUATERNION])
         return self._turn.reshape(3, 3)
 
@@ -205,7 +205,7 @@ class MujocoRobot:
             mujoco.mj_step(self.model, self.data, nstep=steps)
             return
         for _ in range(steps):
-            # MuJoCo would warn of it in a file of its own.
+            # MuJoCo would log a warning to a separate file.
             if not np.abs(self.data.qvel).sum() + np.abs(self.data.qpos).sum() < DIVERGED:
                 self.data.qpos[:] = np.nan
                 return
@@ -220,7 +220,7 @@ class MujocoRobot:
             mujoco.mj_step2(self.model, self.data)
 
     def _turn_contacts(self) -> None:
-        """Lays the first friction direction of each wheel's contact along its drive, and makes its constraint anew."""
+        """Aligns the first friction direction of each wheel's contact with its drive, and rebuilds its constraint."""
         contacts = self.data.contact
         wheels = self._wheel_of[contacts.geom].max(axis=1)
         turned = wheels >= 0

@@ -1,7 +1,7 @@
-"""The robot of `ballbot_rs.Params` as links, joints and directions, from which each other engine's model is made.
+"""The robot of `ballbot_rs.Params` as links, joints and directions: the basis of its models in other engines.
 
-A second derivation, independent of the Rust core on purpose: agreement between the two is evidence. Do not replace it
-by calls of the core.
+It is deliberately derived independently of the Rust core: agreement between the two is evidence. Do not replace it by
+calls of the core.
 """
 
 import dataclasses
@@ -13,7 +13,7 @@ from ballbot_rs._core import Params
 
 Array = npt.NDArray[np.float64]
 
-#: Inertia of a disc across its axle over that about it; a hair more than 1/2, which MuJoCo's rounding refuses.
+#: Ratio of a disc's inertia across its axle to that about it; slightly above 1/2, which MuJoCo's rounding refuses.
 _ACROSS = 0.5 * (1.0 + 1e-6)
 
 
@@ -35,7 +35,7 @@ class RobotGeometry:
     contacts: Array
     #: d_i, unit vectors along which each wheel drives the ball's surface, (3, 3).
     drives: Array
-    #: Unit vectors about which each wheel turns; a positive torque pushes the ball along d_i, (3, 3).
+    #: Unit vectors of the wheel axles; a positive torque pushes the ball along d_i, (3, 3).
     axles: Array
     #: Wheel centers, (3, 3), m.
     centers: Array
@@ -46,7 +46,7 @@ class RobotGeometry:
 
     @property
     def wheel_map(self) -> Array:
-        """Wheel speeds of a ball rate relative to the body, both in the body frame: (3, 3), pure numbers."""
+        """Map from a ball rate relative to the body, body frame, to wheel speeds: (3, 3), dimensionless."""
         return -self.axles * (self.params.ball_radius / self.params.wheel_radius)
 
 
@@ -56,10 +56,10 @@ def _offset_inertia(mass: float, offset: Array) -> Array:
 
 
 def robot_geometry(params: Params | None = None) -> RobotGeometry:
-    """The paper's robot, or the one of `params`.
+    """The paper's robot, or the robot of `params`.
 
     Body and wheels together have the mass properties of the parameters; a wheel is a thin disc, whose inertia about
-    its own axle the parameters count apart.
+    its axle is a separate parameter.
     """
     params = Params.paper() if params is None else params
     azimuth = np.array(params.wheel_azimuths)
@@ -81,6 +81,6 @@ def robot_geometry(params: Params | None = None) -> RobotGeometry:
         about_axle, across = np.outer(axle, axle), _ACROSS * params.wheel_inertia
         inertia -= across * (np.eye(3) - about_axle) + _offset_inertia(params.wheel_mass, center - whole_com)
         wheel_inertias.append(across * (np.eye(3) - about_axle) + params.wheel_inertia * about_axle)
-    # Rounding off the diagonal would make Bullet turn the frame.
+    # Rounding errors off the diagonal would make Bullet rotate the frame.
     inertia[np.abs(inertia) < 1e-12] = 0.0
     return RobotGeometry(params, contacts, drives, axles, centers, Link(mass, com, inertia), np.array(wheel_inertias))

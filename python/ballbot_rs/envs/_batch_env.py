@@ -1,4 +1,4 @@
-"""What the front ends share: a batch of environments, its attributes, and how it is copied and pickled."""
+"""Shared by the front ends: a batch of environments, its attributes, and how it is copied and pickled."""
 
 import functools
 import secrets
@@ -31,7 +31,7 @@ def new_batch(
     """
     env_id_of(task)
     if (own := registry.find(task)) is not None:
-        # It has what a `Batch` has.
+        # It has the interface of a `Batch`.
         made = new_own_batch(own, num_envs, task, autoreset, num_threads, seed, options or {})
         return cast("Batch", made)
     options = dict(options or {})
@@ -59,7 +59,7 @@ def new_own_batch(
 
 
 def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options as the core takes them."""
+    """Options in the form that the core takes."""
     plain = dict(options)
     if isinstance(plain.get("params"), Mapping):
         plain["params"] = Params(**plain["params"])
@@ -75,7 +75,7 @@ def option_names(task: str) -> tuple[str, ...]:
 
 
 def options_of_own_tasks() -> tuple[str, ...]:
-    """Names of the options that environments of any task in Python have."""
+    """Names of the options common to environments of all tasks in Python."""
     return _option_names(BARE)
 
 
@@ -85,7 +85,7 @@ def _option_names(task: str) -> tuple[str, ...]:
 
 
 def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
-    """All options of a batch that was made with those given, defaults included, as JSON can hold them."""
+    """All options of a batch made with the given options, defaults included, as JSON values."""
     options: dict[str, Any] = {"model": batch.model, **batch.options}
     if options["max_episode_steps"] == NO_TIME_LIMIT:
         options["max_episode_steps"] = None
@@ -96,12 +96,12 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of an evaluation from those of a training: episodes begin on any level of the terrain."""
+    """Options for evaluation, from training options: episodes begin on any level of the terrain."""
     return {name: value for name, value in options.items() if (name, value) != ("level", "curriculum")}
 
 
 def fixed_option(task: str, name: str) -> str | None:
-    """Why an option of the task cannot be set as an attribute; None for other names."""
+    """The reason why an option of the task cannot be set as an attribute; None for other names."""
     if name == "params":
         return "params is not an attribute to set: call set_params"
     is_option = name in option_names(task)
@@ -125,7 +125,7 @@ class SharedAttributes:
 
     @property
     def control_dt(self) -> float:
-        """Time between two actions, s."""
+        """Control period, s."""
         return self._batch.control_dt
 
     @property
@@ -151,11 +151,11 @@ class OneRobot(SharedAttributes):
 
     @property
     def nominal_params(self) -> Params:
-        """The parameters that the robot has without events: those of controllers."""
+        """The robot's parameters without events, which controllers use."""
         return self._batch.nominal_params(self._index)
 
     def draws(self) -> dict[str, Any]:
-        """What events have drawn of the robot, by term, a number or an array each; see `Batch.draws`."""
+        """Samples of the events for the robot, by term, each a number or an array; see `Batch.draws`."""
         return self._batch.draws(self._index)
 
     def readings(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -168,14 +168,14 @@ class OneRobot(SharedAttributes):
 
     @property
     def state(self) -> State:
-        """The robot's full state, of which the observation is a part."""
+        """The robot's full state; the observation is a part of it."""
         return self._batch.state(self._index)
 
     @property
     def command(self) -> npt.NDArray[np.float64]:
         """The present command, shape (k,), its parts as in `TASKS[task]["command"]`.
 
-        One that is set holds to the end of the episode, from the next observation on.
+        Setting it holds it from the next observation to the end of the episode.
         """
         return self._batch.command(self._index)
 
@@ -184,7 +184,7 @@ class OneRobot(SharedAttributes):
         self._batch.set_command(self._index, value)
 
     def metrics(self) -> dict[str, float]:
-        """Metrics of the episode so far, by name; before its first step those of the last. See `Batch.metrics`."""
+        """Metrics of the episode so far, by name; before its first step, of the last episode. See `Batch.metrics`."""
         return self._batch.metrics(self._index)
 
     @property
@@ -193,7 +193,7 @@ class OneRobot(SharedAttributes):
         return self._batch.ending(self._index)[0]
 
     def reward_terms(self) -> dict[str, float]:
-        """The terms whose sum was the last reward; zeros right after a reset."""
+        """The terms that sum to the last reward; zeros right after a reset."""
         return self._batch.reward_terms(self._index)
 
     def scan(self) -> npt.NDArray[np.float32]:
@@ -218,16 +218,16 @@ class ManyRobots(SharedAttributes):
 
     @property
     def params(self) -> Params:
-        """Parameters of the first robot; all have them unless `set_params` or events changed one."""
+        """Parameters of the first robot; the same for all robots unless `set_params` or events changed one."""
         return self._batch.params(0)
 
     @property
     def nominal_params(self) -> Params:
-        """Those that the first robot has without events: those of controllers."""
+        """Parameters of the first robot without events, which controllers use."""
         return self._batch.nominal_params(0)
 
     def draws(self) -> dict[str, npt.NDArray[np.float64]]:
-        """What events have drawn, by term, the first axis that of the robots; see `Batch.draws`."""
+        """Samples of the events, by term, first axis over robots; see `Batch.draws`."""
         return self._batch.draws()
 
     def readings(self) -> dict[str, npt.NDArray[np.float64]]:
@@ -242,8 +242,8 @@ class ManyRobots(SharedAttributes):
     def command(self) -> npt.NDArray[np.float64]:
         """The present commands, shape (num_envs, k), their parts as in `TASKS[task]["command"]`.
 
-        Commands that are set, one for all robots or one each, hold to the ends of the episodes, from the next
-        observations on.
+        Setting them, to one for all robots or one each, holds them from the next observations to the ends of the
+        episodes.
         """
         return self._batch.command()
 
@@ -344,7 +344,7 @@ class BatchEnv(SharedAttributes):
 
     @property
     def task_options(self) -> dict[str, Any]:
-        """All options of the environment, defaults included, as JSON can hold them."""
+        """All options of the environment, defaults included, as JSON values."""
         return resolved_options(self._batch, self._batch_arguments[-1])
 
     def __getstate__(self) -> dict[str, Any]:

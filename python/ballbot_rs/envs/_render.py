@@ -11,15 +11,15 @@ from ballbot_rs._core import Batch, Params, Renderer
 
 Frames = npt.NDArray[np.uint8]
 
-#: Gymnasium makes "human" and "rgb_array_list" of it.
+#: Gymnasium derives "human" and "rgb_array_list" from it.
 RENDER_MODES: Final = ("rgb_array",)
 
-#: Parameters that a robot and the URDFs that show it must have in common.
+#: Parameters that must match between a robot and the URDFs that show it.
 GEOMETRY: Final = ("ball_radius", "wheel_radius", "wheel_zeniths", "wheel_azimuths")
 
 
 class Rendered:
-    """A render mode and a renderer, which a copy or an unpickled environment makes anew at its first frame."""
+    """A render mode and a renderer, which a copy or an unpickled environment recreates at its first frame."""
 
     _batch: Batch
     render_mode: str | None

@@ -1,4 +1,4 @@
-"""What the functions that `make_vec_env` passes to a class of vector environments make."""
+"""The environments made by the functions that `make_vec_env` passes to a vector environment class."""
 
 import time
 from collections.abc import Callable, Sequence
@@ -19,7 +19,7 @@ class Made:
     """The common task and options of environments, and the `Monitor` around each, from the functions that make them.
 
     Raises:
-        TypeError: what a function makes is no environment of this package.
+        TypeError: a function does not return an environment of this package.
         ValueError: there is no function, the environments differ, or a wrapper does not exist for a batch.
     """
 
@@ -38,7 +38,7 @@ class Made:
         self.task: str = first.env.task
         self.options = first.options()
         self.render_mode = first.env.render_mode
-        # The renderer knows the terrain and the threads from the batch.
+        # The renderer takes the terrain and the threads from the batch.
         self.render_options = {
             name: value
             for name, value in first.env._render_arguments[1].items()
@@ -67,12 +67,12 @@ class _Made:
         self.env = env
 
     def options(self) -> dict[str, Any]:
-        """Those given, and the limit that Gymnasium enforces."""
+        """The given options, and the limit that Gymnasium enforces."""
         limit = {} if self._limit is None else {"max_episode_steps": self._limit}
         return {**self.env._batch_arguments[-1], **limit}
 
     def alike(self) -> dict[str, Any]:
-        """What must be the same in all environments of a batch."""
+        """Properties that must be equal in all environments of a batch."""
         return {
             "task": self.env.task,
             **self.env.task_options,
@@ -108,7 +108,7 @@ class Episodes:
         """Forgets the episodes that have begun.
 
         Raises:
-            RuntimeError: there is one, and a `Monitor` has `allow_early_resets=False`.
+            RuntimeError: an episode has begun, and a `Monitor` has `allow_early_resets=False`.
         """
         if self._refuses_early and self._is_reset:
             raise RuntimeError(

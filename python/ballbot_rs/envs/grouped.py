@@ -1,4 +1,4 @@
-"""Observations in groups: state, height scan and depth picture each in a space of their own."""
+"""Observations in groups: state, height scan and depth picture, each in a separate space."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -18,7 +18,7 @@ class Groups:
 
     Args:
         space: of a whole observation.
-        layout: shape of each part, in order, as `Batch.observation_layout` has them.
+        layout: shape of each part, in order, as in `Batch.observation_layout`.
     """
 
     def __init__(self, space: gymnasium.Space[Any], layout: Mapping[str, tuple[int, ...]]) -> None:
@@ -52,7 +52,7 @@ class GroupedObservations(gymnasium.ObservationWrapper[Any, Any, Any]):
 
 
 class GroupedVectorObservations(VectorObservationWrapper):
-    """A `BallbotVectorEnv` whose observations are dicts, as those of `GroupedObservations`."""
+    """A `BallbotVectorEnv` whose observations are dicts, as in `GroupedObservations`."""
 
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)

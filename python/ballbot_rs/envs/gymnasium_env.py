@@ -20,8 +20,8 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
 
     Args:
         task: name of the task.
-        render_mode: None, or "rgb_array": `render()` then returns frames, without GPU or display; Gymnasium makes
-            "human" of it.
+        render_mode: None, or "rgb_array": `render()` then returns frames, without GPU or display; Gymnasium derives
+            "human" from it.
         width: of a frame, pixels.
         height: of a frame, pixels.
         camera: as in `Renderer`.
@@ -29,8 +29,8 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         options: of the task and of its environments, SI units and radians; `max_episode_steps=None` never truncates.
 
     Raises:
-        ValueError: a number is out of range, or a name is not known; the message has the value and the limit.
-        TypeError: an argument is not known.
+        ValueError: a number out of range, or an unknown name; the message has the value and the limit.
+        TypeError: an unknown argument.
 
     The info of every reset and step has the same keys, each a finite NumPy number:
 
@@ -71,7 +71,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         """Begins an episode.
 
         Args:
-            seed: seeds the start states to come; None goes on with the present random numbers.
+            seed: seeds the following start states; None continues with the present random numbers.
             options: `{"state": State}` starts from that state.
 
         Raises:
@@ -90,7 +90,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        # A masked array stays one, which the batch refuses.
+        # A masked array stays masked, which the batch refuses.
         given = np.asanyarray(action)
         if given.dtype.kind in "biuf" and given.shape != (3,):
             several = ": BallbotVectorEnv takes the actions of several robots" if given.ndim > 1 else ""
@@ -100,7 +100,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
 
     def _info(self) -> dict[str, Any]:
         is_success, terminations = self._batch.endings()
-        # Not NumPy's scalar, which Gymnasium and the array API take for no number.
+        # Not a NumPy scalar, which Gymnasium and the array API do not accept as a number.
         info: dict[str, Any] = {"is_success": is_success.reshape(()), "termination": terminations[0]}
         if self._metric_names:
             info.update(zip(self._metric_names, self._batch.running_metrics()[0], strict=True))

@@ -12,7 +12,7 @@ from ballbot_rs.envs.own.task import Task
 
 DEFAULT_TASK: Final = "balance"
 
-#: With this before an id, Gymnasium imports the package first.
+#: Prefix of an id with which Gymnasium imports the package first.
 PREFIX: Final = "ballbot_rs:"
 
 
@@ -45,9 +45,9 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
         options: of its environments and of the constructor of `task`, in place of their defaults.
 
     Raises:
-        TypeError: `task` is no subclass of `Task`.
-        ValueError: the id is that of a task of the core, or none that Gymnasium takes; an argument of the constructor
-            of `task` has the name of an option of environments.
+        TypeError: `task` is not a subclass of `Task`.
+        ValueError: the id belongs to a task of the core, or Gymnasium does not accept it; an argument of the
+            constructor of `task` has the name of an option of environments.
     """
     from ballbot_rs.envs._batch_env import new_own_batch, options_of_own_tasks
 
@@ -66,12 +66,12 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
 
 
 def description_of(task: str) -> Mapping[str, Any]:
-    """What `TASKS` has of a task of the core, or the same of one in Python."""
+    """The entry of `TASKS` for a task of the core, or its equivalent for a task in Python."""
     return TASKS[task] if task in TASKS else registry.description_of(task)
 
 
 def termination_names(task: str) -> list[str]:
-    """What the numbers of `termination` in infos mean; the first is "none"."""
+    """Names for the numbers of `termination` in infos; the first is "none"."""
     return ["none", *(name for name, _ in description_of(task)["terminations"])]
 
 
@@ -88,7 +88,7 @@ def name_of(task: str) -> str:
     """The name of a task from its name or its id, which may begin with `ballbot_rs:`.
 
     Raises:
-        TypeError: it is no text.
+        TypeError: it is not a string.
         ValueError: there is no such task.
     """
     if not isinstance(task, str):
@@ -119,7 +119,7 @@ def task_of(env_id: str) -> str:
     """The task of an environment's id, which may begin with `ballbot_rs:`.
 
     Raises:
-        ValueError: it is no environment of this package.
+        ValueError: it is not an environment of this package.
     """
     env_id = env_id.removeprefix(PREFIX)
     if registry.find(env_id) is not None:

@@ -66,12 +66,12 @@ class EnvView(OneRobot):
 
     @property
     def task_options(self) -> dict[str, Any]:
-        """All options of the environment, defaults included, as JSON can hold them."""
+        """All options of the environment, defaults included, as JSON values."""
         return self._owner.task_options
 
     @property
     def spec(self) -> EnvSpec:
-        """What `gymnasium.make` makes the same environment from."""
+        """The spec from which `gymnasium.make` makes the same environment."""
         spec = copy.deepcopy(gymnasium.spec(env_id_of(self.task)))
         options = self.task_options
         spec.max_episode_steps = options.pop("max_episode_steps")
@@ -80,7 +80,7 @@ class EnvView(OneRobot):
 
     @property
     def np_random(self) -> np.random.Generator:
-        """Random numbers for wrappers; those of the robots are in Rust."""
+        """Random numbers for wrappers; the robots' generators are in Rust."""
         if self._np_random is None:
             self._np_random = np.random.default_rng(self._owner._first_seed + self._index)
         return self._np_random
@@ -98,7 +98,7 @@ class EnvView(OneRobot):
         return getattr(self, name)
 
     def set_wrapper_attr(self, name: str, value: Any, *, force: bool = True) -> bool:
-        """Sets an attribute; without `force` only one that exists. Returns whether it was set."""
+        """Sets an attribute; without `force` only an existing attribute. Returns whether it was set."""
         if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)
         if force or hasattr(self, name):
@@ -111,21 +111,21 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     """`num_envs` environments for Stable-Baselines3, stepped at once in Rust.
 
     Spaces and options as in `BallbotEnv`. The info of every reset and step has `TimeLimit.truncated`, `is_success` and
-    `termination`, a number of which `metadata["terminations"]` has the name. Finished episodes are reset within the
-    step; their infos have `terminal_observation` and the task's metrics, too. `metrics()` has these at any time.
+    `termination`, an index into the names `metadata["terminations"]`. Finished episodes are reset within the step;
+    their infos also have `terminal_observation` and the task's metrics. `metrics()` has these at any time.
 
     Args:
         first: number of robots, or name or id of the task, in place of `num_envs` or `task`; or the functions of
-            `make_vec_env(..., vec_env_cls=BallbotVecEnv)`, whose environments say the number, the task and its options.
+            `make_vec_env(..., vec_env_cls=BallbotVecEnv)`, whose environments give number, task and options.
         num_envs: number of robots.
         task: name or id of the task.
         num_threads: threads that step the robots; None takes all cores. Results do not depend on it.
-        seed: environment i is seeded with seed + i; None takes one from the operating system.
+        seed: environment i is seeded with seed + i; None takes a seed from the operating system.
         stagger: whether the first episodes are shortened by different amounts, so that robots that never fall are
             not all truncated on the same step.
         torch_threads: threads that PyTorch uses within an operation, set for the whole process (networks of this size
             train several times slower with two threads than with one); None, or the variable OMP_NUM_THREADS, leaves
-            PyTorch's setting alone.
+            PyTorch's setting unchanged.
         render_mode: None, or "rgb_array" for frames by `get_images()` and `render()`.
         width: of a frame, pixels.
         height: of a frame, pixels.
@@ -135,7 +135,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
 
     Raises:
         ValueError: an unknown name or a number out of range; the message has the value and the limit.
-        TypeError: an argument that is not known.
+        TypeError: an unknown argument.
     """
 
     def __init__(
@@ -240,14 +240,14 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         return observations, rewards.astype(np.float32), dones, infos
 
     def close(self) -> None:
-        """Closes the files of the monitors that functions made; there is nothing else to close."""
+        """Closes the files of monitors made by functions; there is nothing else to close."""
         self._episodes.close()
 
     def _chosen(self, indices: VecEnvIndices) -> Iterable[EnvView]:
         return (self._views[i] for i in self._get_indices(indices))
 
     def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
-        """An attribute of the chosen environments, as `EnvView` has it or `set_attr` put it."""
+        """An attribute of the chosen environments, from `EnvView` or as set by `set_attr`."""
         return [getattr(view, attr_name) for view in self._chosen(indices)]
 
     def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
@@ -264,11 +264,11 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     def env_method(
         self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
     ) -> list[Any]:
-        """Calls a method of the chosen environments, as `EnvView` has it."""
+        """Calls a method of `EnvView` on the chosen environments."""
         return [getattr(view, method_name)(*method_args, **method_kwargs) for view in self._chosen(indices)]
 
     def env_is_wrapped(self, wrapper_class: type, indices: VecEnvIndices = None) -> list[bool]:
-        """Whether each of the chosen environments is wrapped: in a `Monitor` if functions made it so, else in none."""
+        """Whether each of the chosen environments has the wrapper: only a `Monitor`, if functions added it."""
         wrapped = self._episodes.is_used and issubclass(Monitor, wrapper_class)
         return [wrapped for _ in self._chosen(indices)]
 

@@ -1,4 +1,4 @@
-"""Observations in groups, for policies of Stable-Baselines3 with several inputs."""
+"""Observations in groups, for multi-input policies of Stable-Baselines3."""
 
 from typing import Any
 
@@ -25,7 +25,7 @@ class GroupedVecEnv(VecEnvWrapper):
         return self._groups.split(observations)
 
     def step_wait(self) -> VecEnvStepReturn:
-        """As `BallbotVecEnv.step_wait`; `terminal_observation` in the infos is a dict too."""
+        """As `BallbotVecEnv.step_wait`; `terminal_observation` in the infos is also a dict."""
         observations, rewards, dones, infos = self.venv.step_wait()
         for info in infos:
             if "terminal_observation" in info:

@@ -19,7 +19,7 @@ SCAN_BOUND: Final = 1.0
 
 
 def observation_space(task: str, options: Mapping[str, Any] | None = None) -> spaces.Space[FloatArray]:
-    """Space of one observation of a task: float32, finite bounds; `options` are those of its environments."""
+    """Space of one observation of a task: float32, finite bounds; `options` are the options of its environments."""
     options = options or {}
     # Tasks in Python scale by themselves.
     scaled = options.get("scale_observations", True) and task in TASKS
@@ -39,7 +39,7 @@ def observation_space_of(batch: Batch) -> spaces.Space[FloatArray]:
 
 
 def observation_width(task: str, options: Mapping[str, Any]) -> int:
-    """How many numbers an observation has."""
+    """Length of an observation."""
     (width,) = observation_space(task, options).shape or (0,)
     return width
 
@@ -50,7 +50,7 @@ def action_space() -> spaces.Space[FloatArray]:
 
 
 def _perceived(options: Mapping[str, Any], scaled: bool) -> tuple[tuple[FloatArray, FloatArray], ...]:
-    """Bounds of the height scan and of the depth camera, none where there is none."""
+    """Bounds of the height scan and of the depth camera, empty without them."""
     scan, depth = (options.get(name) for name in ("scan", "depth"))
     no_numbers = np.zeros(0, dtype=np.float32)
     heights = depths = (no_numbers, no_numbers)
@@ -70,5 +70,5 @@ def _option(given: Mapping[str, Any], name: str, known: Iterable[Mapping[str, An
 
 
 def _count(given: Mapping[str, Any], name: str, known: Iterable[Mapping[str, Any]]) -> int:
-    """How many numbers an instrument reads."""
+    """How many numbers a sensor reads."""
     return math.prod(int(count) for count in np.broadcast_to(_option(given, name, known), 2))

@@ -44,13 +44,13 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         seed: seeds the first reset if that gets no seed.
         options: as in `BallbotEnv`.
 
-    The info of every reset and step has the keys of `BallbotEnv`, an array of shape (num_envs,) each, and beside it its
-    mask (`_is_success`), True but for environments that a `reset_mask` leaves alone. With "same_step" a step on which
-    episodes end has `final_obs` and `final_info` too, with masks and zeros elsewhere; the other keys are then those of
-    the episodes that begin.
+    The info of every reset and step has the keys of `BallbotEnv`, each an array of shape (num_envs,) with a mask
+    (`_is_success`), True except for environments excluded by a `reset_mask`. With "same_step" a step on which episodes
+    end also has `final_obs` and `final_info`, with masks and zeros elsewhere; the other keys then belong to the
+    episodes that begin.
     """
 
-    #: Attributes that each robot has its own of.
+    #: Attributes that each robot has separately.
     _OF_EACH: Final = ("state", "params", "nominal_params", "command")
 
     metadata: dict[str, Any] = {  # noqa: RUF012
@@ -76,7 +76,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
     ) -> None:
         check_named("BallbotVectorEnv", unnamed)
         autoreset = _autoreset_name(autoreset_mode)
-        # Attributes that `set_attr` gave each environment its own of.
+        # Attributes that `set_attr` set separately for each environment.
         self._own_attributes: dict[str, tuple[Any, ...]] = {}
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
@@ -104,18 +104,18 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         """Begins episodes.
 
         Args:
-            seed: an int s seeds environment i with s + i; a list seeds each with its own entry (None leaves it).
-            options: `{"reset_mask": bool[num_envs]}` resets only those; `{"states": [State | None, ...]}` starts
+            seed: an int s seeds environment i with s + i; a list has a seed for each (None leaves it unchanged).
+            options: `{"reset_mask": bool[num_envs]}` resets only these; `{"states": [State | None, ...]}` starts
                 environments from given states.
 
         Returns:
-            Observations of all environments, reset or not, and infos of those that are reset.
+            Observations of all environments, reset or not, and infos of the reset environments.
 
         Raises:
-            TypeError: a mask that is no array of bool.
+            TypeError: a mask that is not an array of bool.
             ValueError: an unknown option, a mask of the wrong shape or without a True, a list or a seed of the wrong
-                kind, a state that the model cannot represent or of an environment that is not reset. Nothing has
-                changed then.
+                kind, a state that the model cannot represent or of an environment that is not reset. Then nothing
+                has changed.
         """
         chosen = check_reset_options(options, ("reset_mask", "states"))
         mask = chosen.get("reset_mask")
@@ -163,7 +163,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         if self.autoreset_mode is not AutoresetMode.SAME_STEP or not ended.any():
             return observations, rewards, terminated, truncated, self._info(present)
         begun = {name: values * ~ended for name, values in present.items()}
-        # Of the last episodes, for the present ones have not been stepped.
+        # Metrics of the last episodes: the present episodes have not been stepped.
         metrics = {name: np.where(np.isfinite(values), values, 0.0) for name, values in self.metrics().items()}
         last = self._batch.final_observations()
         last[~ended] = 0.0
@@ -184,7 +184,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return tuple(self._frames(self._batch.states()))
 
     def _present(self) -> dict[str, npt.NDArray[Any]]:
-        """What infos have of the last step."""
+        """Infos of the last step."""
         is_success, terminations = self._batch.endings()
         present: dict[str, npt.NDArray[Any]] = {"is_success": is_success, "termination": terminations}
         if self._metric_names:
@@ -193,7 +193,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return present
 
     def _info(self, found: dict[str, npt.NDArray[Any]], of: BoolArray | None = None) -> dict[str, Any]:
-        """Each array with its mask; of some environments alone, zeros elsewhere."""
+        """Each array with its mask; if only for some environments, zeros elsewhere."""
         info: dict[str, Any] = {}
         for name, values in found.items():
             info[name] = values if of is None else values * of
@@ -218,7 +218,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return self.get_attr(name)
 
     def get_attr(self, name: str) -> tuple[Any, ...]:
-        """An attribute of every environment: its own, a space of one, or what all share."""
+        """An attribute of every environment: its own, a space of a single environment, or a shared attribute."""
         if name in self._own_attributes:
             return self._own_attributes[name]
         if name in self._OF_EACH:
@@ -232,7 +232,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
 
         Raises:
             AttributeError: it is an option of the task, which is fixed once an environment is made.
-            ValueError: a list of another length, or with different values of what the environments share.
+            ValueError: a list of another length, or with different values of a shared attribute.
         """
         if (reason := fixed_option(self.task, name)) is not None:
             raise AttributeError(reason)

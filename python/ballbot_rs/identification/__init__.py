@@ -1,1 +1,1 @@
-"""Parameters of a robot from a log of its torques and sensors."""
+"""Identification of a robot's parameters from a log of its torques and sensors."""

@@ -1,4 +1,4 @@
-"""What a log determines: windows that the model explains, parameters that differ in their effects, their covariance."""
+"""Identifiability: windows that the model explains, parameters that differ in their effects, their covariance."""
 
 from collections.abc import Sequence
 from typing import Final
@@ -14,23 +14,23 @@ from ballbot_rs.identification.problem import Point, Problem
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-#: Largest share of windows that may be rejected.
+#: Largest fraction of windows that may be rejected.
 MAX_REJECTED: Final = 1.0 / 3.0
-#: Largest condition number. What cannot be told apart exactly reaches 1e4 in `contact`, whose time steps distinguish a
+#: Largest condition number. Indistinguishable parameters reach 1e4 in `contact`, whose time steps distinguish a
 #: little more.
 MAX_CONDITION: Final = 3e3
-#: Effect on the measurements below which there is none, as a share of the largest one.
+#: Effect on the measurements that counts as none, as a fraction of the largest effect.
 SILENT: Final = 1e-5
 #: Largest standard deviation along any direction, in typical sizes of the parameters.
 MAX_UNCERTAINTY: Final = 1.0
-#: Share of a direction that a parameter has to be named for it.
+#: Least component of a parameter along a direction for the message to name it.
 NAMED: Final = 0.2
-#: Distance from a limit, in typical sizes, within which a number is at it.
+#: Distance from a limit, in typical sizes, within which a number is at the limit.
 LIMIT: Final = 1e-4
 
 
 def check_windows(problem: Problem, kept: Mask, log: SensorLog) -> None:
-    """A ValueError says where the log contradicts the model if too many windows do."""
+    """A ValueError says where the log contradicts the model, if too many windows do."""
     left_out = int((~kept).sum())
     limit = int(MAX_REJECTED * len(kept))
     if left_out > limit:
@@ -43,9 +43,9 @@ def check_windows(problem: Problem, kept: Mask, log: SensorLog) -> None:
 
 
 def check_determined(problem: Problem, derivatives: Array, kept: Mask, fit: Point | None = None) -> None:
-    """A ValueError names the parameters that the log does not determine; after a fit, also those that are uncertain.
+    """A ValueError names the parameters that the log does not determine; after a fit, also uncertain parameters.
 
-    Numbers at a limit are no question after a fit.
+    After a fit, numbers at a limit are not checked.
     """
     wanted, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
     free = np.ones(len(wanted.names), dtype=np.bool_) if fit is None else ~at_limit(wanted, fit.values)
@@ -74,13 +74,13 @@ def check_determined(problem: Problem, derivatives: Array, kept: Mask, fit: Poin
 
 
 def at_limit(wanted: Fitted, values: Array) -> Mask:
-    """Which numbers are at a limit of theirs."""
+    """Which numbers are at one of their limits."""
     near: Mask = np.minimum(values - wanted.low, wanted.high - values) <= LIMIT * wanted.scales
     return near
 
 
 def covariance_of(flat: Array, free: Mask) -> tuple[Array, Array]:
-    """Singular values of the derivatives, and the covariance: that of numbers at a limit is the one they have alone."""
+    """Singular values of the derivatives, and the covariance; numbers at a limit get the covariance they have alone."""
     _, singular, directions = np.linalg.svd(np.linalg.qr(flat[:, free])[1])
     covariance = np.diag(1.0 / np.maximum((flat**2).sum(axis=0), 1e-300))
     covariance[np.ix_(free, free)] = (directions.T / singular**2) @ directions
@@ -90,13 +90,12 @@ def covariance_of(flat: Array, free: Mask) -> tuple[Array, Array]:
 def jackknife_errors(slopes: Sequence[Array], residuals: Sequence[Array], free: Mask) -> Array:
     """Standard errors from estimates that leave one window out each, to first order (Miller, Biometrika 61, 1974).
 
-    They need no white noise and no model that is right, but windows that are independent of each other. Those of
-    numbers at a limit are zero.
+    They require neither white noise nor a correct model, but independent windows. Numbers at a limit have zero errors.
 
     Args:
         slopes: derivatives of each window, shape (rows, p).
         residuals: of each window, shape (rows,).
-        free: which numbers are at no limit, shape (p,).
+        free: which numbers are not at a limit, shape (p,).
     """
     normal = sum(one[:, free].T @ one[:, free] for one in slopes)
     changes = [

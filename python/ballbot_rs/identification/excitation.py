@@ -1,4 +1,4 @@
-"""Logs made by simulation: a balancing robot under torques and setpoints that excite all its motions."""
+"""Simulated logs: a balancing robot under torques and setpoints that excite all its motions."""
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -16,14 +16,14 @@ from ballbot_rs.identification.log import SensorLog
 
 Array = npt.NDArray[np.float64]
 
-#: Standard deviations of usual sensors: encoders of 2000 ticks a turn, and MEMS IMUs at 100 Hz.
+#: Standard deviations of usual sensors: encoders with 2000 ticks per turn, and MEMS IMUs at 100 Hz.
 NOISE: Final[Mapping[str, float]] = {"wheel_angle": 1e-3, "gyro": 5e-3, "acceleration": 0.05}
 #: Longest log, s.
 MAX_SECONDS: Final = 3600.0
-#: Frequencies of the multisine, Hz, and the largest amplitude of its sum as a share of the torque at which wheels slip.
+#: Frequencies of the multisine, Hz, and the peak of its sum as a fraction of the torque at which wheels slip.
 FREQUENCIES: Final = (0.3, 0.7, 1.1, 1.7, 2.3, 3.1, 4.3, 5.9, 7.9)
 MULTISINE: Final = 0.3
-#: Setpoints: a step of each every so many seconds, uniform within ± m and ± rad.
+#: Setpoints: period of their steps, s, each uniform within ± m and ± rad.
 STEP_EVERY: Final = 2.0
 POSITION: Final = 0.15
 YAW: Final = 0.8
@@ -44,24 +44,24 @@ def record_log(
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> SensorLog:
-    """A log of a simulated robot that LQR balances while a multisine of torques and steps of the setpoint excite it.
+    """A log of a simulated robot that LQR balances under excitation by a torque multisine and setpoint steps.
 
-    The multisine has nine frequencies from 0.3 to 7.9 Hz, of equal amplitude, with phases of its own for each wheel.
-    Position and yaw step to new setpoints every 2 s. Commands are limited to the torque at which a wheel of the upright
-    robot slips, times 0.9.
+    The multisine has nine frequencies from 0.3 to 7.9 Hz, of equal amplitude, with separate phases for each wheel.
+    Position and yaw step to new setpoints every 2 s. Commands are limited to 0.9 times the torque at which a wheel of
+    the upright robot slips.
 
     Args:
         params: the robot; None is the paper's.
         seconds: duration, s.
         actuators: its motors, as `actuators=` of an environment.
-        controller_params: the robot that LQR is made for; None is `params`.
+        controller_params: the robot that LQR is designed for; None is `params`.
         model: of the simulation.
         sim_dt: time step of the model, s.
         control_dt: time between two rows, s.
         imu_position: place of the accelerometer in the body frame, m.
         noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
-            missing one is no noise.
-        excitation: factor of multisine and steps.
+            missing key is no noise.
+        excitation: scale factor of multisine and steps.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.
 
@@ -123,7 +123,7 @@ def _spread(noise: Mapping[str, float] | None) -> dict[str, float]:
 
 
 def _multisine(times: Array, rng: np.random.Generator) -> Array:
-    """Sums of sines with random phases for three wheels, of largest magnitude 1, shape (n, 3)."""
+    """Sums of sines with random phases for three wheels, with peak 1, shape (n, 3)."""
     phases = rng.uniform(0.0, 2.0 * np.pi, (3, len(FREQUENCIES)))
     angles = 2.0 * np.pi * times[:, None, None] * np.array(FREQUENCIES) + phases
     sines = np.sin(angles).sum(axis=-1)
@@ -145,7 +145,7 @@ def _measured(
     change = np.zeros_like(velocity)
     change[1:] = np.diff(velocity, axis=0) / np.diff(times)[:, None]
     change -= robot.gravity_vector
-    # As an integrating IMU has it: in the attitude halfway through the interval.
+    # As from an integrating IMU: in the attitude halfway through the interval.
     halfway = states.copy()
     halfway[1:, 16:20] += states[:-1, 16:20]
     halfway[:, 16:20] /= np.linalg.norm(halfway[:, 16:20], axis=1, keepdims=True)

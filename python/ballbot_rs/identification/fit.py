@@ -1,4 +1,4 @@
-"""The fit: nonlinear least squares over the parameters, in passes that renew the noise and the windows that count."""
+"""The fit: nonlinear least squares over the parameters, in passes that update the noise and the accepted windows."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -34,7 +34,7 @@ from ballbot_rs.identification.windows import split
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-#: What is fitted unless something else is named.
+#: Parameters fitted by default.
 FIELDS: Final = (
     "body_mass",
     "body_inertia",
@@ -45,10 +45,10 @@ FIELDS: Final = (
     "wheel_coulomb_friction",
     "delay",
 )
-#: Passes, and the relative change of the noise that ends them.
+#: Most passes, and the relative change of the noise that ends them.
 MAX_PASSES: Final = 8
 SETTLED: Final = 0.02
-#: Decrease of the sum of squares by other starts of the windows that ends them, in units of the noise's variance.
+#: Decrease of the sum of squares by other window starts that ends the passes, in units of the noise variance.
 GAIN: Final = 0.5
 #: Evaluations of the residuals in a pass.
 MAX_EVALUATIONS: Final = 60
@@ -73,16 +73,17 @@ def identify(
 ) -> IdentifiedParams:
     """Fits parameters of a robot to a log by nonlinear least squares.
 
-    The log is divided into windows. Each is simulated under the logged torques from a start of its own, which is
-    fitted, too; the residuals are measured less simulated wheel angles, body rates and specific forces, by the noise of
-    their sensor. docs/identify.md has the formulas, how to record a log, and what cannot be told apart.
+    The log is divided into windows. Each is simulated under the logged torques from its own initial state, which is
+    also fitted; the residuals are measured minus simulated wheel angles, body rates and specific forces, divided by the
+    noise of their sensor. docs/identify.md has the formulas, how to record a log, and which parameters are
+    indistinguishable.
 
     Args:
         log: the log, or the path of its file, as `SensorLog.read` takes it.
         params: the robot to start from, with the values of all parameters that are not fitted; None is the paper's.
-        fields: parameters of `Params` by name (but for `max_wheel_torque`), `delay`, `lag` and `strength` of the
+        fields: parameters of `Params` by name (except `max_wheel_torque`), `delay`, `lag` and `strength` of the
             motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
-        actuators: motors to start from, as `actuators=` of an environment, with a delay, a lag and strengths alone;
+        actuators: motors to start from, as `actuators=` of an environment, with only delay, lag and strengths;
             None is ideal.
         model: of the simulations: `spatial`, `contact` or `rigid`.
         sim_dt: time step of the model, s, at most the log's median step.
@@ -90,10 +91,10 @@ def identify(
         imu_position: place of the accelerometer in the body frame, m.
         noise: standard deviation of each sensor, with the keys `wheel_angle` (rad), `gyro` (rad/s) and, with
             accelerations, `acceleration` (m/s²); None estimates them from the residuals.
-        rejection: windows with a mean square residual of more than this many times the median are left out; None leaves
-            none out.
+        rejection: windows with a mean square residual of more than this many times the median are rejected; None
+            rejects none.
         num_threads: of the simulations; None takes all cores.
-        progress: called with the number of simulations of all windows done, and how many are expected.
+        progress: called with the number of simulations of all windows done, and the expected number.
 
     Raises:
         ValueError: a bad log or argument; parameters that the log does not determine, which the message names; a log
@@ -154,7 +155,7 @@ def _robot(params: Params | str | PathLike[str] | None) -> Params:
 def _passes(
     problem: Problem, starts: Array, spreads: dict[str, float], estimate: bool, rejection: float | None, log: SensorLog
 ) -> tuple[Point, Array, dict[str, float], Mask]:
-    """Fits until noise and windows stay: the last point, its derivatives, the noise, and which windows count."""
+    """Fits until noise and windows converge: the last point, its derivatives, the noise, and which windows count."""
     point = problem.at(problem.fitted.start, starts, spreads)
     standing = np.isfinite(point.costs)
     kept = standing.copy()
@@ -189,14 +190,14 @@ def _passes(
 
 
 def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mask) -> Point:
-    """One nonlinear least squares over the fitted numbers, in units of their scales."""
+    """One nonlinear least-squares fit over the fitted numbers, in units of their scales."""
     from scipy.optimize import least_squares
 
     wanted, rows = problem.fitted, kept[problem.windows.window]
     known: dict[bytes, Point | None] = {}
-    # Where the derivatives are known: a trial starts from its best starts there, moved along their tangents.
+    # The point of the derivatives: a trial starts from its best starts there, moved along their tangents.
     last, tangents = first, np.zeros((*first.starts.shape, len(wanted.names)))
-    # A robot that cannot be, or that falls, is refused as a step that reduces nothing.
+    # Invalid parameters, or a robot that falls, are rejected as a step without a decrease.
     refused = np.full(int(rows.sum()) * problem.channels, 10.0 * np.sqrt(np.mean(first.residuals[rows] ** 2) + 1.0))
 
     def at(scaled: Array) -> Point | None:
@@ -256,7 +257,7 @@ def _result(
     wanted, windows = problem.fitted, problem.windows
     chosen = kept[windows.window]
     flat = derivatives[chosen].reshape(-1, len(wanted.names))
-    # What is at a limit has no derivative worth an interval, and takes none of the others'.
+    # A number at a limit has no meaningful interval, and does not affect the others'.
     free = ~at_limit(wanted, point.values)
     singular, covariance = covariance_of(flat, free)
     linear = np.sqrt(np.diag(covariance))

@@ -20,7 +20,7 @@ from ballbot_rs._reading import read_regular
 
 Array = npt.NDArray[np.float64]
 
-#: Largest file of a log, bytes: an hour at 1 kHz with all columns.
+#: Largest log file, bytes: an hour at 1 kHz with all columns.
 MAX_LOG_FILE: Final = 1 << 30
 
 #: Columns of a file by field of `SensorLog`.
@@ -42,29 +42,29 @@ MAX_STEP: Final = 0.05
 MAX_RATE: Final = 35.0
 #: Largest change of a wheel angle between two rows, rad. Half a turn is the wrap of an encoder.
 MAX_TURN: Final = np.pi
-#: Mean magnitude of the specific force, m/s², of a robot that stays upright.
+#: Range of the mean magnitude of the specific force, m/s², of a robot that stays upright.
 SPECIFIC_FORCE: Final = (5.0, 20.0)
 
 
 @dataclasses.dataclass(frozen=True)
 class SensorLog:
-    """Torques and measurements of one robot, a row a sample.
+    """Torques and measurements of one robot, one row per sample.
 
-    `torques[k]` acts from `time[k]` to `time[k + 1]`; all else is measured at `time[k]`. Steps in time may differ, and
-    rows may be missing.
+    `torques[k]` acts from `time[k]` to `time[k + 1]`; everything else is measured at `time[k]`. Time steps may differ,
+    and rows may be missing.
 
     Args:
         time: s, increasing, shape (n,).
         torques: of wheels 0 to 2 as commanded, N·m, shape (n, 3).
         wheel_angles: of wheels 0 to 2 relative to the body, not wrapped, rad, shape (n, 3).
         gyro: angular velocity of the body, body frame, rad/s, shape (n, 3).
-        accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the row
-            before, divided by the time between them, less gravity. At rest upright it is (0, 0, 9.81). None: not
-            measured.
+        accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the
+            previous row, divided by the time between them, minus gravity. At rest upright it is (0, 0, 9.81). None:
+            not measured.
 
     Raises:
-        ValueError: a shape, a number that is not finite, a time that does not increase, or a magnitude that no robot
-            reaches in these units; the message has the column, the row (from 0), the value and the limit.
+        ValueError: a wrong shape, a number that is not finite, a time that does not increase, or a magnitude that no
+            robot reaches in these units; the message has the column, the row (from 0), the value and the limit.
     """
 
     time: Array
@@ -103,7 +103,7 @@ class SensorLog:
         `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
 
         Raises:
-            ValueError: a column is missing, a cell is no number, or as the constructor; the message has the file.
+            ValueError: a column is missing, a cell is not a number, or as the constructor; the message has the file.
             OSError: the file cannot be read.
         """
         path = Path(path)
@@ -117,7 +117,7 @@ class SensorLog:
             raise InvalidInputError(f"{path}: {error}") from error
 
     def write(self, path: str | PathLike[str]) -> None:
-        """Writes the log; `read` restores it to the last bit.
+        """Writes the log; `read` restores it bit for bit.
 
         Raises:
             ValueError: the name ends in neither .csv nor .npz.
@@ -177,7 +177,7 @@ def _csv_columns(contents: bytes) -> dict[str, Array]:
     return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
 
 
-#: What NumPy and the archive raise for broken files.
+#: Exceptions of NumPy and the archive for broken files.
 _UNREADABLE: Final = (
     OSError,
     EOFError,
@@ -200,14 +200,14 @@ def _is_number(text: str) -> bool:
 
 
 def _npz_columns(contents: bytes) -> dict[str, Array]:
-    """Columns by name; those that are ignored are empty."""
+    """Columns by name; ignored columns are empty."""
     wanted = {title for titles in COLUMNS.values() for title in titles}
     try:
         with ZipFile(io.BytesIO(contents)) as archive:
             names = {name.removesuffix(".npy"): name for name in archive.namelist()}
             found = dict.fromkeys(names, np.zeros(0))
             read = [name for name in names if name in wanted]
-            # A few bytes unpack to, or claim to be, any number of rows.
+            # A few bytes can unpack to, or claim to be, any number of rows.
             rows = {}
             for name in read:
                 with archive.open(names[name]) as member:
@@ -230,7 +230,7 @@ def _npz_columns(contents: bytes) -> dict[str, Array]:
 def _npy_rows(name: str, member: IO[bytes]) -> int:
     """Bytes of one row of numbers, from the header of its file."""
     version = np.lib.format.read_magic(member)
-    # Later versions are for names of fields, which no number has.
+    # Later versions are for names of fields, which plain numbers do not have.
     read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
     shape, _, dtype = read(member)
     if dtype.kind not in "fiu" or len(shape) != 1:
@@ -274,7 +274,7 @@ def _check_units(log: SensorLog) -> None:
             "give rates in rad/s, not deg/s"
         )
     turns = np.abs(np.diff(log.wheel_angles, axis=0))
-    # Wheels may turn far in a gap.
+    # Wheels may turn far during a gap.
     turns[np.diff(log.time) > 1.5 * log.step] = 0.0
     if turns.max() > MAX_TURN:
         row, column = np.unravel_index(turns.argmax(), turns.shape)

@@ -26,21 +26,21 @@ LIMITS: Final[Mapping[str, tuple[float, float]]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Motors:
-    """Motors as in docs/actuators.md, as far as they can be fitted; the delay need not be a number of model steps."""
+    """The part of docs/actuators.md that can be fitted; the delay need not be a whole number of model steps."""
 
     #: s.
     delay: float = 0.0
     #: s.
     lag: float = 0.0
-    #: Of each motor, as a share of the commanded torque.
+    #: Of each motor, as a fraction of the commanded torque.
     strength: tuple[float, ...] = (1.0, 1.0, 1.0)
 
     @classmethod
     def of(cls, actuators: Mapping[str, Any] | str | None) -> "Motors":
-        """The motors that `actuators` of an environment has.
+        """The motors of the option `actuators` of an environment.
 
         Raises:
-            ValueError: an option that is not known or out of range, or one that a fit cannot have.
+            ValueError: an option that is unknown, out of range, or not supported by the fit.
         """
         if actuators is None:
             return cls()
@@ -66,19 +66,19 @@ class Motors:
     def torques(self, times: Array, commands: Array, sim_dt: float, steps: int, limit: float) -> Array:
         """Torque of each wheel in each model step after the first row, N·m, shape (steps, 3).
 
-        A command holds from its row to the next one. A step has the mean of the delayed commands over its duration,
+        A command holds from its row to the next row. A step has the mean of the delayed commands over its duration,
         which is the command itself where the rows and the delay are whole numbers of steps.
 
         Args:
             times: of the rows, s, shape (n,).
             commands: N·m, shape (n, 3).
             sim_dt: duration of a model step, s.
-            steps: how many.
+            steps: number of model steps.
             limit: of the torque's magnitude, N·m.
         """
         edges = times[0] + sim_dt * np.arange(steps + 1) - self.delay
         impulses = np.concatenate([np.zeros((1, 3)), np.cumsum(commands[:-1] * np.diff(times)[:, None], axis=0)])
-        # Before the first row and after the last one their commands hold.
+        # Before the first row and after the last row their commands hold.
         span = 1.0 + MAX_DELAY + sim_dt * (steps + 1)
         times = np.concatenate([[times[0] - span], times, [times[-1] + span]])
         impulses = np.concatenate([impulses[:1] - span * commands[:1], impulses, impulses[-1:] + span * commands[-1:]])
@@ -93,7 +93,7 @@ class Motors:
 
 
 def _checked(name: str, value: Any) -> Array:
-    """The numbers of an option, shape (1,) or (3,); an error names one that is out of range."""
+    """The numbers of an option, shape (1,) or (3,); an error names a number that is out of range."""
     numbers = np.atleast_1d(np.asarray(value, dtype=np.float64))
     if numbers.shape not in ((1,), (3,) if name == "strength" else (1,)):
         raise InvalidInputError(

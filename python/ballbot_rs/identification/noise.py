@@ -1,4 +1,4 @@
-"""Noise of the sensors, from the log alone and from the residuals of a fit; windows that no robot explains."""
+"""Sensor noise, from the log itself and from the residuals of a fit; windows that no robot explains."""
 
 from collections.abc import Mapping
 from typing import Final
@@ -13,22 +13,22 @@ from ballbot_rs.identification.problem import Point, Problem
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-#: Smallest standard deviations, far below those of sensors: rad, rad/s, m/s².
+#: Smallest standard deviations, far below real sensors: rad, rad/s, m/s².
 LEAST: Final[Mapping[str, float]] = {"wheel_angle": 1e-5, "gyro": 1e-4, "acceleration": 1e-3}
-#: Largest residuals, in standard deviations of the noise that is given or that third differences show.
+#: Largest residuals, in standard deviations of the given noise or of the noise in third differences.
 MAX_EXCESS: Final = 10.0
-#: Least share of the predicted changes that a column must show before the fit, when friction or inertia may be far off,
-#: and the least and most after it.
+#: Least fraction of the predicted changes that a column must show before the fit, when friction or inertia may be far
+#: off, and the least and most after it.
 LEAST_GAIN: Final = -0.2
 GAINS: Final = (0.5, 2.0)
-#: Changes of a column, in standard deviations of its noise, from which its gain is judged.
+#: Changes of a column, in standard deviations of its noise, above which its gain is checked.
 JUDGED: Final = 2.0
-#: Windows whose mean square is within this share of the noise always count as explained.
+#: Windows whose mean square is within this fraction of the noise always count as explained.
 EXACT: Final = 0.1
 
 
 def first_guess(log: SensorLog) -> dict[str, float]:
-    """Noise that third differences of the measurements show, which those of smooth signals hardly have."""
+    """Noise from third differences of the measurements, to which smooth signals hardly contribute."""
     series = {"wheel_angle": log.wheel_angles, "gyro": log.gyro, "acceleration": log.accelerations}
     found = {}
     for name, values in series.items():
@@ -40,7 +40,7 @@ def first_guess(log: SensorLog) -> dict[str, float]:
 
 
 def check(found: Mapping[str, float], expected: Mapping[str, float]) -> None:
-    """A ValueError names a sensor whose residuals are far beyond its noise: what is left is no noise."""
+    """A ValueError names a sensor whose residuals far exceed its noise: they are not noise."""
     for name, value in found.items():
         if value > MAX_EXCESS * expected[name]:
             raise InvalidInputError(
@@ -60,7 +60,7 @@ def check_columns(
     log: SensorLog,
     limits: tuple[float, float],
 ) -> None:
-    """A ValueError names the column that shows least of what the others say that it should, or most."""
+    """A ValueError names the column with the least, or the most, of the change that the other columns predict."""
     gains, sizes = problem.gains(point, spreads, kept)
     judged = sizes > JUDGED * problem.spread(first_guess(log))
     low, high = limits
@@ -78,7 +78,7 @@ def check_columns(
 
 
 def given(noise: Mapping[str, float], log: SensorLog) -> dict[str, float]:
-    """Noise that the caller gives.
+    """Noise given by the caller.
 
     Raises:
         ValueError: an unknown sensor, a missing one, or a number that is not above zero.
@@ -97,7 +97,7 @@ def given(noise: Mapping[str, float], log: SensorLog) -> dict[str, float]:
 def estimated(
     problem: Problem, point: Point, leverage: Array, kept: Mask, noise: Mapping[str, float]
 ) -> dict[str, float]:
-    """Noise of each sensor: the root of its sum of squares by its degrees of freedom."""
+    """Noise of each sensor: the root of its sum of squares over its degrees of freedom."""
     chosen = kept[problem.windows.window]
     found = {}
     for name, place in problem.sensors.items():

@@ -1,4 +1,4 @@
-"""What is fitted: numbers by name, their limits and typical sizes, and the robot that they make."""
+"""The fitted numbers by name, their limits and typical sizes, and the robot that they describe."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -15,16 +15,16 @@ from ballbot_rs.identification.motors import Motors
 
 Array = npt.NDArray[np.float64]
 
-#: Options of the motors that can be fitted.
+#: Motor options that can be fitted.
 MOTORS: Final = tuple(MOTOR_LIMITS)
-#: Smallest lag that is fitted, in time steps of the model.
+#: Smallest fitted lag, in time steps of the model.
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: What a fit cannot find: a limit of the motor, which way a slope goes, since logs have no heading, and the ripple of
-#: rollers, which is faster than the steps of a log.
+#: Parameters that a fit cannot find: the motor limit; the direction of a slope, since logs have no heading; and the
+#: roller ripple, which is faster than the steps of a log.
 EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases")
-#: Components of vectors, as they are printed.
+#: Components of vectors, as printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),
     "body_products_of_inertia": ("xy", "xz", "yz"),
@@ -65,16 +65,16 @@ class Fitted:
     places: tuple[tuple[str, int | None], ...]
     low: Array
     high: Array
-    #: Typical sizes: differences and condition numbers are in these units.
+    #: Typical sizes: the units of differences and condition numbers.
     scales: Array
-    #: Values at which the fit starts.
+    #: Start values of the fit.
     start: Array
 
     def robot(self, values: Array, base: Robot) -> Robot:
         """The robot with these values.
 
         Raises:
-            ValueError: they do not describe a robot.
+            ValueError: they are not valid parameters.
         """
         changes: dict[str, Any] = {}
         for (field, component), value in zip(self.places, values.tolist(), strict=True):
@@ -97,7 +97,7 @@ class Fitted:
         return _number(robot, place)
 
     def bias_of(self, index: int) -> tuple[str, int] | None:
-        """The IMU's bias and axis that a number is; None for what moves the robot."""
+        """The IMU bias and axis of a number; None for numbers that affect the motion."""
         field, component = self.places[index]
         return None if field not in BIASES or component is None else (field, component)
 
@@ -116,7 +116,7 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
     """The numbers of the fields named.
 
     Raises:
-        ValueError: an unknown name, one named twice, or none.
+        ValueError: an unknown name, a repeated name, or no name.
     """
     if isinstance(fields, str):
         fields = (fields,)
@@ -138,7 +138,7 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
     limits = np.array([_limits(field) for field, _ in places])
     for index, (field, _) in enumerate(places):
         if field == "lag":
-            # Far below a time step a lag has no effect, and no derivative.
+            # A lag far below a time step has no effect, and no derivative.
             limits[index, 0] = SHORTEST_LAG * sim_dt
             start[index] = max(start[index], sim_dt)
     names = tuple(_printed(place) for place in places)
@@ -194,7 +194,7 @@ def _limits(field: str) -> tuple[float, float]:
 
 
 def _scale(base: Robot, field: str, value: float) -> float:
-    """Typical size: that of the value, and where it may be zero that of a small effect on this robot."""
+    """Typical size: the size of the value, or where it may be zero, the size of a small effect on this robot."""
     params = base.params
     weight = params.gravity * (params.body_mass + params.ball_mass)
     dry = 0.02 * weight * params.wheel_radius

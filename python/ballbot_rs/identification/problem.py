@@ -17,16 +17,16 @@ from ballbot_rs.identification.windows import Windows
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-#: Steps of differences, in typical sizes of the parameters.
+#: Finite-difference steps, in typical sizes of the parameters.
 DIFFERENCE: Final = 1e-4
 #: Simulations of all windows in a search of their starts, and the decreases of a window's sum of squares that end it:
-#: as a share, and in units of the noise's variance.
+#: as a fraction, and in units of the noise variance.
 MAX_SEARCH: Final = 30
 DECREASE: Final = 1e-6
 NEGLIGIBLE: Final = 1e-2
-#: Shortest share of a Gauss-Newton step that is tried.
+#: Smallest fraction of a Gauss-Newton step that is tried.
 SHORTEST: Final = 0.05
-#: Starts that are tried around the best one, and their distances, in standard deviations.
+#: Starts tried around the best start, and their distances, in standard deviations.
 TRIALS: Final = 8
 SIZES: Final = (0.1, 0.3, 1.0)
 #: Longest step of a tilt within a search, rad.
@@ -41,9 +41,9 @@ class Point:
     robot: Robot
     #: Shape (w, 8).
     starts: Array
-    #: In standard deviations of the noise, less the mean of each window's wheel angles, shape (m, channels).
+    #: In standard deviations of the noise, minus the mean of each window's wheel angles, shape (m, channels).
     residuals: Array
-    #: Orthonormal bases of what the start of each window can do, shape (rows · channels, 8) each.
+    #: Orthonormal bases of the effects of each window's start, shape (rows · channels, 8) each.
     bases: list[Array]
     #: The derivatives of each window with respect to its start are its basis times this matrix, shape (8, 8).
     triangles: list[Array]
@@ -59,7 +59,7 @@ class Problem:
         windows: of it.
         simulator: of these windows.
         fitted: the numbers that are fitted.
-        base: the robot that has the other numbers.
+        base: the robot with the other numbers.
         called: after each simulation.
     """
 
@@ -76,7 +76,7 @@ class Problem:
         self._simulator, self._base, self._called = simulator, base, called
         self._measured = measured(log, windows)
         self.channels = simulator.channels
-        #: Which numbers are measurements: the specific force of a window's first row is none.
+        #: Which numbers are measurements: the specific force in a window's first row is not.
         self.used: Mask = np.ones(self._measured.shape, dtype=np.bool_)
         self.used[windows.bounds[:-1], SENSORS["acceleration"]] = False
         self.sensors: Mapping[str, slice] = {
@@ -91,7 +91,7 @@ class Problem:
         return found
 
     def gains(self, point: Point, noise: Mapping[str, float], kept: Mask) -> tuple[Array, Array]:
-        """How much of the predicted changes within a window each channel measures: 1 if both are of one robot.
+        """Ratio of measured to predicted changes within a window, by channel: 1 if both come from the same robot.
 
         Gravity counts as a change: the specific force along z is not centered.
 
@@ -113,7 +113,7 @@ class Problem:
         return gains, np.sqrt((own**2).sum(axis=0) / np.maximum(used.sum(axis=0), 1))
 
     def at(self, values: Array, starts: Array, noise: Mapping[str, float]) -> Point:
-        """The point at some values, its starts searched from `starts` on by Gauss-Newton steps in each window.
+        """The point at some values, its starts searched from `starts` by Gauss-Newton steps in each window.
 
         Raises:
             ValueError: the values do not describe a robot.
@@ -137,7 +137,7 @@ class Problem:
         return best
 
     def _promise(self, point: Point) -> Array:
-        """What the next step would take away of the sum of squares of each window if the robot were linear."""
+        """Decrease of each window's sum of squares that the next step would give if the robot were linear."""
         found = np.zeros(len(self.windows))
         for index, basis in enumerate(point.bases):
             if np.isfinite(point.costs[index]):
@@ -146,9 +146,9 @@ class Problem:
         return found
 
     def explored(self, point: Point, noise: Mapping[str, float], rng: np.random.Generator) -> Point:
-        """The point after starts around its own were tried and searched on, where they are better.
+        """The point after a search from starts around its own, where these are better.
 
-        Dry friction and slip give the sum of squares of a window kinks: its search may end beside the least one.
+        Dry friction and slip make a window's sum of squares nonsmooth: its search may end short of the minimum.
         """
         trials = []
         for size in np.repeat(SIZES, TRIALS):
@@ -177,7 +177,7 @@ class Problem:
         return best
 
     def _take(self, best: Point, point: Point, better: Mask, searched: Mask) -> None:
-        """Puts windows that are better into the best point; the other point has the windows that were searched."""
+        """Copies windows that are better into the best point; the other point has the windows that were searched."""
         taken = better[searched]
         best.starts[better] = point.starts[taken]
         best.costs[better] = point.costs[taken]
@@ -216,8 +216,8 @@ class Problem:
         """Derivatives with respect to the fitted numbers in units of their scales.
 
         Returns:
-            Those of the predicted measurements in standard deviations of the noise, less what the starts can do, shape
-            (m, channels, p); those of the best starts, shape (w, 8, p).
+            Derivatives of the predicted measurements in standard deviations of the noise, projected off the effects of
+            the starts, shape (m, channels, p); derivatives of the best starts, shape (w, 8, p).
 
         Raises:
             ValueError: a number cannot be changed either way.
@@ -241,7 +241,7 @@ class Problem:
                 try:
                     columns.append(Column(fitted.robot(neighbor, self._base), point.starts))
                 except ValueError:
-                    # A one-sided difference at the edge of what is a robot.
+                    # A one-sided difference at the edge of the valid parameters.
                     neighbor = point.values
                     columns.append(Column(point.robot, point.starts))
                 ends.append(neighbor[index])
@@ -273,7 +273,7 @@ class Problem:
         return np.where(self.used[rows], found, 0.0), upright
 
     def leverage(self, point: Point, derivatives: Array, kept: Mask) -> Array:
-        """Share of each measurement that the fit takes up, shape (m, channels); their sum is the count of unknowns."""
+        """Leverage of each measurement, shape (m, channels); they sum to the number of unknowns."""
         found = np.zeros(self._measured.shape)
         rows_of = np.diff(self.windows.bounds)
         found[:, SENSORS["wheel_angle"]] = (1.0 / rows_of)[self.windows.window][:, None]
@@ -288,7 +288,7 @@ class Problem:
 
 
 def _centered(rows: Array, windows: Windows) -> Array:
-    """Rows less the mean of each window's wheel angles, whose origin is free."""
+    """Rows minus the mean of each window's wheel angles, whose origin is free."""
     place = SENSORS["wheel_angle"]
     sums = np.add.reduceat(rows[:, place], windows.bounds[:-1], axis=0)
     centered: Array = rows.copy()

@@ -1,4 +1,4 @@
-"""What an identification finds."""
+"""Result of an identification."""
 
 import dataclasses
 import html
@@ -18,7 +18,7 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class IdentifiedParams:
-    """A robot that explains a log, with the uncertainty of each number that was fitted.
+    """A robot that explains a log, with the uncertainty of each fitted number.
 
     Vectors count as their components: `body_inertia` is `body_inertia_xx`, `body_inertia_yy` and `body_inertia_zz`.
     """
@@ -31,7 +31,7 @@ class IdentifiedParams:
     gyro_bias: tuple[float, float, float]
     #: Constant error of the accelerometer, body frame, m/s²; zero unless fitted.
     acc_bias: tuple[float, float, float]
-    #: Of the numbers that were fitted, p of them.
+    #: Names of the p fitted numbers.
     names: tuple[str, ...]
     #: Unit of each.
     units: tuple[str, ...]
@@ -45,17 +45,17 @@ class IdentifiedParams:
     intervals: Array
     #: Values of the robot that the fit started from, shape (p,).
     nominal: Array
-    #: Numbers that the fit left at a limit, as a friction of zero; their intervals have no meaning.
+    #: Numbers that the fit left at a limit, such as a friction of zero; their intervals have no meaning.
     at_limit: tuple[str, ...]
-    #: Largest by smallest singular value of the derivatives, each number in units of its typical size.
+    #: Ratio of largest to smallest singular value of the derivatives, each number in units of its typical size.
     condition_number: float
     #: Standard deviation of the noise of each sensor: wheel_angle (rad), gyro (rad/s), acceleration (m/s²).
     noise: Mapping[str, float]
-    #: Begin and end of the windows that no robot explains, by wheel slip or a push, s of the log.
+    #: Start and end of the windows that no robot explains, due to wheel slip or a push, s of the log.
     rejected: tuple[tuple[float, float], ...]
-    #: How many windows the log has.
+    #: Number of windows in the log.
     windows: int
-    #: How many measurements the result rests on.
+    #: Number of measurements behind the result.
     measurements: int
     #: Model of the simulations.
     model: str
@@ -105,7 +105,7 @@ class IdentifiedParams:
     def to_toml(self) -> str:
         """A robot's TOML file, for `--robot FILE` and `Params.from_toml`.
 
-        The fitted numbers are in comments with their intervals. Motors that are fitted or not ideal are its table
+        Comments list the fitted numbers with their intervals. Motors that are fitted or not ideal are its table
         `[actuators]`, for `--actuators FILE`.
         """
         lines = [f"# Identified from {self.measurements} measurements; 95 % intervals."]
@@ -125,7 +125,7 @@ class IdentifiedParams:
         return f"<pre>{html.escape(self.table())}</pre>"
 
     def table(self) -> str:
-        """A line a number: nominal value, estimate, half of the interval, unit; then residual noise and rejections."""
+        """One line per number: nominal value, estimate, half interval, unit; then residual noise and rejections."""
         head = ["parameter", "nominal", "estimate", "± 95 %", "unit"]
         rows = [head]
         for i, name in enumerate(self.names):

@@ -1,4 +1,4 @@
-"""What the sensors read in simulations of the windows: all windows and all finite differences as one batch."""
+"""Simulated sensor readings of the windows: all windows and all finite differences as one batch."""
 
 import dataclasses
 from collections.abc import Sequence
@@ -51,13 +51,13 @@ class Simulator:
 
     @property
     def channels(self) -> int:
-        """Numbers a row."""
+        """Numbers per row."""
         return 9 if self._log.accelerations is not None else 6
 
     def run(self, windows: Windows, columns: Sequence[Column]) -> tuple[Array, npt.NDArray[np.bool_]]:
-        """What the sensors read, shape (columns, m, channels), and which windows did not fall, shape (columns, w).
+        """Sensor readings, shape (columns, m, channels), and which windows did not fall, shape (columns, w).
 
-        The angle of each wheel counts from the start of its window. The specific force of a window's first row is zero.
+        Wheel angles count from the start of the window. The specific force in a window's first row is zero.
 
         Raises:
             ValueError: the model refuses a robot or a start.
@@ -85,7 +85,7 @@ class Simulator:
             "control_dt": self._sim_dt,
             "max_wheel_torque": first.max_wheel_torque,
             "max_episode_steps": steps + 1,
-            # A fall is what the model has of it, not what a task counts as one.
+            # A fall as the model defines it, not as a task does.
             "fall_tilt": np.pi,
         }
         batch = Batch(len(columns) * count, num_threads=self._num_threads, **options)
@@ -96,7 +96,7 @@ class Simulator:
         return batch
 
     def _torques(self, windows: Windows, columns: Sequence[Column]) -> Array:
-        """Of each column in each model step of the log, as shares of the largest torque, shape (columns, steps, 3)."""
+        """Torques of each column in each model step of the log, relative to the limit, shape (columns, steps, 3)."""
         steps = int(windows.starts[-1]) + windows.steps
         limit = columns[0].robot.params.max_wheel_torque
         found: dict[Motors, Array] = {}
@@ -128,7 +128,7 @@ class Simulator:
         change = np.zeros_like(velocity)
         change[:, 1:] = np.diff(velocity, axis=1) / np.diff(self._log.time[windows.rows])[:, None]
         change[..., 2] += np.array([column.robot.params.gravity for column in columns])[:, None]
-        # As an integrating IMU has it: in the attitude halfway through the interval.
+        # As from an integrating IMU: in the attitude halfway through the interval.
         states[:, 1:, _BODY_QUATERNION] += states[:, :-1, _BODY_QUATERNION].copy()
         states[..., _BODY_QUATERNION] /= np.linalg.norm(states[..., _BODY_QUATERNION], axis=-1, keepdims=True)
         force: Array = (change[..., None, :] @ body_axes_of(states))[..., 0, :] + _of_each(columns, "acc_bias")
@@ -151,7 +151,7 @@ def _of_each(columns: Sequence[Column], name: str) -> Array:
 
 
 def measured(log: SensorLog, windows: Windows) -> Array:
-    """What the sensors of a log read, as `Simulator.run` has it, shape (m, channels)."""
+    """Sensor readings of a log, as from `Simulator.run`, shape (m, channels)."""
     parts = [log.wheel_angles[windows.rows], log.gyro[windows.rows]]
     if log.accelerations is not None:
         force = log.accelerations[windows.rows].copy()

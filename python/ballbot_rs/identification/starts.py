@@ -1,4 +1,4 @@
-"""States in which windows start: coordinates of a robot that rolls, and a first estimate of them from a log."""
+"""Initial states of windows: coordinates of a rolling robot, and a first estimate of them from a log."""
 
 from typing import Final
 
@@ -11,8 +11,8 @@ from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
 
-#: Coordinates of a start at yaw 0, with steps of their differences. Where the ball is has no effect, nor have its
-#: attitude and the heading; the rates of the wheels follow from rolling.
+#: Coordinates of a start at yaw 0, with their finite-difference steps. Ball position, ball attitude and heading have no
+#: effect; the rates of the wheels follow from rolling.
 COORDINATES: Final = {
     "tilt_x": 1e-5,
     "tilt_y": 1e-5,
@@ -38,7 +38,7 @@ def quaternions_of(tilts: Array) -> Array:
 
 
 def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
-    """First estimate of the starts, shape (w, 8): upright, with the rates that gyroscope and encoders show.
+    """First estimate of the starts, shape (w, 8): upright, with the rates from gyroscope and encoders.
 
     Encoders and gyroscope give the ball's angular velocity without a model: psi' = k U (R^T w_k - Omega).
     """

@@ -1,4 +1,4 @@
-"""Windows of a log: short spans that are simulated each from its own start, on one grid of model steps."""
+"""Windows of a log: short spans, each simulated from its own start, on one grid of model steps."""
 
 import dataclasses
 from typing import Final
@@ -26,7 +26,7 @@ ROUNDING: Final = 1e-6
 
 @dataclasses.dataclass(frozen=True)
 class Windows:
-    """Windows and the rows in them; rows of one window are next to each other."""
+    """Windows and their rows; rows of a window are contiguous."""
 
     #: First model step of each window, counted from the first row of the log, shape (w,).
     starts: Indices
@@ -38,14 +38,14 @@ class Windows:
     window: Indices
     #: Time of each row since the start of its window, in model steps, shape (m,).
     place: Array
-    #: Where the rows of each window begin and end among `rows`, shape (w + 1,).
+    #: Where the rows of each window begin and end in `rows`, shape (w + 1,).
     bounds: Indices
 
     def __len__(self) -> int:
         return len(self.starts)
 
     def subset(self, chosen: npt.NDArray[np.bool_]) -> "Windows":
-        """Some of the windows alone."""
+        """A subset of the windows."""
         rows = chosen[self.window]
         sizes = np.diff(self.bounds)[chosen]
         return Windows(
@@ -58,12 +58,12 @@ class Windows:
         )
 
     def rows_of(self, index: int) -> slice:
-        """Where the rows of a window are."""
+        """The range of a window's rows."""
         return slice(int(self.bounds[index]), int(self.bounds[index + 1]))
 
 
 def split(log: SensorLog, window: float, sim_dt: float, settling: float) -> Windows:
-    """Divides a log into windows, the first one `settling` s after its beginning. No window has a gap of time in it.
+    """Divides a log into windows, the first `settling` s after its beginning. No window contains a time gap.
 
     Raises:
         ValueError: a length that is out of range, or a log that is too short.
@@ -84,7 +84,7 @@ def split(log: SensorLog, window: float, sim_dt: float, settling: float) -> Wind
     first = int(np.searchsorted(log.time - log.time[0], settling - 1e-12))
     while first < len(place):
         start = int(np.floor(place[first]))
-        # A measurement belongs to one window, or the residuals of two would not be independent.
+        # A measurement belongs to one window; otherwise residuals of two windows would not be independent.
         last = int(np.searchsorted(place, start + steps))
         gaps = np.flatnonzero(gap_before[first + 1 : last])
         if len(gaps):

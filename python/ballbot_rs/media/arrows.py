@@ -1,4 +1,4 @@
-"""Arrows of a picture: pushes and forces on the body, and what the task commands."""
+"""Arrows of a picture: pushes and forces on the body, and the task's command."""
 
 import math
 from collections.abc import Iterator
@@ -12,11 +12,11 @@ from ballbot_rs.analysis.trajectory import Trajectory
 
 Array = npt.NDArray[np.float64]
 
-#: How long a push at once is shown, s.
+#: How long an instantaneous push is shown, s.
 PUSH_SECONDS: Final = 0.4
-#: Lengths in radii of the ball: of the arrow of the largest push, and from its tip to the point that is pushed.
+#: Lengths in ball radii: of the arrow of the largest push, and from its tip to the pushed point.
 PUSH_LENGTH, PUSH_GAP = 3.0, 1.0
-#: Gap between the ball's center and an arrow of a commanded velocity, radii of the ball, and its time ahead, s.
+#: Gap between the ball's center and the arrow of a commanded velocity, ball radii, and its time ahead, s.
 CLEAR, AHEAD = 1.4, 1.0
 #: Height of the mark above a goal, radii of the ball.
 GOAL_HEIGHT = 3.0
@@ -33,7 +33,7 @@ def arrows(trajectory: Trajectory, row: int) -> Array:
 
 
 def pushed(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | None]]:
-    """Impulses of the pushes that are shown at a time, N·s, with their points, body frame, m."""
+    """Impulses of the pushes shown at a time, N·s, with their points, body frame, m."""
     shown = (
         push for push in trajectory.all_pushes if 0.0 <= time - push.time <= max(push.duration, PUSH_SECONDS) + 1e-9
     )
@@ -41,7 +41,7 @@ def pushed(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | Non
 
 
 def pulled(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | None]]:
-    """The same of forces, N."""
+    """The same for forces, N."""
     shown = (f for f in trajectory.forces if f.begin <= time <= (math.inf if f.end is None else f.end))
     return [(np.array(force.force), None if force.point is None else np.array(force.point)) for force in shown]
 
@@ -82,7 +82,7 @@ def _command(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
         yield tip + np.array([0.0, 0.0, GOAL_HEIGHT * radius]), tip
         way = command - state.ball_position[:2]
         distance = float(np.linalg.norm(way))
-        # The camera stays at the robot: a goal that is far is not in the picture.
+        # The camera stays at the robot: a far goal is not in the picture.
         if distance > 2.0 * CLEAR * radius:
             tail = state.ball_position[:2] + CLEAR * radius * way / distance
             yield _on_ground(trajectory, tail), _on_ground(trajectory, command)
@@ -99,7 +99,7 @@ def _on_ground(trajectory: Trajectory, point: Array) -> Array:
 
 
 def path_of(command: Array, begin: Array, count: int) -> Array:
-    """Points of the closed curve of a command of the task path, from where it begins, m, shape (count, 2)."""
+    """Points of the closed curve commanded by the task path, from its start, m, shape (count, 2)."""
     phases = 2.0 * np.pi * np.arange(count) / count
     coefficients = command[1:].reshape(2, -1, 2)
     orders = np.arange(1, coefficients.shape[1] + 1)[:, np.newaxis]

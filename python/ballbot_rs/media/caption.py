@@ -12,14 +12,14 @@ from ballbot_rs.media.arrows import pulled, pushed
 from ballbot_rs.media.figures.labels import short
 
 INK, HALO, ALERT = (33, 37, 41), (255, 255, 255), (201, 42, 42)
-#: Size of the letters as a share of the picture's height, and the least, pixels.
+#: Font size as a fraction of the picture's height, and the minimum, pixels.
 SHARE, LEAST = 1 / 26, 9
-#: Lines: the first names the controller, the second has numbers, the third what happens.
+#: Lines: the first names the controller, the second has numbers, the third events.
 SPACING: Final = 1.35
 
 
 def lines(trajectory: Trajectory, row: int) -> list[str]:
-    """What the caption says at a row; the last of three lines is of a push, a force or a fall."""
+    """The caption at a row; the last of three lines is for a push, a force or a fall."""
     time = float(trajectory.times[row])
     tilt = np.degrees(trajectory.states[row].tilt)
     said = [f"{short(trajectory.controller)} on {trajectory.model}", f"{time:.2f} s   tilt {tilt:.1f}°"]

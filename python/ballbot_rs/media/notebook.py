@@ -24,7 +24,7 @@ _LABELS = {
 
 
 def to_html(trajectory: Trajectory) -> str:
-    """A fragment of HTML without scripts."""
+    """An HTML fragment without scripts."""
     ending = "upright to the end" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
     title = f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
     return f"<div><b>{html.escape(title)}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
@@ -46,6 +46,6 @@ def _figure(trajectory: Trajectory) -> str:
         return f"<p>A figure needs matplotlib: <code>{html.escape(install_hint('plot'))}</code></p>"
     drawn = io.BytesIO()
     trajectories.draw([trajectory]).savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
-    # As an image: ids of several figures in one page would meet otherwise.
+    # As an image: otherwise ids of several figures in one page would collide.
     data = base64.b64encode(drawn.getvalue()).decode("ascii")
     return f'<img alt="tilt, position, torques and loads over time" src="data:image/svg+xml;base64,{data}">'

@@ -1,4 +1,4 @@
-"""Smooth edges of pictures with one sample a pixel: each pixel of an edge is blended along the edge."""
+"""Smooth edges of pictures with one sample per pixel: each pixel of an edge is blended along the edge."""
 
 from typing import Final
 
@@ -7,16 +7,16 @@ import numpy.typing as npt
 
 from ballbot_rs.envs._render import Frames
 
-#: Least range of brightness among a pixel and its neighbors that counts as an edge, and its share of the brightest.
+#: Least range of brightness over a pixel and its neighbors that counts as an edge, and its fraction of the brightest.
 LEAST, SHARE = 12.0, 1 / 8
-#: Longest way along the edge to each side, pixels; the places of the two samples between them, as shares of the way.
+#: Longest distance along the edge to each side, pixels; positions of the two samples between them, as fractions of it.
 REACH, INNER = 6.0, 1 / 6
 #: Keeps the direction finite where brightness hardly changes across the corners.
 DAMPING: Final = 6.0
 
 
 def smooth(frame: Frames) -> Frames:
-    """The picture with blended edges; elsewhere it is the same."""
+    """The picture with blended edges; elsewhere it is unchanged."""
     height, width = frame.shape[:2]
     if min(height, width) < 3:
         return frame
@@ -37,7 +37,7 @@ def smooth(frame: Frames) -> Frames:
 
     near = 0.5 * (sampled(-INNER) + sampled(INNER))
     wide = 0.5 * near + 0.25 * (sampled(-0.5) + sampled(0.5))
-    # What is beyond the range of the neighbors comes from another edge.
+    # Values beyond the range of the neighbors come from another edge.
     around = np.stack([*corner.values(), bright[rows, columns].astype(np.float32) / 4.0])
     brightness = (wide[:, 0] + 2.0 * wide[:, 1] + wide[:, 2]) / 4.0
     within = (brightness >= around.min(axis=0)) & (brightness <= around.max(axis=0))

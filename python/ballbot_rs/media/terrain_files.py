@@ -1,4 +1,4 @@
-"""Terrains as files of other programs: MJCF with a height field, PNG, STL."""
+"""Terrains as files for other programs: MJCF with a height field, PNG, STL."""
 
 import io
 import json
@@ -18,10 +18,10 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
 from ballbot_rs._reading import read_regular
 
-#: Largest file of a picture, bytes: twice as many as the most heights take in an uncompressed one.
+#: Largest picture file, bytes: twice the size of the most heights in an uncompressed picture.
 MAX_PICTURE: Final = 16 * MOST_HEIGHTS
 
-#: Largest value of a pixel of 16 bits.
+#: Largest value of a 16-bit pixel.
 _WHITE = 65535
 #: Thickness of the ground under its lowest point, m.
 _BASE = 0.1
@@ -30,21 +30,21 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 
 
 def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None) -> Path:
-    """Writes the heights of a terrain on a grid; the suffix of the path chooses what as.
+    """Writes the heights of a terrain on a grid; the suffix of the path selects the format.
 
-    - `.xml`: MJCF of a world with a height field, whose heights are beside it in a file `.hf`.
-    - `.png`: gray of 16 bits, the first row at the largest y, black the least height and white the largest; both and
+    - `.xml`: MJCF of a world with a height field, whose heights are next to it in a file `.hf`.
+    - `.png`: 16-bit gray, the first row at the largest y, black the least height and white the largest; both and
       the cell are in its text `ballbot`, which `read_terrain` reads.
     - `.stl`: triangles, in meters.
 
     Args:
-        terrain: the terrain; a plane has no edges, and so no such file.
+        terrain: the terrain; not a plane, which has no edges.
         path: of the file.
-        cell: distance of neighboring heights, m, at most; None is the terrain's own. Other programs join them by
-            facets, on which a ball rolls less smoothly than here: docs/terrain.md.
+        cell: largest distance between neighboring heights, m; None is the terrain's own. Other programs connect them
+            by facets, on which a ball rolls less smoothly than here: docs/terrain.md.
 
     Raises:
-        ValueError: a plane, a suffix that is none of these, or a cell that makes no grid.
+        ValueError: a plane, another suffix, or a cell that does not give a grid.
         OSError: the file cannot be written.
         ModuleNotFoundError: Pillow, for pictures, is not installed.
     """
@@ -58,17 +58,17 @@ def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None)
 
 
 def read_terrain(path: str | Path, cell: float | None = None, height: float | None = None) -> Terrain:
-    """The terrain of a gray picture, of 8 or 16 bits, its first row at the largest y.
+    """The terrain of an 8-bit or 16-bit gray picture, its first row at the largest y.
 
     Args:
         path: of the picture, of at most 4194304 pixels.
-        cell: distance of neighboring pixels, m.
-        height: of white above black, m. Both may be left out for a picture of `write_terrain`; where both are given,
-            black is at the height 0.
+        cell: distance between neighboring pixels, m.
+        height: of white above black, m. Both may be omitted for a picture of `write_terrain`; where both are given,
+            black is at height 0.
 
     Raises:
-        ValueError: not a picture, one that is not gray or too large, or one without `cell` and `height`; a surface that
-            is too steep: eight bits have steps, which a picture of noise should be smoothed of before.
+        ValueError: not a picture, a picture that is not gray, is too large, or lacks `cell` and `height`; a surface
+            that is too steep: smooth the steps of an 8-bit picture of noise first.
         OSError: the file cannot be read.
         ModuleNotFoundError: Pillow is not installed.
     """
@@ -95,7 +95,7 @@ def _pixels(contents: bytes) -> tuple[npt.NDArray[Any], Any]:
     with require("reading a picture", "plot"):
         from PIL import Image
     try:
-        # Reads the header alone.
+        # Reads only the header.
         with Image.open(io.BytesIO(contents)) as image:
             (columns, rows), mode = image.size, image.mode
             if columns * rows > MOST_HEIGHTS:
@@ -109,12 +109,12 @@ def _pixels(contents: bytes) -> tuple[npt.NDArray[Any], Any]:
     except Image.DecompressionBombError as error:
         raise InvalidInputError(f"the picture is too large: expected at most {MOST_HEIGHTS} pixels") from error
     except Exception as error:
-        # Decoders of other libraries raise what they like.
+        # Decoders of other libraries may raise anything.
         raise InvalidInputError(f"not a picture that Pillow reads: {type(error).__name__}: {error}") from error
 
 
 def _facts(text: Any) -> Mapping[str, float]:
-    """What `write_terrain` wrote of the scale."""
+    """The scale as `write_terrain` wrote it."""
     if text is None:
         raise InvalidInputError("a picture that write_terrain did not write needs cell and height, m")
     names = ("cell", "height", "lowest")

@@ -1,4 +1,4 @@
-"""Pictures, videos and animations of a trajectory. Videos need moviepy, which brings ffmpeg along."""
+"""Pictures, videos and animations of a trajectory. Videos need moviepy, which includes ffmpeg."""
 
 import io
 from collections.abc import Callable, Iterator, Sequence
@@ -19,21 +19,21 @@ from ballbot_rs.media.caption import lines
 from ballbot_rs.media.caption import write as write_caption
 from ballbot_rs.media.smoothing import smooth as smooth_edges
 
-#: Lowest and highest number of frames a second.
+#: Lowest and highest frame rate, 1/s.
 FRAME_RATES = (1.0, 240.0)
 
-#: Ends of the names of what `write_video` writes.
+#: Suffixes of the files that `write_video` writes.
 SUFFIXES = (".mp4", ".webp")
 
 
 def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: Any) -> Renderer:
-    """What takes the pictures.
+    """The renderer of a trajectory.
 
     Args:
         trajectory: what is shown.
         schematic: plain shapes from the parameters, which take a third of the time of meshes. Otherwise a robot with
             the geometry of `assets/bot.urdf` is shown with the meshes of that file.
-        options: as those of `Renderer`.
+        options: as of `Renderer`.
     """
     given = {"terrain": trajectory.terrain, **options}
     if given.get("urdf") is None:
@@ -46,7 +46,7 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
 
 
 def _has_meshes(params: Params) -> bool:
-    """Whether the meshes that come with the package are those of a robot."""
+    """Whether the meshes that come with the package fit a robot."""
     paper = Params.paper()
     return all(np.allclose(getattr(params, name), getattr(paper, name), rtol=1e-3) for name in GEOMETRY)
 
@@ -63,7 +63,7 @@ def picture(
 
     Args:
         trajectory: what is shown.
-        renderer: takes the picture.
+        renderer: renders the picture.
         time: s.
         forces: whether arrows show the forces at the contacts.
         caption: whether the picture has its caption; pushes and commands are shown in any case.
@@ -100,7 +100,7 @@ def side_by_side(
     caption: bool = True,
     smooth: bool = True,
 ) -> Frames:
-    """Pictures of several trajectories at one time, from left to right; one that ended before stays at its end.
+    """Pictures of several trajectories at one time, from left to right; a trajectory that ended stays at its end.
 
     Raises:
         ValueError: a time outside all trajectories.
@@ -144,7 +144,7 @@ def _check_time(time: float, end: float) -> None:
 
 
 def frame_count(shown: Trajectory | Sequence[Trajectory], frame_rate: float) -> int:
-    """How many pictures a video has: as many as show each moment for its time."""
+    """Number of frames of a video that plays in real time."""
     return max(round(_end(_several(shown)) * frame_rate), 1)
 
 
@@ -161,22 +161,22 @@ def write_video(
 ) -> int:
     """Writes a video (mp4, H.264) or an animation (WebP) that plays in real time; returns the number of its frames.
 
-    Pushes are shown as arrows, and so is what the task commands.
+    Pushes and the task's command are shown as arrows.
 
     Args:
-        trajectory: what is shown; several side by side.
+        trajectory: the trajectory to show, or several side by side.
         path: the file; its name ends in .mp4 or .webp.
-        renderer: takes the pictures, one for each trajectory; width and height must be even for a video.
-        frame_rate: frames a second.
+        renderer: renders the pictures, one for each trajectory; width and height must be even for a video.
+        frame_rate: frames per second.
         forces: whether arrows show the forces at the contacts.
-        caption: whether pictures have controller, model, time and tilt in their corner.
+        caption: whether pictures show controller, model, time and tilt in their corner.
         smooth: as of `picture`.
-        progress: told how many frames of how many are done.
+        progress: called with the number of frames done and their total.
 
     Raises:
         ModuleNotFoundError: moviepy, or Pillow for an animation or a caption, is not installed.
-        ValueError: no trajectory, another suffix, an odd size, a frame rate out of range, or as many renderers as
-            there are no trajectories.
+        ValueError: no trajectory, another suffix, an odd size, a frame rate out of range, or a number of renderers
+            other than the number of trajectories.
         OSError: the video cannot be encoded or written; an earlier file stays as it is.
     """
     check_suffix(path)
@@ -196,7 +196,7 @@ def write_video(
         raise ValueError(f"a video of {width}x{height} pixels: width and height must be even")
     with require("a video", "video"):
         from moviepy.video.io.ffmpeg_writer import FFMPEG_VideoWriter
-    # Only colors at half the resolution play in every browser.
+    # Only half-resolution color plays in every browser.
     options = {"pixel_format": "yuv420p", "preset": "medium"}
     with (
         _files.replacing(path) as beside,
@@ -208,7 +208,7 @@ def write_video(
                 progress(done, total)
         except OSError as error:
             raise _failure(str(error)) from error
-        # This closes the encoder's input, which is how it learns of the end.
+        # This closes the encoder's input, which signals the end.
         _, said = writer.proc.communicate()
         if writer.proc.returncode != 0:
             raise _failure(said.decode("utf-8", "replace"))
@@ -238,7 +238,7 @@ def _end(shown: Sequence[Trajectory]) -> float:
 
 
 def check_suffix(path: Path) -> None:
-    """Checks that a file's name is that of a video or an animation."""
+    """Checks that a file's name has the suffix of a video or an animation."""
     if path.suffix not in SUFFIXES:
         raise ValueError(f"{path}: the name of a video ends in .mp4, that of an animation in .webp")
 
@@ -261,7 +261,7 @@ def _write_animation(shown: list[Frames], path: Path, frame_rate: float) -> None
 
 
 def _failure(said: str) -> OSError:
-    """What the encoder said last; the lines before it are its way there."""
+    """The encoder's last message; the lines before it are only progress."""
     lines = said.strip().splitlines() or ["it ended without a message"]
     return OSError(f"the video encoder failed: {lines[-1].strip()}")
 

@@ -1,1 +1,1 @@
-"""Scenarios: what robots are asked for, and how controllers stand beside each other."""
+"""Scenarios: test cases for robots, and the comparison of controllers in them."""

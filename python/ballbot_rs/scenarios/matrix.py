@@ -11,7 +11,7 @@ from ballbot_rs.scenarios.scenario import Scenario
 #: Columns of a printed line.
 WIDTH: Final = 100
 
-#: How a score is shown: its factor, unit and digits.
+#: Display of a score: factor, unit and digits.
 _UNITS: Final = {
     "largest_error": (1e3, "mm", 4),
     "rms_error": (1e3, "mm", 3),
@@ -33,7 +33,7 @@ Others: the worst direction, or of random episodes the mean of the worse half (C
 
 
 def unit(scenario: Scenario) -> str:
-    """Unit in which the score of a scenario is shown."""
+    """Display unit of the score of a scenario."""
     if scenario.is_map:
         return "deg" if isinstance(scenario.tilt, tuple) else "N·s"
     return _UNITS.get(scenario.score, (1.0, "", 3))[1]
@@ -68,7 +68,7 @@ def rows(outcomes: Sequence[Outcome]) -> list[list[str]]:
 
 
 def text(outcomes: Sequence[Outcome]) -> str:
-    """The matrix within 100 columns, some controllers below each other if there are many."""
+    """The matrix within 100 columns, in several blocks if there are many controllers."""
     header, *body = rows(outcomes)
     wide = [max(len(row[i]) for row in (header, *body)) for i in range(len(header))]
     first = [0, 2]

@@ -1,4 +1,4 @@
-"""What is measured of every episode of a scenario."""
+"""Metrics of every episode of a scenario."""
 
 from typing import Any, Final
 
@@ -93,9 +93,9 @@ class Measures:
             rows: `states` before each step and after the last, shape (k + 1, n, 32), `torques` (k, n, 3), `terminated`
                 (k, n); and, where they are known, `wheel_normal_forces`, `wheel_tractions`, `wheel_slip_speeds`,
                 as the states.
-            position: where the ball should be at these times, shape (k + 1, n, 2) or (k + 1, 1, 2), m.
-            velocity: how fast, m/s.
-            yaw: which heading the body should have, shape (k + 1, n) or (k + 1, 1), rad.
+            position: desired ball position at these times, shape (k + 1, n, 2) or (k + 1, 1, 2), m.
+            velocity: desired ball velocity, m/s.
+            yaw: desired heading of the body, shape (k + 1, n) or (k + 1, 1), rad.
         """
         states, torques = rows["states"], rows["torques"]
         ended = rows["terminated"].astype(bool)
@@ -160,7 +160,7 @@ class Measures:
         self._least_load = np.minimum(self._least_load, least)
 
     def found(self) -> dict[str, Any]:
-        """The numbers by name, shape (n,) each; of episodes that ended in a fall those up to it."""
+        """The numbers by name, shape (n,) each; for episodes that ended in a fall, up to the fall."""
 
         def mean(name: str, count: Array) -> Array:
             squares = np.divide(self._squares[name], count, out=np.full(len(count), np.nan), where=count > 0)

@@ -33,9 +33,9 @@ class Outcome:
     metrics: Mapping[str, Array]
     #: Which episodes are a success, shape (n,).
     success: npt.NDArray[np.bool_]
-    #: Of a map, the largest number up to which all succeed, in each direction, shape (directions,); else empty.
+    #: For a map, the largest number up to which all succeed, in each direction, shape (directions,); else empty.
     largest: Array
-    #: Why no episode was run; None if they were.
+    #: Why no episode was run; None if episodes were run.
     skipped: str | None = None
 
     def __post_init__(self) -> None:
@@ -56,8 +56,8 @@ class Outcome:
     def score(self) -> float:
         """The number by which controllers are compared; not finite if a robot fell, NaN if it was skipped.
 
-        Of a map the worst direction, of several directions the worst episode, of random episodes the mean of the worse
-        half (CVaR 0.5).
+        The worst direction of a map, the worst episode of several directions, the mean of the worse half of random
+        episodes (CVaR 0.5).
         """
         if self.skipped is not None:
             return math.nan
@@ -74,16 +74,16 @@ class Outcome:
 
     @property
     def higher_is_better(self) -> bool:
-        """Whether a larger score is the better one: largest tilts and pushes, shares of successes."""
+        """Whether a larger score is better: largest tilts and pushes, success rates."""
         return self.scenario.is_map or self.scenario.score == "success"
 
     @property
     def success_rate(self) -> float:
-        """Share of the episodes that are a success; NaN without any."""
+        """Fraction of the episodes that are a success; NaN without episodes."""
         return float(self.success.mean()) if len(self.success) else math.nan
 
     def interval(self) -> tuple[float, float]:
-        """Wilson's 95 % interval of the share of successes; NaN without any episode."""
+        """Wilson 95 % interval of the success rate; NaN without episodes."""
         if not len(self.success):
             return (math.nan, math.nan)
         return intervals.of_share(self.success_rate, len(self.success))
@@ -91,8 +91,8 @@ class Outcome:
     def row(self) -> dict[str, Any]:
         """One row for a table or JSON: means over the episodes that did not fall, largest numbers, successes.
 
-        None is no number: the score where a robot fell, a mean over no episode, or with one that never settled.
-        `skipped` is there where no episode was run, and says why.
+        None means no number: the score where a robot fell, a mean over no episode, or over an episode that never
+        settled. `skipped`, present if no episode was run, has the reason.
         """
         stood = ~self._fell
         means = {
@@ -115,7 +115,7 @@ class Outcome:
 
 
 def _finite(value: float) -> float | None:
-    """None in place of what JSON has no number for."""
+    """None in place of numbers that JSON does not have."""
     return value if math.isfinite(value) else None
 
 
@@ -135,7 +135,7 @@ def run_scenarios(
     Args:
         controllers: one or more, each a name, a path or an object, as in `compare`.
         scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; none are all.
-        file: a TOML file of scenarios in place of those of this package.
+        file: a TOML file of scenarios in place of the package's scenarios.
         robot: parameters or a preset's name; None is the paper's.
         model: of the robot.
         seed: of everything random.
@@ -143,8 +143,8 @@ def run_scenarios(
         progress: called with the number of scenarios done and their total.
 
     Returns:
-        An outcome for each controller and scenario. A motion is skipped under a controller that follows no position, or
-        a policy: `skipped` of its outcome says so, and it has no episode.
+        An outcome for each controller and scenario. A motion is skipped for a policy, or for a controller that does
+        not follow a position: `skipped` of its outcome has the reason, and it has no episode.
 
     Raises:
         ValueError: an unknown name, a malformed file, or a number out of range.
@@ -213,5 +213,5 @@ def _largest(episodes: Trial, success: npt.NDArray[np.bool_]) -> Array:
         return np.empty(0)
     failed = ~success.reshape(len(episodes.numbers), -1)
     first = np.where(failed.any(axis=0), failed.argmax(axis=0), len(failed))
-    # Below the first number nothing is known.
+    # Nothing is known below the first number.
     return np.concatenate([[0.0], episodes.numbers])[first]

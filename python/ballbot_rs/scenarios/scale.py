@@ -1,4 +1,4 @@
-"""What is hard for a robot: the numbers by which scenarios carry over from one robot to another."""
+"""Difficulty for a robot: the numbers that scale scenarios from one robot to another."""
 
 import dataclasses
 import math
@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ballbot_rs import _short
 from ballbot_rs._core import Ballbot, LinearModel, Params, SpatialModel
 
-#: Directions in which the traction is examined.
+#: Directions in which the traction is checked.
 _DIRECTIONS = 72
 
 
@@ -24,9 +24,9 @@ class Scale:
     toppling_rate: float
     #: Acceleration per steady lean, m/(s²·rad).
     acceleration_per_lean: float
-    #: Lean that it can hold with the traction of the upright robot in the worst direction, rad.
+    #: Lean that it can hold with the upright robot's traction in the worst direction, rad.
     holdable_lean: float
-    #: Largest impulse at the center of mass that leaves the capture point within the holdable lean, N·s.
+    #: Largest impulse at the center of mass that keeps the capture point within the holdable lean, N·s.
     capture_impulse: float
     #: Horizontal force at the center of mass per lean that balances it, N/rad.
     force_per_lean: float
@@ -59,7 +59,7 @@ def _angles() -> npt.NDArray[np.float64]:
 
 
 def _holdable(params: Params, turning: npt.NDArray[np.float64], toppling: float, angle: float) -> float:
-    """Lean towards a direction at which a wheel slips under the torques that hold it, loads as upright, rad."""
+    """Lean in a direction at which a wheel slips under the holding torques, with upright wheel loads, rad."""
     torques = turning @ (-toppling * np.array([-np.sin(angle), np.cos(angle), 0.0]))
     level = params.replace(floor_tilt=(0.0, 0.0))
     upright = (1.0, 0.0, 0.0, 0.0)
@@ -79,7 +79,7 @@ def _holdable(params: Params, turning: npt.NDArray[np.float64], toppling: float,
 
 
 def _rate_per_impulse(params: Params) -> float:
-    """Tilt rate by an impulse at the center of mass, rad/(N·m·s²)."""
+    """Tilt rate per impulse at the center of mass, rad/(N·m·s²)."""
     robot = Ballbot(params.replace(floor_tilt=(0.0, 0.0), roller_ripple=0.0), "spatial")
     impulse = 1e-3 * params.body_mass
     robot.push((impulse, 0.0, 0.0))

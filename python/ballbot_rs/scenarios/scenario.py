@@ -1,4 +1,4 @@
-"""Scenarios as data: what happens to a robot, what it is to do, and what counts as success."""
+"""Scenarios as data: disturbances and motions of a robot, and the criteria of success."""
 
 import dataclasses
 import math
@@ -21,7 +21,7 @@ from ballbot_rs.scenarios.metrics import METRICS
 Axis = float | tuple[float, float, float]
 
 
-#: Motions: constructors of `Reference`, and velocities at random.
+#: Motions: constructors of `Reference`, and random velocities.
 KINDS: Final = (
     "hold",
     "line",
@@ -35,10 +35,10 @@ KINDS: Final = (
     "random_velocities",
 )
 
-#: Metrics that may be a score: less of them is better.
+#: Metrics that may be a score: smaller is better.
 SCORES: Final = tuple(name for name in METRICS if name not in ("fell", "least_load"))
 
-#: Largest distance of the point of a push, m.
+#: Largest distance to the point of a push, m.
 _FARTHEST: Final = 10.0
 
 #: Most numbers of a map, and the shortest time between pushes, s.
@@ -73,7 +73,7 @@ def _is_table(value: object) -> bool:
     return isinstance(value, Mapping) and all(isinstance(key, str) for key in value)
 
 
-#: What a field of a type may be, in words.
+#: Allowed values of a field by type, in words.
 _EXPECTED: Final[Mapping[Any, tuple[str, Callable[[object], bool]]]] = {
     str: ("text", lambda value: isinstance(value, str)),
     int: ("a whole number", _is_whole),
@@ -88,11 +88,11 @@ _EXPECTED: Final[Mapping[Any, tuple[str, Callable[[object], bool]]]] = {
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """A scenario; numbers are those for the paper's robot, and are scaled for others by `Scale`.
+    """A scenario; numbers are for the paper's robot, and `Scale` scales them for others.
 
-    Disturbances have `directions`, evenly around. A triple (first, last, step) of `tilt` or `push` makes a map: the
-    largest number up to which all succeed, in each direction. A success of a map must also have recovered: its tilt is
-    within `final_tilt` from some time on to the end, for at least 1 s. Enough `seconds` make the map independent of
+    Disturbances have `directions`, evenly spaced. A triple (first, last, step) of `tilt` or `push` makes a map: the
+    largest number up to which all succeed, in each direction. Success in a map also requires recovery: the tilt stays
+    within `final_tilt` from some time to the end, for at least 1 s. With enough `seconds` the map does not depend on
     them.
     """
 
@@ -104,21 +104,21 @@ class Scenario:
     score: str
     #: Time from which errors are measured, s.
     measure_from: float = 0.0
-    #: First tilt from the equilibrium, deg.
+    #: Initial tilt from the equilibrium, deg.
     tilt: Axis = 0.0
-    #: First tilt rate in that direction, in units of the rate at which the robot topples from this tilt.
+    #: Initial tilt rate in that direction, in units of the rate at which the robot topples from this tilt.
     tilt_rate: float = 0.0
     #: Impulse, N·s.
     push: Axis = 0.0
-    #: Height of its point on the mast above the center of the ball, m; None is that of the center of mass.
+    #: Height of its point on the mast above the center of the ball, m; None is the height of the center of mass.
     push_height: float | None = None
-    #: How far to the left of the mast its point is, seen along the first push, m: the push turns the robot.
+    #: Distance of its point to the left of the mast, seen along the first push, m: the push turns the robot.
     push_arm: float = 0.0
-    #: When it begins, s.
+    #: Start time, s.
     push_time: float = 0.0
-    #: How long it lasts, along a half sine, s; 0 is at once.
+    #: Duration of the half sine, s; 0 is instantaneous.
     push_duration: float = 0.0
-    #: Time between pushes at random times in random directions, from and to, s; none without.
+    #: Range of the time between pushes at random times in random directions, s; empty is none.
     push_every: tuple[float, float] | None = None
     #: Horizontal force at the center of mass, N, and when it acts, s.
     force: float = 0.0
@@ -126,25 +126,25 @@ class Scenario:
     force_until: float = 1e9
     #: Slope of the floor, deg.
     slope: float = 0.0
-    #: Place of the true center of mass off the mast, mm; the controller is made for the nominal robot.
+    #: Offset of the true center of mass from the mast, mm; the controller is made for the nominal robot.
     com_offset: float = 0.0
     #: Directions of tilts, pushes, forces, slopes and offsets.
     directions: int = 1
     #: The motion to follow: the name of a constructor of `Reference` as `kind`, and its arguments. Times are scaled.
     reference: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    #: A position that is asked for at once, m.
+    #: A setpoint step of the position, m.
     step: float = 0.0
     #: Friction coefficient of the wheels in place of the robot's; the controller is made for it.
     friction: float | None = None
-    #: Half width of the uniform distribution of the true mass, CoM height and inertia, as a share; corners and draws.
+    #: Relative half width of the uniform distribution of the true mass, CoM height and inertia; corners and samples.
     model_error: float = 0.0
     #: Options of the motors.
     actuators: Mapping[str, Any] = dataclasses.field(default_factory=dict)
-    #: Name of a set of sensors; controllers see the estimate then.
+    #: Name of a set of sensors; controllers then see the estimate.
     sensors: str | None = None
     #: Name of a set of events.
     events: str | None = None
-    #: Number of episodes with other random numbers.
+    #: Number of episodes with different random numbers.
     seeds: int = 1
     #: Largest final tilt of a success, deg; None is 2, or any where a motion does not end.
     final_tilt: float | None = None
@@ -203,7 +203,7 @@ class Scenario:
             raise ValueError(f"scenario {self.id}: either tilt or push can be a map")
 
     def _check_axis(self, name: str) -> None:
-        """One number, or the first, the last and the step of increasing ones."""
+        """One number, or the first, the last and the step of increasing numbers."""
         axis = getattr(self, name)
         if isinstance(axis, tuple) and not (axis[0] <= axis[1] and axis[2] > 0.0):
             raise ValueError(f"scenario {self.id}: {name} = {axis}, expected (first, last, step) with a step above 0")
@@ -213,7 +213,7 @@ class Scenario:
 
     @property
     def moves(self) -> bool:
-        """Whether the ball is to go somewhere."""
+        """Whether the ball is commanded to move."""
         return bool(self.reference) or self.step != 0.0
 
     @property
@@ -223,11 +223,11 @@ class Scenario:
 
 
 def load(path: str | Path | None = None) -> dict[str, Scenario]:
-    """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are those of this package.
+    """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are the package's scenarios.
 
     Raises:
-        ValueError: malformed TOML, a field that is not known or missing, a value of the wrong kind, or a number out of
-            range; the message has the file and the field.
+        ValueError: malformed TOML, an unknown or missing field, a value of the wrong kind, or a number out of range;
+            the message has the file and the field.
         OSError: the file cannot be read.
     """
     if path is None:
@@ -263,7 +263,7 @@ def _parsed(text: str) -> dict[str, Scenario]:
         try:
             one = Scenario(**table)
         except TypeError as error:
-            # A field that is missing.
+            # A missing field.
             raise ValueError(f"scenario {name}: {error}") from error
         if one.id in found:
             raise ValueError(f"there are two scenarios {name}")
@@ -272,10 +272,10 @@ def _parsed(text: str) -> dict[str, Scenario]:
 
 
 def select(names: Sequence[str], known: Mapping[str, Scenario]) -> list[Scenario]:
-    """Scenarios by id, or by the start of it before a dash: `S13` names `S13-6s` and all others of S13.
+    """Scenarios by id, or by the prefix before a dash: `S13` names `S13-6s` and all others of S13.
 
     Raises:
-        ValueError: a name that fits none.
+        ValueError: a name without a match.
     """
     if not names:
         return list(known.values())

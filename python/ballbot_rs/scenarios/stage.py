@@ -20,10 +20,10 @@ from ballbot_rs.scenarios.trial import Trial, trial
 
 Array = npt.NDArray[np.float64]
 
-#: What a rollout records for the metrics.
+#: Recorded by a rollout for the metrics.
 _RECORD: Final = ("states", "torques", "terminated", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds")
 
-#: Longest episodes: nothing but a fall ends them.
+#: Longest episodes: only a fall ends them.
 _ENDLESS: Final = 10**9
 
 #: Rows of states that are kept in memory at once, and the fewest control steps.
@@ -32,10 +32,10 @@ _FEWEST: Final = 50
 
 
 def check_observes_balance(controller: ResolvedController) -> None:
-    """Refuses a policy that observes something else than the robots of a scenario do.
+    """Refuses a policy with other observations than the robots of a scenario have.
 
     Raises:
-        ValueError: it was trained for a task with other observations than balancing.
+        ValueError: it was trained for a task whose observations differ from balancing.
     """
     if controller.task is not None and observation_layout(controller.task) != observation_layout(DEFAULT_TASK):
         raise ValueError(
@@ -45,10 +45,10 @@ def check_observes_balance(controller: ResolvedController) -> None:
 
 
 class Stage:
-    """The robots of a scenario, made once: controllers like the first follow each other on the same episodes.
+    """The robots of a scenario, made once: similar controllers run on them one after another, on the same episodes.
 
     Args:
-        controller: decides about rate and options: a policy's, or those of a feedback law.
+        controller: determines rate and options: those of a policy, or of a feedback law.
         scenario: what happens to them.
         params: the robot.
         model: of it.
@@ -68,7 +68,7 @@ class Stage:
     ) -> None:
         known = option_names(DEFAULT_TASK)
         options: dict[str, Any] = {
-            # A policy of another task with the same observations has options of its own.
+            # A policy of another task with the same observations has its own options.
             **{name: value for name, value in controller.env_options.items() if name in known},
             "model": model,
             "params": params.to_dict(),
@@ -88,15 +88,15 @@ class Stage:
             )
 
         self.scenario = scenario
-        # The rate of the controller decides about the number of steps.
+        # The rate of the controller determines the number of steps.
         self.episodes: Final[Trial] = trial(scenario, params, batch(1, 1).control_dt, seed=seed)
         options["params"] = self.episodes.nominal.to_dict()
         self._batch: Final = batch(len(self.episodes), num_threads)
-        # Those with which the batch was made.
+        # The parameters with which the batch was made.
         self._seeds = [(seed + i) % 2**64 for i in range(len(self.episodes))]
 
     def follow(self, controller: ResolvedController) -> Measures | None:
-        """Runs the episodes under a controller; None if it cannot be asked for what they are to do."""
+        """Runs the episodes under a controller; None if it cannot follow their motion."""
         batch, episodes = self._batch, self.episodes
         # Laws are made for the nominal robot.
         self._set_robots([episodes.nominal] * len(episodes))
@@ -193,7 +193,7 @@ class _Python:
 
 
 def _targets(episodes: Trial, times: Array) -> dict[str, Array]:
-    """Where the balls should be and how fast, shape (len(times), n or 1, 2), and the heading, (len(times), n or 1)."""
+    """Desired ball positions and velocities, shape (len(times), n or 1, 2), and headings, (len(times), n or 1)."""
     if episodes.references is None:
         still = np.zeros((len(times), 1, 2))
         return {"position": still + episodes.positions, "velocity": still, "yaw": still[..., 0]}

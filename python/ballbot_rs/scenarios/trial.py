@@ -15,13 +15,13 @@ from ballbot_rs.scenarios.scenario import Axis, Scenario
 
 Array = npt.NDArray[np.float64]
 
-#: The robot for which the numbers of scenarios are.
+#: The robot that the numbers of scenarios refer to.
 _PAPER: Final = Scale.of(Params.paper())
 
 
 @dataclasses.dataclass(frozen=True)
 class Trial:
-    """Episodes of one scenario. Those of a map are ordered by its numbers, then by direction."""
+    """Episodes of one scenario. Episodes of a map are ordered by its numbers, then by direction."""
 
     scenario: Scenario
     #: The robot for which the controller is made.
@@ -29,13 +29,13 @@ class Trial:
     #: The robot of each episode.
     robots: list[Params]
     starts: list[State]
-    #: Of each control step and episode, shape (steps, n, 3), N·s; None without any.
+    #: Pushes of each control step and episode, shape (steps, n, 3), N·s; None without pushes.
     impulses: Array | None
-    #: Where they act, body frame, m, shape (n, 3); None is the center of mass.
+    #: Their points, body frame, m, shape (n, 3); None is the center of mass.
     points: Array | None
-    #: The motion of each episode, or None for a place.
+    #: The motion of each episode, or None for a fixed position.
     references: list[Reference] | None
-    #: Where each ball should be, without references, m, shape (n, 2).
+    #: Desired ball positions without references, m, shape (n, 2).
     positions: Array
     #: The numbers of a map for this robot, deg or N·s, else empty.
     numbers: Array
@@ -72,12 +72,12 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
     for i, (number, angle, k) in enumerate(episodes):
         direction = np.array([np.cos(angle), np.sin(angle)])
         positions[i] = scenario.step * direction
-        # Of the episode alone, whatever the rate of the controller.
+        # Depends only on the episode, not on the rate of the controller.
         rng = np.random.default_rng([seed, i])
         true = _true(scenario, nominal, direction, k, rng)
         robots.append(true)
         tilt = math.radians(tilts[min(number, len(tilts) - 1)]) * lean
-        # Leaning towards an angle turns about the axis 90 deg ahead of it.
+        # Leaning towards an angle is a rotation about the axis 90 deg ahead of it.
         axis = np.array([-direction[1], direction[0]])
         start = State.at_equilibrium(true, tilt=tuple(tilt * axis))
         if scenario.tilt_rate != 0.0:
@@ -111,15 +111,15 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
     )
 
 
-#: Motions that are as hard for another robot when they take the same share of its traction.
+#: Motions that are equally hard for another robot when they use the same fraction of its traction.
 _BY_DEMAND: Final = ("line", "path", "stops", "square", "velocities", "circle", "lemniscate")
 
-#: How much faster than on the paper's robot a motion is at most.
+#: Smallest time of a motion relative to the paper's robot.
 _FASTEST: Final = 0.2
 
 
 def _slowness(scenario: Scenario, params: Params, scale: Scale) -> float:
-    """Time on the robot of `params` by that on the paper's robot."""
+    """Ratio of the time on the robot of `params` to the time on the paper's robot."""
     if scale == _PAPER:
         return 1.0
     if scenario.reference.get("kind") not in _BY_DEMAND:
@@ -148,7 +148,7 @@ def _in_body(state: State, vector: Array) -> tuple[float, float, float]:
 
 
 def _with_friction(params: Params, friction: float) -> Params:
-    """The robot with the friction of wheels; that of the floor is no less."""
+    """The robot with this wheel friction; the floor friction is at least as large."""
     return params.replace(
         wheel_dynamic_friction=friction,
         wheel_static_friction=friction * params.wheel_static_friction / params.wheel_dynamic_friction,
@@ -156,7 +156,7 @@ def _with_friction(params: Params, friction: float) -> Params:
 
 
 def _true(scenario: Scenario, nominal: Params, direction: Array, k: int, rng: np.random.Generator) -> Params:
-    """The robot that the controller does not know."""
+    """The true robot, unknown to the controller."""
     changes: dict[str, Any] = {}
     if scenario.com_offset != 0.0:
         changes["body_com_offset"] = tuple(1e-3 * scenario.com_offset * direction)
@@ -173,7 +173,7 @@ def _true(scenario: Scenario, nominal: Params, direction: Array, k: int, rng: np
 
 
 def _point(scenario: Scenario, true: Params, direction: Array) -> Array:
-    """Where the pushes of an episode act, body frame, m; distances are in units of the height of the center of mass."""
+    """Point of the pushes of an episode, body frame, m; distances scale with the height of the center of mass."""
     size = true.body_com_height / Params.paper().body_com_height
     x, y, z = true.body_com
     if scenario.push_height is not None:
@@ -219,7 +219,7 @@ def _reference(
             return made[0]
         return _made(table, params, time)
     count = max(int(scenario.seconds / table["every"]), 1)
-    # The same leans for the same share of the time in which the robot topples.
+    # The same leans for the same fraction of the toppling time.
     faster = lean * time * scale.acceleration_per_lean / _PAPER.acceleration_per_lean
     velocities = rng.uniform(-table["largest"], table["largest"], (count, 2)) * (rng.random((count, 2)) < 0.5)
     return Reference.velocities(

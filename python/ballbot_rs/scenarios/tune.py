@@ -1,4 +1,4 @@
-"""Automatic tuning: the options of a controller by scenarios, with one budget for all."""
+"""Automatic tuning: optimizes the options of a controller on scenarios, with the same budget for all controllers."""
 
 import dataclasses
 import math
@@ -18,14 +18,14 @@ from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage
 
-#: First standard deviation of the logarithm of each option.
+#: Initial standard deviation of the logarithm of each option.
 _SPREAD: Final = 0.3
 
-#: Largest cost of a scenario: that of a controller that falls, or cannot be made.
+#: Largest cost of a scenario: a controller falls, or cannot be made.
 _WORST: Final = 10.0
 
-#: Options that are not searched unless they are named: no default scenario turns the robot, those of the adaptation
-#: have no effect by default, and the others buy accuracy by time.
+#: Options that are only searched if named: no default scenario turns the robot, options of the adaptation have no
+#: effect by default, and the others trade computing time for accuracy.
 _LEFT_ALONE: Final = (
     "yaw",
     "yaw_rate",
@@ -42,9 +42,9 @@ _LEFT_ALONE: Final = (
     "step",
 )
 
-#: What controllers are tuned on by default: a push, a fast move, a circle, and what noise costs, with a delay of 10 ms.
+#: Default tuning scenarios: a push, a fast move, a circle, and the cost of noise, with a delay of 10 ms.
 DEFAULT: Final = (
-    # A robot of three wheels is the same after a third of a turn and in the mirror: these are 0, 30 and 60 deg.
+    # A three-wheeled robot is symmetric under a third of a turn and mirroring: these are 0, 30 and 60 deg.
     Scenario(
         "push",
         "Push at once",
@@ -71,7 +71,7 @@ DEFAULT: Final = (
         actuators={"delay": 0.01},
         score="rms_error",
     ),
-    # Without it the largest gains are the best ones.
+    # Without it the largest gains would be the best.
     Scenario(
         "noise",
         "Station keeping on sensors",
@@ -86,12 +86,12 @@ DEFAULT: Final = (
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Tuned:
-    """Options of a controller that a search has found."""
+    """Options of a controller found by a search."""
 
     controller: str
     #: Best options by name.
     options: Mapping[str, float]
-    #: Mean over the scenarios of the score by that of the baseline; less is better.
+    #: Mean over the scenarios of the ratio of the score to the baseline's; less is better.
     cost: float
     #: Best cost after each evaluation.
     history: Sequence[float]
@@ -101,7 +101,7 @@ class Tuned:
         return f"<Tuned {self.controller}: cost {self.cost:.4g} after {len(self.history)} evaluations, {options}>"
 
     def source(self) -> ResolvedController:
-        """The tuned controller, as `compare`, `run_scenarios` and the others take it."""
+        """The tuned controller, in the form that `compare`, `run_scenarios` and others take."""
         return with_options(self.controller, self.options, f"{self.controller} (tuned)")
 
 
@@ -127,18 +127,18 @@ def tune(
     num_threads: int | None = None,
     progress: Progress = no_progress,
 ) -> Tuned:
-    """Searches options of a controller by CMA-ES in their logarithms, from the default ones.
+    """Searches options of a controller by CMA-ES in their logarithms, from the defaults.
 
-    The cost of a scenario is its score by that of the baseline: smaller errors, larger tilts and pushes.
+    The cost of a scenario is the ratio of its score to the baseline's: smaller errors, larger tilts and pushes.
 
     Args:
-        controller: the name of one of the core.
-        scenario: ids or `Scenario`s; the same weight for each.
+        controller: the name of a controller of the core.
+        scenario: ids or `Scenario`s, equally weighted.
         budget: number of evaluations.
-        options: names of the options to search; None are all that are above zero by default, but for those of the
-            heading, those that buy accuracy by time, and those without effect by default.
-        baseline: the controller of the core whose default options have the scores that count as 1; None is the
-            controller itself. With the same one the costs of several controllers can be compared.
+        options: names of the options to search; None are all options above zero by default, except those of the
+            heading, those that trade computing time for accuracy, and those without effect by default.
+        baseline: the controller of the core whose scores with default options count as 1; None is the controller
+            itself. With the same baseline the costs of several controllers can be compared.
         robot: parameters or a preset's name; None is the paper's.
         model: of the robot.
         seed: of the search and of everything random in the scenarios.
@@ -227,7 +227,7 @@ def tune(
 
 
 def mean_ratio(outcomes: Sequence[Outcome], first: Mapping[str, float]) -> float:
-    """Mean of the scores by those in `first`, less is better; a fall counts as 10, a skipped scenario not at all."""
+    """Mean ratio of the scores to `first`, less is better; a fall counts as 10, a skipped scenario not at all."""
     run = [outcome for outcome in outcomes if outcome.skipped is None]
     return float(np.mean([_ratio(outcome, first[outcome.scenario.id]) for outcome in run]))
 

@@ -1,1 +1,1 @@
-"""Training of policies with Stable-Baselines3: configuration, the run and what it leaves behind, evaluation."""
+"""Training of policies with Stable-Baselines3: configuration, the run and its files, evaluation."""

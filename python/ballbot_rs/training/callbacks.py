@@ -1,4 +1,4 @@
-"""What happens on the way of a training: checkpoints, and evaluations of which the best policy is kept."""
+"""Callbacks during training: checkpoints, and evaluations that keep the best policy."""
 
 import contextlib
 from collections.abc import Callable
@@ -18,7 +18,7 @@ from ballbot_rs.training.run_folder import Array, Evaluations
 
 
 class Ended(Exception):
-    """A training that is over before its last step; no error."""
+    """Ends training before its last step; not an error."""
 
 
 class Checkpoints:
@@ -31,11 +31,11 @@ class Checkpoints:
     def __init__(self, folder: Path) -> None:
         self._folder = folder
         self._kept_at: int | None = None
-        #: Whether the model is between two rollouts, from where a run can be resumed to the last bit.
+        #: Whether the model is between two rollouts, from where a run can be resumed bit for bit.
         self.is_between_rollouts = True
 
     def keep(self, model: BaseAlgorithm, is_due: bool = True) -> Path:
-        """Writes a checkpoint unless there has just been one; returns its file.
+        """Writes a checkpoint unless one was just written; returns its file.
 
         Args:
             model: the model.
@@ -55,11 +55,11 @@ class KeepBest:
     Args:
         folder: the run.
         env: where the policy is evaluated, from the same starts each time.
-        nominal: where the best policy is judged: the same without events.
+        nominal: where the best policy is tested: the same without events.
         seed: of both.
         episodes: of an evaluation.
-        success: share of nominal robots with which the best policy must succeed; None asks for nothing.
-        total_timesteps: steps from which a training ends once the best policy has succeeded.
+        success: fraction of nominal robots with which the best policy must succeed; None requires nothing.
+        total_timesteps: steps after which training ends once the best policy has succeeded.
         stops: called with the steps and the mean return of an evaluation; True ends the training.
     """
 
@@ -85,15 +85,15 @@ class KeepBest:
         self._total_timesteps = total_timesteps
         self._past: Evaluations | None = None
         self._best = -np.inf
-        #: Share of successes of the best policy, once it has been judged.
+        #: Success rate of the best policy, once it has been tested.
         self._judged: float | None = None
 
     def remember(self, past: Evaluations | None, timesteps: int, task: str) -> None:
-        """Takes over what an interrupted run has: only a better policy replaces its best one.
+        """Takes over the results of an interrupted run: only a better policy replaces its best policy.
 
         Args:
             past: all its evaluations.
-            timesteps: from where it goes on; later evaluations are dropped.
+            timesteps: where it continues; later evaluations are dropped.
             task: name of the task.
 
         Raises:
@@ -106,8 +106,8 @@ class KeepBest:
             except ValueError as error:
                 raise ValueError(f"{error}; delete the file to go on without it") from error
             known = [] if past is None else past.returns[past.timesteps == model.num_timesteps]
-            # Killed between the two files, a run has a best policy without its evaluation. If it is the one of the
-            # checkpoint, this is made up for at once.
+            # A run killed between the two files has a best policy without its evaluation. If it is the policy of the
+            # checkpoint, it is evaluated at once.
             if len(known):
                 self._best = float(known[-1].mean())
             elif model.num_timesteps != timesteps:
@@ -115,7 +115,7 @@ class KeepBest:
         self._past = None if past is None else past.up_to(timesteps)
 
     def evaluate_and_log(self, model: BaseAlgorithm) -> bool:
-        """Evaluates a policy and logs the result; returns whether the training goes on."""
+        """Evaluates a policy and logs the result; returns whether training continues."""
         returns, lengths, successes = self.evaluate(model)
         model.logger.record("eval/mean_reward", float(returns.mean()))
         model.logger.record("eval/mean_ep_length", float(lengths.mean()))
@@ -127,18 +127,18 @@ class KeepBest:
         return not self.is_over(model)
 
     def is_over(self, model: BaseAlgorithm) -> bool:
-        """Whether the run has had its steps and its best policy succeeds."""
+        """Whether the run has done its steps and its best policy succeeds."""
         if self._success is None or model.num_timesteps < self._total_timesteps:
             return False
         return self.success_of_best() >= self._success
 
     def evaluate(self, model: BaseAlgorithm) -> tuple[Array, Array, Array]:
-        """Evaluates a policy unless it has just been; returns, lengths and successes, each of shape (episodes,)."""
+        """Evaluates a policy unless it just was; gives returns, lengths and successes, each of shape (episodes,)."""
         past = self._past
         if past is not None and past.timesteps[-1:].tolist() == [model.num_timesteps]:
             return past.returns[-1], past.lengths[-1], past.successes[-1]
         returns, lengths, successes = self._evaluated(model)
-        # The policy first: one without its evaluation is evaluated again, the other way round it would be lost.
+        # The policy first: a policy without its evaluation is evaluated again; the other way around it would be lost.
         if returns.mean() > self._best:
             sb3_policy.write(model, self._folder / run_folder.BEST)
             self._best, self._judged = float(returns.mean()), None
@@ -148,7 +148,7 @@ class KeepBest:
         return returns, lengths, successes
 
     def success_of_best(self) -> float:
-        """Share of nominal robots with which the best policy succeeds."""
+        """Fraction of nominal robots with which the best policy succeeds."""
         if self._judged is None:
             with run_state.same_random_numbers():
                 model, _ = sb3_policy.load(self._folder / run_folder.BEST)
@@ -161,9 +161,9 @@ class KeepBest:
 
 
 class BetweenRollouts(BaseCallback):
-    """Keeps checkpoints and evaluates between two rollouts, where the learner has used up what it has seen.
+    """Keeps checkpoints and evaluates between two rollouts, when the learner has used all of its data.
 
-    Signals wait for that moment: from there a run can be resumed to the last bit.
+    Signals wait for that moment: from there a run can be resumed bit for bit.
 
     Args:
         checkpoints: of the run.
@@ -200,17 +200,17 @@ class BetweenRollouts(BaseCallback):
         self.end_rollout()
 
     def end_rollout(self) -> None:
-        """Lets a signal through that came in the rollout."""
+        """Handles a signal that came during the rollout."""
         self._checkpoints.is_between_rollouts = True
         self._rollout.close()
 
     def abandon(self) -> None:
-        """Leaves a rollout that an error has ended; a signal that came in it counts."""
+        """Leaves a rollout that ended in an error; a signal that came during it counts."""
         self._rollout.close()
 
 
 class ProgressBar(ProgressBarCallback):
-    """Stable-Baselines3's, up to the steps after which a training usually ends."""
+    """The bar of Stable-Baselines3, up to the steps after which training usually ends."""
 
     def __init__(self, total: int) -> None:
         super().__init__()
@@ -222,7 +222,7 @@ class ProgressBar(ProgressBarCallback):
 
 
 def evaluated(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> tuple[Array, Array, Array]:
-    """Returns, lengths and successes of episodes, each of shape (episodes,); their starts depend on the seed alone."""
+    """Returns, lengths and successes of episodes, each of shape (episodes,); their starts depend only on the seed."""
     successes: list[bool] = []
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:

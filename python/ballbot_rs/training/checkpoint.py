@@ -1,4 +1,4 @@
-"""Going on from a checkpoint: its weights and counters are read, nothing in it is unpickled."""
+"""Continuing from a checkpoint: its weights and counters are read, nothing in it is unpickled."""
 
 import warnings
 from pathlib import Path
@@ -8,14 +8,14 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from ballbot_rs.control import sb3_archive
 from ballbot_rs.training import run_folder
 
-#: What a checkpoint has beside the weights and the state of the optimizer.
+#: Contents of a checkpoint in addition to the weights and the state of the optimizer.
 COUNTERS = ("num_timesteps", "_episode_num", "_n_updates")
 
 
 def restore_newest(model: BaseAlgorithm, folder: Path) -> Path:
-    """Gives a new model the state of a run's newest checkpoint that can be read; returns the checkpoint.
+    """Gives a new model the state of a run's newest readable checkpoint; returns the checkpoint.
 
-    A `UserWarning` names each one that is skipped, and why.
+    A `UserWarning` names each skipped checkpoint, and the reason.
 
     Raises:
         FileNotFoundError: there is no checkpoint.
@@ -47,7 +47,7 @@ def _restore(model: BaseAlgorithm, path: Path) -> str | None:
             return f"{path} is damaged: {name} = {value!r} must be a whole number of at least 0"
     try:
         model.set_parameters(str(path), exact_match=True, device="cpu")
-    # What weights that do not fit raise has no common base.
+    # The exceptions of weights that do not fit have no common base class.
     except Exception as error:
         return f"{path} does not fit the run's configuration: {error}"
     for name, value in counters.items():

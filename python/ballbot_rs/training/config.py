@@ -1,4 +1,4 @@
-"""The training configuration: one TOML file, checked as it is read."""
+"""The training configuration: one TOML file, checked when read."""
 
 import dataclasses
 import math
@@ -18,12 +18,12 @@ ALGORITHMS = ("PPO", "SAC")
 
 @dataclasses.dataclass(frozen=True)
 class Evaluation:
-    """When and on how many episodes the policy is evaluated during training."""
+    """Schedule and number of episodes of evaluations during training."""
 
     every_timesteps: int = 61_440
     episodes: int = 50
-    #: Share of nominal robots, without events, with which the best policy must succeed; below it the training has
-    #: failed. None asks for nothing.
+    #: Fraction of nominal robots, without events, with which the best policy must succeed; below it training has
+    #: failed. None requires nothing.
     success: float | None = None
 
 
@@ -33,27 +33,27 @@ MAX_TAUGHT = 20_000_000
 
 @dataclasses.dataclass(frozen=True)
 class Teacher:
-    """A classical law that the policy is fitted to before PPO goes on from there; `training.teacher` has the method.
+    """A classical law that the policy is fitted to before PPO continues from it; `training.teacher` has the method.
 
     Its steps come in addition to `total_timesteps`.
     """
 
     #: A law of the core, one of `controllers()`.
     controller: str
-    #: Its options, as `make_controller` takes them.
+    #: Its options, as for `make_controller`.
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
-    #: Whether the law follows the position that the task asks for; else each robot is where it should be. What a law
-    #: does about an error of the position cannot be learned from observations without it.
+    #: Whether the law follows the position that the task commands; else the position error is zero for each robot. The
+    #: law's response to a position error cannot be learned from observations without it.
     follows_position: bool = True
-    #: How often robots are driven and the actor is fitted to all states so far.
+    #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
     steps: int = 200
-    #: Of a round's fit; the rate falls linearly over the rounds.
+    #: Of a round's fit; the learning rate falls linearly over the rounds.
     epochs: int = 6
     batch_size: int = 1024
     learning_rate: float = 1e-3
-    #: Standard deviation of what is added to the actions of half of the robots.
+    #: Standard deviation of the noise added to the actions of half of the robots.
     noise: float = 0.1
     #: Rollouts of PPO from which only the value function learns.
     value_rollouts: int = 40
@@ -73,31 +73,31 @@ class Teacher:
         _check_number("teacher.noise", self.noise, "0", "1")
 
 
-#: Arguments of algorithms that are counts, and those from 0 to 1: a learner takes others, too, and learns nothing.
+#: Algorithm arguments that are counts, and those from 0 to 1: a learner accepts other values, but learns nothing.
 WHOLE_ARGUMENTS: Final = ("n_steps", "batch_size", "n_epochs")
 SHARES: Final = ("gamma", "gae_lambda", "tau")
 
 
 @dataclasses.dataclass(frozen=True)
 class TrainConfig:
-    """What `ballbot train` does; the fields are the keys of the TOML file."""
+    """Configuration of `ballbot train`; the fields are the keys of the TOML file."""
 
     env_id: str = TASKS[DEFAULT_TASK]["id"]
     algorithm: str = "PPO"
     total_timesteps: int = 400_000
-    #: A run that has not reached `evaluation.success` goes on to at most so many steps; None ends it.
+    #: A run that has not reached `evaluation.success` continues to at most this many steps; None ends it.
     max_timesteps: int | None = None
     num_envs: int = 128
     num_threads: int | None = None
     torch_threads: int = 1
-    #: Factor of the rewards that the learner sees; evaluations have the task's own.
+    #: Scale of the rewards that the learner sees; evaluations have the task's rewards.
     reward_scale: float = 1.0
-    #: Time over which rewards are discounted, in times in which the robot's tilt grows by a factor of e: what is near
-    #: for one robot is far for another. None, or a `gamma` among the arguments, is the algorithm's discount.
+    #: Discount time of the rewards, in units of the time in which the robot's tilt grows by a factor of e, since that
+    #: differs between robots. None, or a `gamma` among the arguments, is the algorithm's discount.
     horizon: float | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
-    #: None learns from rewards alone.
+    #: None learns only from rewards.
     teacher: Teacher | None = None
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)
@@ -149,14 +149,14 @@ class TrainConfig:
 
     @property
     def most_timesteps(self) -> int:
-        """Steps after which the run ends, whatever its policy reaches."""
+        """Steps after which the run ends, whatever its policy achieves."""
         return self.total_timesteps if self.max_timesteps is None else self.max_timesteps
 
     def arguments(self) -> dict[str, Any]:
-        """Arguments of the algorithm, with the discount that follows from the robot.
+        """Arguments of the algorithm, with the discount derived from the robot.
 
         Raises:
-            ValueError: the options do not make an environment.
+            ValueError: the options are invalid for an environment.
         """
         given = dict(self.algorithm_arguments)
         if self.horizon is not None and "gamma" not in given:
@@ -181,16 +181,16 @@ def _check_whole(name: str, value: Any, least: int) -> None:
 
 
 def _check_number(name: str, value: Any, least: str, most: str) -> None:
-    """`least` and `most` as a message has them."""
+    """Raises ValueError unless a number is between `least` and `most`."""
     if isinstance(value, bool) or not isinstance(value, (int, float)) or not float(least) <= value <= float(most):
         raise ValueError(f"{name} = {value!r} is out of range: it must be from {least} to {most}")
 
 
 def parse(text: str, source: str) -> TrainConfig:
-    """A configuration from TOML text; `source` is what messages call it.
+    """A configuration from TOML text; `source` is its name in messages.
 
     Raises:
-        ValueError: malformed TOML, no key, a key that is not known, or a value out of range.
+        ValueError: malformed TOML, a missing or unknown key, or a value out of range.
     """
     try:
         table = _toml.loads(text)
@@ -224,10 +224,10 @@ def _check_keys(source: str, table: dict[str, Any], kind: type) -> None:
 
 
 def default_text(task: str, variant: str | None = None) -> str:
-    """The TOML text of a task's own configuration, or of a variant of it that comes with the package.
+    """The TOML text of a task's own configuration, or of a variant that comes with the package.
 
     Raises:
-        ValueError: there is no such task, or no configuration of it comes with the package.
+        ValueError: there is no such task, or the package has no configuration for it.
     """
     env_id_of(task)
     name = task if variant is None else f"{task}-{variant}"
@@ -247,7 +247,7 @@ def _variants(task: str) -> list[str]:
 
 
 def load(task: str, path: Path | None = None, robot: str | None = None) -> tuple[TrainConfig, str]:
-    """A task's configuration and its text, from `path` or one that comes with the package.
+    """A task's configuration and its text, from `path` or from the package.
 
     Args:
         task: name of the task.
@@ -282,7 +282,7 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
         values: by dotted name, for example `env.model`.
 
     Raises:
-        ValueError: a name within something that is not a table.
+        ValueError: a name inside a value that is not a table.
     """
     if not values:
         return text

@@ -18,7 +18,7 @@ class Curve:
 
     folder: Path
     seed: int
-    #: Text of the configuration; runs that share it differ by their seeds alone.
+    #: Text of the configuration; runs that share it differ only in their seeds.
     config: str
     #: Environment steps before each evaluation.
     timesteps: Array
@@ -32,7 +32,7 @@ def read(folder: Path) -> Curve:
 
     Raises:
         FileNotFoundError: there is no run, or it has not been evaluated yet.
-        ValueError: a file of it is damaged; the message names the file.
+        ValueError: one of its files is damaged; the message names the file.
     """
     seed = run_folder.read_record(folder)["seed"]
     kept = run_folder.read_evaluations(folder)
@@ -42,7 +42,7 @@ def read(folder: Path) -> Curve:
 
 
 def by_configuration(curves: Sequence[Curve]) -> list[list[Curve]]:
-    """Runs of the same configuration together, in the order in which they are given."""
+    """Runs grouped by configuration, in the given order."""
     groups: dict[str, list[Curve]] = {}
     for curve in curves:
         groups.setdefault(curve.config, []).append(curve)

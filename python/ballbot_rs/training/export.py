@@ -1,4 +1,4 @@
-"""A policy of Stable-Baselines3 as an ONNX file that says what it is for, checked against its source."""
+"""A policy of Stable-Baselines3 as an ONNX file with metadata on its use, checked against its source."""
 
 import contextlib
 import io
@@ -23,13 +23,13 @@ from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.control.policy_file import observation_layout
 from ballbot_rs.envs.registration import task_of
 
-#: By how much an exported action may differ from its source, and on how many observations that is checked.
+#: Tolerance of exported actions relative to their source, and number of observations in the check.
 TOLERANCE: Final = 1e-5
 CHECKED: Final = 1000
 
 
 class _Action(torch.nn.Module):
-    """What `predict(observation, deterministic=True)` computes, without numpy and without a distribution."""
+    """The computation of `predict(observation, deterministic=True)`, without numpy and without a distribution."""
 
     def __init__(self, model: BaseAlgorithm) -> None:
         super().__init__()
@@ -56,13 +56,13 @@ def export(source: Path, target: Path, task: str | None = None, env_options: Map
     Args:
         source: a file of Stable-Baselines3, or a training run.
         target: the ONNX file.
-        task: name of the task; None is the one that the policy names.
+        task: name of the task; None is the task that the policy names.
         env_options: options of the environment, for a file without metadata; None refuses such a file.
 
     Raises:
         FileNotFoundError: there is no policy.
-        ValueError: it is a policy for something else, or its ONNX form does not act as it does; nothing is written.
-        ModuleNotFoundError: what exports is not installed.
+        ValueError: it is a policy for another task, or its ONNX form acts differently; nothing is written.
+        ModuleNotFoundError: a package for the export is not installed.
         OSError: the file cannot be written; an earlier one stays as it is.
     """
     model, found = sb3_policy.load(source, task, env_options)
@@ -86,7 +86,7 @@ def _is_known(model: BaseAlgorithm) -> bool:
 def _graph(model: BaseAlgorithm) -> Any:
     action = _Action(model).eval()
     example = torch.zeros((2, *_shape(model)))
-    # The exporter prints its progress and warns of what this network does not have.
+    # The exporter prints its progress and warns of features that this network does not have.
     with contextlib.redirect_stdout(io.StringIO()), warnings.catch_warnings(), _silent("torch.onnx", "onnxscript"):
         warnings.simplefilter("ignore")
         with require("exporting", "train", "export"):
@@ -121,7 +121,7 @@ def _metadata(found: dict[str, Any], task: str) -> dict[str, Any]:
     return {
         "env_id": found["env_id"],
         "env_options": found["env_options"],
-        # What the environment scales where `scale_observations` says so; the network has no scaling of its own.
+        # The environment scales observations where `scale_observations` is set; the network does not scale them.
         "observation": observation_layout(task),
         "max_wheel_torque": found["env_options"]["max_wheel_torque"],
         "control_dt": found["env_options"]["control_dt"],
@@ -156,7 +156,7 @@ def _shape(model: BaseAlgorithm) -> tuple[int, ...]:
 
 
 def _difference(model: BaseAlgorithm, exported: OnnxPolicy) -> float:
-    """Largest difference over observations of all magnitudes: of a robot at rest, balancing, and at the bounds."""
+    """Largest difference over observations of all magnitudes: a robot at rest, balancing, and at the bounds."""
     rng = np.random.default_rng(0)
     space: Any = model.observation_space
     spread = 10.0 ** rng.uniform(-2.0, 1.0, (CHECKED, 1))

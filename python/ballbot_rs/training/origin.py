@@ -1,4 +1,4 @@
-"""Where a run comes from: date, machine, command and commit, for its record and its report."""
+"""Origin of a run: date, machine, command and commit, for its record and its report."""
 
 import datetime
 import shlex
@@ -9,13 +9,13 @@ from typing import Final
 
 from ballbot_rs import _machine
 
-#: Time for an answer of git, s.
+#: Timeout of git, s.
 GIT_SECONDS: Final = 10.0
 PACKAGE: Final = Path(__file__).resolve().parents[1]
 
 
 def origin() -> dict[str, str]:
-    """Date, machine, command, and the commit of the package where it is a clone; unknown parts are left out."""
+    """Date, machine, command, and the commit of the package if it is a clone; unknown parts are omitted."""
     found = {"started": now(), "machine": _machine.described(), "command": command()}
     version = commit(PACKAGE)
     return found if version is None else {**found, "commit": version}
@@ -27,15 +27,15 @@ def now() -> str:
 
 
 def command() -> str:
-    """The command line of this process, as a shell takes it; the program without its folder."""
+    """The command line of this process, in shell syntax; the program without its folder."""
     program, *arguments = sys.argv or ["python"]
-    # What `python -m ballbot_rs.cli` runs is `ballbot`.
+    # `python -m ballbot_rs.cli` runs `ballbot`.
     name = "ballbot" if Path(program) == PACKAGE / "cli" / "__main__.py" else Path(program).name
     return shlex.join([name or "python", *arguments])
 
 
 def commit(folder: Path) -> str | None:
-    """The commit of the clone that holds the package, and whether it was changed since; None where there is none."""
+    """The commit of the clone that contains the package, and whether it was changed since; None without a clone."""
     ours = folder.parents[1]
     if not (ours / ".git").exists():
         return None

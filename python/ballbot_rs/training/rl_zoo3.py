@@ -2,8 +2,8 @@
 
     python -m ballbot_rs.training.rl_zoo3 --algo ppo --env ballbot/Goal-v0
 
-The arguments are those of `rl_zoo3.train`. Its own command finds the hyperparameters by `--gym-packages ballbot_rs
---conf-file ballbot_rs.training.rl_zoo3`, and steps the robots one by one.
+The arguments are the same as for `rl_zoo3.train`. Its own command finds the hyperparameters by `--gym-packages
+ballbot_rs --conf-file ballbot_rs.training.rl_zoo3`, and steps the robots one by one.
 """
 
 import copy
@@ -13,7 +13,7 @@ from typing import Any, Final
 from ballbot_rs._core import TASKS
 from ballbot_rs.training.config import TrainConfig, load
 
-#: Whose arguments of PPO tasks take that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
+#: The task whose PPO arguments serve tasks that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
 _WITHOUT_TEACHER: Final = "goal"
 
 
@@ -38,8 +38,8 @@ def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
 
 _HYPERPARAMETERS: Final = {description["id"]: _hyperparameters(load(task)[0]) for task, description in TASKS.items()}
 
-#: Of PPO by the environment's id, from the configurations of `ballbot train`; a copy each time, as rl-zoo3 takes out
-#: what it has used.
+#: PPO arguments by the environment's id, from the configurations of `ballbot train`; a copy each time, as rl-zoo3
+#: removes the arguments that it has used.
 hyperparams: dict[str, dict[str, Any]]
 
 
@@ -58,7 +58,7 @@ def main() -> None:
 
     ExperimentManager.default_vec_env_cls = BallbotVecEnv
     if not {"--conf-file", "-conf"} & set(sys.argv):
-        # In front: the last option of a user may take any number of values.
+        # At the front: the user's last option may take any number of values.
         sys.argv[1:1] = ["--conf-file", __spec__.name if __spec__ is not None else __name__]
     train()
 

@@ -1,4 +1,4 @@
-"""The files of a training run: where they are, and reading them. Needs neither torch nor Stable-Baselines3."""
+"""The files of a training run: their paths, and readers. Needs neither torch nor Stable-Baselines3."""
 
 import contextlib
 import dataclasses
@@ -40,17 +40,17 @@ class Evaluations:
     successes: Array
 
     def up_to(self, timesteps: int) -> "Evaluations":
-        """Those after at most so many steps."""
+        """The evaluations up to this number of steps."""
         kept = self.timesteps <= timesteps
         return Evaluations(self.timesteps[kept], self.returns[kept], self.lengths[kept], self.successes[kept])
 
     def followed_by(self, other: "Evaluations") -> "Evaluations":
-        """Those of both, which have the same number of episodes."""
+        """The evaluations of both, which must have the same number of episodes."""
         columns = (dataclasses.astuple(self), dataclasses.astuple(other))
         return Evaluations(*(np.concatenate(pair) for pair in zip(*columns, strict=True)))
 
     def save(self, folder: Path) -> None:
-        """Writes them into a run, under the names that Stable-Baselines3 gives them.
+        """Writes them into a run, with the array names of Stable-Baselines3.
 
         Raises:
             OSError: the file cannot be written.
@@ -68,9 +68,9 @@ class Evaluations:
 
 @contextlib.contextmanager
 def held(folder: Path) -> Iterator[None]:
-    """A context in which no other process trains in a folder, which is made if need be.
+    """A context in which no other process trains in a folder, which is made if needed.
 
-    The lock ends with the process, however that ends; its file stays.
+    The lock ends with the process, however it ends; its file stays.
 
     Raises:
         ValueError: another process trains there.
@@ -91,10 +91,10 @@ def held(folder: Path) -> Iterator[None]:
 
 
 def read_record(folder: Path) -> dict[str, Any]:
-    """The record of a run: its seed, where it comes from, and the versions that it was made with.
+    """The record of a run: its seed, its origin, and the software versions.
 
     Raises:
-        FileNotFoundError: the folder holds no run.
+        FileNotFoundError: the folder has no run.
         ValueError: the record is damaged.
     """
     path = folder / RECORD
@@ -110,7 +110,7 @@ def read_record(folder: Path) -> dict[str, Any]:
 
 
 def failure(record: Mapping[str, Any]) -> str | None:
-    """Why a run has failed by its record; None if it has not, or if nothing was asked of it."""
+    """Why a run has failed according to its record; None if it has not, or if it had no requirement."""
     reached, required = record.get("success"), record.get("required_success")
     if not isinstance(reached, float) or not isinstance(required, float) or reached >= required:
         return None
@@ -130,7 +130,7 @@ def write_record(folder: Path, record: Mapping[str, Any]) -> None:
 
 
 def read_evaluations(folder: Path) -> Evaluations | None:
-    """The evaluations of a run; None if there are none yet.
+    """The evaluations of a run; None if it has none yet.
 
     Raises:
         ValueError: the file is damaged.
@@ -143,7 +143,7 @@ def read_evaluations(folder: Path) -> Evaluations | None:
         with np.load(path) as kept:
             timesteps, *others = (kept[name].astype(float) for name in names)
     except (ValueError, KeyError, TypeError, EOFError, OSError, zipfile.BadZipFile):
-        # What NumPy says of a damaged file is advice to read it as a pickle.
+        # NumPy's message for a damaged file advises reading it as a pickle.
         raise ValueError(f"{path} is damaged: it must hold the arrays {', '.join(names)}") from None
     shapes = {array.shape for array in others}
     if timesteps.ndim != 1 or len(shapes) != 1 or any(len(s) != 2 or s[0] != len(timesteps) for s in shapes):
@@ -156,9 +156,9 @@ def read_config_text(folder: Path) -> str:
     """The text of a run's configuration.
 
     Raises:
-        FileNotFoundError: there is none.
+        FileNotFoundError: there is no configuration.
         OSError: it cannot be read.
-        ValueError: it is no text.
+        ValueError: it is not text.
     """
     path = folder / CONFIG
     if not path.exists():
@@ -173,12 +173,12 @@ def read_config_text(folder: Path) -> str:
 
 
 def checkpoint_path(folder: Path, timesteps: int) -> Path:
-    """Where the checkpoint after so many steps is."""
+    """Path of the checkpoint after this number of steps."""
     return folder / CHECKPOINTS / f"rl_model_{timesteps}_steps.zip"
 
 
 def checkpoints(folder: Path) -> list[Path]:
-    """The checkpoints of a run, the newest first."""
+    """The checkpoints of a run, newest first."""
     found = {path: path.stem.split("_")[-2] for path in (folder / CHECKPOINTS).glob("rl_model_*_steps.zip")}
     numbered = {path: int(steps) for path, steps in found.items() if steps.isdecimal()}
     return sorted(numbered, key=lambda path: numbered[path], reverse=True)

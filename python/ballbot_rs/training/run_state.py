@@ -1,6 +1,6 @@
-"""Where a run stands between two rollouts, beside its weights: random numbers and robots.
+"""State of a run between two rollouts, in addition to its weights: random numbers and robots.
 
-With it a resumed run is, to the last bit, the run that was not interrupted.
+With it a resumed run is bit-identical to an uninterrupted run.
 """
 
 import contextlib
@@ -55,7 +55,7 @@ def taken(model: BaseAlgorithm, is_due: bool) -> bytes | None:
 
 
 def read(checkpoint: Path) -> State | None:
-    """The state in a checkpoint; None if it has none.
+    """The state in a checkpoint; None without a state.
 
     Raises:
         ValueError: it cannot be read.
@@ -68,7 +68,7 @@ def read(checkpoint: Path) -> State | None:
 
 
 def give(model: BaseAlgorithm, state: State) -> None:
-    """Puts a new model, and Python, where they were when the state was taken.
+    """Restores the state in a new model and in Python.
 
     Raises:
         ValueError: the state is of another configuration or version, or damaged.
@@ -93,7 +93,7 @@ def give(model: BaseAlgorithm, state: State) -> None:
 
 @contextlib.contextmanager
 def same_random_numbers() -> Iterator[None]:
-    """A context that leaves the random numbers of Python, NumPy and torch as they were: loading a model seeds them."""
+    """A context that restores the random states of Python, NumPy and torch, since loading a model seeds them."""
     before = _random_numbers()
     try:
         yield
@@ -102,7 +102,7 @@ def same_random_numbers() -> Iterator[None]:
 
 
 def _random_numbers() -> dict[str, npt.NDArray[Any]]:
-    # Stable-Baselines3 shuffles with NumPy's global numbers.
+    # Stable-Baselines3 shuffles with NumPy's global generator.
     _, keys, place, has_normal, normal = np.random.get_state(legacy=True)  # noqa: NPY002
     _, numbers, python_normal = random.getstate()
     return {

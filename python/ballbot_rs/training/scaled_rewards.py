@@ -1,4 +1,4 @@
-"""Rewards at the scale that the learner likes."""
+"""Rewards at a scale that suits the learner."""
 
 import numpy as np
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
@@ -8,7 +8,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs, VecEnvStepR
 class ScaledRewards(VecEnvWrapper):
     """Multiplies rewards by a factor.
 
-    PPO clips the gradients of policy and value together, and a value of some hundreds takes it long to reach.
+    PPO clips the gradients of policy and value together, so that it takes long to learn a value of some hundreds.
     """
 
     def __init__(self, venv: VecEnv, factor: float) -> None:
@@ -16,10 +16,10 @@ class ScaledRewards(VecEnvWrapper):
         self._factor = np.float32(factor)
 
     def reset(self) -> VecEnvObs:
-        """As that of `venv`."""
+        """As `venv.reset`."""
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """As that of `venv`, with scaled rewards."""
+        """As `venv.step_wait`, with scaled rewards."""
         observations, rewards, dones, infos = self.venv.step_wait()
         return observations, rewards * self._factor, dones, infos

@@ -1,6 +1,6 @@
-"""A search of a training's hyperparameters with Optuna: a folder that several processes fill, and any may leave.
+"""A search of training hyperparameters with Optuna: several processes work in one folder, and any may leave.
 
-Each trial is a training run in a folder of its own; its score is the best mean return of its evaluations.
+Each trial is a training run in a separate folder; its score is the best mean return of its evaluations.
 """
 
 import dataclasses
@@ -28,14 +28,14 @@ from ballbot_rs.training import run_folder, train
 JOURNAL, BEST = "journal.log", "best.toml"
 #: Name of the study in the journal.
 STUDY = "search"
-#: How long the lock of a process that was killed holds, s.
+#: How long the lock of a killed process holds, s.
 GRACE = 5
-#: Trials before any is ended early, and evaluations before a trial is.
+#: Number of trials before any is pruned, and of evaluations before a trial is pruned.
 STARTUP_TRIALS, STARTUP_EVALUATIONS = 5, 1
-#: Where the score of a search would change its meaning.
+#: Keys that would change the meaning of the score.
 FIXED: Final = ("env", "evaluation", "reward_scale", "env_id", "algorithm", "total_timesteps", "max_timesteps")
 
-#: What is searched of PPO unless a user says otherwise, as `dimension_of` reads it.
+#: Default search space of PPO, in the format of `dimension_of`.
 DEFAULT_SPACE: Final[Mapping[str, str]] = {
     "algorithm_arguments.learning_rate": "1e-5:1e-2:log",
     "algorithm_arguments.n_steps": "[16, 32, 64, 128]",
@@ -54,7 +54,7 @@ Value = bool | int | float | str
 
 @dataclasses.dataclass(frozen=True)
 class Dimension:
-    """What a hyperparameter may be: one of `choices`, or from `low` to `high`."""
+    """Values of a hyperparameter: one of `choices`, or from `low` to `high`."""
 
     choices: tuple[Value, ...] = ()
     low: float = 0.0
@@ -74,14 +74,14 @@ class Dimension:
 
     @property
     def ends(self) -> tuple[Value, ...]:
-        """Values that a configuration must take for it to take all."""
+        """The extreme values: a configuration that accepts them accepts all."""
         if self.choices:
             return self.choices
         return (int(self.low), int(self.high)) if self.is_whole else (self.low, self.high)
 
 
 def dimension_of(name: str, text: str) -> Dimension:
-    """A dimension of LOW:HIGH, LOW:HIGH:log or a list of values.
+    """A dimension from LOW:HIGH, LOW:HIGH:log or a list of values.
 
     Raises:
         ValueError: the text is none of these, or the range is empty or has no logarithm.
@@ -116,20 +116,20 @@ def _refuse(constant: str) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Search:
-    """What is searched, where, and how long.
+    """Search space, folder and length of a search.
 
     Raises:
-        ValueError: the configuration does not take what is searched, or the score would change its meaning.
+        ValueError: the configuration does not accept the searched values, or the score would change its meaning.
     """
 
-    #: The configuration of a training as TOML text.
+    #: The training configuration as TOML text.
     text: str
     space: Mapping[str, Dimension]
     folder: Path
-    #: Trials that end, early or not, in all.
+    #: Total number of trials that end, pruned or not.
     trials: int
     seed: int = 0
-    #: Number of the process among those that search at once.
+    #: Number of this process among the concurrent processes.
     worker: int = 0
 
     def __post_init__(self) -> None:
@@ -140,10 +140,10 @@ class Search:
                 config_module.parse(config_module.with_values(self.text, {name: value}), "the configuration")
 
     def study(self) -> optuna.Study:
-        """The study of the folder, made if there is none.
+        """The study of the folder, made if missing.
 
         Raises:
-            ValueError: the folder has a search of something else, or is none.
+            ValueError: the folder has another search, or is not a folder.
             OSError: it cannot be read or written.
         """
         if self.folder.exists() and not self.folder.is_dir():
@@ -170,16 +170,16 @@ class Search:
                 raise ValueError(f"{self.folder} has a search with another {name}: name another folder with --study")
             if name not in theirs:
                 study.set_user_attr(name, value)
-        # Processes that draw alike would try alike.
+        # Processes with the same samples would run the same trials.
         drawn = self.seed + 7919 * len(study.get_trials(deepcopy=False)) + 104_729 * self.worker
         study.sampler = optuna.samplers.TPESampler(seed=drawn % 2**32)
         return study
 
     def work(self, tell: Callable[[str], None] = lambda text: None) -> None:  # noqa: ARG005
-        """Carries out trials until there are enough of all processes together.
+        """Runs trials until all processes together have enough.
 
         Raises:
-            ValueError: a configuration that no training takes.
+            ValueError: an invalid training configuration.
             OSError: a file cannot be written.
         """
         study = self.study()
@@ -189,7 +189,7 @@ class Search:
     def _score(self, trial: optuna.Trial, tell: Callable[[str], None]) -> float:
         values = {name: dimension.suggest(trial, name) for name, dimension in self.space.items()}
         text = config_module.with_values(self.text, values)
-        # All trials have as many steps.
+        # All trials have the same number of steps.
         config = dataclasses.replace(config_module.parse(text, f"trial {trial.number}"), max_timesteps=None)
         folder = self.folder / f"trial-{trial.number:04}"
         if folder.exists():
@@ -203,12 +203,12 @@ class Search:
             return trial.should_prune()
 
         try:
-            # Trials that differ by their seeds would be compared by luck.
+            # With different seeds trials would be compared by luck.
             train.train(config, text, folder, seed=self.seed, progress_bar=False, stops=has_no_prospect)
         except ValueError as error:
             if not (folder / run_folder.RECORD).is_file():
                 raise
-            # Numbers that a learner cannot bear end one trial.
+            # Numbers that a learner cannot handle end only this trial.
             tell(f"trial {trial.number} failed: {error}")
             raise optuna.TrialPruned from error
         finally:
@@ -224,10 +224,10 @@ class Search:
         return score
 
     def finish(self) -> list[FrozenTrial]:
-        """Writes the configuration of the best trial; the trials that ran to their end, the best first.
+        """Writes the configuration of the best trial; returns the trials that ran to their end, best first.
 
         Raises:
-            ValueError: there is none.
+            ValueError: there is no such trial.
             OSError: the file cannot be written.
         """
         done = [trial for trial in self.study().get_trials(deepcopy=False) if trial.state == TrialState.COMPLETE]
@@ -239,12 +239,12 @@ class Search:
 
 
 def ended(study: optuna.Study) -> list[FrozenTrial]:
-    """Trials that are over; one that was interrupted is not."""
+    """Finished trials, without interrupted trials."""
     return study.get_trials(deepcopy=False, states=(TrialState.COMPLETE, TrialState.PRUNED))
 
 
 def _mend(journal: Path, lock: JournalFileOpenLock) -> None:
-    """Takes away a last line without its end, which a process left that was killed, or whose disk was full."""
+    """Removes an incomplete last line, left by a killed process or a full disk."""
     if not journal.exists():
         return
     lock.acquire()

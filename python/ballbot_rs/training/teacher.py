@@ -1,8 +1,8 @@
 """A warm start: before it learns from rewards, a policy is fitted to the torques of a classical law.
 
-The law says what it would do in the states that the policy visits (dataset aggregation: Ross, Gordon and Bagnell, "A
+The law labels the states that the policy visits with its actions (dataset aggregation: Ross, Gordon and Bagnell, "A
 reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011). Then the value
-function learns what the fitted policy reaches: with that of a new network the first updates of PPO destroy the fit.
+function learns the returns of the fitted policy: with an untrained one the first updates of PPO destroy the fit.
 """
 
 from collections.abc import Callable
@@ -21,10 +21,10 @@ from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.envs.own.batch import OwnBatch
 from ballbot_rs.training.config import Teacher
 
-#: In the first rounds the law drives some robots: a new policy visits little but falls.
+#: In the first rounds the law drives some robots: a new policy visits little except falls.
 LAW_ROUNDS = 3
 
-#: Of the value function's fit; it is fast, as nothing depends on its way.
+#: Learning rate of the value function's fit; it is fast, as only the result matters.
 VALUE_RATE = 1e-3
 VALUE_EPOCHS = 10
 
@@ -34,8 +34,8 @@ def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str],
 
     Args:
         model: of PPO.
-        teacher: what to fit to, and how.
-        seed: of the choice of robots that the law drives, and of the noise.
+        teacher: the law to fit to, and the settings.
+        seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
     """
     assert isinstance(model, PPO)
@@ -48,7 +48,7 @@ def law_of(model: BaseAlgorithm, teacher: Teacher) -> Controller:
     """The law, for the robot of a model's environments.
 
     Raises:
-        ValueError: an unknown law, an option that it does not have, or a task that it cannot be asked about.
+        ValueError: an unknown law, an option that it does not have, or a task that it cannot perform.
     """
     batch = _batch(model)
     if isinstance(batch, OwnBatch):
@@ -80,12 +80,12 @@ def fit_actor(model: PPO, teacher: Teacher, seed: int) -> list[float]:
 
 
 def fit_value(model: PPO, rollouts: int) -> None:
-    """Lets the value function learn from rollouts of the actor, which stays as it is."""
+    """Lets the value function learn from rollouts of the actor, which stays unchanged."""
     if rollouts == 0:
         return
     frozen = [*_actor(model), model.policy.log_std]
     settings = {"lr_schedule": lambda _: VALUE_RATE, "n_epochs": VALUE_EPOCHS, "target_kl": None}
-    # Without a log: it is that of the training.
+    # Without a log, which belongs to training.
     settings |= {"_logger": Logger(None, []), "_custom_logger": True}
     kept = {name: getattr(model, name, None) for name in settings}
     try:
@@ -113,9 +113,9 @@ def _visited(
     rng: np.random.Generator,
     share: float,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Observations of a round, and the law's actions there; the law drives a share of the robots."""
+    """Observations of a round, and the law's actions there; the law drives a fraction of the robots."""
     n = environment.num_envs
-    # Noise, on half of the robots, shows the way back from beside the way.
+    # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
     observations = environment.reset()
     assert isinstance(observations, np.ndarray)
@@ -140,7 +140,7 @@ def _regress(
     labels: npt.NDArray[np.float32],
     teacher: Teacher,
 ) -> float:
-    """Some epochs of least squares; the root mean square error in the last one."""
+    """Some epochs of least squares; the root mean square error in the last epoch."""
     seen, wanted = torch.as_tensor(observations), torch.as_tensor(labels)
     total = 0.0
     for _ in range(teacher.epochs):
@@ -155,7 +155,7 @@ def _regress(
 
 
 def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:
-    """What the task asks of the law on each robot, but the heading that it has: no task observes the heading."""
+    """The task's setpoint for the law on each robot, with the robot's own heading: no task observes the heading."""
     asked = [batch.setpoint(robot) for robot in range(batch.num_envs)]
     parts = {part: np.array([setpoint[part] for setpoint in asked]) for part in law.setpoint_parts if part in asked[0]}
     states = batch.states()
@@ -174,7 +174,7 @@ def _actions(model: PPO, observations: torch.Tensor) -> torch.Tensor:
 
 
 def _actor(model: PPO) -> list[torch.nn.Parameter]:
-    """What the most likely action follows from, and no value does."""
+    """The parameters that determine the most likely action, but not the value."""
     return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
 
 

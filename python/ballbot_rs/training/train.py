@@ -31,10 +31,10 @@ from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.origin import now, origin
 from ballbot_rs.training.scaled_rewards import ScaledRewards
 
-#: Seeds of environments: each run has its own range, evaluations have its end, and `compare` stays below all of them.
+#: Seeds of environments: each run has its own range, evaluations use its end, and `compare` stays below all of them.
 SEEDS_PER_RUN = 10_000_000
 EVALUATION_SEEDS = 9_000_000
-#: Nominal robots with which the best policy is judged.
+#: Number of nominal robots with which the best policy is tested.
 JUDGED = 100
 
 
@@ -45,12 +45,12 @@ def first_seed(seed: int) -> int:
 
 @dataclasses.dataclass(frozen=True)
 class Session:
-    """What is to be learned, and what happens on the way."""
+    """The model to train, and its callbacks."""
 
     model: BaseAlgorithm
     config: TrainConfig
     seed: int
-    #: Most steps from the model's `num_timesteps` on; `keep_best` may end it earlier.
+    #: Most steps after the model's `num_timesteps`; `keep_best` may end it earlier.
     timesteps: int
     checkpoints: Checkpoints
     keep_best: KeepBest
@@ -60,13 +60,13 @@ class Session:
 
 
 class Learn(Protocol):
-    """A loop that learns."""
+    """A training loop."""
 
     def check(self, config: TrainConfig) -> None:
-        """Refuses a configuration that the loop does not take, before anything is written.
+        """Refuses a configuration that the loop does not support, before anything is written.
 
         Raises:
-            ValueError: it does not take it.
+            ValueError: the loop does not support it.
         """
 
     def __call__(self, session: Session) -> None:
@@ -90,16 +90,16 @@ def train(
     Args:
         config: the configuration.
         text: its TOML text, kept in the folder.
-        folder: where the run is kept; must not exist yet or be empty.
+        folder: the run folder; must not exist yet or be empty.
         seed: seeds the environments and the learner.
-        overwrite: whether to delete what an earlier run left in `folder`.
-        progress_bar: whether to show one.
+        overwrite: whether to delete an earlier run in `folder`.
+        progress_bar: whether to show a progress bar.
         tell: called with a text about the fit to a teacher.
-        stops: called with the steps and the mean return of each evaluation; True ends the training.
-        learn: the loop; None is that of Stable-Baselines3.
+        stops: called with the steps and the mean return of each evaluation; True ends training.
+        learn: the training loop; None is the loop of Stable-Baselines3.
 
     Raises:
-        FileExistsError: the folder holds an earlier run.
+        FileExistsError: the folder has an earlier run.
         ValueError: the configuration does not fit the environment or the algorithm, or another process trains in the
             folder.
         OSError: a file cannot be written.
@@ -110,12 +110,12 @@ def train(
     torch.set_num_threads(config.torch_threads)
     if learn is not None:
         learn.check(config)
-    # Before anything is deleted or written: this is what refuses a configuration.
+    # Before anything is deleted or written: this refuses an invalid configuration.
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
         teacher.law_of(model, config.teacher)
     with run_folder.held(folder):
-        # Another process may have begun a run meanwhile.
+        # Another process may have begun a run in the meantime.
         check_folder(folder, overwrite)
         _empty(folder)
         # The record comes first: a folder with it is a run, which may be overwritten.
@@ -138,23 +138,23 @@ def resume(
     tell: Callable[[str], None] = lambda text: None,  # noqa: ARG005
     learn: Learn | None = None,
 ) -> Path:
-    """Continues a run from its newest checkpoint that can be read to the number of steps that it was to have.
+    """Continues a run from its newest readable checkpoint to its configured number of steps.
 
     A checkpoint that cannot be read is skipped with a `UserWarning`. No code in the checkpoint is run. Evaluations
-    from after the checkpoint are dropped; the best policy stays, whenever it was found. The resumed run is the
-    uninterrupted one to the last bit. Where it is not, `tell` has the reason: on Ray, for a task in Python, after a
-    checkpoint of another version, or after an error within a rollout robots begin new episodes.
+    after the checkpoint are dropped; the best policy stays, whenever it was found. The resumed run is bit-identical to
+    the uninterrupted run. Where it is not, `tell` gets the reason: on Ray, for a task in Python, after a checkpoint of
+    another version, or after an error within a rollout, robots begin new episodes.
 
     Args:
         folder: the run.
-        timesteps: the number of steps that the run is to have from now on; a finished run goes on for the difference.
-        progress_bar: whether to show one.
+        timesteps: a new total number of steps of the run; a finished run continues for the difference.
+        progress_bar: whether to show a progress bar.
         tell: called with a text that names the checkpoint.
-        learn: the loop, whichever the run had so far; None is that of Stable-Baselines3.
+        learn: the training loop, whichever the run had so far; None is the loop of Stable-Baselines3.
 
     Raises:
-        FileNotFoundError: the folder holds no run, or one without a checkpoint.
-        ValueError: a file of the run is damaged, which the message names; no checkpoint can be read; another process
+        FileNotFoundError: the folder has no run, or a run without a checkpoint.
+        ValueError: a file of the run is damaged (the message names it); no checkpoint can be read; another process
             trains in the folder; or a run of SAC, whose replay buffer is not kept.
         OSError: a file cannot be read or written.
     """
@@ -196,7 +196,7 @@ def _resume(
     if timesteps is not None:
         _files.write(folder / run_folder.CONFIG, text)
     if learn is not None or not _give_state(model, checkpoint, keep_best, tell):
-        # The start of the run has had the first numbers: go on with others.
+        # The start of the run used the first random numbers: continue with others.
         model.set_random_seed(seed + model.num_timesteps)
         model._last_obs = None
         _seed_environments(model, first_seed(seed) + model.num_timesteps % EVALUATION_SEEDS)
@@ -205,7 +205,7 @@ def _resume(
 
 
 def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tell: Callable[[str], None]) -> bool:
-    """Puts a model where it was in the run; False, and why, if that cannot be."""
+    """Restores a model's state in the run; returns False, and why, if that is impossible."""
     try:
         state = run_state.read(checkpoint)
         if state is None:
@@ -220,16 +220,16 @@ def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tel
 
 
 def steps_alone(config: TrainConfig, timesteps: int) -> dict[str, int]:
-    """Values of a configuration with so many steps, neither more nor less."""
+    """Values of a configuration with exactly this number of steps."""
     most = {} if config.max_timesteps is None else {"max_timesteps": timesteps}
     return {"total_timesteps": timesteps, **most}
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuses a folder in which no run may begin.
+    """Refuses a folder in which a run must not begin.
 
     Raises:
-        FileExistsError: it holds an earlier run that is not to be overwritten, or other files.
+        FileExistsError: it has an earlier run that must not be overwritten, or other files.
         OSError: it cannot be read.
     """
     if not folder.exists():
@@ -248,7 +248,7 @@ def check_folder(folder: Path, overwrite: bool) -> None:
 
 
 def _empty(folder: Path) -> None:
-    """Deletes what an earlier run left, its record last: until then the folder is a run that may be overwritten."""
+    """Deletes an earlier run, its record last: until then the folder counts as a run that may be overwritten."""
     for path in folder.iterdir():
         if path.is_dir() and not path.is_symlink():
             shutil.rmtree(path)
@@ -277,7 +277,7 @@ def _seed_environments(model: BaseAlgorithm, seed: int) -> None:
 
 
 def _linear(initial: float, total: int, most: int) -> Callable[[float], float]:
-    """A value that falls to zero within `total` steps, and again within as many of a run that goes on to `most`."""
+    """A value that falls to zero within `total` steps, and again within as many if the run continues to `most`."""
 
     def value(remaining: float) -> float:
         if total == most:
@@ -289,7 +289,7 @@ def _linear(initial: float, total: int, most: int) -> Callable[[float], float]:
 
 
 def _constant(initial: float, total: int, most: int) -> Callable[[float], float]:
-    """A rate that is constant for `total` steps, and falls as one over the steps in a run that goes on to `most`."""
+    """A rate that is constant for `total` steps, and falls as one over the steps if the run continues to `most`."""
     return lambda remaining: initial * min(1.0, total / max((1.0 - remaining) * most, 1.0))
 
 
@@ -391,19 +391,19 @@ def _with_sb3(session: Session) -> None:
 def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
     model, started, diverged, ended = session.model, time.perf_counter(), "", False
     if session.timesteps > 0:
-        # Another loop has robots of its own.
+        # Another training loop has its own robots.
         session.checkpoints.is_between_rollouts = learn is None
         try:
             (learn or _with_sb3)(session)
             ended = True
         except ValueError as error:
-            # Torch refuses a distribution of actions that is none, and shows the whole batch of it.
+            # Torch refuses an invalid action distribution, and prints the whole batch.
             reason, diverged, _ = str(error).partition(" (Tensor of shape")
             if not diverged:
                 raise
             raise ValueError(f"the training has diverged after {model.num_timesteps} steps: {reason}") from error
         finally:
-            # Whatever else ended it, the run can be resumed from here.
+            # After any other end the run can be resumed from here.
             if not diverged:
                 session.checkpoints.keep(model, is_due=ended)
             _add_time(folder, model.num_timesteps, time.perf_counter() - started)
@@ -434,7 +434,7 @@ def _write_record(folder: Path, seed: int) -> None:
 
 
 def _add_time(folder: Path, timesteps: int, seconds: float) -> None:
-    """Notes when learning ended, after how many steps, and how long it took; a resumed run adds to the time."""
+    """Records when learning ended, the number of steps and the duration; a resumed run adds to the time."""
     record = run_folder.read_record(folder)
     before = record.get("seconds", 0.0)
     taken = (before if isinstance(before, float) else 0.0) + seconds

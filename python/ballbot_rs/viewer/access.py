@@ -1,10 +1,10 @@
-"""Who may ask the page's server for what."""
+"""Access rules of the page's server."""
 
 import re
 
 from websockets.datastructures import Headers
 
-#: Names by which a browser on this machine may call it; a tunnel may use another port.
+#: Host names that a browser on this machine may use; a tunnel may use another port.
 AUTHORITY = re.compile(r"(?:127\.0\.0\.1|localhost|\[::1\])(?::(\d{1,5}))?", re.ASCII | re.IGNORECASE)
 ORIGIN = re.compile(r"https?://(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
 
@@ -12,11 +12,11 @@ ELSEWHERE = "this server is for this machine alone"
 
 
 def refusal(path: str, headers: Headers) -> str | None:
-    """Why a request is refused, or None.
+    """The reason for refusing a request, or None.
 
-    A path may not leave the client's folder, which viser does not check. A foreign `Host` is another site's page after
-    its name was pointed at this machine. A foreign `Origin` is another page, be it of this machine, that reaches for
-    this server. Programs other than browsers send no `Origin`.
+    A path must not leave the client's folder, which viser does not check. A foreign `Host` is another site's page whose
+    name was pointed at this machine (DNS rebinding). A foreign `Origin` is another page, possibly on this machine, that
+    accesses this server. Programs other than browsers send no `Origin`.
     """
     file = path.partition("?")[0]
     if ".." in file.split("/") or "//" in file or any(c in file for c in "\\:") or "%5c" in file.lower():
@@ -32,6 +32,6 @@ def refusal(path: str, headers: Headers) -> str | None:
 
 
 def is_own(authority: str) -> bool:
-    """Whether HOST or HOST:PORT, as in RFC 3986 and nothing more, names this machine."""
+    """Whether HOST or HOST:PORT, strictly as in RFC 3986, names this machine."""
     match = AUTHORITY.fullmatch(authority)
     return match is not None and (match[1] is None or 1 <= int(match[1]) <= 65535)

@@ -1,4 +1,4 @@
-"""Flat arrows on the floor: triangles of always the same number, so that nodes of a scene need only new vertices."""
+"""Flat arrows on the floor: the number of triangles is constant, so that scene nodes only need new vertices."""
 
 import math
 
@@ -13,10 +13,10 @@ SHAFT, HEAD, HEAD_LENGTH = 0.012, 0.035, 0.07
 #: Height above the floor, m: the grid is at 0.
 HEIGHT = 0.006
 
-#: Pieces of a shaft.
+#: Segments of a shaft.
 PIECES = 24
 
-#: Corner numbers: those of the shaft in pairs from the tail on, then two of the head and the tip.
+#: Corner numbers: the shaft in pairs from the tail, then two of the head and the tip.
 FACES: npt.NDArray[np.int64] = np.array(
     [
         *[(2 * i, 2 * i + 1, 2 * i + 3) for i in range(PIECES)],
@@ -27,19 +27,19 @@ FACES: npt.NDArray[np.int64] = np.array(
 
 
 def straight(tail: float, length: float) -> FloatArray:
-    """Corners of an arrow along x from a distance of the origin on, m, shape (k, 3)."""
+    """Corners of an arrow along x, starting at a distance from the origin, m, shape (k, 3)."""
     ways, sides = _outline(length, HEAD_LENGTH)
     return _on_floor(tail + ways, sides)
 
 
 def arc(radius: float, angle: float) -> FloatArray:
-    """Corners of an arrow along a circle about the origin, from x on, counterclockwise for a positive angle, rad."""
+    """Corners of an arrow along a circle about the origin, from x, counterclockwise for a positive angle, rad."""
     angles, sides = _outline(angle, HEAD_LENGTH / radius)
     return _on_floor((radius + sides) * np.cos(angles), (radius + sides) * np.sin(angles))
 
 
 def _outline(length: float, head_length: float) -> tuple[FloatArray, FloatArray]:
-    """Places along the way of an arrow, and beside it."""
+    """Positions along an arrow, and lateral offsets."""
     neck = length - math.copysign(min(head_length, 0.5 * abs(length)), length)
     ways = np.append(np.repeat(np.linspace(0.0, neck, PIECES + 1), 2), [neck, neck, length])
     sides = np.append(np.tile([-SHAFT, SHAFT], PIECES + 1), [-HEAD, HEAD, 0.0])

@@ -1,4 +1,4 @@
-"""Balancing at a setpoint that a user moves; controllers get a target on the way to it."""
+"""Balancing at a setpoint that a user moves; controllers get a target moving towards it."""
 
 from collections.abc import Callable
 from typing import Any
@@ -36,7 +36,7 @@ class Balancing:
         self._controller, self._params = controller, params
         self.setpoint = np.zeros(2)
         self._references: list[Reference] = []
-        #: The curve along which the setpoint moves, and for how long it has, s.
+        #: The curve along which the setpoint moves, and the time on it so far, s.
         self._route: Route | None = None
         self._route_time = 0.0
 
@@ -86,13 +86,13 @@ class Balancing:
         self._move_to(goal)
 
     def follow(self, name: str) -> None:
-        """Has the setpoint move along a curve of `route.ROUTES`, from where it is.
+        """Moves the setpoint along a curve of `route.ROUTES`, from its present position.
 
         Raises:
-            ValueError: an unknown curve, or a controller that follows no position.
+            ValueError: an unknown curve, or a controller that does not follow a position.
         """
         self._check_follows()
-        # At this share of what the target can do, LQR on `paper` keeps within 2 cm of the curve.
+        # At this fraction of the target's limits, LQR on `paper` keeps within 2 cm of the curve.
         speed = min(MAX_SPEED, 0.35 * RATE * lead_of(self._controller, self._params))
         x, y = self.setpoint.tolist()
         self._route, self._route_time = Route(name, (x, y), speed), 0.0
@@ -105,7 +105,7 @@ class Balancing:
         self.setpoint, self._route = goal, None
 
     def shown(self, robots: Robots) -> dict[str, Any]:  # noqa: ARG002
-        """As `Objective`: the setpoint, and the target on the way there."""
+        """As `Objective`: the setpoint, and the target moving towards it."""
         return {
             "setpoint": self.setpoint if self.driver.follows_position else None,
             "target": self._references[0].position if self._references else None,

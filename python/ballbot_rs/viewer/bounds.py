@@ -1,4 +1,4 @@
-"""Numbers that a page asks for."""
+"""Checks of numbers from a page."""
 
 from ballbot_rs._checks import check_real
 

@@ -1,4 +1,4 @@
-"""Changes of a robot while it runs: factors and addends on the parameters, motors and sensors that it has otherwise."""
+"""Changes of a robot while it runs: factors and offsets on its nominal parameters, motors and sensors."""
 
 import dataclasses
 from collections.abc import Mapping
@@ -15,24 +15,24 @@ Motors = Mapping[str, Any] | str | None
 #: The option `sensors` of an environment, in full; None where controllers take the true state.
 Sensors = Mapping[str, Any] | None
 
-#: What the names of the errors of sensors end in.
+#: Suffixes of the names of sensor errors.
 ERRORS: Final = ("_noise", "_bias", "_walk")
 
 
 @dataclasses.dataclass(frozen=True)
 class Change:
-    """One number that may be changed, in the unit of its label, and its range."""
+    """A number that may be changed, in the unit of its label, and its range."""
 
     label: str
     low: float
     high: float
     step: float
-    #: The value that changes nothing.
+    #: The neutral value.
     neutral: float
     hint: str
 
 
-#: By name. Labels with × are factors; the others are addends in mm and ms.
+#: By name. Labels with × are factors; the others are offsets in mm and ms.
 CHANGES: Final[Mapping[str, Change]] = {
     "wheel_friction": Change("Wheel friction (×)", 0.0, 2.0, 0.01, 1.0, "wheels on the ball, static and dynamic"),
     "floor_friction": Change("Floor friction (×)", 0.0, 2.0, 0.01, 1.0, "ball on the floor, static and dynamic"),
@@ -55,7 +55,7 @@ def checked(values: Mapping[str, Any]) -> dict[str, float]:
     """The values as floats.
 
     Raises:
-        ValueError: an unknown name, something that is no number, or a number out of range.
+        ValueError: an unknown name, a value that is not a number, or a number out of range.
     """
     for name in values:
         if name not in CHANGES:
@@ -64,10 +64,10 @@ def checked(values: Mapping[str, Any]) -> dict[str, float]:
 
 
 def changed_params(params: Params, values: Mapping[str, float]) -> Params:
-    """A robot with changed parameters; what is in proportion stays so, as under events.
+    """A robot with changed parameters; proportional parameters scale together, as under events.
 
     Raises:
-        ValueError: no such robot can be.
+        ValueError: invalid parameters.
     """
     if all(values[name] == NEUTRAL[name] for name in NEUTRAL if not name.startswith(("motor_", "sensor_"))):
         return params

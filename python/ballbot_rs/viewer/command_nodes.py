@@ -1,4 +1,4 @@
-"""What a task asks, in the scene: an arrow, a goal, a path with the moving point, the last push."""
+"""A task's commands in the scene: an arrow, a goal, a path with the moving point, the last push."""
 
 import math
 
@@ -16,13 +16,13 @@ Place = tuple[float, float, float]
 
 COMMAND_COLOR, TURN_COLOR, PUSH_COLOR = (30, 160, 60), (240, 140, 26), (204, 56, 46)
 
-#: Way and turn that arrows show: those of this time, s.
+#: Arrows show the distance and turn over this time, s.
 AHEAD = 1.0
 
-#: Arrows begin beyond the ball, m: its largest radius among the presets, and a gap.
+#: Arrows begin outside the ball, m: the largest radius among the presets, and a gap.
 CLEAR, TURN_CLEAR = 0.16, 0.22
 
-#: Length of an arrow of a push, m/(N·s), and how long it is shown, s.
+#: Length of a push arrow, m/(N·s), and how long it is shown, s.
 PUSH_LENGTH, PUSH_SECONDS = 0.25, 0.7
 
 #: Points of a path.
@@ -33,20 +33,20 @@ PATH_HEIGHT = 0.004
 
 
 class CommandNodes:
-    """What a task asks of each robot, in the frames in which the robots start."""
+    """A task's command to each robot, in the frames in which the robots start."""
 
     def __init__(self, server: viser.ViserServer, name: str, task: str, places: list[Place]) -> None:
         kind = KINDS.get(task)
         self._nodes = [] if kind is None else [kind(server, f"{name}_{i}", place) for i, place in enumerate(places)]
 
     def show(self, frame: Frame) -> None:
-        """Moves everything to where a frame has it."""
+        """Moves everything to its place in a frame."""
         assert frame.asked is not None
         for index, node in enumerate(self._nodes):
             node.show(frame, frame.asked, index)
 
     def remove(self) -> None:
-        """Takes everything away."""
+        """Removes everything."""
         for node in self._nodes:
             node.remove()
 
@@ -70,16 +70,16 @@ class _Nodes:
         return self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
 
     def show(self, frame: Frame, asked: Asked, index: int) -> None:
-        """Shows what is asked of robot `index`."""
+        """Shows the command of robot `index`."""
         raise NotImplementedError
 
     def remove(self) -> None:
-        """Takes the nodes away."""
+        """Removes the nodes."""
         self._root.remove()
 
 
 class _Velocity(_Nodes):
-    """An arrow at the ball in the heading frame, and one about it for the rate of the heading."""
+    """An arrow at the ball in the heading frame, and an arrow around it for the yaw rate."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
@@ -106,7 +106,7 @@ class _Velocity(_Nodes):
 
 
 class _Goal(_Nodes):
-    """A point in a ring, which is seen around the ball."""
+    """A point in a ring, which is visible around the ball."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
@@ -139,7 +139,7 @@ class _Path(_Nodes):
 
 
 class _Push(_Goal):
-    """The point to stay at, and for a while an arrow in the direction of a push."""
+    """The point to hold, and for a while an arrow in the direction of a push."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
@@ -169,7 +169,7 @@ KINDS: dict[str, type[_Nodes]] = {
 
 
 def path_of(command: FloatArray, begin: FloatArray) -> FloatArray:
-    """Points of the closed curve that a command of the task path asks for, from where it begins, m, shape (n, 2)."""
+    """Points of the closed curve commanded by the task path, from its start, m, shape (n, 2)."""
     phases = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
     coefficients = command[1:].reshape(2, -1, 2)
     orders = np.arange(1, coefficients.shape[1] + 1)[:, np.newaxis]
@@ -191,7 +191,7 @@ def heading_of(state: FloatArray) -> float:
 
 
 def about_z(angle: float) -> tuple[float, float, float, float]:
-    """`[w, x, y, z]` of a turn about the vertical."""
+    """`[w, x, y, z]` of a rotation about the vertical."""
     return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
 
 

@@ -1,4 +1,4 @@
-"""What a task asks, in words: the command, the metrics so far, and how to command it by hand."""
+"""A task's command in words, the metrics so far, and how to command it by hand."""
 
 import math
 
@@ -13,7 +13,7 @@ from ballbot_rs.viewer.session import Session
 
 
 class CommandPanel:
-    """How to command a task by hand, and the way back; `add_controls` adds it where it is to be.
+    """How to command a task by hand, and a button to undo it; `add_controls` adds it to the page.
 
     Args:
         server: shows it.
@@ -35,7 +35,7 @@ class CommandPanel:
         )
 
     def show(self, session: Session) -> None:
-        """Shows what fits the task."""
+        """Shows the controls that fit the task."""
         commanding = session.commanding
         text = "" if commanding is None else help_of(commanding)
         put(self._help, visible=bool(text), content=text)
@@ -43,7 +43,7 @@ class CommandPanel:
 
 
 def command_of(asked: Asked) -> str:
-    """The command of robot 0, and who gave it; empty of a task that has none."""
+    """The command of robot 0, and its source; empty for a task without commands."""
     command = asked.commands[0].tolist()
     if asked.task == "push":
         impulse, azimuth = asked.pushes[0, :2].tolist()
@@ -75,7 +75,7 @@ def metrics_of(asked: Asked) -> dict[str, str]:
 
 
 def help_of(commanding: Commanding) -> str:
-    """How to command a task by hand, and what is the most that it takes."""
+    """How to command a task by hand, and the limits of its commands."""
     if commanding.task in DRIVEN:
         turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
         limits = f"{commanding.max_speed:g} m/s and {turns}"

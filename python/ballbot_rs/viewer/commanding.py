@@ -1,4 +1,4 @@
-"""A task that asks by itself: robots in its environments, with commands that it draws or that a user gives."""
+"""A task with its own commands: robots in its environments, with commands that it samples or that a user gives."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,11 +23,11 @@ FloatArray = npt.NDArray[np.float64]
 #: Tasks that take a command from the page: driven by keys, or given by a click on the floor.
 DRIVEN, CLICKED = ("velocity", "terrain"), "goal"
 
-#: How fast a command that drives changes, m/s², as the point of the task path does, and rad/s²: keys may be pressed
-#: faster than a robot can follow.
+#: Slew rates of a driving command, m/s², as of the point of the task path, and rad/s²: keys may be pressed faster than
+#: a robot can follow.
 ACCELERATION, YAW_ACCELERATION = 0.6, 2.0
 
-#: Largest coordinate that a click may have, m; the goal is nearer.
+#: Largest coordinate of a click, m; the goal is nearer.
 MAX_CLICK = 1e3
 
 
@@ -37,9 +37,9 @@ class Commanding:
     Args:
         controller: a policy that was trained in the task, or a law, which follows the task's setpoint.
         params: the robot.
-        num_robots: how many.
+        num_robots: number of robots.
         task: name of the task.
-        options: of the task, over which those of a policy's training go; `terrain` is made already.
+        options: of the task, overridden by the options of a policy's training; `terrain` is made already.
 
     Raises:
         ValueError: a number out of range, or time steps out of range.
@@ -57,18 +57,18 @@ class Commanding:
         else:
             self.driver = self._policy = TaskPolicy(controller, params, task, options)
         own = option_names(task)
-        # A law brings what the robots were made with, maybe of another task.
+        # A law has the options with which the robots were made, possibly of another task.
         given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
-        #: Those of a `Setup`.
+        #: Options of a `Setup`.
         self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
         drawn = new_batch(1, task=task, num_threads=1, options=_on(options, self.task_options, params)).options
-        #: Largest speed, m/s, and rate of the heading, rad/s, that may be asked for; those that the task draws.
+        #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
         self.max_speed = drawn.get("speed", drawn.get("speed_range", (0.0, 0.0))[-1])
         self.max_yaw_rate = drawn.get("yaw_rate", 0.0)
         #: Largest distance of a goal from the ball, m.
         self.max_distance = drawn.get("goal_distance", (0.0, 0.0))[1]
         self._hand: FloatArray | None = None
-        #: Commands that the robots have had by hand; on the way to `_hand` where it drives.
+        #: Present manual commands of the robots; for driving they move towards `_hand`.
         self._given: dict[int, FloatArray] = {}
 
     @property
@@ -77,7 +77,7 @@ class Commanding:
         return self._hand is not None
 
     def torques(self, robots: Robots, call: Call) -> Torques:
-        """As `Objective`. What a controller takes is read before it is called, which may be in another thread."""
+        """As `Objective`. The controller's inputs are read before the call, which may be in another thread."""
         if self.task in DRIVEN and self._hand is not None:
             self._give(robots, [self._towards_hand(now) for now in robots.commands])
         if self._policy is not None:
@@ -88,13 +88,13 @@ class Commanding:
         return call(lambda: self._law.follow(states, setpoints))
 
     def reset(self) -> None:
-        """As `Objective`: the task draws the commands again."""
+        """As `Objective`: the task samples the commands again."""
         self.driver.reset()
         self._hand = None
         self._given = {}
 
     def restarted(self, robots: Robots, index: int) -> None:
-        """As `Objective`; a robot that is commanded by hand rests where it starts."""
+        """As `Objective`; a robot that is commanded by hand rests at its start."""
         self.driver.reset(index)
         if self._hand is not None:
             rest = np.zeros_like(self._hand)
@@ -106,14 +106,14 @@ class Commanding:
     def go_on(self, robots: Robots, before: Objective) -> None:
         """As `Objective`."""
         if isinstance(before, Commanding) and before.task == self.task and before._hand is not None:
-            # A command that drives goes on from where it is: a jump topples.
+            # A driving command continues from its present value: a jump topples the robot.
             self._hand, given = before._hand, dict(before._given)
             self._give(robots, [given.get(i, now) for i, now in enumerate(robots.commands)])
 
     def drive(self, forward: float, left: float, turn: float) -> None:
-        """Drives all robots: shares of the largest speed, in the heading frame, and of the largest rate, in [-1, 1].
+        """Drives all robots: fractions of the largest speed, heading frame, and of the largest yaw rate, in [-1, 1].
 
-        Their commands change to it from now on.
+        Their commands change gradually to these values.
 
         Raises:
             ValueError: a number out of range, or another task.
@@ -122,12 +122,12 @@ class Commanding:
         shares = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
         if self.task not in DRIVEN:
             raise ValueError(f"the task {self.task} is not driven: choose the task {DRIVEN[0]}")
-        # On the diagonal two keys ask for more than the task draws.
+        # On the diagonal two keys command more than the task samples.
         speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
         self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])
 
     def _towards_hand(self, now: FloatArray) -> FloatArray:
-        """The command of a robot a control step later, on the way to the one by hand."""
+        """The command of a robot one control step later, moving towards the manual command."""
         assert self._hand is not None
         change = self._hand - now
         speed, turn = math.hypot(*change[:2]), abs(change[2])
@@ -138,7 +138,7 @@ class Commanding:
         return self._hand if arrived else now + change
 
     def click(self, robots: Robots, x: float, y: float) -> None:
-        """As `Objective`: the goal, which is brought as near to the ball as the task draws goals."""
+        """As `Objective`: the goal, limited to the distance from the ball at which the task samples goals."""
         goal = np.array([check_bounded(n, v, -MAX_CLICK, MAX_CLICK) for n, v in (("x", x), ("y", y))])
         if not self.takes_clicks:
             raise ValueError(f"a click is no command of the task {self.task}")
@@ -146,7 +146,7 @@ class Commanding:
         self._give(robots, self._goals(robots))
 
     def _goals(self, robots: Robots) -> list[FloatArray]:
-        """The goal by hand, brought near to each ball."""
+        """The manual goal, limited to this distance from each ball."""
         assert self._hand is not None
         goals = []
         for state in robots.states:
@@ -157,13 +157,13 @@ class Commanding:
 
     def _give(self, robots: Robots, commands: Sequence[FloatArray]) -> None:
         for index, (now, wanted) in enumerate(zip(robots.commands, commands, strict=True)):
-            # The errors of the same command given again would be counted anew.
+            # Giving the same command again would restart its error metrics.
             if not np.array_equal(now, wanted):
                 robots.set_command(index, wanted)
             self._given[index] = wanted
 
     def shown(self, robots: Robots) -> dict[str, Any]:
-        """As `Objective`: what the task asks."""
+        """As `Objective`: the task's commands."""
         points = np.array([asked["position"] for asked in robots.setpoints])
         asked = Asked(
             self.task, robots.commands, robots.begins, points, robots.task_pushes, robots.metrics, self.by_hand
@@ -172,7 +172,7 @@ class Commanding:
 
 
 def _on(given: Mapping[str, Any], options: Mapping[str, Any], params: Params) -> dict[str, Any]:
-    """Options of a robot on the ground that is given: to make it takes longest."""
+    """Options of a robot on the given ground, whose construction takes longest."""
     return {**options, "params": params, "terrain": given.get("terrain")}
 
 
@@ -204,4 +204,4 @@ class TaskPolicy:
         return np.clip(actions, -1.0, 1.0) * self.max_torque
 
     def reset(self, robot: int | None = None) -> None:
-        """Environments keep the past of a robot, not the policy."""
+        """The environments keep the memory of a robot, not the policy."""

@@ -1,4 +1,4 @@
-"""What panels of the page share: callbacks that put commands into the queue, and notes."""
+"""Shared by the panels of the page: callbacks that put commands into the queue, and notes."""
 
 import functools
 import html
@@ -15,10 +15,10 @@ Submit = Callable[[Command], bool]
 def on_client(
     submit: Submit, make: Callable[[], Command]
 ) -> Callable[[viser.GuiEvent[Any]], Coroutine[Any, Any, None]]:
-    """A callback that submits the command made when a client, not the server, changed something.
+    """A callback that submits a command if a client, not the server, changed something.
 
-    It is a coroutine, as all callbacks that read a control: viser calls a function later, in a thread, when the page
-    may have put back what the session still has.
+    It is a coroutine, as are all callbacks that read a control: viser calls a function later, in a thread, when the
+    page may have restored the session's old value.
     """
 
     async def callback(event: viser.GuiEvent[Any]) -> None:
@@ -36,7 +36,7 @@ def bound(method: Callable[..., Any], *arguments: Any) -> Command:
 def add_button(
     gui: viser.GuiApi, submit: Submit, label: str, command: Command, hint: str | None = None, **look: Any
 ) -> viser.GuiButtonHandle:
-    """A button that submits always the same command."""
+    """A button that always submits the same command."""
     button = gui.add_button(label, hint=hint, **look)
     button.on_click(on_client(submit, functools.partial(_same, command)))
     return button
@@ -53,7 +53,7 @@ def note(text: str) -> str:
 
 
 def put(handle: Any, **values: Any) -> None:
-    """Sets properties of a control that are not what they should be; each that is set goes to all pages."""
+    """Sets the properties of a control that differ; each change goes to all pages."""
     for name, value in values.items():
         if getattr(handle, name) != value:
             setattr(handle, name, value)

@@ -1,4 +1,4 @@
-"""Files of a recording: its robot 0 as a trajectory, written as the command line would."""
+"""Files of a recording: its robot 0 as a trajectory, written as by the command line."""
 
 import tempfile
 import threading
@@ -18,16 +18,16 @@ from ballbot_rs.viewer.session import Session
 #: Suffixes by the labels of the buttons.
 KINDS: Final = {"CSV": ".csv", "MCAP": ".mcap", "Video": ".mp4"}
 
-#: Of videos: size, px, samples a pixel, and frames a second.
+#: Videos: size, px, samples per pixel, and frames per second.
 WIDTH, HEIGHT, SAMPLES, FRAME_RATE = 640, 480, 2, 25.0
 
 
 class Downloads:
-    """Writes one file at a time, in a thread of its own, since a video takes longer than what it shows."""
+    """Writes one file at a time, in a separate thread, since rendering a video is slower than real time."""
 
     def __init__(self) -> None:
         self._thread: threading.Thread | None = None
-        #: How far it is, or why there is no file; empty when all is done.
+        #: Progress, or why there is no file; empty when done.
         self.progress = ""
 
     def start(self, session: Session, kind: str, client: viser.ClientHandle) -> None:
@@ -54,7 +54,7 @@ class Downloads:
             content = file_of(trajectory_of(frames, *names), kind, told)
             client.send_file_download(f"ballbot{KINDS[kind]}", content, save_immediately=True)
             self.progress = ""
-        except Exception as error:  # A page shows why; the simulation goes on.
+        except Exception as error:  # A page shows why; the simulation continues.
             self.progress = f"{kind}: {error or type(error).__name__}"
 
 
@@ -79,10 +79,10 @@ def trajectory_of(frames: Sequence[Frame], controller: str, model: str) -> Traje
 
 
 def file_of(trajectory: Trajectory, kind: str, progress: Callable[[int, int], None]) -> bytes:
-    """What the file of a kind of `KINDS` has.
+    """The contents of a file of a kind in `KINDS`.
 
     Raises:
-        ModuleNotFoundError: what writes it is not installed.
+        ModuleNotFoundError: a package that writes it is not installed.
         OSError: the video cannot be encoded.
     """
     with tempfile.TemporaryDirectory() as folder:

@@ -16,7 +16,7 @@ from ballbot_rs.envs.registration import DEFAULT_TASK
 
 Torques = npt.NDArray[np.float64]
 
-#: Time step of the models and of controllers without a rate of their own, s; policies have those of their training.
+#: Time step of the models and of controllers without their own rate, s; policies have the steps of their training.
 SIM_DT = 0.002
 CONTROL_DT = 0.01
 
@@ -24,7 +24,7 @@ CONTROL_DT = 0.01
 MIN_CONTROL_DT, MAX_CONTROL_DT = 1e-3, 1.0
 MAX_SUBSTEPS = 1000
 
-#: How far above its place a robot is observed, m; its height is not observed.
+#: How far a robot is raised for its observation, m; its height is not observed.
 LIFT = 1.0
 
 
@@ -33,9 +33,9 @@ class Driver(Protocol):
 
     control_dt: float
     sim_dt: float
-    #: Largest torque that it may choose, N·m: that of the motors, or of a policy's action of 1.
+    #: Largest torque that it may choose, N·m: the motors' limit, or a policy's torque at an action of 1.
     max_torque: float
-    #: Whether it is made of what others wrote, which may never return.
+    #: Whether it contains foreign code, which may never return.
     is_foreign: bool
 
     def reset(self, robot: int | None = None) -> None:
@@ -51,7 +51,7 @@ class BalancingDriver(Driver, Protocol):
     def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
 
-        `setpoints` are positions of the ball, m: one a robot, shape (n, 2), or one for all, shape (2,).
+        `setpoints` are positions of the ball, m: one per robot, shape (n, 2), or one for all, shape (2,).
         """
 
 
@@ -67,7 +67,7 @@ def make_driver(controller: ResolvedController, params: Params, num_robots: int)
 
 
 def check_steps(name: str, control_dt: float, sim_dt: float) -> None:
-    """Raises ValueError for time steps with which the page would not be in real time."""
+    """Raises ValueError for time steps too short for real time."""
     if not MIN_CONTROL_DT <= control_dt <= MAX_CONTROL_DT:
         limits = f"{MIN_CONTROL_DT:g} to {MAX_CONTROL_DT:g} s"
         raise ValueError(f"{name} has control_dt = {control_dt}, which is out of range: expected {limits}")
@@ -84,7 +84,7 @@ class LawDriver:
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         self.control_dt = CONTROL_DT if controller.control_dt is None else controller.control_dt
         check_steps(controller.name, self.control_dt, SIM_DT)
-        # At most the usual time step, and a whole number of them in the controller's.
+        # At most the usual time step, and a whole fraction of the controller's period.
         self.sim_dt = self.control_dt / math.ceil(self.control_dt / SIM_DT - 1e-9)
         self.max_torque = params.max_wheel_torque
         self.is_foreign = controller.name not in NAMES
@@ -97,7 +97,7 @@ class LawDriver:
         return self.follow(states, [Setpoint(position=place) for place in _one_each(setpoints, states)])
 
     def follow(self, states: Sequence[State], setpoints: Sequence[Setpoint]) -> Torques:
-        """The same for setpoints with all parts, one a robot."""
+        """The same for setpoints with all parts, one per robot."""
         return self._laws.torques(states, setpoints)
 
     def reset(self, robot: int | None = None) -> None:
@@ -109,15 +109,15 @@ class PolicyDriver:
     """A policy on every robot.
 
     The balance task itself makes the observations: each robot's state is put into an environment of the task, moved so
-    that the setpoint is at the origin, and up, so that a ball that events have made smaller is not in the floor. The
-    last action, which a state does not have, is the one the policy chose.
+    that the setpoint is at the origin, and raised, so that a ball that events have shrunk is not in the floor. The last
+    action, which is not in the state, is the policy's own last choice.
     """
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         assert controller.policy is not None
         self.follows_position = self.is_foreign = True
         self._policy = controller.policy
-        # Any model observes a state alike, with any motors; `contact` takes every state, be it fallen or slipping.
+        # All models observe a state alike, with any motors; `contact` accepts every state, even fallen or slipping.
         fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
@@ -164,22 +164,22 @@ class PolicyDriver:
         return observation
 
     def _with_past(self, index: int, observation: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """The last observations of a robot, as the option `history` gives them."""
+        """The last observations of a robot, as with the option `history`."""
         past = self._past[index] or [observation] * self._history
         self._past[index] = [*past[1:], observation]
         return np.concatenate(self._past[index])
 
     def reset(self, robot: int | None = None) -> None:
-        """Clears the last actions and observations, or those of one robot."""
+        """Clears the last actions and observations of all robots or of one."""
         self._last[slice(None) if robot is None else robot] = 0.0
         for i in range(len(self._past)) if robot is None else (robot,):
             self._past[i] = []
 
 
 def lead_of(controller: ResolvedController, params: Params) -> float:
-    """How far ahead of the ball a controller's target may be, m: up to there no wheel comes near to slipping."""
+    """Largest distance of a controller's target from the ball, m, at which no wheel is close to slipping."""
     driver = make_driver(controller, params, 1)
-    # The torque at which no wheel of the upright robot slips, within that of the motors.
+    # The torque at which no wheel of the upright robot slips, within the motors' limit.
     limit = new_batch(1, num_threads=1, options={"params": params}).max_wheel_torque
     rest = [State.at_equilibrium(params)]
 

@@ -1,6 +1,6 @@
-"""Pages that drive: their script reads keyboard and gamepad, and sends what follows over a connection of its own.
+"""Pages that drive: their script reads keyboard and gamepad, and sends commands over a separate connection.
 
-viser has no events of keys and gamepads. Whoever drives must go on doing so: a robot whose page is silent stops.
+viser has no keyboard and gamepad events. Driving requires continuous messages: a robot whose page is silent stops.
 """
 
 import asyncio
@@ -17,16 +17,16 @@ from ballbot_rs.viewer.commanding import DRIVEN
 from ballbot_rs.viewer.runner import Command
 from ballbot_rs.viewer.session import Session
 
-#: Where the connection is asked for.
+#: Path of the connection.
 PATH: Final = "/drive"
 
-#: How long a command holds after the page's last message, s; the script sends one every 0.1 s.
+#: How long a command holds after the page's last message, s; the script sends a message every 0.1 s.
 HOLD: Final = 1.0
 
-#: Least time between two messages of a page, s; one that sends more is read more slowly.
+#: Least time between two messages of a page, s; more frequent messages are read more slowly.
 LEAST_PERIOD: Final = 0.005
 
-#: Messages that a page may send in vain before it is disconnected.
+#: Invalid messages that a page may send before it is disconnected.
 MAX_REFUSED: Final = 100
 
 Share = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
@@ -42,7 +42,7 @@ _DECODER = msgspec.json.Decoder(tuple[Share, Share, Share] | Restore)
 
 
 def message_of(raw: str | bytes) -> tuple[float, float, float] | Restore | None:
-    """Forward, left and turn in [-1, 1], or what a link says; None if a message is neither."""
+    """Forward, left and turn in [-1, 1], or the content of a link; None if a message is neither."""
     try:
         message: tuple[float, float, float] | Restore = _DECODER.decode(raw)
         return message
@@ -51,7 +51,7 @@ def message_of(raw: str | bytes) -> tuple[float, float, float] | Restore | None:
 
 
 class Driving:
-    """The connections of the pages; the last one that sent something drives.
+    """The connections of the pages; the page with the last message drives.
 
     Args:
         submit: puts a command into the queue.
@@ -63,16 +63,16 @@ class Driving:
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_on = False
         self._sending: set[asyncio.Task[None]] = set()
-        #: Who drives, and since when nothing has come, in the thread of the session.
+        #: The driving page, and since when it has been silent, in the thread of the session.
         self._driver: ServerConnection | None = None
         self._heard = 0.0
 
     def __len__(self) -> int:
-        """How many pages there are."""
+        """Number of pages."""
         return len(self.connections)
 
     async def serve(self, connection: ServerConnection) -> None:
-        """Reads a page's commands until it is gone, and stops the robot then."""
+        """Reads a page's commands until it disconnects, then stops the robot."""
         self._loop = asyncio.get_running_loop()
         self.connections.add(connection)
         refused = 0
@@ -96,7 +96,7 @@ class Driving:
 
     def _drive(self, connection: ServerConnection, shares: tuple[float, float, float]) -> Command:
         def command(session: Session) -> None:
-            # What was sent before the task changed, or the replay began, is no fault.
+            # Messages sent before the task changed, or the replay began, are not errors.
             if is_driven(session):
                 session.drive(*shares)
                 self._driver, self._heard = (connection if any(shares) else None), time.monotonic()
@@ -116,7 +116,7 @@ class Driving:
             session.drive(0.0, 0.0, 0.0)
 
     def show(self, session: Session) -> None:
-        """Stops the robot of a page that is silent, and says to pages whether they may drive."""
+        """Stops the robot of a silent page, and tells pages whether they may drive."""
         if self._driver is not None and time.monotonic() - self._heard > HOLD:
             self._stop(session)
             session.notices.append(f"nothing has come from the page that drove for {HOLD:g} s: the robot stops")
@@ -128,13 +128,13 @@ class Driving:
     def _say(self, is_on: bool) -> None:
         for connection in list(self.connections):
             task = asyncio.ensure_future(connection.send(_text(is_on)))
-            # The loop itself keeps no task.
+            # The loop itself does not keep references to tasks.
             self._sending.add(task)
             task.add_done_callback(self._sent)
 
     def _sent(self, task: "asyncio.Task[None]") -> None:
         self._sending.discard(task)
-        # Of a connection that has just been closed.
+        # From a connection that was just closed.
         if not task.cancelled():
             task.exception()
 

@@ -1,4 +1,4 @@
-"""What the scene adds to robot 0: its trail, the forces on it, a push, and the curve that it follows."""
+"""Scene additions to robot 0: its trail, the forces on it, a push, and the curve that it follows."""
 
 import math
 from collections import deque
@@ -19,10 +19,10 @@ TRAIL_COLOR, ROUTE_COLOR, PUSH_COLOR = (26, 76, 140), (30, 140, 60), (204, 56, 4
 LOAD_COLOR, TRACTION_COLOR, FLOOR_COLOR = (25, 113, 194), (47, 158, 68), (224, 49, 49)
 FORCE_COLORS = np.array([*[LOAD_COLOR] * 3, *[TRACTION_COLOR] * 3, FLOOR_COLOR], dtype=np.uint8)
 
-#: Length of an arrow per force, m/N, and per impulse, m/(N·s); shorter ones than the last have no direction.
+#: Length of an arrow per force, m/N, and per impulse, m/(N·s); arrows shorter than the last number have no direction.
 FORCE_LENGTH, PUSH_LENGTH, SHORTEST = 0.012, 0.35, 0.004
 
-#: Pieces of the trail, least length of one, m, and time between two updates, s.
+#: Segments of the trail, least length of a segment, m, and time between two updates, s.
 TRAIL_POINTS, TRAIL_STEP, TRAIL_PERIOD = 400, 0.01, 0.1
 
 #: Above the floor, m.
@@ -33,7 +33,7 @@ THICKNESS = 0.008
 
 
 class Trail:
-    """A line on the floor where the ball has been."""
+    """The path of the ball as a line on the floor."""
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self._line = server.scene.add_line_segments(
@@ -43,7 +43,7 @@ class Trail:
         self._time = self._drawn = -math.inf
 
     def show(self, frame: Frame, is_on: bool) -> None:
-        """Adds where the ball is; after a jump in time or place the trail begins anew."""
+        """Adds the ball's position; after a jump in time or position the trail restarts."""
         ball = frame.states[0, BALL_POSITION][:2]
         point = np.append(ball, frame.heights(ball) + TRAIL_HEIGHT)
         step = float(np.linalg.norm(point - self._points[-1])) if self._points else math.inf
@@ -76,14 +76,14 @@ class Forces:
         )
 
     def show(self, frame: Frame, is_on: bool) -> None:
-        """Draws those of a frame."""
+        """Draws the forces of a frame."""
         _set_visible(self._arrows, is_on)
         if is_on:
             self._arrows.points = np.float32(force_arrows(frame))
 
 
 class Push:
-    """An arrow to the body, for a while after a push."""
+    """An arrow at the body, for a while after a push."""
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
         self._arrow = server.scene.add_arrows(
@@ -97,14 +97,14 @@ class Push:
         )
 
     def show(self, frame: Frame) -> None:
-        """Draws that of a frame."""
+        """Draws the push of a frame."""
         push = frame.push
         length = 0.0 if push is None else PUSH_LENGTH * float(np.linalg.norm(push))
         _set_visible(self._arrow, length >= SHORTEST)
         if push is not None and length >= SHORTEST:
             way = np.append(push, 0.0) * ((length + 0.08) / np.linalg.norm(push))
             com = frame.states[0, BODY_POSITION] + body_axes_of(frame.states[0]) @ np.asarray(frame.params.body_com)
-            # Its tip is outside of the mast.
+            # Its tip is outside the mast.
             tip = com - 0.06 * way / np.linalg.norm(way)
             self._arrow.points = np.array([[tip - way, tip]], dtype=np.float32)
 
@@ -119,7 +119,7 @@ class RouteLine:
         self._shown: FloatArray | None = None
 
     def show(self, frame: Frame) -> None:
-        """Draws that of a frame."""
+        """Draws the route of a frame."""
         _set_visible(self._line, frame.route is not None)
         if frame.route is not None and (self._shown is None or not np.array_equal(frame.route, self._shown)):
             self._shown = frame.route
@@ -130,7 +130,7 @@ class RouteLine:
 def force_arrows(frame: Frame) -> FloatArray:
     """Tails and tips, m, shape (7, 2, 3): loads on the wheels from above, tractions at the contacts, the floor's force.
 
-    A force that is too small for an arrow is one without length far below the floor.
+    A force that is too small for an arrow has zero length, far below the floor.
     """
     state, contacts, params = frame.states[0], frame.contacts, frame.params
     axes, center = body_axes_of(state), state[BODY_POSITION]
@@ -152,18 +152,18 @@ def force_arrows(frame: Frame) -> FloatArray:
 
 
 def _normal_at_contact(frame: Frame, radius: float) -> FloatArray:
-    """Of the ground where the ball of robot 0 touches it, which on a slope is not below the ball's center."""
+    """Normal of the ground at the contact of robot 0's ball, which on a slope is not below the ball's center."""
     ball = frame.states[0, BALL_POSITION][:2]
     normal = np.array([0.0, 0.0, 1.0])
     if frame.terrain is not None:
-        # Contracts, since no valley is as narrow as the ball.
+        # A contraction, since no valley is as narrow as the ball.
         for _ in range(8):
             normal = frame.terrain.normal(*(ball - radius * normal[:2]))
     return normal
 
 
 def contact_directions(params: Params) -> tuple[FloatArray, FloatArray]:
-    """From the center of the ball to each wheel, and how the wheel drives the ball, body frame, shape (3, 3)."""
+    """Directions from the ball's center to each wheel, and drive directions, body frame, shape (3, 3)."""
     zeniths, azimuths = np.asarray(params.wheel_zeniths), np.asarray(params.wheel_azimuths)
     sin, cos = np.sin(zeniths), np.cos(zeniths)
     outwards = np.stack([sin * np.cos(azimuths), sin * np.sin(azimuths), cos], axis=1)

@@ -1,4 +1,4 @@
-"""A second session beside the first one: the same robot under another controller, to which the same is done."""
+"""A second session next to the first: the same robot under another controller, with the same inputs."""
 
 import functools
 from collections.abc import Callable
@@ -11,7 +11,7 @@ P = ParamSpec("P")
 
 
 def shared(method: Callable[Concatenate[Any, P], None]) -> Callable[Concatenate[Any, P], None]:
-    """A method of a session that is called of its ghost, too. What the ghost cannot do is no error of the session."""
+    """A method of a session that is also called on its ghost. Errors of the ghost are not errors of the session."""
 
     @functools.wraps(method)
     def both(session: Any, /, *arguments: P.args, **named: P.kwargs) -> None:
@@ -23,7 +23,7 @@ def shared(method: Callable[Concatenate[Any, P], None]) -> Callable[Concatenate[
 
 
 def keep_up(session: "Session") -> None:
-    """Lets the ghost of a session get to the same time, in the same episode: one that falls alone begins it again."""
+    """Advances a session's ghost to the same time and episode: if only the ghost falls, it restarts the episode."""
     ghost = session.ghost
     if ghost is None:
         return
@@ -35,7 +35,7 @@ def keep_up(session: "Session") -> None:
         while ghost.time < session.time - 1e-9:
             ghost.step()
     except Exception as error:
-        # Its policy may choose nonsense; the session goes on without it.
+        # Its policy may return nonsense; the session continues without it.
         session.ghost = None
         session.notices.append(f"{ghost.controller}, to compare with: {error or type(error).__name__}; it is gone")
 
@@ -44,6 +44,6 @@ def _try(session: "Session", call: Callable[[], Any]) -> None:
     try:
         call()
     except Exception as error:
-        # A controller of others may fail in any way.
+        # A foreign controller may fail in any way.
         assert session.ghost is not None
         session.notices.append(f"{session.ghost.controller}, to compare with: {error or type(error).__name__}")

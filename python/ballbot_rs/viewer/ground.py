@@ -1,4 +1,4 @@
-"""The ground of a session: which one it is, and where a ray meets it."""
+"""The ground of a session, and its intersection with a ray."""
 
 from typing import Any
 
@@ -8,12 +8,12 @@ import numpy.typing as npt
 from ballbot_rs._core import TASKS, Params, Terrain
 from ballbot_rs.envs._batch_env import new_batch
 
-#: Where along a ray the ground is looked for, m: in steps that a ball is larger than, and farther off in shares.
+#: Sample distances along a ray, m: in steps smaller than a ball, and geometric farther away.
 WAYS = np.concatenate([np.arange(0.0, 10.0, 0.02), np.geomspace(10.0, 1000.0, 2304)])
 
 
 class Grounds:
-    """Makes the ground, and keeps the last one: large ones take a second."""
+    """Makes the ground, and keeps the last: large terrains take a second."""
 
     def __init__(self) -> None:
         self._key: Any = None
@@ -23,12 +23,12 @@ class Grounds:
         """The ground of a robot in a task; None is level.
 
         Args:
-            task: its name; some have ground of their own, which depends on the robot.
+            task: its name; some tasks have their own ground, which depends on the robot.
             params: the robot.
             given: the option `terrain` of an environment; None is the task's own.
 
         Raises:
-            ValueError: the ground cannot be, or the robot cannot be on it.
+            ValueError: invalid ground, or the robot cannot be on it.
         """
         if given is None and not TASKS[task]["has_terrain"]:
             return None
@@ -43,7 +43,7 @@ class Grounds:
 def ray_meets(
     terrain: Terrain | None, origin: npt.NDArray[np.float64], direction: npt.NDArray[np.float64]
 ) -> tuple[float, float] | None:
-    """The point (x, y) of the ground that a ray meets first, m; None if there is none."""
+    """The first intersection (x, y) of a ray with the ground, m; None if there is none."""
     if terrain is None:
         if origin[2] <= 0.0 or direction[2] > -1e-6:
             return None

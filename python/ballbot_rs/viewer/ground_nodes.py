@@ -13,10 +13,10 @@ FloatArray = npt.NDArray[np.float64]
 
 COLOR, LINE_COLOR = (214, 220, 227), (150, 160, 172)
 
-#: Half of the patch's edge, the distance of its corners, of its lines, and how far the robot gets from its middle, m.
+#: Half the patch's edge, the spacing of its corners and of its lines, and how far the robot gets from its middle, m.
 HALF, CELL, LINES, AWAY = 4.0, 0.05, 0.5, 1.5
 
-#: Of lines above the ground, m.
+#: Height of lines above the ground, m.
 LIFT = 0.003
 
 _COUNT = round(2.0 * HALF / CELL) + 1
@@ -49,7 +49,7 @@ class GroundNodes:
             return
         if self._shown is terrain and np.abs(around - self._middle).max() < AWAY:
             return
-        # Lines stay where they are when the patch moves.
+        # Lines do not move when the patch moves.
         self._middle = np.round(around / LINES) * LINES
         points = patch(terrain, self._middle)
         self._sheet.vertices = np.float32(points.reshape(-1, 3))
@@ -59,7 +59,7 @@ class GroundNodes:
 
 
 def patch(terrain: Terrain, middle: FloatArray) -> FloatArray:
-    """Points of the ground around one, m, shape (n, n, 3), rows along y."""
+    """Points of the ground around a point, m, shape (n, n, 3), rows along y."""
     steps = np.linspace(-HALF, HALF, _COUNT)
     x, y = np.meshgrid(middle[0] + steps, middle[1] + steps)
     return np.stack([x, y, np.asarray(terrain.height(x, y))], axis=-1)

@@ -1,4 +1,4 @@
-"""Pulling robot 0 with the mouse: dragging it stretches a spring from its center of mass to the pointer."""
+"""Pulling robot 0 with the mouse: dragging stretches a spring from its center of mass to the pointer."""
 
 from collections.abc import Callable
 from typing import Any

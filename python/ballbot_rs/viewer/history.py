@@ -10,7 +10,7 @@ from ballbot_rs.viewer.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
 
-#: How far back, s, and the least time between two samples, s.
+#: Time span, s, and the least time between two samples, s.
 SPAN = 10.0
 PERIOD = 0.02
 
@@ -36,7 +36,7 @@ class History:
         self._samples: deque[FloatArray] = deque(maxlen=round(SPAN / PERIOD))
 
     def add(self, frame: Frame) -> None:
-        """Adds a sample unless it comes too soon; one from the past starts anew."""
+        """Adds a sample unless it comes too soon; a sample from the past restarts the history."""
         if self._samples:
             elapsed = frame.time - self._samples[-1][0]
             if elapsed < 0.0:
@@ -50,7 +50,7 @@ class History:
         self._samples.append(np.concatenate(parts))
 
     def clear(self) -> None:
-        """Forgets all samples."""
+        """Removes all samples."""
         self._samples.clear()
 
     def series(self) -> FloatArray:

@@ -1,4 +1,4 @@
-"""A link that restores what is chosen: the query of the page's address."""
+"""A link that restores the present choice: the query of the page's address."""
 
 from pathlib import Path
 from typing import Any, Final
@@ -10,7 +10,7 @@ from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.changes import CHANGES, NEUTRAL, checked
 from ballbot_rs.viewer.session import MAX_SPEED, MIN_SPEED, Session
 
-#: Choices in a link, as parameters of `Session.choose`; then there are the names of `changes.CHANGES`.
+#: Choices in a link, as parameters of `Session.choose`, in addition to the names of `changes.CHANGES`.
 CHOICES: Final = ("robot", "model", "controller", "task", "observation", "num_robots")
 
 #: Longest query that is read.
@@ -18,7 +18,7 @@ MAX_QUERY: Final = 1024
 
 
 def query_of(session: Session) -> str:
-    """What is chosen. A policy is left out unless it ships with the package: its file is of this machine."""
+    """Query of the present choice. A policy is omitted unless it ships with the package: its file is local."""
     robots = session.robots
     chosen: dict[str, Any] = {"robot": robots.name, "model": robots.model, "task": session.task}
     if session.controller in NAMES:
@@ -42,7 +42,7 @@ def parts_of(query: str) -> dict[str, str]:
     """Names and values of a query.
 
     Raises:
-        ValueError: it is too long, names twice, or has another name or a controller that is none of ours.
+        ValueError: it is too long, repeats a name, or has an unknown name or a controller that is not ours.
     """
     if len(query) > MAX_QUERY:
         raise ValueError(f"a link of {len(query)} characters: expected at most {MAX_QUERY}")
@@ -54,7 +54,7 @@ def parts_of(query: str) -> dict[str, str]:
         if name not in (known := (*CHOICES, *CHANGES, "policy", "compare", "speed")):
             raise ValueError(f"a link has no '{name}': expected some of {', '.join(known)}")
     for name in ("controller", "compare"):
-        # A path may come from another site.
+        # The path may come from another site.
         if name in parts and parts[name] not in NAMES:
             raise ValueError(f"{name} = '{parts[name]}' in a link: expected one of {', '.join(NAMES)}")
     if "policy" in parts and parts["policy"] not in (policies := _policies()):
@@ -70,10 +70,10 @@ def _policies() -> dict[str, Path]:
 
 
 def restore(session: Session, query: str) -> None:
-    """Chooses what a link says.
+    """Applies the choices of a link.
 
     Raises:
-        ValueError: as `parts_of`, or the session refuses a choice; those before it hold.
+        ValueError: as `parts_of`, or the session refuses a choice; earlier choices stay.
     """
     parts = parts_of(query)
     choices: dict[str, Any] = {name: parts[name] for name in CHOICES if name in parts}

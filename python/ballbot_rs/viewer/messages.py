@@ -1,7 +1,7 @@
-"""What a client may send. Everything else is dropped before viser, which believes and shares what it gets.
+"""Messages that a client may send. All others are dropped before viser, which trusts and shares its input.
 
-A value that a control cannot have, or one that is not finite, would be sent to all pages, and to those that are
-opened later.
+Otherwise a value that is not finite, or that a control cannot have, would go to all pages, including pages opened
+later.
 """
 
 import math
@@ -14,7 +14,7 @@ import viser
 MAX_COORDINATE = 1e4
 MAX_TEXT = 1024
 
-#: Longest message, bytes; the page's own have some hundred.
+#: Longest message, bytes; the page's own messages have some hundred.
 MAX_MESSAGE = 16_384
 
 Number = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
@@ -32,7 +32,7 @@ class _Message(msgspec.Struct, tag_field="type", forbid_unknown_fields=True):
 
 
 class Camera(_Message, tag="ViewerCameraMessage"):
-    """Where a client looks from."""
+    """The camera pose of a client."""
 
     wxyz: Quaternion
     position: Vector
@@ -65,7 +65,7 @@ class Click(_Message, tag="SceneNodeClickMessage"):
 
 
 class Drag(_Message, tag="SceneNodeDragMessage"):
-    """A node of the scene that is dragged: where it was grabbed, and where the pointer is."""
+    """A node of the scene that is dragged: the grabbed point, and the pointer."""
 
     phase: Literal["start", "update", "end"]
     name: Name
@@ -83,10 +83,10 @@ _DECODER = msgspec.msgpack.Decoder(Camera | Control | Click | Drag)
 
 
 def accepted(raw: bytes | str, controls: dict[str, Any]) -> Camera | Control | Click | Drag | None:
-    """The message that a client sent; None if it is malformed, not one of the page's, or asks for what is not offered.
+    """The message that a client sent; None if it is malformed, unknown to the page, or requests unavailable values.
 
     Args:
-        raw: what came.
+        raw: the received bytes.
         controls: viser's handles of the controls by their identifiers.
     """
     if isinstance(raw, str) or len(raw) > MAX_MESSAGE:
@@ -101,7 +101,7 @@ def accepted(raw: bytes | str, controls: dict[str, Any]) -> Camera | Control | C
 
 
 def encoded(message: Camera | Control | Click | Drag) -> bytes:
-    """A message as viser reads it."""
+    """A message in viser's format."""
     return msgspec.msgpack.encode(message)
 
 
@@ -121,7 +121,7 @@ def _is_offered(message: Control, controls: dict[str, Any]) -> bool:
 
 
 def _looks_somewhere(camera: Camera) -> bool:
-    """Whether its attitude is one, and the direction of view and the upward direction span a plane."""
+    """Whether its attitude is valid, and view direction and up direction span a plane."""
     if abs(math.hypot(*camera.wxyz) - 1.0) > 1e-3:
         return False
     (a, b, c), (x, y, z) = (

@@ -1,19 +1,19 @@
-"""What a session tells a user in passing."""
+"""Short messages of a session to the user."""
 
 from collections import deque
 
-#: How many are kept.
+#: Number of messages kept.
 KEPT = 20
 
 
 class Notices(deque[str]):
-    """The last ones, and how many there were."""
+    """The last messages, and their total number."""
 
     def __init__(self) -> None:
         super().__init__(maxlen=KEPT)
         self.said = 0
 
     def append(self, text: str) -> None:
-        """Adds one."""
+        """Adds a message."""
         super().append(text)
         self.said += 1

@@ -1,4 +1,4 @@
-"""What a session has its robots do: the interface of `balancing` and `commanding`."""
+"""The objective of a session's robots: the interface of `balancing` and `commanding`."""
 
 from collections.abc import Callable
 from typing import Any, Protocol
@@ -6,16 +6,16 @@ from typing import Any, Protocol
 from ballbot_rs.viewer.drivers import Driver, Torques
 from ballbot_rs.viewer.robots import Robots
 
-#: Calls a function of a controller, which may be limited in time.
+#: Calls a function of a controller, possibly with a time limit.
 Call = Callable[[Callable[[], Torques]], Torques]
 
 
 class Objective(Protocol):
-    """Chooses the wheel torques of the robots of a session by a controller, for what a task or a user asks."""
+    """Computes the wheel torques of a session's robots by a controller, for the commands of a task or a user."""
 
     #: Name of the task.
     task: str
-    #: Whether a click on the floor asks for something.
+    #: Whether a click on the floor is a command.
     takes_clicks: bool
 
     @property
@@ -26,20 +26,20 @@ class Objective(Protocol):
         """Wheel torques for the next control step, shape (n, 3), N·m."""
 
     def reset(self) -> None:
-        """All robots start anew: what was asked by hand is forgotten."""
+        """All robots restart: manual commands are cleared."""
 
     def restarted(self, robots: Robots, index: int) -> None:
-        """One robot has started anew."""
+        """One robot has restarted."""
 
     def go_on(self, robots: Robots, before: "Objective") -> None:
-        """The robots are others now, where those of the objective before were."""
+        """The robots were replaced, with the new robots at the places of the old."""
 
     def click(self, robots: Robots, x: float, y: float) -> None:
-        """A point of the floor was clicked, m; in a batch it is seen from where each robot started.
+        """A point of the floor was clicked, m; in a batch it is relative to each robot's start.
 
         Raises:
-            ValueError: a number out of range, or no place is asked for.
+            ValueError: a number out of range, or the task does not take a position.
         """
 
     def shown(self, robots: Robots) -> dict[str, Any]:
-        """What a `Frame` has of it."""
+        """Its part of a `Frame`."""

@@ -1,4 +1,4 @@
-"""Which objective a task has."""
+"""The objective of each task."""
 
 from collections.abc import Mapping
 from typing import Any

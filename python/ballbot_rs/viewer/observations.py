@@ -1,12 +1,12 @@
-"""What controllers take, as the option `observation` of an environment."""
+"""Inputs of controllers, as the option `observation` of an environment."""
 
 from ballbot_rs._core import OBSERVATIONS
 
-#: Sensors where none are named, by what controllers take at first: those of environments, and published ones to choose.
+#: Default sensors by the initial input of controllers: those of environments, and published sensors to choose.
 DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 
 
 def check_observation(observation: str) -> None:
-    """Raises ValueError for a name that is none of `OBSERVATIONS`."""
+    """Raises ValueError for a name that is not in `OBSERVATIONS`."""
     if observation not in OBSERVATIONS:
         raise ValueError(f"unknown observation '{observation}': expected one of {', '.join(OBSERVATIONS)}")

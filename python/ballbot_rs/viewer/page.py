@@ -29,7 +29,7 @@ STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
 #: Width of the panel, px.
 PANEL_WIDTH = 400
 
-#: Of buttons and what is chosen: white text on it has a contrast of 8.
+#: Color of buttons and selections: white text on it has a contrast of 8.
 BRAND = (26, 76, 140)
 
 
@@ -40,7 +40,7 @@ class Page:
         server: shows it.
         submit: puts a command into the queue; commands run in the thread that calls `show`.
         session: only read here, before the runner starts.
-        look: makes a robot's look of its name.
+        look: makes a robot's look from its name.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Page:
         self._last_choice: dict[str, str] = {}
         self._framed = (session.robots.name, len(session.robots))
         server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BRAND)
-        # Beside the scene, so that no robot is behind it.
+        # Next to the scene, so that no robot is behind it.
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         self._status = Status(server)
@@ -73,7 +73,7 @@ class Page:
         server.on_client_connect(self._frame)
 
     def _frame(self, client: viser.ClientHandle) -> None:
-        # The page may be closed meanwhile.
+        # The page may close in the meantime.
         with unheard(client._websock_connection):
             frame_robots(client, *self._scene.extent(*self._framed))
 

@@ -1,4 +1,4 @@
-"""What a session has of its recording: when it is made, and where in it a replay is."""
+"""Recording and replay of a session."""
 
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.history import History
@@ -11,18 +11,18 @@ class Player:
     def __init__(self) -> None:
         self.recording = Recording()
         self.is_recording = False
-        #: Time since the begin of the recording that is shown, s; None while the robots move.
+        #: Replay time since the start of the recording, s; None while the robots move.
         self.replay_time: float | None = None
         self.history = History()
 
     def start_recording(self) -> None:
-        """Begins a recording in place of the last one."""
+        """Begins a recording in place of the last."""
         self.replay_time = None
         self.recording = Recording()
         self.is_recording = True
 
     def stop_recording(self) -> None:
-        """Ends the recording, if there is one."""
+        """Ends the recording, if any."""
         self.is_recording = False
 
     def replay(self, seconds: float = 0.0) -> None:

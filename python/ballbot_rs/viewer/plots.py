@@ -1,4 +1,4 @@
-"""Live plots of robot 0: where it is, how it leans, and what its wheels do."""
+"""Live plots of robot 0: position, lean and wheels."""
 
 import dataclasses
 import math
@@ -12,11 +12,11 @@ from ballbot_rs.viewer.history import SERIES, History
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Distinguishable by color-blind people, at 3:1 and more on white.
+#: Distinguishable by color-blind people, with a contrast of 3:1 or more on white.
 COLORS = ("#1f6fb4", "#c05a00", "#2a8a3a", "#6b6b6b")
 LIMIT_COLOR = "#c0262d"
 
-#: A contact without load has no limit: its share is infinite, and drawn at this height.
+#: A contact without load has no limit: its utilization is infinite, and drawn at this height.
 TOP = 2.0
 
 #: Heights of a plot, px.
@@ -32,11 +32,11 @@ class Plot:
     #: Row of `SERIES`, and the curves in it.
     row: str
     curves: tuple[str, ...]
-    #: Smallest largest and largest smallest ordinate, so that noise of rounding does not fill a plot.
+    #: Limits of the ordinate that hold at least, so that rounding noise does not fill a plot.
     least: tuple[float, float]
-    #: To the unit shown.
+    #: Factor to the unit shown.
     factor: float = 1.0
-    #: A row that is drawn dashed beside it, and its name.
+    #: A row drawn dashed in addition, and its name.
     other: tuple[str, str] | None = None
     #: A line at this height, and its name.
     limit: tuple[float, str] | None = None
@@ -100,7 +100,7 @@ class _Chart:
         if plot.other is not None:
             others = plot.factor * series[SERIES[plot.other[0]]]
             has_other = bool(np.isfinite(others).any())
-            # Where there is no estimate its curve is hidden by the true one.
+            # Without an estimate its curve is hidden by the true curve.
             curves += list(np.where(np.isfinite(others), others, values))
             text = legend_of(plot, has_other)
             if self._legend.content != text:
@@ -118,7 +118,7 @@ def legend_of(plot: Plot, has_other: bool) -> str:
         keys.append(_key(plot.other[1], COLORS[3], "dashed"))
     if plot.limit is not None:
         keys.append(_key(plot.limit[1], LIMIT_COLOR, "dashed"))
-    # A single curve is what the title says.
+    # The title names a single curve.
     shown = "".join(keys) if len(keys) > 1 else ""
     return f'<div class="ballbot-legend"><b>{plot.title}{unit}</b>{shown}</div>'
 
@@ -128,5 +128,5 @@ def _key(name: str, color: str, line: str) -> str:
 
 
 def _soft(value: float) -> dict[str, float]:
-    """A bound that holds unless the data go beyond it."""
+    """A bound that holds unless the data exceed it."""
     return {"pad": 0.08, "soft": value, "mode": 1}

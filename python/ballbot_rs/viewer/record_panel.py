@@ -1,4 +1,4 @@
-"""The tab Record: a recording, a replay of it, where in it, and files and links to take away."""
+"""The tab Record: recording, replay and its position, and files and links to keep."""
 
 import html
 
@@ -9,10 +9,10 @@ from ballbot_rs.viewer.download import KINDS, Downloads
 from ballbot_rs.viewer.link import query_of
 from ballbot_rs.viewer.session import Session
 
-#: Of the button; white text on it has a contrast of 6.9.
+#: Color of the button; white text on it has a contrast of 6.9.
 RED = (176, 32, 40)
 
-#: Length of the scrubber while there is nothing to replay, s.
+#: Length of the scrubber without a recording, s.
 EMPTY = 1.0
 
 
@@ -43,7 +43,7 @@ class RecordPanel:
             self._submit(lambda session: self._downloads.start(session, kind, client))
 
     def show(self, session: Session) -> None:
-        """Shows what there is."""
+        """Shows the state of the recording."""
         duration = round(session.recording.duration, 2)
         is_empty = len(session.recording.frames) < 2
         put(self._record, label="Stop recording" if session.is_recording else "Record")
@@ -51,7 +51,7 @@ class RecordPanel:
         put(self._replay, label="Back to the simulation" if is_shown else "Replay", disabled=is_empty)
         put(self._position, visible=not is_empty, max=max(duration, 0.01) if not is_empty else EMPTY)
         put(self._files, visible=not is_empty)
-        # In a pause a user looks at one instant, and moves it by hand.
+        # During a pause the user views one instant, and moves it by hand.
         if session.replay_time is not None and not session.paused:
             put(self._position, value=min(round(session.replay_time, 2), self._position.max))
         text = self._downloads.progress or ("" if is_empty else f"{duration:.2f} s recorded.")
@@ -60,7 +60,7 @@ class RecordPanel:
 
 
 def taken_html(query: str) -> str:
-    """Buttons that the page's script carries out: a picture of the scene, and a link to the present choice."""
+    """Buttons handled by the page's script: a picture of the scene, and a link to the present choice."""
     return (
         '<div class="ballbot-buttons"><button data-ballbot="screenshot">Screenshot</button>'
         f'<button data-ballbot="link" data-query="{html.escape(query)}">Copy link</button></div>'

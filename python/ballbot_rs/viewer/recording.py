@@ -1,4 +1,4 @@
-"""What is shown of a session at one instant, and a series of it for replay."""
+"""A frame, which shows a session at one instant, and a series of frames for replay."""
 
 import bisect
 import dataclasses
@@ -11,7 +11,7 @@ from ballbot_rs.viewer.asked import Asked
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Robots times frames that a recording holds: ten minutes of one robot.
+#: Capacity of a recording in robots times frames: ten minutes of one robot.
 CAPACITY = 60_000
 
 #: Least simulated time between two frames of a recording, s.
@@ -20,7 +20,7 @@ PERIOD = 0.01
 
 @dataclasses.dataclass(frozen=True)
 class Frame:
-    """All robots of a session at one instant; forces are those of robot 0."""
+    """All robots of a session at one instant; forces are on robot 0."""
 
     #: Name of the robot.
     robot: str
@@ -32,28 +32,28 @@ class Frame:
     torques: FloatArray
     #: Components about inertial x and y of the tilt of robot 0 from its equilibrium, rad.
     tilt: FloatArray
-    #: The same of the state that its controller takes; None where that is the true one.
+    #: The same of the state that its controller takes; None where that is the true state.
     estimated_tilt: FloatArray | None
-    #: Forces of the last time step on robot 0, and what changes and events have made of it.
+    #: Forces of the last time step on robot 0, and its parameters after changes and events.
     contacts: Contacts
     params: Params
     #: Loads of the wheels of robot 0, N.
     loads: FloatArray
     #: Slip speeds of the wheels of robot 0, m/s.
     slip: FloatArray
-    #: Share of the dynamic friction limit in use, three wheels and floor of robot 0.
+    #: Fraction of the dynamic friction limit in use, three wheels and floor of robot 0.
     utilization: FloatArray
-    #: Setpoint of the robots, m; None under a controller that follows no position, and in other tasks than balance.
+    #: Setpoint of the robots, m; None if the controller does not follow a position, and in tasks other than balance.
     setpoint: FloatArray | None
-    #: Position that the controller of robot 0 holds on the way to the goal, m.
+    #: Intermediate target of robot 0's controller on the way to the goal, m.
     target: FloatArray | None
-    #: What a task other than balance asks.
+    #: Commands of a task other than balance.
     asked: Asked | None = None
     #: The curve along which the setpoint moves, m, shape (k, 2).
     route: FloatArray | None = None
-    #: State of the robot to compare with, as a row of `states`.
+    #: State of the ghost, as a row of `states`.
     ghost: FloatArray | None = None
-    #: Impulse (x, y) of a push by hand that has just been, N·s.
+    #: Impulse (x, y) of a recent manual push, N·s.
     push: FloatArray | None = None
     #: The ground; None is level.
     terrain: Terrain | None = None
@@ -65,13 +65,13 @@ class Frame:
 
 
 class Recording:
-    """Frames in the order of time, at most `CAPACITY`."""
+    """Frames ordered by time, at most `CAPACITY`."""
 
     def __init__(self) -> None:
         self.frames: list[Frame] = []
 
     def add(self, frame: Frame) -> bool:
-        """Adds a frame unless it comes too soon after the last one; False if the recording is full."""
+        """Adds a frame unless it comes too soon after the last; False if the recording is full."""
         if (len(self.frames) + 1) * len(frame.states) > CAPACITY:
             return False
         if not self.frames or frame.time - self.frames[-1].time >= PERIOD * (1.0 - 1e-9):
@@ -84,7 +84,7 @@ class Recording:
         return self.frames[-1].time - self.frames[0].time if self.frames else 0.0
 
     def at(self, seconds: float) -> Frame:
-        """The last frame within `seconds` after the first one.
+        """The last frame within `seconds` after the first.
 
         Raises:
             ValueError: there are no frames.

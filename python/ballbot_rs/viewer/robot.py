@@ -1,4 +1,4 @@
-"""One robot: an environment as long as it does not touch the floor, and a robot without current from then on."""
+"""One robot: an environment until it touches the floor, an unpowered robot from then on."""
 
 import contextlib
 import math
@@ -14,36 +14,36 @@ from ballbot_rs.viewer.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
 
-#: How far a robot is lifted, m, until it can lie: `rigid` has it sink into the ground by a few millimeters on impact.
+#: How far a robot is lifted, m, until it can lie: in `rigid` it sinks into the ground by a few millimeters on impact.
 LIFTS = (0.0, 0.002, 0.005, 0.01, 0.02, 0.05)
 
-#: Why a robot cannot go on, as `step` returns it.
+#: Why a robot cannot continue, as returned by `step`.
 LEFT, DIVERGED = "left its ground", "left the range of the simulation"
 
 
 class Robot:
-    """Robot `index` of a setup; `start` or `go_on_from` comes first.
+    """Robot `index` of a setup; call `start` or `go_on_from` first.
 
     Raises:
-        ValueError: the robot, its motors, sensors or events cannot be.
+        ValueError: invalid robot, motors, sensors or events.
     """
 
     def __init__(self, setup: Setup, index: int) -> None:
         self._setup = setup
         self._batch = setup.batch(index)
         self._seed = (setup.seed + index) % 2**64
-        #: Number of the present episode, from 1 on, from which its draws follow, whatever was before.
+        #: Number of the present episode, from 1, which alone determines its samples.
         self.episode = 0
         self._lying: Ballbot | None = None
         self._is_commanded = False
-        #: Where the ball was when the present command was given, m.
+        #: Position of the ball when the present command was given, m.
         self.begin = np.zeros(2)
 
     def start(self, tilt: npt.ArrayLike) -> None:
-        """Begins the next episode, with its draws: at rest, tilted from the equilibrium, at the origin or on a tile.
+        """Begins the next episode, with its samples: at rest, tilted from the equilibrium, at the origin or on a tile.
 
         Raises:
-            ValueError: a tilt that the robot cannot have; nothing has changed then.
+            ValueError: a tilt that the robot cannot have; then nothing has changed.
         """
         before = self._batch.snapshot(0)
         self._batch.reset(seeds=[seed_of(self._seed, self.episode + 1)])
@@ -54,7 +54,7 @@ class Robot:
         self._begin(start)
 
     def _start_of_draws(self, tilt: npt.ArrayLike) -> State:
-        """At rest, of the robot that was drawn; on uneven ground on the tile that was drawn."""
+        """The sampled robot at rest; on uneven ground on the sampled tile."""
         start = State.at_equilibrium(self._batch.params(0), tilt)
         if self._setup.terrain is None:
             return start
@@ -76,10 +76,10 @@ class Robot:
         self.begin = self._batch.state(0).ball_position[:2].copy()
 
     def start_anew(self, tilt: npt.ArrayLike, episode: int | None = None) -> None:
-        """The same with a tilt that another robot has had; one that cannot have it begins in equilibrium.
+        """The same with the tilt of another robot; a robot that cannot have it begins in equilibrium.
 
         Args:
-            tilt: as of `start`.
+            tilt: as in `start`.
             episode: number of the episode; None is the next.
         """
         if episode is not None:
@@ -90,17 +90,17 @@ class Robot:
             self.start((0.0, 0.0))
 
     def go_on_from(self, other: "Robot", tilt: npt.ArrayLike) -> None:
-        """Begins the episode that another robot is in, with its draws, where that robot is.
+        """Begins another robot's episode, with its samples, at that robot's state.
 
-        Slip is left behind where the model has none; a state that it cannot have at all makes the robot start anew,
-        with a tilt. Torques under way in the motors are lost; an estimate begins anew at the true state.
+        Slip is removed if the model has none; if the model cannot have the state at all, the robot restarts with a
+        tilt. Delayed torques in the motors are lost; an estimate restarts at the true state.
         """
         self.episode = other.episode - 1
         if not self._begin_at(other.params, other.state):
             self.start_anew(tilt)
 
     def _begin_at(self, params: Params, state: State) -> bool:
-        """Begins the next episode in a state of a robot, without its slip where it cannot have that; or not at all."""
+        """Begins the next episode in a state of a robot, without slip where the model has none; or not at all."""
         terrain = self._setup.terrain
         can_roll = terrain is None or math.isinf(terrain.size[0])
         for candidate in (state, *([rolling(params, state, terrain)] if can_roll else [])):
@@ -110,15 +110,15 @@ class Robot:
         return False
 
     def begin_episode(self) -> None:
-        """Begins the next episode, with its draws, where the robot is; one that lies waits for `start`.
+        """Begins the next episode, with its samples, at the robot's position; a robot that lies waits for `start`.
 
-        A robot that events draw such that it cannot be there starts in equilibrium.
+        A robot whose sampled parameters do not allow this state starts in equilibrium.
         """
         if self._lying is None and not self._begin_at(self.params, self.state):
             self.start((0.0, 0.0))
 
     def set_command(self, command: npt.ArrayLike) -> None:
-        """Gives a command of the task, which holds to the end of the episode; a robot that lies takes none.
+        """Sets the task's command, which holds to the end of the episode; a robot that lies ignores it.
 
         Raises:
             ValueError: the task has no such command.
@@ -129,17 +129,17 @@ class Robot:
             self._note_begin()
 
     def set_params(self, params: Params) -> None:
-        """Replaces the parameters from which events draw, those of the shape excepted.
+        """Replaces the nominal parameters for the events, except the shape.
 
         Raises:
-            ValueError: there can be no such robot; nothing has changed then.
+            ValueError: invalid parameters; then nothing has changed.
         """
         self._batch.set_params(0, params)
         if self._lying is not None:
             self._lying.set_params(self._batch.params(0))
 
     def step(self, torques: FloatArray, steps: int) -> str | None:
-        """Time steps under commanded torques, N·m. Returns None, or why the robot cannot go on: `LEFT` or `DIVERGED`.
+        """Time steps under commanded torques, N·m. Returns None, or why it cannot continue: `LEFT` or `DIVERGED`.
 
         `steps` is a multiple of the setup's `substeps`. On the next tile of a terrain the next episode begins.
         """
@@ -159,7 +159,7 @@ class Robot:
         return None
 
     def _cross(self) -> bool:
-        """Begins the next episode on the tile where the robot is, with its command by hand; False if there is none."""
+        """Begins the next episode on the robot's tile, with its manual command; False if there is no tile."""
         terrain, state = self._setup.terrain, self.state
         x, y = state.ball_position[:2].tolist()
         if terrain is None or not terrain.contains(x, y):
@@ -172,7 +172,7 @@ class Robot:
         return True
 
     def _lie(self) -> bool:
-        """Goes on without current; False for a state that it cannot go on from."""
+        """Continues unpowered; False for a state from which it cannot continue."""
         lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt, self._setup.terrain)
         state = self._batch.state(0)
         for lift in LIFTS:
@@ -203,12 +203,12 @@ class Robot:
 
     @property
     def seen(self) -> State:
-        """The state as controllers take it: the last estimate of the episode, or the present state without sensors."""
+        """The state for controllers: the last estimate of the episode, or the present state without sensors."""
         return self.state if self._setup.sensors is None else self._batch.estimate(0)
 
     @property
     def observation(self) -> npt.NDArray[np.float32]:
-        """What the task observes, shape (m,): that of the end of the episode for a robot that lies."""
+        """The task's observation, shape (m,); for a robot that lies, at the end of the episode."""
         observation: npt.NDArray[np.float32] = self._batch.observations()[0]
         return observation
 
@@ -219,7 +219,7 @@ class Robot:
 
     @property
     def setpoint(self) -> dict[str, Any]:
-        """What the task asks of a law, by part."""
+        """The task's setpoint for a law, by part."""
         return self._batch.setpoint(0)
 
     @property
@@ -234,26 +234,26 @@ class Robot:
 
     @property
     def params(self) -> Params:
-        """The robot that changes and events make."""
+        """The robot's parameters after changes and events."""
         return self._batch.params(0)
 
     @property
     def motors(self) -> dict[str, Any]:
-        """The options of its motors that are not those of ideal ones, in SI units."""
+        """The options of its motors that differ from ideal motors, in SI units."""
         options = self._batch.actuators(0)
         ideal = {option["name"]: option["default"] for option in ACTUATOR_OPTIONS}
         return {name: value for name, value in options.items() if not np.array_equal(value, ideal[name])}
 
     @property
     def draws(self) -> dict[str, FloatArray]:
-        """What events have drawn, by term; NaN where nothing was."""
+        """Samples of the events, by term; NaN where nothing was sampled."""
         return {name: np.atleast_1d(value) for name, value in self._batch.draws(0).items()}
 
 
 def seed_of(seed: int, episode: int) -> int:
-    """Seed of an environment whose first episode is one of a robot by number, so that no draw depends on the past.
+    """Seed of an environment whose first episode is a robot's episode by number: samples do not depend on the past.
 
-    The first one has the seed itself.
+    The first episode has the seed itself.
     """
     if episode == 1:
         return seed

@@ -1,4 +1,4 @@
-"""The tab Robot: what is simulated, and under which controller."""
+"""The tab Robot: the simulated robot and its controller."""
 
 from typing import Any
 
@@ -9,24 +9,24 @@ from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.controls import Submit, on_client, put
 from ballbot_rs.viewer.session import Session
 
-#: What the page calls a policy, whose file is named below.
+#: Label of a policy, whose file is named below.
 POLICY = "policy file"
 
-#: No robot to compare with.
+#: Label for no comparison.
 NONE = "none"
 
-#: What the page calls the choices of `OBSERVATIONS`.
+#: Labels of the choices of `OBSERVATIONS`.
 SEES = {"ground_truth": "true state", "sensors": "estimate"}
 
 
 class RobotPanel:
-    """Choices, which are corrected where the session refuses one.
+    """Choices, which are corrected if the session refuses them.
 
     Args:
         server: shows them.
         submit: puts a command into the queue.
         session: only read here, before the runner starts.
-        task: the choice of the task, which is elsewhere on the page.
+        task: the control of the task, which is elsewhere on the page.
     """
 
     def __init__(
@@ -61,7 +61,7 @@ class RobotPanel:
         return lambda session: session.compare_with(chosen)
 
     async def _choose(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is None:  # Our own correction of what is shown.
+        if event.client_id is None:  # Our own correction of the display.
             return
         controller = self.policy.value if self.controller.value == POLICY else self.controller.value
         observation = next(name for name, label in SEES.items() if label == self.sees.value)
@@ -93,7 +93,7 @@ class RobotPanel:
         self._submit(command)
 
     def correct(self, session: Session) -> None:
-        """Shows what is simulated, where a choice was refused."""
+        """Shows the actual choice where a choice was refused."""
         chosen = session.controller if session.controller in NAMES else POLICY
         put(self.model, value=session.robots.model)
         put(self.task, value=session.task)
@@ -105,12 +105,12 @@ class RobotPanel:
             put(self.policy, value=session.controller)
 
     def show(self, session: Session) -> None:
-        """Shows what there is to compare with."""
+        """Shows the comparison."""
         put(self.ghost, value=NONE if session.ghost is None else session.ghost.controller)
 
 
 def chosen(session: Session) -> dict[str, str]:
-    """What is simulated, as parameters of `Session.choose`."""
+    """The present choice, as parameters of `Session.choose`."""
     return {
         "model": session.robots.model,
         "robot": session.robots.name,

@@ -15,33 +15,33 @@ from ballbot_rs.viewer.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
 
-#: How hard the page may pull, as a share of the robot's weight, and at which distance it does, m.
+#: Largest pull from the page, as a fraction of the robot's weight, and the distance at which it is reached, m.
 PULL_LIMIT = 0.2
 PULL_DISTANCE = 0.4
 
-#: From this tilt from the equilibrium on a robot has fallen, rad, as it has once it touches the floor; models without
+#: Tilt from the equilibrium beyond which a robot has fallen, rad, in addition to touching the floor; models without
 #: slip have no floor.
 FALLEN_TILT = math.radians(60.0)
 
 
-#: The term of the draws that has the pushes of a task.
+#: The term of the draws with the pushes of a task.
 TASK_PUSH = "push:task"
 
 
 class Robots:
-    """Robots of one setup, each with its own draws; the first is the one that plots show.
+    """Robots of one setup, each with its own samples; plots show the first.
 
-    Robot i starts with the chosen tilt turned by i/n of a circle, so that a batch covers all directions.
+    Robot i starts with the chosen tilt rotated by i/n of a circle, so that a batch covers all directions.
 
     Raises:
-        ValueError: the robot, its motors, sensors or events cannot be.
+        ValueError: invalid robot, motors, sensors or events.
     """
 
     def __init__(self, setup: Setup, num_robots: int) -> None:
         self.setup = setup
         self._robots = [Robot(setup, index) for index in range(num_robots)]
         self._start = np.zeros(2)
-        #: Numbers of the episodes that robots begin which start anew alone, one each; None: their next ones.
+        #: Numbers of the episodes that individually restarted robots begin; None: their next episodes.
         self.anew_in: list[int] | None = None
         self.applied = np.zeros((num_robots, 3))
         #: For how long each robot has been down, s; its motors are off.
@@ -57,7 +57,7 @@ class Robots:
 
     @property
     def params(self) -> Params:
-        """The robot for which controllers are made."""
+        """The robot that controllers are made for."""
         return self.setup.nominal
 
     @property
@@ -72,12 +72,12 @@ class Robots:
 
     @property
     def seen(self) -> list[State]:
-        """The states as controllers take them: estimated with sensors, else the true ones."""
+        """The states for controllers: estimates with sensors, else the true states."""
         return [robot.seen for robot in self._robots]
 
     @property
     def observations(self) -> npt.NDArray[np.float32]:
-        """What the task observes of each robot, shape (n, m)."""
+        """The task's observation of each robot, shape (n, m)."""
         return np.array([robot.observation for robot in self._robots])
 
     @property
@@ -87,12 +87,12 @@ class Robots:
 
     @property
     def begins(self) -> FloatArray:
-        """Where each ball was when its command was given, m, shape (n, 2)."""
+        """Position of each ball when its command was given, m, shape (n, 2)."""
         return np.array([robot.begin for robot in self._robots])
 
     @property
     def setpoints(self) -> list[dict[str, Any]]:
-        """What the task asks of a law on each robot, by part."""
+        """The task's setpoint for a law on each robot, by part."""
         return [robot.setpoint for robot in self._robots]
 
     @property
@@ -111,20 +111,20 @@ class Robots:
         self._robots[index].set_command(command)
 
     def begin_episodes(self) -> None:
-        """Has all robots begin their next episodes where they are, with new commands."""
+        """Begins the next episodes of all robots at their present positions, with new commands."""
         for robot in self._robots:
             robot.begin_episode()
 
     def params_of(self, index: int) -> Params:
-        """What changes and events make of one robot."""
+        """Parameters of one robot after changes and events."""
         return self._robots[index].params
 
     def draws_of(self, index: int) -> dict[str, FloatArray]:
-        """What events have drawn of one robot, by term; NaN where nothing was."""
+        """Samples of the events for one robot, by term; NaN where nothing was sampled."""
         return self._robots[index].draws
 
     def motors_of(self, index: int) -> dict[str, Any]:
-        """The options of one robot's motors that are not those of ideal ones."""
+        """The options of one robot's motors that differ from ideal motors."""
         return self._robots[index].motors
 
     def reset(self, tilt: npt.ArrayLike) -> None:
@@ -136,7 +136,7 @@ class Robots:
             self._robots[index].start(self._turned(start, index))
             self.down_for[index] = 0.0
         self._start = start
-        # A frame may hold the old ones.
+        # A frame may hold the old arrays.
         self.applied = np.zeros_like(self.applied)
 
     @property
@@ -146,11 +146,11 @@ class Robots:
 
     @property
     def episodes(self) -> list[int]:
-        """Numbers of the robots' episodes, from 1 on."""
+        """Numbers of the robots' episodes, from 1."""
         return [robot.episode for robot in self._robots]
 
     def restart(self, index: int) -> None:
-        """One robot at rest where its episode begins, tilted as at the last reset if it can be."""
+        """One robot at rest at the start of its episode, tilted as at the last reset if possible."""
         episode = None if self.anew_in is None else self.anew_in[index]
         self._robots[index].start_anew(self._turned(self._start, index), episode)
         self.down_for[index] = 0.0
@@ -161,10 +161,10 @@ class Robots:
         return turned
 
     def become(self, setup: Setup) -> "Robots":
-        """As many robots of a setup of the same kind of robot, where these are: these or others.
+        """The same number of robots with another setup of the same kind, at the same places: these objects or new.
 
         Raises:
-            ValueError: the robot, its motors, sensors or events cannot be; these robots are as they were then.
+            ValueError: invalid robot, motors, sensors or events; then these robots are unchanged.
         """
         if self.setup.differs_in_numbers_alone(setup):
             try:
@@ -182,7 +182,7 @@ class Robots:
         return others
 
     def go_on_from(self, others: "Robots") -> None:
-        """Each robot is in the episode, and where, another one of the same number is."""
+        """Puts each robot into the episode and state of the other batch's robot with the same number."""
         for index, robot in enumerate(self._robots):
             robot.go_on_from(others._robots[index], self._turned(self._start, index))
             self.down_for[index] = others.down_for[index]
@@ -202,13 +202,13 @@ class Robots:
 
     @property
     def com(self) -> FloatArray:
-        """Where the center of mass of robot 0's body is, m."""
+        """Center of mass of robot 0's body, m."""
         state = self._robots[0].state
         com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params_of(0).body_com)
         return com
 
     def step(self, torques: FloatArray, steps: int) -> dict[int, str]:
-        """Advances all robots; those that cannot go on start anew, and are returned with why."""
+        """Advances all robots; robots that cannot continue restart, and are returned with the reasons."""
         limit = self.setup.max_torque
         self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
         lost = {}
@@ -235,7 +235,7 @@ class Robots:
         ghost: FloatArray | None = None,
         push: FloatArray | None = None,
     ) -> Frame:
-        """What is to be shown."""
+        """The frame to show."""
         states = self._rows()
         contacts = self._robots[0].contacts
         com = self.params_of(0).body_com

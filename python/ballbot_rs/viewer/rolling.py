@@ -1,4 +1,4 @@
-"""A state without slip in place of one with it, for models that have none."""
+"""A state with its slip removed, for models without slip."""
 
 import numpy as np
 import numpy.typing as npt
@@ -9,7 +9,7 @@ FloatArray = npt.NDArray[np.float64]
 
 
 def rolling(params: Params, state: State, plane: Terrain | None) -> State:
-    """The ball rolls with its velocity, the attitude and rate of the body remain, and all touch each other.
+    """The ball rolls with its velocity, attitude and rate of the body remain, and all parts are in contact.
 
     Args:
         params: the robot.
@@ -17,12 +17,12 @@ def rolling(params: Params, state: State, plane: Terrain | None) -> State:
         plane: the ground, a plane; None is level.
     """
     up = np.array([0.0, 0.0, 1.0]) if plane is None else plane.normal(0.0, 0.0)
-    # From the inertial frame to one with the normal of the ground as its z axis.
+    # From the inertial frame to a frame with the ground's normal as its z axis.
     level = _rotation_to_vertical(up)
     there = _conjugate(level)
     velocity = _turn(level, state.ball_velocity)
     found = State.rolling(params, velocity[:2], _product(level, state.body_quaternion), state.body_angular_velocity)
-    # The ground is through the origin.
+    # The ground passes through the origin.
     position = state.ball_position + (params.ball_radius - state.ball_position @ up) * up
     return found.replace(
         ball_position=position,
@@ -37,7 +37,7 @@ def rolling(params: Params, state: State, plane: Terrain | None) -> State:
 
 
 def _rotation_to_vertical(up: FloatArray) -> FloatArray:
-    """The shortest rotation, (w, x, y, z), of a unit vector that is above the horizontal plane to the vertical."""
+    """The shortest rotation, (w, x, y, z), of a unit vector above the horizontal plane to the vertical."""
     quaternion = np.array([1.0 + up[2], up[1], -up[0], 0.0])
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 

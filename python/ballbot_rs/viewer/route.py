@@ -12,7 +12,7 @@ FloatArray = npt.NDArray[np.float64]
 #: Names of the curves.
 ROUTES: Final = ("circle", "eight")
 
-#: Radius of the circle, m, and half the length of the eight, m, which is twice as long as it is wide.
+#: Radius of the circle, m, and half the length of the figure eight, m, which is twice as long as it is wide.
 RADIUS: Final = 0.5
 HALF_LENGTH: Final = 0.7
 
@@ -38,13 +38,13 @@ class Route:
             raise ValueError(f"speed = {self.speed} is out of range: expected above 0 to {MAX_SPEED:g}")
 
     def at(self, seconds: float) -> FloatArray:
-        """The setpoint some time after the begin, m."""
-        # The eight is quickest where it crosses itself, at √2 of its half length a radian.
+        """The setpoint at a time after the start, m."""
+        # The figure eight is fastest at its crossing: √2 times its half length per radian.
         reach = RADIUS if self.name == "circle" else HALF_LENGTH * math.sqrt(2.0)
         return self._point(self.speed * seconds / reach)
 
     def curve(self) -> FloatArray:
-        """Points of the whole of it, m, shape (n, 2)."""
+        """Points of the whole curve, m, shape (n, 2)."""
         return np.array([self._point(2.0 * math.pi * i / SAMPLES) for i in range(SAMPLES)])
 
     def _point(self, phase: float) -> FloatArray:

@@ -1,4 +1,4 @@
-"""The tab Run: time, where to go, pushes."""
+"""The tab Run: time, setpoints, pushes."""
 
 import math
 from typing import Any
@@ -17,13 +17,13 @@ CIRCLE, EIGHT, ORIGIN = "Circle", "Figure eight", "Origin"
 
 
 class RunPanel:
-    """Controls of what happens.
+    """Controls of the simulation.
 
     Args:
         server: shows them.
         submit: puts a command into the queue.
         session: only read here, before the runner starts.
-        commands: what tasks add.
+        commands: controls that tasks add.
     """
 
     def __init__(self, server: viser.ViserServer, submit: Submit, session: Session, commands: CommandPanel) -> None:
@@ -88,7 +88,7 @@ class RunPanel:
         if session.speed != self._shown_speed:
             self._shown_speed = session.speed
             put(self._speed, value=session.speed)
-        # A route is of the task balance, a goal may be clicked.
+        # A route belongs to the task balance, a goal may be clicked.
         put(self._ways, visible=session.takes_clicks, options=self._ways_in(session))
         put(self.clicks, visible=session.takes_clicks)
 

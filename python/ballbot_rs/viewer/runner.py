@@ -9,24 +9,24 @@ from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.session import Session
 
-#: What a deque says that two threads change, in asyncio.Event.
+#: Message of a deque that two threads change, in asyncio.Event.
 RACE = "mutated during iteration"
 
 Command = Callable[[Session], None]
 
-#: Commands that may wait; more are dropped, as from a client that floods.
+#: Capacity of the command queue; further commands are dropped, as from a flooding client.
 MAX_COMMANDS = 256
 
 #: Time between two frames, s.
 FRAME_DT = 1.0 / 30.0
 
-#: The most real time that is caught up after a delay, s: a machine that is too slow shows slow motion, not a jam.
+#: Most real time to catch up after a delay, s: a machine that is too slow shows slow motion, not a jam.
 MAX_DELAY = 0.5
 
-#: Simulated time between two looks at the clock, s.
+#: Simulated time between two reads of the clock, s.
 SLICE = 0.05
 
-#: How long `stop` waits, s. What cannot be interrupted, such as the reading of a large mesh, is left behind.
+#: How long `stop` waits, s. Calls that cannot be interrupted, such as reading a large mesh, are abandoned.
 STOP_TIMEOUT = 0.1
 
 
@@ -34,8 +34,8 @@ class Runner:
     """Runs a session in real time.
 
     Args:
-        session: no one else may touch it from now on.
-        show: called with the session and what is to be shown after each frame, in this thread.
+        session: nothing else may access it from now on.
+        show: called with the session and the frame to show after each frame, in this thread.
     """
 
     def __init__(self, session: Session, show: Callable[[Session, Frame], None] | None = None) -> None:
@@ -44,7 +44,7 @@ class Runner:
         self._commands: queue.Queue[Command] = queue.Queue(MAX_COMMANDS)
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="ballbot-simulation", daemon=True)
-        #: Simulated time, and the real time and the time of computing that it took without pauses, s.
+        #: Simulated time, and the real time and computing time that it took without pauses, s.
         self.simulated = 0.0
         self.elapsed = 0.0
         self.computing = 0.0
@@ -55,18 +55,18 @@ class Runner:
         self._thread.start()
 
     def stop(self) -> None:
-        """Ends; a policy that is being called is interrupted."""
+        """Ends; a running call of a policy is interrupted."""
         self._stop.set()
         self._session.watch.cancel()
         self._thread.join(STOP_TIMEOUT)
 
     @property
     def running(self) -> bool:
-        """Whether the thread is there."""
+        """Whether the thread exists."""
         return self._thread.is_alive()
 
     def submit(self, command: Command) -> bool:
-        """Has the thread carry a command out; False if there are too many waiting already. From any thread."""
+        """Queues a command for the thread; False if the queue is full. From any thread."""
         try:
             self._commands.put_nowait(command)
         except queue.Full:
@@ -95,7 +95,7 @@ class Runner:
         except Exception as error:
             if self._stop.is_set():
                 return
-            # A policy may choose nonsense, not return or fail in any way: the robots then go on without current.
+            # A policy may return nonsense, hang or fail in any way: then the robots continue unpowered.
             session.choose(controller="zero")
             session.notices.append(f"{error or type(error).__name__}; the motors are off")
         if not session.paused and session.replay_time is None:
@@ -106,12 +106,12 @@ class Runner:
             try:
                 self._show(session, session.frame())
             except RuntimeError as error:
-                # viser wakes its senders from this thread while its own may be doing so. The next frame shows the rest.
+                # viser wakes its senders from this thread, maybe while its own does. The next frame shows the rest.
                 if RACE not in str(error):
                     raise
 
     def _advance(self, seconds: float) -> float:
-        """Lets real time pass in slices, as many as there is time for: a fast-forward may be more than can be done."""
+        """Advances real time in slices, as many as time allows: a fast-forward may exceed the machine."""
         session, simulated = self._session, 0.0
         ends = time.perf_counter() + MAX_DELAY
         piece = SLICE / max(1.0, session.speed)
@@ -128,11 +128,11 @@ class Runner:
                 return
             try:
                 command(self._session)
-            except Exception as error:  # Whatever a page asks for, the robots go on.
+            except Exception as error:  # Whatever a page requests, the robots continue.
                 self._session.notices.append(str(error) or type(error).__name__)
 
     def report(self) -> str:
-        """How fast it was: the real-time factor, and what the simulation alone would reach."""
+        """Speed so far: the real-time factor, and the factor that the simulation itself could reach."""
         session = self._session
         factor = self.simulated / self.elapsed if self.elapsed > 0.0 else 0.0
         alone = self.simulated / self.computing if self.computing > 0.0 else 0.0

@@ -1,4 +1,4 @@
-"""The scene: a floor, the robots, the setpoint and the target on the way to it, or what a task asks."""
+"""The scene: a floor, the robots, the setpoint and the intermediate target, or a task's commands."""
 
 import math
 from collections.abc import Callable
@@ -25,23 +25,23 @@ from ballbot_rs.viewer.shapes import Look, Piece
 
 FloatArray = npt.NDArray[np.float64]
 
-#: What moves when the camera is to follow a robot: all but the floor. The camera stays, as a user has put it.
+#: Parent of the nodes that move when the camera follows a robot: all but the floor. The camera stays in place.
 WORLD = "/world"
 
-#: Between two robots of a batch, m.
+#: Distance between two robots of a batch, m.
 SPACING = 1.0
 
-#: Of the floor and of the squares that it is divided into, m.
+#: Size of the floor and of its squares, m.
 FLOOR_SIZE, SECTION = 20.0, 1.0
 
-#: Darkness of shadows, and opacity of the robot to compare with.
+#: Darkness of shadows, and opacity of the ghost.
 SHADOW, GHOST_OPACITY = 0.3, 0.35
 
 GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
 
 
 class Scene:
-    """Shows frames on a server; `look` makes a robot's look of its name, `attach` makes a mesh of robot 0 draggable.
+    """Shows frames on a server; `look` makes a robot's look from its name, `attach` makes a mesh of robot 0 draggable.
 
     `clicked` is called with a click on the ground.
     """
@@ -56,7 +56,7 @@ class Scene:
         self._server = server
         self._look = look
         self._attach = attach
-        #: Whether robot 0 stays in the middle, and what else is shown.
+        #: Whether robot 0 stays in the middle, and the other display options.
         self.follows = self.shows_trail = self.shows_shadow = True
         self.shows_forces = False
         self._casts_shadow = True
@@ -65,7 +65,7 @@ class Scene:
         self._terrain: Terrain | None = None
         self._shown: tuple[str, int] = ("", 0)
         self._robots: list[_RobotNodes] = []
-        # Removals of old nodes may still be on their way to a client when nodes of the same name come.
+        # Removals of old nodes may reach a client after new nodes of the same name.
         self._generation = 0
         server.scene.set_up_direction("+z")
         server.scene.world_axes.visible = False
@@ -83,7 +83,7 @@ class Scene:
             shadow_opacity=SHADOW,
             fade_distance=FLOOR_SIZE,
         )
-        # What is clicked is a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
+        # Clicks go to a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
         half = 0.5 * FLOOR_SIZE
         corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
         self._sheet = server.scene.add_mesh_simple(
@@ -100,7 +100,7 @@ class Scene:
         self._target = server.scene.add_icosphere(f"{WORLD}/target", 0.015, TARGET_COLOR, subdivisions=2)
 
     def show(self, frame: Frame) -> None:
-        """Moves everything to where a frame has it."""
+        """Moves everything to its place in a frame."""
         wanted = (frame.robot, len(frame.states))
         task = None if frame.asked is None else frame.asked.task
         if (*wanted, task) != (*self._shown, self._task):
@@ -122,7 +122,7 @@ class Scene:
         self._push.show(frame)
         self._route.show(frame)
         if self._casts_shadow != self.shows_shadow:
-            # Without them slow machines draw several times as many pictures.
+            # Without shadows slow machines draw several times as many pictures.
             self._casts_shadow = self.shows_shadow
             self._server.scene.configure_default_lights(cast_shadow=self.shows_shadow)
 
@@ -139,7 +139,7 @@ class Scene:
             self._ghost.show(frame.ghost)
 
     def extent(self, robot: str, num_robots: int) -> tuple[float, float]:
-        """How far from the middle robots stand, and how high they are, m."""
+        """Largest distance of robots from the middle, and their height, m."""
         look = self._look(robot)
         wheels = [piece.vertices @ w.mount[:3, :3].T + w.mount[:3, 3] for w in look.wheels for piece in w.pieces]
         parts = np.concatenate([*(piece.vertices for piece in look.body), *wheels])
@@ -148,7 +148,7 @@ class Scene:
         return half + max(math.hypot(x, y) for x, y, _ in places(num_robots)), radius + float(parts[:, 2].max())
 
     def point_at(self, origin: FloatArray, direction: FloatArray) -> tuple[float, float] | None:
-        """Where a ray of a camera meets the ground, m; None if it does not."""
+        """Intersection of a camera ray with the ground, m; None if there is none."""
         return ray_meets(self._terrain, origin + self.middle, direction)
 
     def _show_ground(self, frame: Frame) -> None:
@@ -158,7 +158,7 @@ class Scene:
             self._terrain = frame.terrain
             self._grid.visible = self._sheet.visible = frame.terrain is None
         level = np.zeros(2) if frame.terrain is None else self.middle[:2]
-        # Where a robot on another tile is, there is nothing of the patch that was looked at.
+        # A robot on another tile is outside the former patch.
         is_away = frame.terrain is not None and np.abs(ball - level).max() > HALF
         place = ball if self.follows or is_away else level
         self._move_middle(np.append(place, frame.heights(place)))
@@ -169,7 +169,7 @@ class Scene:
         self.middle = middle.copy()
         x, y, z = middle.tolist()
         self._world.position = (-x, -y, -z)
-        # The grid looks alike after a section, so that it has no end.
+        # The grid repeats after a section, so that it seems endless.
         self._grid.position = (-math.fmod(x, SECTION), -math.fmod(y, SECTION), 0.0)
 
     def _rebuild_commands(self, task: str | None, num_robots: int) -> None:
@@ -198,7 +198,7 @@ class Scene:
 
 
 def places(num_robots: int) -> list[tuple[float, float, float]]:
-    """Where the robots of a batch have their origins: a square, robot 0 at the center."""
+    """Origins of the robots of a batch: a square, robot 0 at the center."""
     side = math.ceil(math.sqrt(num_robots))
     cells = [(float(i // side), float(i % side)) for i in range(side * side)]
     middle = float(side // 2)

@@ -1,4 +1,4 @@
-"""A viser server for this machine alone: whoever asks from elsewhere, or for other files, is turned away."""
+"""A viser server for this machine only: requests from elsewhere, or for other files, are refused."""
 
 import asyncio
 import contextlib
@@ -25,23 +25,23 @@ from ballbot_rs.viewer.access import refusal
 
 HOST = "127.0.0.1"
 
-#: Pages that may be open at once. Each costs memory: viser encodes everything for each of them.
+#: Most open pages. Each costs memory: viser encodes everything for each of them.
 MAX_CLIENTS = 16
 FULL = f"{MAX_CLIENTS} pages of this server are open already, which is the limit: close one"
 
-#: What viser's page asks for: the version that made it.
+#: Subprotocol that viser's page requests: the version that made it.
 PROTOCOL = f"viser-v{viser.__version__}"
 
-#: Messages a second of one client; it is read more slowly if it sends more. The page's own throttle is below that.
+#: Most messages per second of a client; more are read more slowly. The page's own throttle is below that.
 MAX_RATE = 200.0
 
-#: Messages that a client may send in vain before it is disconnected.
+#: Invalid messages that a client may send before it is disconnected.
 MAX_REFUSED = 100
 
-#: How long the end of a connection may take, s.
+#: Longest time to close a connection, s.
 CLOSE_TIMEOUT = 0.02
 
-#: How long after a page is closed its memory is given back, s: once for many that are closed together.
+#: Time from closing a page to returning its memory, s: once for pages closed together.
 GIVE_BACK_AFTER = 1.0
 
 
@@ -65,13 +65,13 @@ class LocalServer(viser.ViserServer):
             raise RuntimeError(f"viser {viser.__version__} serves its page in another way: it cannot be restricted")
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-        """Refuses: what a page asks for must not open this machine to others."""
+        """Refuses: a page must not open this machine to others."""
         return None
 
     async def serve(self, handler: Callable[[Any], Awaitable[None]], connection: ServerConnection) -> None:
-        """Has viser serve a client, of whose messages it gets those that are in order.
+        """Has viser serve a client, and passes on only valid messages.
 
-        A connection to drive is not viser's.
+        A driving connection does not go to viser.
         """
         if self.is_for_driving(connection.request):
             assert self._driving is not None
@@ -81,7 +81,7 @@ class LocalServer(viser.ViserServer):
             await connection.close(1013, FULL)
             return
         if connection.subprotocol != PROTOCOL:
-            # viser would say so on the terminal.
+            # viser would print this to the terminal.
             await connection.close(1002, f"this server speaks {PROTOCOL}: load the page again")
             return
         self._clients.add(connection)
@@ -89,7 +89,7 @@ class LocalServer(viser.ViserServer):
             await handler(_Client(connection, self))
         finally:
             self._clients.discard(connection)
-            # What has waited for messages to this client ends.
+            # Ends the tasks that wait for messages to this client.
             self._websock_server.flush()
             if not self._gives_back:
                 self._gives_back = True
@@ -100,18 +100,18 @@ class LocalServer(viser.ViserServer):
         give_back_memory()
 
     def is_for_driving(self, request: Request | None) -> bool:
-        """Whether a connection is asked for to drive."""
+        """Whether a request is for a driving connection."""
         return self._driving is not None and request is not None and request.path == driving.PATH
 
     def is_full_for(self, request: Request) -> bool:
-        """Whether there is no room for what is asked for."""
+        """Whether the limit for this kind of request is reached."""
         if self.is_for_driving(request):
             return self._driving is not None and len(self._driving) >= MAX_CLIENTS
         return self.is_full
 
     @property
     def is_full(self) -> bool:
-        """Whether no more pages may be opened."""
+        """Whether the limit of open pages is reached."""
         return len(self._clients) >= MAX_CLIENTS
 
     @property
@@ -125,8 +125,8 @@ class LocalServer(viser.ViserServer):
             connection.transport.abort()
 
     def stop(self) -> None:
-        """Ends the server, quietly; clients that do not answer are not waited for."""
-        # A frame that is being shown ends unseen, and a thread that viser calls back may be late.
+        """Ends the server quietly, without waiting for clients that do not answer."""
+        # A frame in progress is lost, and a thread that viser calls back may be late.
         for handler in (self._websock_server, *(one._websock_connection for one in self.get_clients().values())):
             self._unheard.enter_context(unheard(handler))
         with contextlib.redirect_stdout(io.StringIO()):
@@ -137,7 +137,7 @@ class LocalServer(viser.ViserServer):
 
 
 def unheard(handler: Any) -> contextlib.AbstractContextManager[None]:
-    """A context in which viser does not warn of messages to a page that is closed."""
+    """A context in which viser does not warn of messages to a closed page."""
     buffer = handler.get_message_buffer()
     # Versions without it do not warn.
     without: Callable[[], contextlib.AbstractContextManager[None]] = contextlib.nullcontext
@@ -145,7 +145,7 @@ def unheard(handler: Any) -> contextlib.AbstractContextManager[None]:
 
 
 def give_back_memory() -> None:
-    """Gives memory that is not in use back to the system, where its library keeps it."""
+    """Returns unused memory to the system, where the C library keeps it."""
     # viser's handles of a client refer to each other.
     gc.collect()
     if sys.platform == "linux":
@@ -155,10 +155,10 @@ def give_back_memory() -> None:
 
 
 def free_port(first: int) -> int:
-    """The first free port from `first` on. viser would look beyond the last one that there is, and wait for ever.
+    """The first free port from `first`. viser would search past the last port, and wait forever.
 
     Raises:
-        OSError: there is none.
+        OSError: no port is free.
     """
     for port in range(first, 65536):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
@@ -169,7 +169,7 @@ def free_port(first: int) -> int:
 
 
 class _Client:
-    """A connection as viser uses it, which gives only messages that are in order."""
+    """A connection with viser's interface that only delivers valid messages."""
 
     def __init__(self, connection: ServerConnection, server: LocalServer) -> None:
         self._connection = connection
@@ -185,12 +185,12 @@ class _Client:
         await self._connection.send(message)
 
     async def recv(self) -> bytes:
-        """The next message of the client that is in order."""
+        """The client's next valid message."""
         while True:
             raw = await self._connection.recv()
             await self._slow_down()
             message = messages.accepted(raw, self._server.controls)
-            # viser has no handle of a client before its first camera.
+            # viser has no handle of a client before its first camera message.
             self._has_camera = self._has_camera or isinstance(message, messages.Camera)
             if message is not None and self._has_camera:
                 return messages.encoded(message)
@@ -210,7 +210,7 @@ class _Client:
 def _guarded(server: LocalServer) -> Iterator[list[bool]]:
     """Puts `refusal` and `_Client` before viser, which has no hook for either.
 
-    The list is empty as long as viser has not started a server through it.
+    The list is empty until viser has started a server through it.
     """
     serve = websockets.asyncio.server.serve
     guards: list[bool] = []
@@ -256,7 +256,7 @@ def _refused(status: http.HTTPStatus, reason: str) -> Response:
 
 
 def _silent_logger() -> logging.Logger:
-    """What clients do wrong is not for the terminal, which they could flood."""
+    """Client errors are not printed: clients could flood the terminal."""
     logger = logging.getLogger("ballbot_rs.viewer.connections")
     logger.addHandler(logging.NullHandler())
     logger.propagate = False

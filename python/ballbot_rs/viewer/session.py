@@ -1,4 +1,4 @@
-"""A session: robots, what drives them, and what a user does to them. It knows no browser."""
+"""A session: robots, their controllers, and user actions. It does not know the browser."""
 
 import dataclasses
 import math
@@ -34,45 +34,45 @@ T = TypeVar("T")
 
 MAX_ROBOTS = 64
 
-#: How long a policy, or a law that is not of the core, may take for a control step, and to be loaded and tried, s.
+#: Time limits of a policy, or of a law outside the core, for a control step, and for loading and trial, s.
 MAX_CALL = 1.0
 MAX_LOAD = 10.0
 
-#: How long a robot that has fallen lies before it starts anew, s.
+#: How long a fallen robot lies before it restarts, s.
 LIES_FOR = 2.0
 
-#: For how long a push is shown, s.
+#: How long a push is shown, s.
 PUSH_SECONDS = 0.7
 
-#: Bounds of what a page can ask for: simulated per real time, rad and N·s.
+#: Bounds of the page's inputs: simulated time per real time, rad and N·s.
 MIN_SPEED, MAX_SPEED = 0.01, 8.0
 MAX_TILT = math.radians(30.0)
 MAX_IMPULSE = 20.0
 
 
 class Session(Player):
-    """Everything that a page shows and commands. Not for several threads: `Runner` owns one.
+    """Everything that a page shows and commands. Not thread-safe: `Runner` owns a session.
 
     Args:
         model: "planar", "spatial", "contact" or "rigid".
         robot: the name of a preset, or of `params`.
-        controller: one of `control.resolve.NAMES`, the path of an ONNX policy, or what `control.resolve.find` gives.
-        num_robots: how many robots there are at once.
-        params: a robot that is no preset.
+        controller: one of `control.resolve.NAMES`, the path of an ONNX policy, or a result of `control.resolve.find`.
+        num_robots: number of robots.
+        params: a robot that is not a preset.
         motors: the option `actuators` of an environment; None is ideal motors.
-        events: the option `events` of an environment: what is drawn of the robots at random. Controllers are made for
-            the robot without them.
-        seed: of the draws.
-        sensors: the option `sensors` of an environment. None is exact ones with `observation` "sensors", else those of
-            kugle, for when they are chosen.
-        observation: what controllers take, "ground_truth" (the true states) or "sensors" (estimated ones).
-        task: name of a task; None is that of a policy, else balance.
-        task_options: options of that task, over which those of a policy's training go; `terrain` is the ground, which
-            one robot alone may be on.
+        events: the option `events` of an environment: what is sampled at random for the robots. Controllers are made
+            for the robot without events.
+        seed: of the samples.
+        sensors: the option `sensors` of an environment. None is exact sensors with `observation` "sensors", else the
+            sensors of kugle, for when they are chosen.
+        observation: input of controllers, "ground_truth" (the true states) or "sensors" (estimates).
+        task: name of a task; None is a policy's task, else balance.
+        task_options: options of that task, overridden by the options of a policy's training; `terrain` is the ground,
+            which allows only one robot.
 
     Raises:
-        ValueError: a name that is not known, a number out of range, motors, sensors or events that do not fit the
-            robot, or a policy that falls on a robot other than the one that it was trained on.
+        ValueError: an unknown name, a number out of range, motors, sensors or events that do not fit the robot, or a
+            policy that falls on a robot that it was not trained on.
         FileNotFoundError: there is no policy at that path.
         TimeoutError: a policy takes too long.
     """
@@ -103,9 +103,9 @@ class Session(Player):
         self.speed = 1.0
         self.start_tilt = np.radians([3.0, 0.0])
         self.notices = Notices()
-        #: The same robot under another controller, to compare with.
+        #: The same robot under another controller, for comparison.
         self.ghost: Session | None = None
-        #: Last push by hand: when, s, and the impulse (x, y), N·s.
+        #: Last manual push: time, s, and impulse (x, y), N·s.
         self.pushed: tuple[float, npt.NDArray[np.float64]] | None = None
         self.pull_point: npt.NDArray[np.float64] | None = None
         self.watch = Watch()
@@ -145,7 +145,7 @@ class Session(Player):
 
     @property
     def takes_clicks(self) -> bool:
-        """Whether a click on the floor asks for something."""
+        """Whether a click on the floor is a command."""
         return self._objective.takes_clicks
 
     @property
@@ -154,17 +154,17 @@ class Session(Player):
 
     @property
     def setpoint(self) -> npt.NDArray[np.float64]:
-        """The setpoint of the task balance, m; zeros in others."""
+        """The setpoint of the task balance, m; zeros in other tasks."""
         return self._objective.setpoint if isinstance(self._objective, Balancing) else np.zeros(2)
 
     @property
     def changes(self) -> dict[str, float]:
-        """What is changed of the robots, by the names of `changes.CHANGES`."""
+        """Changes of the robots, by the names of `changes.CHANGES`."""
         return dict(self.robots.setup.changes)
 
     @property
     def observation(self) -> str:
-        """What controllers take, one of `OBSERVATIONS`."""
+        """Input of controllers, one of `OBSERVATIONS`."""
         return "ground_truth" if self.robots.setup.sensors is None else "sensors"
 
     def _make(
@@ -222,11 +222,11 @@ class Session(Player):
         return self.watch.call(f"loading {controller}", lambda: find(controller, trusted=False), MAX_LOAD)
 
     def _watched(self, controller: ResolvedController, function: Callable[[], T], seconds: float) -> T:
-        """What a function returns that calls a controller, which may take too long."""
+        """The result of a function that calls a controller, with a time limit."""
         return self.watch.call(controller.name, function, seconds, controller.interrupt)
 
     def params_of(self, robot: str) -> Params:
-        """Parameters of a robot by name. Raises ValueError for an unknown one."""
+        """Parameters of a robot by name. Raises ValueError for an unknown name."""
         return self._own[robot] if robot in self._own else Params.preset(robot)
 
     @property
@@ -244,16 +244,16 @@ class Session(Player):
         observation: str | None = None,
         task: str | None = None,
     ) -> None:
-        """Changes what is simulated. The robots move on, unless kind, number or ground changes: then they start anew.
+        """Changes the simulation. The robots continue, unless kind, number or ground changes: then they restart.
 
-        Estimates begin anew at the true states, unless all that they follow from remains. A policy brings its task.
+        Estimates restart at the true states, unless all of their inputs remain. A policy sets its task.
 
         Raises as the constructor, and changes nothing then.
         """
         old = self.robots
         if observation is not None:
             check_observation(observation)
-        # The file of a policy that is in use already is not read again.
+        # The file of a policy that is already in use is not read again.
         chosen = self._controller
         if controller is not None and controller != self.controller:
             chosen = self._found(controller)
@@ -282,13 +282,13 @@ class Session(Player):
 
     @shared
     def change(self, /, **values: float) -> None:
-        """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; the others remain.
+        """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; others remain.
 
-        The robots move on. Controllers and estimator remain those of the robot without changes.
+        The robots continue. Controllers and estimator remain those of the unchanged robot.
 
         Raises:
-            ValueError: an unknown name, a number out of range, or a robot or motors that cannot be; nothing has changed
-                then.
+            ValueError: an unknown name, a number out of range, or invalid parameters or motors; then nothing has
+                changed.
         """
         changes = {**self.changes, **checked(values)}
         if changes != self.changes:
@@ -299,7 +299,7 @@ class Session(Player):
 
     @shared
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
-        """Starts all robots anew, at rest, with the setpoint at the origin or commands that the task draws.
+        """Restarts all robots, at rest, with the setpoint at the origin or commands that the task samples.
 
         The tilt (two components, rad) is kept for the next time.
         """
@@ -329,7 +329,7 @@ class Session(Player):
 
     @shared
     def pull(self, towards: npt.ArrayLike | None) -> None:
-        """Pulls robot 0 towards a point (inertial frame, m) from now on; None lets go."""
+        """Pulls robot 0 towards a point (inertial frame, m) from now on; None releases it."""
         if towards is not None:
             point = np.asarray(towards, dtype=np.float64)
             if point.shape != (3,) or not np.isfinite(point).all():
@@ -339,19 +339,19 @@ class Session(Player):
 
     @shared
     def move_setpoint(self, x: float, y: float) -> None:
-        """The place to go to, m: the setpoint, or the goal of the task goal; in a batch, from where each robot started.
+        """Sets the target position, m: setpoint, or goal of the task goal; in a batch, relative to each robot's start.
 
         Raises:
-            ValueError: a number out of range, or a controller or task that asks for no place.
+            ValueError: a number out of range, or a controller or task that does not take a position.
         """
         self._objective.click(self.robots, x, y)
 
     @shared
     def follow(self, route: str) -> None:
-        """Has the setpoint move along a closed curve from where it is, one of `route.ROUTES`.
+        """Moves the setpoint along a closed curve from its present position, one of `route.ROUTES`.
 
         Raises:
-            ValueError: an unknown curve, another task than balance, or a controller that follows no position.
+            ValueError: an unknown curve, a task other than balance, or a controller that does not follow a position.
         """
         objective = self._objective
         if not isinstance(objective, Balancing):
@@ -360,7 +360,7 @@ class Session(Player):
 
     @shared
     def drive(self, forward: float, left: float, turn: float) -> None:
-        """Commands the task velocity: shares in [-1, 1] of its largest speed, heading frame, and rate of the heading.
+        """Commands the task velocity: fractions in [-1, 1] of its largest speed, heading frame, and of its yaw rate.
 
         Raises:
             ValueError: a number out of range, or another task.
@@ -371,7 +371,7 @@ class Session(Player):
 
     @shared
     def draw_commands(self) -> None:
-        """Gives the commands back to the task: its next episodes begin where the robots are.
+        """Returns the commands to the task: its next episodes begin at the robots' present positions.
 
         Raises:
             ValueError: the task has no commands.
@@ -382,7 +382,7 @@ class Session(Player):
         self._objective.reset()
 
     def set_speed(self, speed: float) -> None:
-        """Simulated time a real time: 1 is real time."""
+        """Simulated time per real time: 1 is real time."""
         self.speed = check_bounded("speed", speed, MIN_SPEED, MAX_SPEED)
 
     def step(self) -> None:
@@ -409,7 +409,7 @@ class Session(Player):
         return self._watched(self._controller, function, MAX_CALL) if self.driver.is_foreign else function()
 
     def _restart_fallen(self) -> None:
-        """Has robots that have lain for a while start anew; without a controller they stay where they are."""
+        """Restarts robots that have lain for a while; without a controller they stay where they are."""
         if self.controller != "zero":
             fallen = np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist()
             for index in fallen:
@@ -417,13 +417,13 @@ class Session(Player):
             self.start_anew(fallen)
 
     def start_anew(self, indices: Iterable[int]) -> None:
-        """Has robots start anew alone, as at the last reset."""
+        """Restarts individual robots, as at the last reset."""
         for index in indices:
             self.robots.restart(index)
             self._objective.restarted(self.robots, index)
 
     def advance(self, seconds: float) -> float:
-        """Lets real time pass: whole control steps, the rest is kept. Returns the time simulated, s."""
+        """Advances by real time: whole control steps, the rest is kept. Returns the simulated time, s."""
         if self.paused:
             return 0.0
         if self.replay_time is not None:
@@ -437,20 +437,20 @@ class Session(Player):
         return steps * self.driver.control_dt
 
     def frame(self) -> Frame:
-        """What is to be shown now. At its end, a replay goes on showing its last frame."""
+        """The frame to show now. At its end, a replay keeps showing its last frame."""
         if self.replay_time is not None:
             return self.recording.at(self.replay_time)
         return self._frame()
 
     def _options_of(self, task: str) -> dict[str, Any]:
-        """The options that were given, for a task that may be another: a level of tiles is one of their ground."""
+        """The given options, for a possibly different task: a level of tiles belongs to their ground."""
         names = set(option_names(task))
         if task != self._first_task and "terrain" not in self._task_options:
             names.discard("level")
         return {name: value for name, value in self._task_options.items() if name in names}
 
     def compare_with(self, controller: str | None) -> None:
-        """Puts a second robot beside robot 0 that begins where it is, under another controller; None takes it away.
+        """Adds a second robot under another controller, in the state of robot 0; None removes it.
 
         Raises as the constructor, and changes nothing then.
         """
@@ -479,7 +479,7 @@ class Session(Player):
         self.ghost = ghost
 
     def _compare_again(self) -> None:
-        """After a choice: the ghost goes on as another robot."""
+        """After a choice: the ghost continues with the new robot."""
         if self.ghost is None:
             return
         name, self.ghost = self.ghost.controller, None

@@ -1,4 +1,4 @@
-"""What the robots of a session are: the options of the environments that simulate them."""
+"""Setup of a session's robots: the options of the environments that simulate them."""
 
 import dataclasses
 import functools
@@ -13,7 +13,7 @@ from ballbot_rs.viewer.changes import NEUTRAL, Motors, Sensors, changed_motors, 
 
 Events = Sequence[Mapping[str, Any]] | str | None
 
-#: Parameters that a state of one robot must share with another's to be a state of both.
+#: Parameters that two robots must have in common for a state to be valid for both.
 SHAPE = (
     "ball_radius",
     "wheel_radius",
@@ -24,7 +24,7 @@ SHAPE = (
     "body_com_offset",
 )
 
-#: Options of an environment that a setup decides.
+#: Options of an environment that a setup determines.
 DECIDED = (
     "params",
     "model",
@@ -43,7 +43,7 @@ DECIDED = (
 
 @dataclasses.dataclass(frozen=True)
 class Setup:
-    """A kind of robot, the model that simulates it, and what is changed and drawn of it."""
+    """A kind of robot, the model that simulates it, its changes and its events."""
 
     #: Name of the robot.
     name: str
@@ -56,25 +56,25 @@ class Setup:
     #: As the options of an environment.
     motors: Motors = None
     events: Events = None
-    #: Of the draws of robot 0; robot i has the draws of `seed + i`.
+    #: Seed of robot 0; robot i has `seed + i`.
     seed: int = 0
     #: As in `changes.CHANGES`.
     changes: Mapping[str, float] = dataclasses.field(default_factory=lambda: NEUTRAL)
-    #: Sensors from whose readings the states that controllers take are estimated; None: they take the true states.
+    #: Sensors whose readings give the estimated states for controllers; None: controllers take the true states.
     sensors: Sensors = None
-    #: Model steps in a control step of the environment: from one reading of sensors, or one action of a task other than
+    #: Model steps in a control step of the environment: from one sensor reading, or one action of a task other than
     #: balance, to the next.
     substeps: int = 1
     #: Name of the task.
     task: str = DEFAULT_TASK
-    #: Its own options, and what a policy observes; those that this setup decides are left out.
+    #: Its own options, and the observation of a policy; options that this setup determines are omitted.
     task_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     #: The ground; None is level.
     terrain: Terrain | None = None
 
     @functools.cached_property
     def params(self) -> Params:
-        """The changed robot, of which events draw. Raises ValueError if it cannot be."""
+        """The changed robot, the nominal robot of the events. Raises ValueError for invalid parameters."""
         return changed_params(self.nominal, self.changes)
 
     @property
@@ -83,12 +83,12 @@ class Setup:
         return changed_sensors(self.sensors, self.changes)
 
     def batch(self, index: int) -> Batch:
-        """The environment of robot `index`: an episode ends on the floor alone.
+        """The environment of robot `index`: an episode ends only on the floor.
 
-        The estimator is that of the nominal robot, since a robot does not measure what is changed of it.
+        The estimator is for the nominal robot, since a robot does not measure its changes.
 
         Raises:
-            ValueError: the robot, its motors, sensors or events cannot be.
+            ValueError: invalid robot, motors, sensors or events.
         """
         estimates = self.sensors is not None
         decided = {
@@ -114,7 +114,7 @@ class Setup:
         return batch
 
     def differs_in_numbers_alone(self, other: "Setup") -> bool:
-        """Whether a robot can become one of the other setup by `set_params` while it moves."""
+        """Whether `set_params` can change a moving robot to the other setup."""
         motors = [changed_motors(setup.motors, setup.changes) for setup in (self, other)]
         return (
             dataclasses.replace(self, changes=other.changes, seed=other.seed) == other

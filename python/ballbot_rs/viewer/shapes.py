@@ -1,4 +1,4 @@
-"""What a robot looks like: colored triangles for the ball, the body and each wheel, in their own frames."""
+"""The look of a robot: colored triangles for the ball, the body and each wheel, in their own frames."""
 
 import dataclasses
 import math
@@ -30,7 +30,7 @@ class Piece:
 
 @dataclasses.dataclass(frozen=True)
 class Wheel:
-    """A wheel in its own frame, and where that frame is at wheel angle zero: in the body frame, a 4×4 matrix."""
+    """A wheel in its own frame, and the 4×4 pose of that frame in the body frame at wheel angle zero."""
 
     pieces: list[Piece]
     mount: FloatArray
@@ -57,7 +57,7 @@ def piece(mesh: trimesh.Trimesh, color: Color, origin: npt.ArrayLike | None = No
 
 
 def by_color(pieces: list[Piece]) -> list[Piece]:
-    """The same with one piece a color, which is quicker to draw."""
+    """The same with one piece per color, which is faster to draw."""
     merged = []
     for color in dict.fromkeys(one.color for one in pieces):
         same = [one for one in pieces if one.color == color]
@@ -73,7 +73,7 @@ def by_color(pieces: list[Piece]) -> list[Piece]:
 
 
 def ball_of(radius: float) -> list[Piece]:
-    """A sphere whose octants alternate between two colors, so that one sees it roll."""
+    """A sphere whose octants alternate between two colors, so that rolling is visible."""
     sphere = trimesh.creation.uv_sphere(radius=radius, count=[33, 33])
     side = np.sign(np.asarray(sphere.triangles_center)).prod(axis=1) > 0
     vertices, faces = np.asarray(sphere.vertices), np.asarray(sphere.faces)
@@ -81,7 +81,7 @@ def ball_of(radius: float) -> list[Piece]:
 
 
 def from_params(params: Params) -> Look:
-    """A robot made from its parameters alone; they carry no outlines, so it is as tall as its inertia asks for."""
+    """A robot made only from its parameters; they have no outlines, so its inertia determines its height."""
     reach = params.ball_radius + params.wheel_radius
     width = reach * math.sin(max(params.wheel_zeniths))
     deck = reach * math.cos(min(params.wheel_zeniths)) + params.wheel_radius
@@ -99,7 +99,7 @@ def from_params(params: Params) -> Look:
 
 
 def wheel_heights(params: Params) -> list[float]:
-    """How high each wheel center is in the body frame, m."""
+    """Height of each wheel center in the body frame, m."""
     return [(params.ball_radius + params.wheel_radius) * math.cos(zenith) for zenith in params.wheel_zeniths]
 
 

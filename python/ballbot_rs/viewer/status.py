@@ -13,7 +13,7 @@ from ballbot_rs.viewer.command_panel import command_of, metrics_of
 from ballbot_rs.viewer.recording import Frame
 from ballbot_rs.viewer.session import Session
 
-#: From where on a wheel is said to slip, m/s.
+#: Slip speed above which a wheel counts as slipping, m/s.
 SLIPS = 1e-3
 
 #: How long a message is shown, s.
@@ -28,7 +28,7 @@ class Status:
         self._said, self._since = 0, -math.inf
 
     def show(self, session: Session, frame: Frame) -> None:
-        """Shows what a frame has of robot 0, and the newest message for a while."""
+        """Shows robot 0 of a frame, and the newest message for a while."""
         now = time.monotonic()
         if session.notices.said != self._said:
             self._said, self._since = session.notices.said, now
@@ -53,7 +53,7 @@ def html_of(session: Session, frame: Frame, message: str) -> str:
 
 
 def doing_of(session: Session) -> tuple[str, str]:
-    """What the session does, in a word and in full."""
+    """Activity of the session, in a word and in full."""
     if session.replay_time is not None:
         return "replay", f"replay, {session.replay_time:.1f} of {session.recording.duration:.1f} s"
     if session.paused:
@@ -88,7 +88,7 @@ def rows_of(session: Session, frame: Frame) -> list[tuple[str, str, str]]:
 
 
 def traction_of(frame: Frame) -> str:
-    """How near the wheels are to slipping."""
+    """How close the wheels are to slipping."""
     used = float(max(frame.utilization[:3]))
     if math.isinf(used):
         return "a wheel has no load"
@@ -96,7 +96,7 @@ def traction_of(frame: Frame) -> str:
     slip = float(np.abs(frame.slip).max())
     if slip > SLIPS:
         return f"{text}, slips at {slip:.2f} m/s"
-    # Friction at rest may be a little above the limit of sliding friction; models without slip know no limit.
+    # Static friction may be a little above the limit of sliding friction; models without slip have no limit.
     return f"{text}, about to slip" if used > 1.0 else text
 
 

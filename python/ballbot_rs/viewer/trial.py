@@ -12,11 +12,11 @@ from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.robots import Robots
 from ballbot_rs.viewer.setup import Setup
 
-#: Length of a trial, s, and the tilts from which it starts, rad: what the page starts with, and across.
+#: Length of a trial, s, and its initial tilts, rad: the page's initial tilt, and perpendicular to it.
 SECONDS = 3.0
 TILTS = ((math.radians(3.0), 0.0), (0.0, math.radians(3.0)))
 
-#: Options of a task that pushes robots; any may fall at a push.
+#: Options of a task that pushes robots; any robot may fall after a push.
 WITHOUT_PUSHES: Mapping[str, Mapping[str, Any]] = {"push": {"push": (0.0, 0.0)}}
 
 
@@ -25,7 +25,7 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
 
     Args:
         controller: the policy; a law is not tried.
-        objective: the policy's on one robot, not used otherwise.
+        objective: the policy's objective on one robot, not used otherwise.
         setup: the robot; it is tried without events and changes, on the model `contact`.
 
     Raises:
@@ -60,7 +60,7 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
 
 
 def trained_on(env_options: Mapping[str, Any]) -> Params | None:
-    """The robot of the environment that a policy was trained in; None if its file is no longer there."""
+    """The robot of the environment that a policy was trained in; None if its file no longer exists."""
     params = env_options.get("params")
     try:
         return new_batch(1, num_threads=1, options={} if params is None else {"params": params}).params(0)

@@ -1,4 +1,4 @@
-"""The page's sliders that change the running robots, and what robot 0 has become."""
+"""The page's sliders that change the running robots, and the resulting robot 0."""
 
 import functools
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from ballbot_rs.viewer.session import Session
 
 
 class Tuning:
-    """Sliders, a button back to the nominal robot, and a table.
+    """Sliders, a button to restore the nominal robot, and a table.
 
     Args:
         server: shows them.
@@ -44,9 +44,9 @@ class Tuning:
         self._table = gui.add_markdown("")
 
     async def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is None:  # Our own correction of what is shown.
+        if event.client_id is None:  # Our own correction of the display.
             return
-        # Of a drag, only the newest of the values that wait is applied.
+        # During a drag, only the newest waiting value is applied.
         self._wanted[name] = event.target.value
 
         def command(session: Session) -> None:
@@ -73,7 +73,7 @@ class Tuning:
             self._correct(session)
 
     def _correct(self, session: Session) -> None:
-        """Shows what is simulated, where a change was refused or taken back; a slider that waits stays."""
+        """Shows the actual values where a change was refused or reverted; a waiting slider stays."""
         changes = session.changes
         for name, value in changes.items():
             if name not in self._wanted:
@@ -81,7 +81,7 @@ class Tuning:
         self._shown = changes
 
     def show(self, session: Session) -> None:
-        """Shows what robot 0 is, and what was changed elsewhere."""
+        """Shows robot 0, and changes made elsewhere."""
         if session.changes != self._shown:
             self._correct(session)
         text = table_of(session)
@@ -90,10 +90,10 @@ class Tuning:
 
 
 def table_of(session: Session) -> str:
-    """What robot 0 differs in from the nominal robot, and what was drawn of it, as a table in Markdown, in SI units."""
+    """Differences of robot 0 from the nominal robot, and its samples, as a Markdown table in SI units."""
     robots = session.robots
     nominal, params = robots.params, robots.params_of(0)
-    # A push has no height of its own if it is at the center of mass.
+    # A push at the center of mass has no separate height.
     draws = {name: draw[np.isfinite(draw)] for name, draw in robots.draws_of(0).items() if np.isfinite(draw).any()}
     # A term may occur several times, with an id.
     terms = [name.partition(":")[0] for name in draws]

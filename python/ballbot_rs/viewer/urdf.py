@@ -1,4 +1,4 @@
-"""A robot's look from its two URDFs. The parameters' own reader has checked before that they describe a ballbot."""
+"""A robot's look from its two URDFs. The reader of the parameters has already checked that they describe a ballbot."""
 
 import functools
 import io
@@ -16,7 +16,7 @@ from ballbot_rs.viewer.shapes import TYRE, Color, Look, Piece, Wheel, ball_of, b
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Largest URDF and largest file of a mesh, bytes, and most triangles of a mesh: those of the core.
+#: Largest URDF and largest mesh file, bytes, and most triangles of a mesh: the limits of the core.
 MAX_URDF = 16 << 20
 MAX_MESH = 128 << 20
 MAX_TRIANGLES = 2_000_000
@@ -29,7 +29,7 @@ def from_urdf(params: Params, bot_path: Path, ball_path: Path) -> Look:
     """The visual shapes of a ballbot described by two URDFs.
 
     Raises:
-        ValueError: the wheels cannot be told from the body, or a file is not a regular one, too large or malformed.
+        ValueError: wheels and body cannot be distinguished, or a file is not a regular file, too large or malformed.
         OSError: a file cannot be read.
     """
     bot, ball = _load(bot_path), _load(ball_path)
@@ -62,13 +62,13 @@ def _load(path: Path) -> yourdfpy.URDF:
     meshes = functools.partial(yourdfpy.filename_handler_magic, dir=str(path.parent))
     try:
         return yourdfpy.URDF.load(text, build_scene_graph=True, load_meshes=False, filename_handler=meshes)
-    # Besides its own errors it passes on those of the XML parser.
+    # In addition to its own errors it passes on errors of the XML parser.
     except Exception as error:
         raise ValueError(f"{path}: {error}") from error
 
 
 def _ball(ball: yourdfpy.URDF, params: Params) -> list[Piece]:
-    """The ball's pieces; a plain sphere gets the pattern by which one sees it roll."""
+    """The ball's pieces; a plain sphere gets a pattern that makes rolling visible."""
     shapes = [visual.geometry for link in ball.robot.links for visual in link.visuals]
     if all(shape is None or shape.mesh is None for shape in shapes):
         return ball_of(params.ball_radius)
@@ -110,11 +110,11 @@ def _mesh(robot: yourdfpy.URDF, shape: yourdfpy.Geometry | None) -> trimesh.Trim
 
 
 def _read_mesh(path: Path) -> trimesh.Trimesh:
-    """The triangles of a file. No other file is opened for it, such as materials, of which the page shows none."""
+    """The triangles of a file. No other file is opened, such as materials, which the page does not show."""
     contents = io.BytesIO(read_regular(path, MAX_MESH))
     try:
         mesh = trimesh.load_mesh(contents, file_type=path.suffix.lower().lstrip("."))
-    # Its readers raise whatever a malformed file leads to.
+    # Its readers may raise anything for a malformed file.
     except Exception as error:
         raise ValueError(f"{path} is not a readable mesh: {error or type(error).__name__}") from error
     if isinstance(mesh, trimesh.Scene):

@@ -15,9 +15,9 @@ class View:
     """A session on a page in the browser, running from the constructor to `stop`.
 
     Args:
-        session: what is shown; the view owns it from now on.
+        session: the session to show; the view owns it from now on.
         port: where the server listens; if it is taken, the next free one.
-        urdfs: bot and ball of robots by name, beside those that this package knows.
+        urdfs: bot and ball of robots by name, in addition to the robots of this package.
 
     Raises:
         ValueError: a port out of range, or a URDF that cannot be shown.
@@ -29,7 +29,7 @@ class View:
             raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
         self._urdfs = {**urdf.URDFS, **(urdfs or {})}
         self._params = {name: session.params_of(name) for name in session.robot_names}
-        # What cannot be shown is refused here, not by the thread that shows it.
+        # Invalid files are refused here, not by the display thread.
         self._look(session.robots.name)
         self.runner = Runner(session, self._show)
         self._driving = Driving(self._submit)

@@ -1,4 +1,4 @@
-"""The tab View: what of the scene is shown."""
+"""The tab View: display options of the scene."""
 
 import functools
 from collections.abc import Callable
@@ -16,8 +16,8 @@ class ViewPanel:
     Args:
         server: shows them.
         submit: puts a command into the queue, whose thread owns the scene.
-        scene: what they switch.
-        frame: puts the cameras of all pages where they see all robots.
+        scene: the scene that they switch.
+        frame: places the cameras of all pages so that they see all robots.
     """
 
     def __init__(self, server: viser.ViserServer, submit: Submit, scene: Scene, frame: Callable[[], None]) -> None:

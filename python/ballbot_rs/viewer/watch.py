@@ -1,7 +1,7 @@
-"""Calls of what others wrote (policies, laws in Python, models to be loaded), which may take long or never return.
+"""Calls of foreign code (policies, laws in Python, models to load), which may take long or never return.
 
-They run in a thread of their own. The caller waits for a limited time, and less if `cancel` is called or a signal
-comes. A thread whose call does not return is left behind.
+They run in a separate thread. The caller waits for a limited time, or until `cancel` is called or a signal comes. A
+thread whose call does not return is abandoned.
 """
 
 import queue
@@ -12,7 +12,7 @@ from typing import Any, TypeVar
 
 T = TypeVar("T")
 
-#: How long a call that was interrupted may take to end, s.
+#: How long an interrupted call may take to end, s.
 GRACE = 0.05
 
 
@@ -23,7 +23,7 @@ class Interrupted(Exception):
 class _Job:
     def __init__(self, function: Callable[[], Any]) -> None:
         self.function = function
-        #: Whether the caller need not wait any more, and whether the call has ended.
+        #: Whether the caller may stop waiting, and whether the call has ended.
         self.wake, self.done = threading.Event(), threading.Event()
         self.result: Any = None
         self.error: BaseException | None = None
@@ -38,7 +38,7 @@ class _Job:
 
 
 class Watch:
-    """One thread for calls, one at a time; a new one after a call that did not return."""
+    """One thread for calls, one at a time; a new thread after a call that did not return."""
 
     def __init__(self) -> None:
         self._jobs: queue.SimpleQueue[_Job | None] | None = None
@@ -48,7 +48,7 @@ class Watch:
     def call(
         self, what: str, function: Callable[[], T], seconds: float, interrupt: Callable[[], None] | None = None
     ) -> T:
-        """What a function returns, or its exception.
+        """The result of a function, or its exception.
 
         Args:
             what: name of the call in the error.
@@ -81,7 +81,7 @@ class Watch:
         raise TimeoutError(f"{what} took longer than {seconds:g} s")
 
     def _leave(self, job: _Job, interrupt: Callable[[], None] | None) -> None:
-        """Goes on without a call, whose thread ends when, and if, the call does."""
+        """Abandons a call, whose thread ends when, and if, the call does."""
         assert self._jobs is not None
         self._jobs.put(None)
         self._jobs = None
@@ -109,17 +109,17 @@ class Watch:
         return self._jobs
 
 
-#: Calls that were left behind; those that still run keep their thread alive.
+#: Abandoned calls; running calls keep their thread alive.
 _left: "weakref.WeakSet[_Job]" = weakref.WeakSet()
 
 
 def is_any_left() -> bool:
-    """Whether a call that was left behind still runs."""
+    """Whether an abandoned call still runs."""
     return any(not job.done.is_set() for job in list(_left))
 
 
 def _work(jobs: "queue.SimpleQueue[_Job | None]") -> None:
     while (job := jobs.get()) is not None:
         job.run()
-        # Its result is not kept until the next one comes.
+        # Do not keep its result until the next call.
         del job

@@ -21,7 +21,7 @@ fields! {
     pub struct MotorOptions {
         /// Dead time between a command and its torque, a whole number of model steps; at most 10000 of them.
         pub delay: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(1.0);
-        /// Torque of each motor as a share of the commanded one; one number is that of all three.
+        /// Torque of each motor as a fraction of the commanded torque; one number applies to all three.
         pub strength: [f64; 3] = [1.0; 3], "", Limit::NOT_NEGATIVE.to(10.0);
         /// Time constant with which the torque follows its command, a first-order lag; 0: none.
         pub lag: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(10.0);
@@ -33,7 +33,7 @@ fields! {
         pub speed_limit: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
         /// Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
         pub peak_torque: f64 = 0.0, "N·m", Limit::NOT_NEGATIVE.to(1e9);
-        /// Longest dead time that is added to `delay` at random, a whole number of model steps, drawn anew for each command.
+        /// Longest dead time that is added to `delay` at random, a whole number of model steps, sampled for each command.
         pub delay_jitter: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(1.0);
     }
 }

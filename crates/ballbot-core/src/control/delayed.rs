@@ -13,7 +13,7 @@ crate::fields! {
     /// Properties of the motors known to a controller.
     #[derive(Copy)]
     pub struct DelayOptions {
-        /// Time between a torque that is asked for and its effect: a multiple of the sampling time, at most ten samples. The
+        /// Time between a torque that is commanded and its effect: a multiple of the sampling time, at most ten samples. The
         /// law acts on the state that it predicts for then.
         pub delay: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(10.0);
     }

@@ -24,7 +24,7 @@ crate::fields! {
     pub struct IntegralWeights {
         /// Integral of the deviation of the ball position.
         pub integral: f64 = 0.5, "m·s", Limit::from(1e-6).to(1e6);
-        /// No deviation: the largest lean that the integral may ask for.
+        /// Not a cost: the largest lean that the integral may command.
         pub max_integral_lean: f64 = 0.069_813_170_079_773_18, "rad", Limit::from(1e-6).to(1e6);
     }
 }

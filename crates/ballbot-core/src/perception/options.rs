@@ -30,9 +30,9 @@ fields! {
         pub latency: f64 = 0.0, "s", Limit::from(0.0).to(100.0);
         /// Standard deviation of the noise of each height.
         pub noise: f64 = 0.0, "m", Limit::from(0.0).to(10.0);
-        /// Share of the heights that are missing in a scan; they keep what was read before.
+        /// Fraction of the heights that are missing in a scan; they keep what was read before.
         pub dropout: f64 = 0.0, "", Limit::from(0.0).to(1.0);
-        /// Standard deviations of an error of the whole grid along each horizontal axis, and of all heights, drawn for each
+        /// Standard deviations of an error of the whole grid along each horizontal axis, and of all heights, sampled for each
         /// episode.
         pub drift: [f64; 2] = [0.0; 2], "m", Limit::from(0.0).to(10.0);
     }
@@ -61,11 +61,11 @@ fields! {
         pub latency: f64 = 0.0, "s", Limit::from(0.0).to(100.0);
         /// Standard deviation of the noise of a pixel: the first number, m, and the second, 1/m, times its squared depth.
         pub noise: [f64; 2] = [0.0; 2], "", Limit::from(0.0).to(10.0);
-        /// Share of the pixels that are holes, which read as `far`.
+        /// Fraction of the pixels that are holes, which read as `far`.
         pub dropout: f64 = 0.0, "", Limit::from(0.0).to(1.0);
-        /// Share of the pictures that do not come; the one before stays.
+        /// Fraction of the pictures that do not come; the one before stays.
         pub freeze: f64 = 0.0, "", Limit::from(0.0).to(1.0);
-        /// Standard deviation of the angle about each body axis by which the camera is mounted wrongly, drawn for each
+        /// Standard deviation of the angle about each body axis by which the camera is mounted wrongly, sampled for each
         /// episode.
         pub misalignment: f64 = 0.0, "rad", Limit::from(0.0).to(0.5);
     }

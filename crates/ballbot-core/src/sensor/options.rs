@@ -27,7 +27,7 @@ fields! {
         /// Density of the gyroscope's white noise; a sample has the standard deviation `gyro_noise` / √T, T the time
         /// between two samples.
         pub gyro_noise: f64 = 0.0, "rad/s/√Hz", Limit::NOT_NEGATIVE.to(1e3);
-        /// Standard deviation of the gyroscope's bias at the start of an episode, drawn for each.
+        /// Standard deviation of the gyroscope's bias at the start of an episode, sampled for each.
         pub gyro_bias: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e3);
         /// Random walk of that bias: its standard deviation after one second.
         pub gyro_bias_walk: f64 = 0.0, "rad/s/√s", Limit::NOT_NEGATIVE.to(1e3);
@@ -36,7 +36,7 @@ fields! {
         /// Density of the accelerometer's white noise; a sample has the standard deviation `accelerometer_noise` / √T, T
         /// the time between two samples.
         pub accelerometer_noise: f64 = 0.0, "m/s²/√Hz", Limit::NOT_NEGATIVE.to(1e4);
-        /// Standard deviation of the accelerometer's bias at the start of an episode, drawn for each.
+        /// Standard deviation of the accelerometer's bias at the start of an episode, sampled for each.
         pub accelerometer_bias: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e4);
         /// Random walk of that bias: its standard deviation after one second.
         pub accelerometer_bias_walk: f64 = 0.0, "m/s²/√s", Limit::NOT_NEGATIVE.to(1e4);
@@ -45,7 +45,7 @@ fields! {
         /// Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center.
         pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
         /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
-        /// drawn for each episode.
+        /// sampled for each episode.
         pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);
         /// Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
         /// rates above.

@@ -20,9 +20,9 @@ task_fields! {
     fall 30.0, tilt 5.0;
     /// Options of the goal task. SI units and radians. Tilts are from the equilibrium.
     pub struct Goal {
-        /// Smallest and largest distance of a goal from the ball, drawn evenly, in any direction.
+        /// Smallest and largest distance of a goal from the ball, uniform, in any direction.
         pub goal_distance: [f64; 2] = [0.5, 2.0], "m", Limit::from(0.0).to(100.0);
-        /// Shortest and longest time from one goal to the next, drawn evenly.
+        /// Shortest and longest time from one goal to the next, uniform.
         pub goal_seconds: [f64; 2] = [6.0, 10.0], "s", Limit::above(0.0).to(1e9);
         /// Distance within which the ball is at its goal.
         pub goal_radius: f64 = 0.02, "m", Limit::from(1e-6).to(10.0);

@@ -25,14 +25,14 @@ macro_rules! task_fields {
                 /// Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening;
                 /// below `fall_tilt`.
                 pub reset_tilt: f64 = f64::to_radians($tilt), "rad", $crate::fields::Limit::NOT_NEGATIVE;
-                /// The first yaw is drawn evenly within ± this.
+                /// The first yaw is uniform within ± this.
                 pub reset_yaw: f64 = ::std::f64::consts::PI, "rad",
                     $crate::fields::Limit::from(0.0).to(::std::f64::consts::PI);
-                /// Largest first ball speed; drawn evenly over the disc.
+                /// Largest first ball speed; uniform over the disc.
                 pub reset_ball_speed: f64 = 0.1, "m/s", $crate::fields::Limit::from(0.0).to(10.0);
-                /// Largest first tilt rate; drawn evenly over the disc.
+                /// Largest first tilt rate; uniform over the disc.
                 pub reset_tilt_rate: f64 = 0.2, "rad/s", $crate::fields::Limit::from(0.0).to(10.0);
-                /// The first rate about the mast is drawn evenly within ± this.
+                /// The first rate about the mast is uniform within ± this.
                 pub reset_yaw_rate: f64 = 0.0, "rad/s", $crate::fields::Limit::from(0.0).to(10.0);
                 /// Tilt from the equilibrium above which the episode is terminated.
                 pub fall_tilt: f64 = f64::to_radians($fall), "rad",

@@ -22,9 +22,9 @@ task_fields! {
     fall 30.0, tilt 5.0;
     /// Options of the terrain task. SI units and radians. Tilts are from the equilibrium.
     pub struct Traverse {
-        /// Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame.
+        /// Smallest and largest commanded speed, uniform, in any direction of the heading frame.
         pub speed_range: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
-        /// Shortest and longest time from one command to the next, drawn evenly.
+        /// Shortest and longest time from one command to the next, uniform.
         pub command_seconds: [f64; 2] = [20.0, 20.0], "s", Limit::above(0.0).to(1e9);
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
         pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0);
@@ -32,9 +32,9 @@ task_fields! {
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Distance from where the commands lead that costs half of `position`.
         pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(10.0);
-        /// Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand on.
+        /// Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
         pub hardest: f64 = 0.8, "", Limit::from(0.0).to(1.0);
-        /// Least share of the commanded distance in a success.
+        /// Smallest fraction of the commanded distance in a success.
         pub success_share: f64 = 0.8, "", Limit::from(0.0).to(1.0);
     }
 }

@@ -18,13 +18,13 @@ task_fields! {
     fall 30.0, tilt 5.0;
     /// Options of the velocity task. SI units and radians. Tilts are from the equilibrium.
     pub struct Velocity {
-        /// Largest commanded speed; drawn evenly over the disc, in the heading frame.
+        /// Largest commanded speed; uniform over the disc, in the heading frame.
         pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0);
-        /// Largest commanded rate of the heading; drawn evenly within ± this.
+        /// Largest commanded rate of the heading; uniform within ± this.
         pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0);
-        /// Share of the commands that are to stand still.
+        /// Fraction of the commands to stand still.
         pub standing: f64 = 0.1, "", Limit::from(0.0).to(1.0);
-        /// Shortest and longest time from one command to the next, drawn evenly.
+        /// Shortest and longest time from one command to the next, uniform.
         pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9);
         /// Time after a command from which its errors are counted.
         pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);

@@ -1,4 +1,4 @@
-"""Tasks of users, in Python: observations, rewards and ends of episodes as arrays over all robots."""
+"""User tasks in Python: observations, rewards and ends of episodes as arrays over all robots."""
 
 from ballbot_rs.envs.own.robots import Robots
 from ballbot_rs.envs.own.task import Task

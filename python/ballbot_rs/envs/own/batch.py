@@ -1,4 +1,4 @@
-"""A batch of robots with a task in Python; to the front ends it is a `Batch`."""
+"""A batch of robots with a task in Python; the front ends use it as a `Batch`."""
 
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
@@ -19,10 +19,10 @@ BoolArray = npt.NDArray[np.bool_]
 #: More steps than an episode can have: 248 days at the default control rate.
 NO_TIME_LIMIT: Final = 2**31
 
-#: The task of the core that observes everything and asks for nothing.
+#: The task of the core that observes everything and commands nothing.
 BARE: Final = "bare"
 
-#: Reasons for the end of an episode with their conditions: those of the core, and last that of the task.
+#: Reasons for the end of an episode with their conditions: the core's, and last the task's.
 REASONS: Final = (
     ("tilt", "never"),
     ("bot_on_floor", "the body or a wheel touches the floor"),
@@ -34,7 +34,7 @@ REASONS: Final = (
 class OwnBatch:
     """`num_envs` robots with a `Task`.
 
-    What is not here is that of the robots' `Batch`: states, contacts, readings, parameters, draws, pushes.
+    All other attributes come from the robots' `Batch`: states, contacts, readings, parameters, draws, pushes.
     """
 
     def __init__(
@@ -85,7 +85,7 @@ class OwnBatch:
         self._success = np.zeros(num_envs, dtype=bool)
         self._reasons = np.zeros(num_envs, dtype=np.int64)
         self._truncated = np.zeros(num_envs, dtype=bool)
-        # Robots at rest tell what `observe` returns, without an episode of anyone's.
+        # Robots at rest show what `observe` returns, without an episode.
         rows = np.zeros((num_envs, self._inner.observation_len), dtype=np.float32)
         rows[:, COLUMNS["gravity"]] = (0.0, 0.0, -1.0)
         rows[:, COLUMNS["body_quaternion"]] = (1.0, 0.0, 0.0, 0.0)
@@ -117,15 +117,15 @@ class OwnBatch:
 
     @property
     def options(self) -> dict[str, Any]:
-        """As `Batch.options`, with those of the task's constructor."""
+        """As `Batch.options`, with the options of the task's constructor."""
         return {**self._inner.options, **self._own_options}
 
     def replace_robots(self, make: Callable[[Any], Any]) -> None:
-        """Has its robots moved by what `make` makes of their `Batch`."""
+        """Replaces the robots' `Batch` by the result of `make` for it."""
         self._inner = make(self._inner)
 
     def command(self, index: int | None = None) -> npt.NDArray[np.float64]:
-        """No command: what a task in Python asks for is its own affair."""
+        """No command: tasks in Python keep their own commands."""
         return np.zeros((0,) if index is not None else (self.num_envs, 0))
 
     def set_command(self, index: int, command: npt.ArrayLike) -> None:  # noqa: ARG002
@@ -137,7 +137,7 @@ class OwnBatch:
         raise InvalidInputError(f"the task {self.task} has no command")
 
     def __getattr__(self, name: str) -> Any:
-        # Not while it is being made or unpickled.
+        # Not during construction or unpickling.
         if name.startswith("_"):
             raise AttributeError(name)
         return getattr(self._inner, name)
@@ -160,7 +160,7 @@ class OwnBatch:
         return np.array([self._inner.params(i).body_com for i in chosen], dtype=np.float64).reshape(len(chosen), 3)
 
     def _note_com(self, chosen: Sequence[int]) -> None:
-        # Not in place: robots that a task has kept stay as they were.
+        # Not in place: robots that a task has kept stay unchanged.
         self._com = self._com.copy()
         self._com[chosen] = self._com_of(chosen)
 
@@ -175,12 +175,12 @@ class OwnBatch:
     def _observe(self, robots: Robots) -> FloatArray:
         shape = (len(robots), self.observation_len)
         seen = checked(self.made, "observe", self.made.observe(robots), shape, None)
-        # Before it is float32, which may not hold it.
+        # Before the conversion to float32, which may overflow.
         clipped: FloatArray = np.clip(seen, -self.bound, self.bound).astype(np.float32)
         return clipped
 
     def _begin(self, rows: FloatArray, chosen: npt.NDArray[np.intp], seen: FloatArray) -> None:
-        """Begins the episodes of robots that are placed, whose observations are written into `seen`.
+        """Begins the episodes of placed robots, and writes their observations into `seen`.
 
         If a method of the task raises, the episodes are over and have to begin again.
         """
@@ -235,12 +235,12 @@ class OwnBatch:
         rewards = checked(self.made, "reward", self.made.reward(true), shape, np.float64).copy()
         ended_by_task = checked(self.made, "terminated", self.made.terminated(true), shape, np.bool_)
         seen = self._observe(robots)
-        # Of the others the core knows that they are over.
+        # The core knows that the others are over.
         stopped = ended_by_task & ~fallen & ~truncated
         terminated = fallen | ended_by_task
         truncated = truncated & ~terminated
         if self.autoreset == "next_step" and before.any():
-            # In place of a step these began an episode: the robots that the task had stopped are placed now.
+            # Instead of a step these robots began an episode: robots that the task had stopped are placed now.
             terminated, truncated, rewards = terminated & ~before, truncated & ~before, np.where(before, 0.0, rewards)
             if late.any():
                 rows = self._inner.reset(late)
@@ -294,7 +294,7 @@ class OwnBatch:
         return self._rewards[:, np.newaxis].copy() if index is None else {"reward": float(self._rewards[index])}
 
     def rollout(self, *_: Any, **__: Any) -> None:
-        """Not there: the rewards and ends of a task in Python are not known to the core.
+        """Not available: the core does not know the rewards and ends of a task in Python.
 
         Raises:
             TypeError: always.
@@ -313,7 +313,7 @@ class OwnBatch:
         return infos
 
     def snapshot(self, index: int) -> bytes:
-        """As `Batch.snapshot`; what the task itself keeps is not part of it."""
+        """As `Batch.snapshot`, without the memory of the task itself."""
         inner: bytes = self._inner.snapshot(index)
         flags = int(self._over[index]) | int(self._stopped[index]) << 1
         return int(self._steps[index]).to_bytes(8, "little") + bytes([flags]) + inner
@@ -329,9 +329,9 @@ class OwnBatch:
         self._observations[index] = self._observe(self._robots(rows)[np.array([index])])[0]
 
     def memory(self) -> tuple[Any, ...]:
-        """What the task and its random numbers are like, to go on from after `restore`."""
+        """State of the task and its random numbers, to continue from after `restore`."""
         return self.made, list(self._seeds), list(self._rngs)
 
     def remember(self, memory: tuple[Any, ...]) -> None:
-        """Goes on from what `memory` gave."""
+        """Continues from a result of `memory`."""
         self.made, self._seeds, self._rngs = memory

@@ -13,12 +13,12 @@ from ballbot_rs.envs.own.task import Task
 
 @dataclasses.dataclass(frozen=True)
 class Registered:
-    """A task in Python with the options that its environments have by default."""
+    """A task in Python with the default options of its environments."""
 
     made_by: type[Task]
     #: Given at its registration.
     options: Mapping[str, Any]
-    #: As those of the core in `TASKS`.
+    #: As for tasks of the core in `TASKS`.
     description: Mapping[str, Any] = dataclasses.field(default_factory=dict)
 
     def parameters(self) -> tuple[str, ...]:
@@ -47,8 +47,8 @@ def add(
     """Makes a task known by an id; `make` makes one robot with it.
 
     Raises:
-        TypeError: it is no subclass of `Task`.
-        ValueError: the id is that of a task of the core, or an argument of the constructor has the name of an option of
+        TypeError: it is not a subclass of `Task`.
+        ValueError: the id belongs to a task of the core, or an argument of the constructor has the name of an option of
             environments.
     """
     if not (isinstance(made_by, type) and issubclass(made_by, Task)):
@@ -73,7 +73,7 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
         {"name": f"observation {i}", "unit": "", "bound": bound, "rest": 0.0, "typical": 1.0}
         for i, bound in enumerate(batch.bound.tolist())
     ]
-    # Not what is inherited: the base class says what a task is.
+    # Not an inherited docstring: the base class describes tasks in general.
     summary = next(iter((found.made_by.__doc__ or "").strip().splitlines()), found.made_by.__name__)
     return {
         "id": env_id,
@@ -91,19 +91,19 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
 
 
 def restore(env_id: str, before: Registered | None) -> None:
-    """Puts back what an id was."""
+    """Restores the former meaning of an id."""
     _REGISTERED.pop(env_id, None)
     if before is not None:
         _REGISTERED[env_id] = before
 
 
 def description_of(env_id: str) -> Mapping[str, Any]:
-    """What `TASKS` has of tasks of the core."""
+    """Description as in `TASKS` for tasks of the core."""
     return _REGISTERED[env_id].description
 
 
 def find(task: str) -> Registered | None:
-    """The task of an id, if it is one in Python."""
+    """The task of an id, if it is a task in Python."""
     return _REGISTERED.get(task)
 
 
@@ -122,7 +122,7 @@ def new_batch(
     seed: int,
     options: Mapping[str, Any],
 ) -> OwnBatch:
-    """Robots with a task in Python; `options` has those of its registration, too."""
+    """Robots with a task in Python; `options` includes the options of its registration."""
     names = found.parameters()
     own = {name: value for name, value in options.items() if name in names}
     rest = {name: value for name, value in options.items() if name not in names}

@@ -1,4 +1,4 @@
-"""All robots of a batch as arrays: what a task in Python computes from."""
+"""All robots of a batch as arrays: the input of a task in Python."""
 
 from functools import cached_property
 from typing import Final
@@ -25,11 +25,11 @@ COLUMNS: Final = {
 
 
 class Robots:
-    """All robots after a control step, float32, the first axis that of the robots.
+    """All robots after a control step, float32, first axis over robots.
 
-    Arrays are read-only: views into one array of the batch, without copies, or computed once a step. With
-    `observation="sensors"` those that `observe` gets follow from the readings of the sensors; `reward` and `terminated`
-    get the true ones.
+    Arrays are read-only: views into one array of the batch, without copies, or computed once per step. With
+    `observation="sensors"` the arrays for `observe` come from the sensor readings; `reward` and `terminated` get the
+    true states.
     """
 
     def __init__(

@@ -12,11 +12,11 @@ from ballbot_rs.envs.own.robots import Robots
 
 
 class Task:
-    """A task in Python: three functions of arrays over all robots, called once a control step.
+    """A task in Python: three functions of arrays over all robots, called once per control step.
 
-    Episodes start as those of `ballbot/Balance-v0` do (options `reset_tilt` and so on). They end in `terminated`, when
+    Episodes start as in `ballbot/Balance-v0` (options `reset_tilt` and so on). They end if `terminated` says so, when
     the body or a wheel touches the floor, when the simulation diverges, and after `max_episode_steps`. Keyword
-    arguments of an environment that are none of its own are those of the constructor, whose arguments have other names.
+    arguments that the environment does not have go to the constructor, whose arguments must have other names.
 
     ```python
     class Spin(bb.Task):
@@ -34,13 +34,13 @@ class Task:
     ```
     """
 
-    #: Length of an episode unless it is configured, in control steps; None is without end.
+    #: Default length of an episode in control steps; None is without end.
     max_episode_steps: ClassVar[int | None] = 1000
-    #: Bound of the observations' magnitudes: a number, or one for each column. What exceeds it is clipped.
+    #: Bound of the observations' magnitudes: a number, or one for each column. Larger values are clipped.
     observation_bound: ClassVar[float | npt.ArrayLike] = 1e3
 
     def observe(self, robots: Robots) -> npt.ArrayLike:
-        """Observations, shape (n, k); k is the same for any robots, which may be some of the batch."""
+        """Observations, shape (n, k), of any subset of the batch; k is constant."""
         raise NotImplementedError(f"{type(self).__name__} has no method observe(self, robots)")
 
     def reward(self, robots: Robots) -> npt.ArrayLike:
@@ -56,21 +56,21 @@ class Task:
         return np.zeros(len(robots), dtype=bool)
 
     def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
-        """Called when episodes begin: `robots` are those that do, `chosen` their numbers in the batch.
+        """Called when episodes begin: `robots` are the robots that begin one, `chosen` their numbers in the batch.
 
-        What a task keeps of each robot (commands, counters) is renewed here. `rngs` are generators of random numbers,
-        one for each of them, which follow from the seeds of the environments.
+        Reset the task's memory of each robot (commands, counters) here. `rngs` are random number generators, one for
+        each of these robots, seeded by the environments.
         """
 
 
 def checked(
     task: Task, method: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type | None
 ) -> npt.NDArray[Any]:
-    """What a method of a task has returned, as an array of `kind`; None leaves numbers as they are.
+    """The result of a method of a task, as an array of `kind`; None leaves numbers as they are.
 
     Raises:
-        ValueError: another shape than expected, or numbers that are not finite; the message names class and method.
-        TypeError: something of another kind, or a masked array.
+        ValueError: a wrong shape, or numbers that are not finite; the message names class and method.
+        TypeError: another kind, or a masked array.
     """
     name = f"{type(task).__name__}.{method}"
     kinds, wanted = ("b", "bool") if kind is np.bool_ else ("biuf", "numbers")

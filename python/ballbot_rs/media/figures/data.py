@@ -1,4 +1,4 @@
-"""The numbers of figures as tables: columns by names with their units, for files beside the pictures."""
+"""The numbers of figures as tables: columns by names with their units, for files next to the pictures."""
 
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,7 @@ Table = dict[str, npt.NDArray[Any]]
 
 
 def of_recovery(recovery: Recovery) -> Table:
-    """A row a start; recovery times are NaN where the robot has not recovered."""
+    """One row per start; recovery times are NaN where the robot has not recovered."""
     tilts, azimuths = np.meshgrid(recovery.tilts, recovery.azimuths, indexing="ij")
     return {
         "tilt_rad": tilts.ravel(),
@@ -26,7 +26,7 @@ def of_recovery(recovery: Recovery) -> Table:
 
 
 def of_curve(curve: Curve) -> Table:
-    """A row an evaluation, with the returns and successes of its episodes."""
+    """One row per evaluation, with the returns and successes of its episodes."""
     return {
         "timesteps": np.asarray(curve.timesteps, dtype=float),
         **{f"return_{i}": column for i, column in enumerate(curve.returns.T)},
@@ -35,7 +35,7 @@ def of_curve(curve: Curve) -> Table:
 
 
 def write(table: Table, path: Path) -> None:
-    """Writes a table as CSV or NPZ, as the suffix of `path` says.
+    """Writes a table as CSV or NPZ, by the suffix of `path`.
 
     Raises:
         ValueError: another suffix.

@@ -1,4 +1,4 @@
-"""True states of robots beside those that follow from their sensors, over time."""
+"""True and estimated states of robots over time."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -17,7 +17,7 @@ QUANTITIES = (
     ("ball velocity (m/s)", "ball_velocity", 1.0),
     ("ball position (m)", "ball_position", 1.0),
 )
-#: The same for the distance of estimate and true state.
+#: The same for the distance between estimate and true state.
 ERRORS = (
     ("tilt error (deg)", "tilt_components", np.degrees(1.0)),
     ("position error (mm)", "ball_position", 1e3),
@@ -25,10 +25,10 @@ ERRORS = (
 
 
 def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
-    """A column a controller, a row a quantity; up to a fall.
+    """One column per controller, one row per quantity; up to a fall.
 
     Args:
-        trajectories: what is shown.
+        trajectories: the trajectories to show.
         width: of the figure, inches; None is as wide as its columns need.
 
     Raises:
@@ -55,7 +55,7 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
 
 
 def errors(trajectory: Trajectory, name: str) -> Any:
-    """Horizontal distance of estimate and true state, or of their tilts, at each row, shape (n,)."""
+    """Horizontal distance between estimate and true state, or between their tilts, at each row, shape (n,)."""
     true = trajectory.of_states(name)[: len(trajectory.estimates), :2]
     return np.linalg.norm(trajectory.of_estimates(name)[:, :2] - true, axis=1)
 

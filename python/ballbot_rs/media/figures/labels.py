@@ -1,4 +1,4 @@
-"""What figures call controllers."""
+"""Labels of controllers in figures."""
 
 import textwrap
 from pathlib import Path
@@ -21,12 +21,12 @@ _NAMES = {
     "zero": "no torque",
 }
 
-#: Letters of a title that an inch holds.
+#: Letters of a title per inch.
 LETTERS = 10
 
 
 def short(controller: str) -> str:
-    """A name that fits above a figure: of a run its folder, of a policy its file."""
+    """A name that fits above a figure: the folder of a run, the file of a policy."""
     if controller in NAMES:
         return _NAMES[controller]
     path = Path(controller)
@@ -34,7 +34,7 @@ def short(controller: str) -> str:
 
 
 def title(controller: str, model: str, inches: float, *more: str) -> str:
-    """Lines above a panel of a width: controller and model, and more; long names are broken."""
+    """Lines above a panel of a width: controller, model and more; long names are wrapped."""
     letters = max(int(LETTERS * inches), 8)
     lines = textwrap.wrap(f"{short(controller)} on {model}", letters, break_on_hyphens=True)
     return "\n".join([*lines, *more])

@@ -10,11 +10,11 @@ from ballbot_rs.training.curve import Curve, by_configuration, on_common_steps
 
 
 def draw(curves: Sequence[Curve], width: float | None = None) -> Figure:
-    """Mean return of an evaluation's episodes, and their share of successes; a color a configuration.
+    """Mean return and success rate of each evaluation's episodes; one color per configuration.
 
     Args:
-        curves: what is shown.
-        width: of the figure, inches; None is 8. In a narrow one the panels stand one below the other.
+        curves: the curves to show.
+        width: of the figure, inches; None is 8. In a narrow figure the panels are stacked.
     """
     wide = 8.0 if width is None else width
     fig = figure(wide, 0.4 * wide if wide >= FULL_WIDTH else 1.3 * wide)
@@ -23,7 +23,7 @@ def draw(curves: Sequence[Curve], width: float | None = None) -> Figure:
 
 
 def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
-    """As `draw`, on a figure that is there."""
+    """As `draw`, on an existing figure."""
     returns, successes = fig.subplots(1, 2) if fig.get_figwidth() >= FULL_WIDTH else fig.subplots(2, 1)
     for group, color in zip(by_configuration(curves), _cycle(), strict=False):
         _draw_group(returns, group, "returns", 1.0, color)

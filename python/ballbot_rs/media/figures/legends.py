@@ -1,11 +1,11 @@
-"""Legends that hide no curve: where one would, it moves to a free corner, or above its axes."""
+"""Legends that hide no curve: a legend that would moves to a free corner, or above its axes."""
 
 from typing import Any, Final
 
 from matplotlib.figure import Figure
 from matplotlib.transforms import Bbox
 
-#: Places within the axes, in the order in which they are tried.
+#: Positions within the axes, in the order tried.
 PLACES: Final = (
     *("upper right", "upper left", "lower right", "lower left"),
     *("center right", "center left", "upper center", "lower center"),
@@ -13,10 +13,10 @@ PLACES: Final = (
 
 
 def clear_curves(fig: Figure) -> None:
-    """Moves the legends of axes that lie on a curve, a mark or a text."""
+    """Moves legends that overlap a curve, a mark or a text."""
     if not fig.axes:
         return
-    # Boxes are known once the figure is laid out.
+    # Boxes are known after the layout of the figure.
     fig.draw_without_rendering()
     for ax in fig.axes:
         legend = ax.get_legend()
@@ -41,7 +41,7 @@ def clear_curves(fig: Figure) -> None:
 
 
 def hides(ax: Any) -> bool:
-    """Whether the legend of axes lies on what they show."""
+    """Whether the legend overlaps the contents of its axes."""
     box: Bbox = ax.get_legend().get_window_extent()
     for line in ax.lines:
         path = line.get_transform().transform_path(line.get_path())

@@ -8,9 +8,9 @@ import numpy as np
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.style import COLORS, INK
 
-#: Colors of pushes and falls; neither is that of a curve.
+#: Colors of pushes and falls, different from all curves.
 PUSH, FELL, LIMIT = COLORS[6], INK, COLORS[6]
-#: A limit is in the picture if the curves come within this share of it.
+#: A limit is shown if the curves come within this fraction of it.
 NEAR = 0.4
 #: Most pushes with names.
 NAMED = 3
@@ -21,7 +21,7 @@ def mark_events(axes: Sequence[Any], trajectory: Trajectory) -> None:
     named = []
     pushes = trajectory.all_pushes
     for push in pushes:
-        # Of many there is no room for their names.
+        # Names of many pushes would not fit.
         name = f"push {np.linalg.norm(push.impulse):.3g} N\u00b7s" if len(pushes) <= NAMED else ""
         named.append((push.time, name, PUSH))
         if push.duration > 0.0:
@@ -44,7 +44,7 @@ def _band(axes: Sequence[Any], begin: float, end: float) -> None:
 
 
 def _name(ax: Any, trajectory: Trajectory, time: float, text: str, color: str) -> None:
-    # Above the axis, where there are no curves; falls, and what is near the right end, to the left of their lines.
+    # Above the axis, where there are no curves; falls, and marks near the right end, to the left of their lines.
     late = color == FELL or time > 0.6 * trajectory.times[-1]
     ax.annotate(
         text,

@@ -14,10 +14,10 @@ from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, INK, below, figur
 
 
 def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
-    """Both planes of the tilt, side by side or, in a narrow figure, one below the other; a color a controller.
+    """Both planes of the tilt, side by side or, in a narrow figure, stacked; one color per controller.
 
     Args:
-        trajectories: what is shown.
+        trajectories: the trajectories to show.
         width: of the figure, inches; None is 8.
     """
     wide = 8.0 if width is None else width

@@ -1,4 +1,4 @@
-"""Polar maps of recovery: from which initial tilt, in which direction, a controller still rights the robot."""
+"""Polar maps of recovery: the initial tilts and directions from which a controller recovers the robot."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from ballbot_rs.analysis.recovery_map import Recovery
 from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.style import COLORS, INK, PAPER, below, figure
 
-#: Light is fast; starts that are lost have colors of their own.
+#: Light is fast; starts without recovery have separate colors.
 _TIMES = LinearSegmentedColormap.from_list("recovery", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
 _FELL, _UNSETTLED = COLORS[1], COLORS[3]
 
@@ -23,11 +23,11 @@ LEAST_MAP = 2.2
 
 
 def draw(recoveries: Sequence[Recovery], width: float | None = None) -> Figure:
-    """A map a controller; radius is the initial tilt, the angle the direction of the lean, color the time to recover.
+    """One map per controller; radius is the initial tilt, angle the direction of the lean, color the recovery time.
 
     Args:
-        recoveries: what is shown.
-        width: of the figure, inches; None is as wide as the maps need. Maps that do not fit stand in rows.
+        recoveries: the recoveries to show.
+        width: of the figure, inches; None is as wide as the maps need. Maps that do not fit go into rows.
     """
     count = len(recoveries)
     wide = 3.0 * max(count, 2) + 0.8 if width is None else width
@@ -77,7 +77,7 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float, inches: float) -> Any
         name.set_path_effects([withStroke(linewidth=2.0, foreground=PAPER)])
     ax.set_thetagrids(np.arange(0, 360, 60), fontsize=8)
     ax.yaxis.grid(True, color=INK, linewidth=0.3, alpha=0.5)
-    # Wheels pull along three directions: where they stand explains the shape.
+    # Wheels pull along three directions, which explain the shape.
     for azimuth in recovery.wheel_azimuths:
         ax.plot(azimuth, radii[-1] * 0.97, "s", color=INK, markersize=5, markeredgecolor=PAPER, clip_on=False)
     return shown

@@ -1,4 +1,4 @@
-"""How every figure of this project looks, and how it is saved: the same numbers give the same file."""
+"""Style and output of every figure of this project: the same numbers give the same file."""
 
 import io
 from collections.abc import Sequence
@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from ballbot_rs import _files
 
 INK, GRID, PAPER = "#212529", "#dee2e6", "#ffffff"
-#: Colors that stay apart for the color-blind and on gray paper, in the order of use.
+#: Colors that are distinguishable by the color-blind and on gray paper, in the order of use.
 COLORS: Sequence[str] = ("#0b7285", "#d9480f", "#5f3dc4", "#e0a800", "#868e96", "#2b8a3e", "#a61e4d")
-#: One color a model, in every figure.
+#: One color per model, in every figure.
 MODEL_COLORS = {"planar": "#5f3dc4", "spatial": "#212529", "contact": "#0b7285", "rigid": "#d9480f"}
 
 _STYLE: dict[str, Any] = {
@@ -46,9 +46,9 @@ _STYLE: dict[str, Any] = {
 _NARROW = {"font.size": 8.0, "axes.titlesize": 8.5, "legend.fontsize": 7.5, "lines.linewidth": 1.1}
 
 
-#: Width from which letters have their usual size and panels stand side by side, inches; one column of a paper is less.
+#: Width from which letters have their usual size and panels are side by side, inches; one column of a paper is less.
 FULL_WIDTH = 5.0
-#: Width of legends at the right, inches, and the least of a column.
+#: Width of legends at the right, and least width of a column, inches.
 LEGENDS, LEAST_COLUMN = 1.1, 1.5
 #: Narrowest and widest figure, inches.
 WIDTHS = (2.0, 40.0)
@@ -89,12 +89,12 @@ def columns(rows: int, count: int, width: float | None) -> tuple[Figure, Any, fl
 
 
 def beside(ax: Any, **options: Any) -> None:
-    """The legend of an axis to the right of it, where there are no curves."""
+    """Places the legend of an axis to its right, where there are no curves."""
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=1.4, **options)
 
 
 def below(fig: Figure, handles: Sequence[Any], columns: int) -> None:
-    """A legend of the whole figure below it."""
+    """Places a legend of the whole figure below it."""
     if fig.get_figwidth() < FULL_WIDTH:
         columns = max(columns // 2, 1)
     fig.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), handlelength=1.4)

@@ -22,10 +22,10 @@ QUANTITIES = (
 
 
 def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
-    """A column a controller, a row a quantity.
+    """One column per controller, one row per quantity.
 
     Args:
-        trajectories: what is shown.
+        trajectories: the trajectories to show.
         width: of the figure, inches; None is as wide as its columns need.
 
     Raises:
@@ -62,10 +62,10 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
         if trajectory.setpoints["position"].any():
             wanted = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
             position.plot(times, trajectory.setpoints["position"][:, i], **wanted)
-    # Models with contacts know no forces before their first step.
+    # Models with contacts have no forces before their first step.
     loads = trajectory.of_contacts("wheel_normal_forces")[1:]
     shares = 100.0 * trajectory.of_contacts("friction_utilization")[1:]
-    # A torque holds from a row to the next; the last row has none of its own.
+    # A torque holds from a row to the next; the last row has no separate torque.
     for wheel in range(3):
         style = {"color": COLORS[2 + wheel], "label": f"wheel {wheel}", "linewidth": 1.0}
         torque.plot(times, trajectory.torques[:, wheel], drawstyle="steps-post", **style)

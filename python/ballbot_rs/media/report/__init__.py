@@ -1,1 +1,1 @@
-"""The report of a training run: what is collected for it, and the page that shows it."""
+"""The report of a training run: its contents, and the page that shows them."""

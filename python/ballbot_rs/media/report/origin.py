@@ -1,4 +1,4 @@
-"""Where a training run comes from, and of which robot it is, for its report."""
+"""Origin and robot of a training run, for its report."""
 
 import shlex
 from collections.abc import Mapping, Sequence
@@ -12,7 +12,7 @@ from ballbot_rs.training import run_folder
 
 
 def rows(record: Mapping[str, Any], folder: Path, task: str) -> list[tuple[str, str]]:
-    """Names and texts of what the record has; records of earlier versions have less."""
+    """Names and texts of the entries of the record; records of earlier versions have fewer."""
     name = shlex.quote(folder.resolve().name)
     found = [(label, record.get(key)) for label, key in (("started", "started"), ("finished", "finished"))]
     seconds, timesteps = record.get("seconds"), record.get("timesteps")
@@ -38,7 +38,7 @@ def _duration(seconds: float) -> str:
 
 
 def robot(params: Params, env_options: Mapping[str, Any]) -> Sequence[str]:
-    """The robot's name or what it differs in from the closest preset, its other options, and all of its parameters."""
+    """The robot's name or its differences from the closest preset, its other options, and all of its parameters."""
     values = params.to_dict()
     presets = {name: Params.preset(name).to_dict() for name in ROBOTS}
     differing = {

@@ -1,4 +1,4 @@
-"""One HTML file that needs nothing else: pictures and videos are in it, and it asks no server for anything."""
+"""A self-contained HTML file: pictures and videos are in it, and it makes no requests."""
 
 import base64
 import html
@@ -31,7 +31,7 @@ def page(title: str, parts: Sequence[str]) -> str:
 
 
 def section(title: str, *parts: str) -> str:
-    """A heading and what stands below it."""
+    """A heading and its content."""
     return f"<h2>{html.escape(title)}</h2>\n" + "\n".join(parts)
 
 
@@ -41,7 +41,7 @@ def note(text: str) -> str:
 
 
 def code(text: str) -> str:
-    """Text as it stands in a file."""
+    """Preformatted text."""
     return f"<pre>{html.escape(text)}</pre>"
 
 
@@ -55,20 +55,20 @@ def table(rows: Sequence[Sequence[str]]) -> str:
 
 
 def pairs(rows: Sequence[tuple[str, str]]) -> str:
-    """Names and texts, one a line."""
+    """Names and texts, one per line."""
     lines = [f"<tr><th>{html.escape(name)}</th><td>{html.escape(text)}</td></tr>" for name, text in rows]
     return '<div class="wide"><table class="pairs">\n' + "\n".join(lines) + "\n</table></div>"
 
 
 def figure(drawn: Any, description: str) -> str:
-    """A figure of matplotlib, as vectors."""
+    """A matplotlib figure, as vectors."""
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return f'<img alt="{html.escape(description)}" src="{_data("image/svg+xml", buffer.getvalue())}">'
 
 
 def video(path: Path) -> str:
-    """An mp4, played over and over."""
+    """An mp4, played in a loop."""
     return f'<video controls autoplay loop muted playsinline src="{_data("video/mp4", path.read_bytes())}"></video>'
 
 

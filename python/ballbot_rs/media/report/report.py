@@ -1,4 +1,4 @@
-"""What the report of a training run shows, from its folder to the file."""
+"""The report of a training run, from its folder to the file."""
 
 import dataclasses
 from collections.abc import Callable, Sequence
@@ -21,7 +21,7 @@ from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import curve, run_folder
 
-#: What the video and the trajectories show: a robot that is let go at a tilt (rad), then pushed (N·s, s).
+#: In the video and the trajectories a robot is released at a tilt (rad), then pushed (N·s, s).
 TILT, PUSH = (0.08, 0.05), Push((0.3, 0.1, 0.0), 1.5)
 #: Length of the trajectories, s.
 SECONDS = 4.0
@@ -41,21 +41,21 @@ def write(
     Args:
         folder: the run.
         target: the file.
-        results: of the policy and of what it is compared with, if they are there already.
-        episodes: how many each has in the comparison, otherwise; 0 leaves it out.
-        video_seconds: length of the video; 0 leaves it out.
-        progress: makes, for the name of a part, what is told how much of it is done.
+        results: of the policy and of the controllers it is compared with, if they exist already.
+        episodes: number of episodes of each in the comparison, otherwise; 0 omits it.
+        video_seconds: length of the video; 0 omits it.
+        progress: makes, for the name of a part, a function that is called with the progress of that part.
 
     Raises:
-        FileNotFoundError: the folder holds no run, or one without a policy.
-        ValueError: a number out of range, or what is there cannot be read; the message names the file.
+        FileNotFoundError: the folder has no run, or a run without a policy.
+        ValueError: a number out of range, or a file that cannot be read; the message names the file.
         OSError: the file cannot be written; an earlier one stays as it is.
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     with require("a report", "plot", "video"):
         from ballbot_rs.media.figures import learning_curve, trajectories
         from ballbot_rs.media.figures.labels import short
-    # Not `< 0`, which is false for NaN; the length itself is checked where it is simulated.
+    # Not `< 0`, which is false for NaN; the simulation checks the length itself.
     if not video_seconds >= 0.0:
         raise ValueError(f"video_seconds = {video_seconds} is out of range: it must be at least 0")
     if episodes < 0:
@@ -67,7 +67,7 @@ def write(
     show = progress or (lambda _: no_progress)
     described = origin.rows(record, folder, task)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}."), page.pairs(described)]
-    # First, because this is what may turn out not to be installed.
+    # First, because it may not be installed.
     if video_seconds > 0:
         parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
     if results is None and episodes > 0:
@@ -89,7 +89,7 @@ def write(
             page.note(f"{learned.returns.shape[1]} episodes an evaluation; band: the best and the worst of them."),
         )
     ]
-    # The robot as it is, without what events would draw.
+    # The nominal robot, without samples of events.
     nominal = {name: value for name, value in policy.env_options.items() if name != "events"}
     shown = [
         run(
@@ -122,7 +122,7 @@ def write(
 
 
 def _recovery(policy: ResolvedController, task: str, show: Callable[[str], Progress]) -> str:
-    """The section on the tilts that robots recover from."""
+    """The section on the tilts from which robots recover."""
     from ballbot_rs.media.figures import recovery_map
 
     maps = [
@@ -152,7 +152,7 @@ def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
 def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     push = PUSH if seconds > PUSH.time else None
     shown = run(policy, seconds=seconds, tilt=TILT, push=push)
-    # Small and plain: the report is to be quick.
+    # Small and plain, so that the report is quick.
     renderer = renderer_for(shown, width=480, height=360, samples=1)
     with _files.scratch_folder() as folder:
         path = folder / "policy.mp4"

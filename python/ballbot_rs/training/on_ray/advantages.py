@@ -1,4 +1,4 @@
-"""Generalized advantage estimation over many fragments at once. Arrays alone: no torch, no Ray."""
+"""Generalized advantage estimation over many fragments at once. Only arrays: no torch, no Ray."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -10,12 +10,12 @@ Floats = npt.NDArray[np.float32]
 
 
 def joined(arrays: Sequence[npt.NDArray[Any]]) -> Floats:
-    """Arrays one after the other, as float32 that may be written."""
+    """Concatenated arrays, as writable float32."""
     return np.concatenate(arrays).astype(np.float32, copy=False)
 
 
 def without_last(lengths: Sequence[int]) -> npt.NDArray[np.bool_]:
-    """Which rows of joined observations an action belongs to: of n + 1 of a fragment the first n."""
+    """Which rows of joined observations have an action: the first n of the n + 1 of a fragment."""
     mask = np.ones(sum(lengths) + len(lengths), dtype=bool)
     mask[np.cumsum(np.asarray(lengths) + 1) - 1] = False
     return mask
@@ -33,10 +33,10 @@ def advantages(
     """Advantages and targets of the value function, shape (steps,) each.
 
     Args:
-        rewards: of all fragments, one after the other.
-        values: of their observations, one more a fragment than there are rewards.
+        rewards: of all fragments, concatenated.
+        values: of their observations, one more per fragment than rewards.
         lengths: number of steps of each fragment.
-        terminated: whether its last step ended the episode; what follows is then worth nothing.
+        terminated: whether its last step ended the episode; the value after it is then zero.
         gamma: discount.
         gae_lambda: decay of the sum over steps.
     """
@@ -45,7 +45,7 @@ def advantages(
     first = without_last(lengths)
     following = values[np.flatnonzero(first) + 1]
     following[np.cumsum(lengths)[np.asarray(terminated)] - 1] = 0.0
-    # Behind the end of a fragment stay zeros.
+    # Zeros after the end of a fragment.
     errors = np.zeros((count, longest), dtype=np.float32)
     errors[is_step] = rewards + np.float32(gamma) * following - values[first]
     decay = np.float32(gamma * gae_lambda)

@@ -1,4 +1,4 @@
-"""From fragments to the batch that is learned from: all arrays at once, where RLlib's own goes step by step."""
+"""From fragments to the training batch: all arrays at once, while RLlib's own connector goes step by step."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -14,7 +14,7 @@ from ballbot_rs.training.on_ray.advantages import advantages, joined, without_la
 
 
 class TrainBatch(ConnectorV2):  # type: ignore[misc]
-    """In place of RLlib's default pieces; the batch has no artificial steps and needs no mask."""
+    """Replaces RLlib's default pieces; the batch has no artificial steps and needs no mask."""
 
     def __init__(self, *spaces: Any, gamma: float, lambda_: float) -> None:
         super().__init__(*spaces)
@@ -28,7 +28,7 @@ class TrainBatch(ConnectorV2):  # type: ignore[misc]
         episodes: Sequence[SingleAgentEpisode],
         **_: Any,
     ) -> dict[str, Any]:
-        """The columns that PPO of RLlib reads, as tensors."""
+        """The columns that RLlib's PPO reads, as tensors."""
         lengths = [len(episode) for episode in episodes]
         observations = torch.as_tensor(joined([episode.observations.data for episode in episodes]))
         with torch.no_grad():

@@ -24,16 +24,16 @@ def setup(
     reward_scale: float,
     autoreset_mode: str = "next_step",
 ) -> dict[str, Any]:
-    """What `env_config` of the runner's configuration holds.
+    """Contents of `env_config` in the runner's configuration.
 
     Args:
         env_id: of the task.
         options: of its environments.
-        robots: of each worker.
+        robots: number of robots of each worker.
         base: first seed of the run.
-        span: how many seeds the run has.
+        span: number of seeds of the run.
         steps: of all robots before this training.
-        reward_scale: factor of the rewards that the learner sees.
+        reward_scale: scale of the rewards that the learner sees.
         autoreset_mode: of the environments; any but next_step is refused.
     """
     return {
@@ -79,14 +79,14 @@ class BatchEnvRunner(SingleAgentEnvRunner):  # type: ignore[misc]
         """Fragments of episodes under the policy and its noise.
 
         Args:
-            num_timesteps: least number of steps of all robots; None is that of the configuration.
+            num_timesteps: least number of steps of all robots; None is the configuration's.
             num_episodes: must be None.
             explore: must not be False.
             random_actions: must be False.
             force_reset: begins with new episodes.
 
         Raises:
-            ValueError: an argument that this runner does not have.
+            ValueError: an argument that this runner does not support.
         """
         if num_episodes is not None or explore is False or random_actions:
             raise ValueError(
@@ -106,7 +106,7 @@ class BatchEnvRunner(SingleAgentEnvRunner):  # type: ignore[misc]
 
     def _new_rollouts(self) -> Rollouts:
         asked = self.config.env_config
-        # A worker that was started again is told the steps of all workers so far.
+        # A restarted worker is given the steps of all workers so far.
         steps = asked["steps"] + int(self.num_env_steps_sampled_lifetime)
         seed = first_seed(
             asked["base"],

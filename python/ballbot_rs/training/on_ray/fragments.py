@@ -1,4 +1,4 @@
-"""Rollouts of a whole batch of robots, cut into fragments of episodes. Arrays alone: no torch, no Ray."""
+"""Rollouts of a whole batch of robots, cut into fragments of episodes. Only arrays: no torch, no Ray."""
 
 import dataclasses
 from collections.abc import Callable
@@ -19,13 +19,13 @@ Policy = Callable[[Floats], tuple[Floats, Floats]]
 class Fragment:
     """Steps of one robot within one episode."""
 
-    #: Names the episode: fragments of one episode have it in common, no other fragments of these robots have it.
+    #: Identifies the episode: unique among these robots, and common to all fragments of the episode.
     episode: tuple[int, int]
     #: Steps of the episode before this fragment.
     start: int
-    #: One more than there are steps: the last one is what the last step led to.
+    #: One more than the steps: the last is the observation after the last step.
     observations: Floats
-    #: Before they are cut to the range of the motors.
+    #: Before they are clipped to the range of the motors.
     actions: Floats
     rewards: Floats
     #: Means and logarithms of deviations, and logarithms of the densities of the actions.
@@ -47,17 +47,17 @@ class Ended:
 
 
 def first_seed(base: int, span: int, *, worker: int, workers: int, robots: int, steps: int = 0) -> int:
-    """The seed of a worker's first robot; robot i has the seed i above it.
+    """The seed of a worker's first robot; robot i has this seed plus i.
 
-    Workers share no seed, and one that is made anew later in the training has seeds that none has had before, until
-    all seeds of the run are used up.
+    Workers do not share seeds, and a worker that is recreated later in training has unused seeds, until all seeds of
+    the run are used up.
 
     Args:
         base: first seed of the run.
-        span: how many seeds the run has.
+        span: number of seeds of the run.
         worker: number of the worker, from 0.
         workers: number of workers.
-        robots: of each worker.
+        robots: number of robots of each worker.
         steps: of all robots so far.
 
     Raises:
@@ -76,8 +76,8 @@ class Rollouts:
         env: in autoreset mode next_step: the step after the end of an episode begins the next one, takes no action,
             and is in no fragment.
         seed: environment i begins with seed + i.
-        rng: draws the noise.
-        reward_scale: factor of the rewards in fragments; those of episodes are the task's own.
+        rng: samples the noise.
+        reward_scale: scale of the rewards in fragments; rewards of episodes are the task's own.
 
     Raises:
         ValueError: another autoreset mode, in which fragments would mix episodes.
@@ -93,7 +93,7 @@ class Rollouts:
         self._rng = rng
         self._reward_scale = np.float32(reward_scale)
         self._observations, _ = env.reset(seed=seed)
-        # Robots that never fall are else all truncated on the same step.
+        # Otherwise robots that never fall are all truncated on the same step.
         env._batch.stagger()
         self._is_over = np.zeros(env.num_envs, dtype=bool)
         self._episodes = np.zeros(env.num_envs, dtype=np.int64)
@@ -101,7 +101,7 @@ class Rollouts:
         self._returns = np.zeros(env.num_envs)
 
     def collect(self, policy: Policy, steps: int) -> tuple[list[Fragment], list[Ended]]:
-        """Steps all robots until there are `steps` of each on average, resets not counted.
+        """Steps all robots until there are `steps` of each on average, not counting resets.
 
         Returns:
             The fragments, at least one of every robot that has made a step, and the episodes that have ended.
@@ -128,7 +128,7 @@ class Rollouts:
     def _note(
         self, rewards: npt.NDArray[np.float64], done: npt.NDArray[np.bool_], counts: npt.NDArray[np.bool_]
     ) -> list[Ended]:
-        """Keeps account of the episodes; those that ended with this step."""
+        """Tracks the episodes; returns those that ended with this step."""
         began = ~counts
         self._returns[began] = 0.0
         self._lengths[began] = 0

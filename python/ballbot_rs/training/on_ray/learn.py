@@ -1,4 +1,4 @@
-"""The loop: RLlib learns, its weights go back to the model that is evaluated, kept and saved."""
+"""The training loop: RLlib learns, its weights go back to the model, which is evaluated and saved."""
 
 import contextlib
 import copy
@@ -27,13 +27,13 @@ from ballbot_rs.training.on_ray.module import Learner, PolicyModule
 from ballbot_rs.training.on_ray.settings import Ray
 from ballbot_rs.training.train import EVALUATION_SEEDS, Session, first_seed
 
-#: Rounds without a step, one after the other and a second apart, after which no worker is waited for.
+#: Consecutive rounds without a step, a second apart, after which the wait for workers ends.
 MAX_IDLE = 60
 
 
 @dataclasses.dataclass(frozen=True)
 class OnRay:
-    """What `train` and `resume` take as `learn`."""
+    """The argument `learn` of `train` and `resume`."""
 
     where: Ray
 
@@ -41,7 +41,7 @@ class OnRay:
         """Refuses a configuration.
 
         Raises:
-            ValueError: something that RLlib's PPO does not have, or robots that cannot be shared out evenly.
+            ValueError: a setting that RLlib's PPO does not have, or robots that cannot be divided evenly.
             ConnectionError: nothing listens at the address of the cluster.
             RuntimeError: the cluster does not have this version of the package.
         """
@@ -49,7 +49,7 @@ class OnRay:
         self.where.robots_each(config)
         self.where.reach()
         if self.where.address is not None:
-            # An earlier run that is to be overwritten is still there.
+            # An earlier run that will be overwritten still exists.
             with cluster(self.where):
                 pass
 
@@ -66,11 +66,11 @@ class OnRay:
 
 @contextlib.contextmanager
 def cluster(where: Ray) -> Iterator[None]:
-    """Joins a cluster, or starts one of this process; leaves one that has been joined already as it is.
+    """Joins a cluster, or starts a cluster in this process; keeps a cluster that has been joined already.
 
     Raises:
-        ConnectionError: there is none at the address.
-        ValueError: it has fewer cores than there are to be workers.
+        ConnectionError: there is no cluster at the address.
+        ValueError: it has fewer cores than workers.
         RuntimeError: it does not have this version of the package.
     """
     if ray.is_initialized():
@@ -78,13 +78,13 @@ def cluster(where: Ray) -> Iterator[None]:
         return
     for name in ("ray", "ray.rllib"):
         logging.getLogger(name).setLevel(logging.ERROR)
-    # That of the parts in C++: they tell what Ray then handles.
+    # The log level of the C++ parts: they report errors that Ray then handles.
     os.environ.setdefault("RAY_BACKEND_LOG_LEVEL", "fatal")
     quiet: dict[str, Any] = {"log_to_driver": False, "logging_level": logging.ERROR}
     if where.address is None:
-        # One core for the learner, one for each worker, whether or not there are so many.
+        # One core for the learner, one for each worker, even if there are fewer.
         quiet |= {"num_cpus": where.workers + 1, "include_dashboard": False}
-    # Without an address Ray would join a cluster that happens to run on this machine.
+    # Without an address Ray would join any cluster that runs on this machine.
     ray.init(address=where.address or "local", **quiet)
     try:
         if where.address is not None:
@@ -116,12 +116,12 @@ def _check_cluster(where: Ray) -> None:
 
 @contextlib.contextmanager
 def algorithm(where: Ray, session: Session) -> Iterator[Algorithm]:
-    """PPO of RLlib with the model's weights and optimizer."""
+    """RLlib's PPO with the model's weights and optimizer."""
     model, config = session.model, session.config
     try:
         made = algorithm_config(where, config, model, session.seed).build_algo()
     except IndexError as error:
-        # What RLlib says when every worker has failed as it was made.
+        # RLlib's message if every worker has failed at creation.
         raise RuntimeError(
             f"none of {where.workers} workers could be started: their logs are in {_log_folder()}"
         ) from error
@@ -183,7 +183,7 @@ def algorithm_config(where: Ray, config: TrainConfig, model: BaseAlgorithm, seed
 
 
 def iterate(session: Session, made: Algorithm) -> None:
-    """Trains to the end of the session; evaluates, logs and keeps checkpoints on the way."""
+    """Trains to the end of the session, with evaluations, logs and checkpoints."""
     model = session.model
     begun, goal = model.num_timesteps, model.num_timesteps + session.timesteps
     model.set_logger(configure_logger(0, model.tensorboard_log, "PPO", reset_num_timesteps=False))
@@ -244,5 +244,5 @@ def _take(model: BaseAlgorithm, learner: Any) -> None:
 
 
 def _copy_moments(source: Any, target: Any) -> None:
-    """Moments and counts of Adam; each keeps its own rate."""
+    """Copies moments and counts of Adam; each optimizer keeps its own rate."""
     target.load_state_dict({**target.state_dict(), "state": copy.deepcopy(source.state_dict()["state"])})

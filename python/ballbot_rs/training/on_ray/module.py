@@ -11,7 +11,7 @@ from ray.rllib.core.rl_module.apis import ValueFunctionAPI
 from ray.rllib.core.rl_module.torch import TorchRLModule
 from stable_baselines3.common.policies import ActorCriticPolicy
 
-#: That of Stable-Baselines3's PPO.
+#: The value in Stable-Baselines3's PPO.
 ADAM_EPSILON = 1e-5
 
 
@@ -22,7 +22,7 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):  # type: ignore[misc]
 
     def setup(self) -> None:
         """Makes the networks."""
-        # The rate is that of the learner's own optimizer.
+        # The learner's own optimizer sets the rate.
         self.policy = ActorCriticPolicy(
             self.observation_space, self.action_space, lambda _: 1.0, **self.model_config["policy"]
         )
@@ -48,7 +48,7 @@ class PolicyModule(TorchRLModule, ValueFunctionAPI):  # type: ignore[misc]
 
 
 class Learner(PPOTorchLearner):  # type: ignore[misc]
-    """PPO of RLlib with the optimizer of Stable-Baselines3, whose state fits into its checkpoints."""
+    """RLlib's PPO with the optimizer of Stable-Baselines3, whose state fits into its checkpoints."""
 
     def configure_optimizers_for_module(self, module_id: str, config: Any = None) -> None:
         """Makes the optimizer."""

@@ -1,4 +1,4 @@
-"""What a training on Ray is asked for, and a configuration of Stable-Baselines3's PPO as RLlib's. Needs neither."""
+"""Settings of training on Ray, and conversion of Stable-Baselines3's PPO configuration to RLlib's. Needs neither."""
 
 import dataclasses
 import socket
@@ -7,10 +7,10 @@ from typing import Any, Final
 
 from ballbot_rs.training.config import TrainConfig
 
-#: Most workers of a training; docs/ray.md has where more bring nothing.
+#: Most workers of a training run; docs/ray.md shows where more do not help.
 MAX_WORKERS: Final = 1024
 
-#: Arguments of Stable-Baselines3's PPO that RLlib's has too: its name there, and the default here.
+#: Arguments of Stable-Baselines3's PPO that RLlib's also has: its name there, and the default here.
 ARGUMENTS: Final[Mapping[str, tuple[str, Any]]] = {
     "learning_rate": ("lr", 3e-4),
     "gamma": ("gamma", 0.99),
@@ -22,7 +22,7 @@ ARGUMENTS: Final[Mapping[str, tuple[str, Any]]] = {
     "vf_coef": ("vf_loss_coeff", 0.5),
     "max_grad_norm": ("grad_clip", 0.5),
 }
-#: Steps of each robot before an update, where the configuration says nothing.
+#: Default number of steps of each robot before an update.
 DEFAULT_STEPS: Final = 2048
 
 #: Time to reach the address of a cluster, s.
@@ -31,14 +31,14 @@ REACH_SECONDS: Final = 5.0
 
 @dataclasses.dataclass(frozen=True)
 class Ray:
-    """How many workers, and where.
+    """Number of workers, and their cluster.
 
     Raises:
         ValueError: a number of workers out of range, or no address.
     """
 
     workers: int = 1
-    #: HOST:PORT of a cluster; None starts one of this process.
+    #: HOST:PORT of a cluster; None starts a cluster in this process.
     address: str | None = None
 
     def __post_init__(self) -> None:
@@ -51,7 +51,7 @@ class Ray:
         """Checks that something listens at the address; Ray itself would try for minutes.
 
         Raises:
-            ConnectionError: nothing does.
+            ConnectionError: nothing listens there.
         """
         if self.address is None:
             return
@@ -61,10 +61,10 @@ class Ray:
             raise ConnectionError(f"--ray-address {self.address}: no Ray cluster answers there: {error}") from error
 
     def robots_each(self, config: TrainConfig) -> int:
-        """Robots of each worker.
+        """Number of robots of each worker.
 
         Raises:
-            ValueError: the robots cannot be shared out evenly.
+            ValueError: the robots cannot be divided evenly.
         """
         each, rest = divmod(config.num_envs, self.workers)
         if rest or each == 0:
@@ -88,14 +88,14 @@ def host_and_port(address: str) -> tuple[str, int]:
 
 
 def arguments(config: TrainConfig, done: int = 0) -> dict[str, Any]:
-    """What `PPOConfig.training` of RLlib takes.
+    """Arguments of RLlib's `PPOConfig.training`.
 
     Args:
         config: the configuration.
-        done: steps that the run has had; a rate that falls goes on from there.
+        done: steps that the run has done; a falling rate continues from there.
 
     Raises:
-        ValueError: something that RLlib's PPO does not have.
+        ValueError: a setting that RLlib's PPO does not have.
     """
     given = _checked(config)
     found = {theirs: given.get(ours, default) for ours, (theirs, default) in ARGUMENTS.items()}

@@ -1,10 +1,10 @@
-"""What is put into the head of viser's page: title, icon, style sheet and scripts."""
+"""Elements for the head of viser's page: title, icon, style sheet and scripts."""
 
 import re
 from pathlib import Path
 from typing import Final
 
-#: Scripts, each with its own subject, and the style sheet.
+#: Scripts by subject, and the style sheet.
 SCRIPTS: Final = ("drive.js", "take.js")
 STYLE: Final = "style.css"
 
@@ -28,9 +28,9 @@ def head() -> bytes:
 
 
 def complete(page: bytes) -> bytes:
-    """Viser's page with them in the place of its own."""
+    """Viser's page with these elements in place of its own."""
     start, end, rest = page.partition(b"</head>")
-    # Its scripts are long, and come after what is looked for.
+    # Its scripts are long, and come after the searched text.
     own, mark, scripts = start.partition(b"<script")
-    # Ours are read before its own, which listen to the same keys.
+    # Our scripts run before viser's, which listen to the same keys.
     return b"".join([_VISERS.sub(b"", own), head(), mark, scripts, end, rest])

@@ -44,12 +44,12 @@ crate::fields! {
         pub yaw_rate: f64 = 2.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Wheel torque.
         pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6);
-        /// No deviation: the largest lean that those of position and velocity may ask for.
+        /// Not a cost: the largest lean that deviations of position and velocity may command.
         pub max_lean: f64 = 0.226_892_802_759_262_85, "rad", Limit::from(1e-6).to(1e6);
-        /// No deviation: the largest speed that one of the position may ask for.
+        /// Not a cost: the largest speed that a deviation of the position may command.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
-        /// Violation of a limit at one stage: of a load or traction as a share of the wheel's load in equilibrium, of a
-        /// torque as a share of the largest.
+        /// Violation of a limit at one stage: of a load or traction as a fraction of the wheel's load in equilibrium, of a
+        /// torque as a fraction of the largest.
         pub violation: f64 = 0.05, "", Limit::from(1e-3).to(1e3);
         /// How far is looked ahead in 25 stages, over 1/λ. A stage is the multiple of the sampling time, at least one,
         /// that is nearest.

@@ -20,11 +20,11 @@ task_fields! {
     fall 30.0, tilt 5.0;
     /// Options of the path task. SI units and radians. Tilts are from the equilibrium.
     pub struct Path {
-        /// Smallest and largest speed along the path, drawn evenly.
+        /// Smallest and largest speed along the path, uniform.
         pub path_speed: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
-        /// Smallest and largest half width of a path, drawn evenly.
+        /// Smallest and largest half width of a path, uniform.
         pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.1).to(100.0);
-        /// Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve asks for more.
+        /// Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires more.
         pub path_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(10.0);
         /// Relative frequencies of circles, lemniscates, rounded squares and random curves.
         pub path_kinds: [f64; 4] = [1.0; 4], "", Limit::from(0.0).to(1e6);
