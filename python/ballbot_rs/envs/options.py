@@ -23,7 +23,7 @@ class Actuators(TypedDict, total=False):
     #: Dead time between a command and its torque, a whole number of model steps; at most 10000 of them. (s, >= 0 and <=
     #: 1)
     delay: float
-    #: Torque of each motor as a share of the commanded one; one number is that of all three. (>= 0 and <= 10)
+    #: Torque of each motor as a fraction of the commanded torque; one number applies to all three. (>= 0 and <= 10)
     strength: npt.ArrayLike
     #: Time constant with which the torque follows its command, a first-order lag; 0: none. (s, >= 0 and <= 10)
     lag: float
@@ -39,7 +39,7 @@ class Actuators(TypedDict, total=False):
     #: Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed. (N·m, >= 0 and
     #: <= 1e9)
     peak_torque: float
-    #: Longest dead time that is added to `delay` at random, a whole number of model steps, drawn anew for each command.
+    #: Longest dead time that is added to `delay` at random, a whole number of model steps, sampled for each command.
     #: (s, >= 0 and <= 1)
     delay_jitter: float
 
@@ -50,7 +50,8 @@ class Sensors(TypedDict, total=False):
     #: Density of the gyroscope's white noise; a sample has the standard deviation `gyro_noise` / √T, T the time between
     #: two samples. (rad/s/√Hz, >= 0 and <= 1000)
     gyro_noise: float
-    #: Standard deviation of the gyroscope's bias at the start of an episode, drawn for each. (rad/s, >= 0 and <= 1000)
+    #: Standard deviation of the gyroscope's bias at the start of an episode, sampled for each. (rad/s, >= 0 and <=
+    #: 1000)
     gyro_bias: float
     #: Random walk of that bias: its standard deviation after one second. (rad/s/√s, >= 0 and <= 1000)
     gyro_bias_walk: float
@@ -59,7 +60,7 @@ class Sensors(TypedDict, total=False):
     #: Density of the accelerometer's white noise; a sample has the standard deviation `accelerometer_noise` / √T, T the
     #: time between two samples. (m/s²/√Hz, >= 0 and <= 10000)
     accelerometer_noise: float
-    #: Standard deviation of the accelerometer's bias at the start of an episode, drawn for each. (m/s², >= 0 and <=
+    #: Standard deviation of the accelerometer's bias at the start of an episode, sampled for each. (m/s², >= 0 and <=
     #: 10000)
     accelerometer_bias: float
     #: Random walk of that bias: its standard deviation after one second. (m/s²/√s, >= 0 and <= 10000)
@@ -70,7 +71,7 @@ class Sensors(TypedDict, total=False):
     #: 10)
     imu_position: npt.ArrayLike
     #: Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
-    #: drawn for each episode. (rad, >= 0 and <= 0.1)
+    #: sampled for each episode. (rad, >= 0 and <= 0.1)
     imu_misalignment: float
     #: Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
     #: rates above. (Hz, >= 0 and <= 1e6)
@@ -100,10 +101,10 @@ class Scan(TypedDict, total=False):
     latency: float
     #: Standard deviation of the noise of each height. (m, >= 0 and <= 10)
     noise: float
-    #: Share of the heights that are missing in a scan; they keep what was read before. (>= 0 and <= 1)
+    #: Fraction of the heights that are missing in a scan; they keep what was read before. (>= 0 and <= 1)
     dropout: float
-    #: Standard deviations of an error of the whole grid along each horizontal axis, and of all heights, drawn for each
-    #: episode. (m, >= 0 and <= 10)
+    #: Standard deviations of an error of the whole grid along each horizontal axis, and of all heights, sampled for
+    #: each episode. (m, >= 0 and <= 10)
     drift: npt.ArrayLike
 
 
@@ -132,11 +133,11 @@ class Depth(TypedDict, total=False):
     #: Standard deviation of the noise of a pixel: the first number, m, and the second, 1/m, times its squared depth.
     #: (>= 0 and <= 10)
     noise: npt.ArrayLike
-    #: Share of the pixels that are holes, which read as `far`. (>= 0 and <= 1)
+    #: Fraction of the pixels that are holes, which read as `far`. (>= 0 and <= 1)
     dropout: float
-    #: Share of the pictures that do not come; the one before stays. (>= 0 and <= 1)
+    #: Fraction of the pictures that do not come; the one before stays. (>= 0 and <= 1)
     freeze: float
-    #: Standard deviation of the angle about each body axis by which the camera is mounted wrongly, drawn for each
+    #: Standard deviation of the angle about each body axis by which the camera is mounted wrongly, sampled for each
     #: episode. (rad, >= 0 and <= 0.5)
     misalignment: float
 
@@ -203,13 +204,13 @@ class BalanceOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -218,13 +219,13 @@ class BalanceOptions(CommonOptions, total=False):
 class VelocityOptions(CommonOptions, total=False):
     """Options of the task `velocity`."""
 
-    #: Largest commanded speed; drawn evenly over the disc, in the heading frame. (m/s, >= 0 and <= 10)
+    #: Largest commanded speed; uniform over the disc, in the heading frame. (m/s, >= 0 and <= 10)
     speed: float
-    #: Largest commanded rate of the heading; drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: Largest commanded rate of the heading; uniform within ± this. (rad/s, >= 0 and <= 10)
     yaw_rate: float
-    #: Share of the commands that are to stand still. (>= 0 and <= 1)
+    #: Fraction of the commands to stand still. (>= 0 and <= 1)
     standing: float
-    #: Shortest and longest time from one command to the next, drawn evenly. (s, > 0 and <= 1e9)
+    #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
     #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
     settling: float
@@ -240,13 +241,13 @@ class VelocityOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -255,9 +256,9 @@ class VelocityOptions(CommonOptions, total=False):
 class GoalOptions(CommonOptions, total=False):
     """Options of the task `goal`."""
 
-    #: Smallest and largest distance of a goal from the ball, drawn evenly, in any direction. (m, >= 0 and <= 100)
+    #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
     goal_distance: npt.ArrayLike
-    #: Shortest and longest time from one goal to the next, drawn evenly. (s, > 0 and <= 1e9)
+    #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
     goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
     goal_radius: float
@@ -271,13 +272,13 @@ class GoalOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -286,11 +287,11 @@ class GoalOptions(CommonOptions, total=False):
 class PathOptions(CommonOptions, total=False):
     """Options of the task `path`."""
 
-    #: Smallest and largest speed along the path, drawn evenly. (m/s, >= 0 and <= 10)
+    #: Smallest and largest speed along the path, uniform. (m/s, >= 0 and <= 10)
     path_speed: npt.ArrayLike
-    #: Smallest and largest half width of a path, drawn evenly. (m, >= 0.1 and <= 100)
+    #: Smallest and largest half width of a path, uniform. (m, >= 0.1 and <= 100)
     path_size: npt.ArrayLike
-    #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve asks for
+    #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires
     #: more. (m/s², > 0 and <= 10)
     path_acceleration: float
     #: Relative frequencies of circles, lemniscates, rounded squares and random curves. (>= 0 and <= 1e6)
@@ -304,13 +305,13 @@ class PathOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -319,10 +320,10 @@ class PathOptions(CommonOptions, total=False):
 class PushOptions(CommonOptions, total=False):
     """Options of the task `push`."""
 
-    #: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of the
-    #: largest one that traction lets the nominal robot bear. (>= 0 and <= 10)
+    #: Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the largest
+    #: one that traction lets the nominal robot bear. (>= 0 and <= 10)
     push: npt.ArrayLike
-    #: Shortest and longest time from one push to the next, drawn evenly. (s, >= 0.1 and <= 1e9)
+    #: Shortest and longest time from one push to the next, uniform. (s, >= 0.1 and <= 1e9)
     push_seconds: npt.ArrayLike
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
@@ -331,13 +332,13 @@ class PushOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -346,9 +347,9 @@ class PushOptions(CommonOptions, total=False):
 class TerrainOptions(CommonOptions, total=False):
     """Options of the task `terrain`."""
 
-    #: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (m/s, >= 0 and <= 10)
+    #: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (m/s, >= 0 and <= 10)
     speed_range: npt.ArrayLike
-    #: Shortest and longest time from one command to the next, drawn evenly. (s, > 0 and <= 1e9)
+    #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
     velocity_scales: npt.ArrayLike
@@ -357,21 +358,21 @@ class TerrainOptions(CommonOptions, total=False):
     yaw_rate_scales: npt.ArrayLike
     #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 10)
     position_scale: float
-    #: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand on. (>= 0
-    #: and <= 1)
+    #: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold. (>= 0 and
+    #: <= 1)
     hardest: float
-    #: Least share of the commanded distance in a success. (>= 0 and <= 1)
+    #: Smallest fraction of the commanded distance in a success. (>= 0 and <= 1)
     success_share: float
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float
@@ -387,13 +388,13 @@ class OpenBallBotOptions(CommonOptions, total=False):
     #: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
-    #: The first yaw is drawn evenly within ± this. (rad, >= 0 and <= pi)
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
     reset_yaw: float
-    #: Largest first ball speed; drawn evenly over the disc. (m/s, >= 0 and <= 10)
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
     reset_ball_speed: float
-    #: Largest first tilt rate; drawn evenly over the disc. (rad/s, >= 0 and <= 10)
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
     reset_tilt_rate: float
-    #: The first rate about the mast is drawn evenly within ± this. (rad/s, >= 0 and <= 10)
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
     reset_yaw_rate: float
     #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
     fall_tilt: float

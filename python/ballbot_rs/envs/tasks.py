@@ -121,10 +121,10 @@ class BalanceEnv(BallbotEnv):
       1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 
@@ -299,12 +299,11 @@ class VelocityEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `speed`: Largest commanded speed; drawn evenly over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <=
-      10)
-    - `yaw_rate`: Largest commanded rate of the heading; drawn evenly within ± this. (default 1 rad/s; >= 0 and <= 10)
-    - `standing`: Share of the commands that are to stand still. (default 0.1; >= 0 and <= 1)
-    - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (3, 8) s; > 0
-      and <= 1e9)
+    - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <= 10)
+    - `yaw_rate`: Largest commanded rate of the heading; uniform within ± this. (default 1 rad/s; >= 0 and <= 10)
+    - `standing`: Fraction of the commands to stand still. (default 0.1; >= 0 and <= 1)
+    - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s; > 0 and <=
+      1e9)
     - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
@@ -316,10 +315,10 @@ class VelocityEnv(BallbotEnv):
       0.05 rad/s; > 0 and <= 10)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -489,10 +488,9 @@ class GoalEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `goal_distance`: Smallest and largest distance of a goal from the ball, drawn evenly, in any direction. (default
-      (0.5, 2) m; >= 0 and <= 100)
-    - `goal_seconds`: Shortest and longest time from one goal to the next, drawn evenly. (default (6, 10) s; > 0 and <=
-      1e9)
+    - `goal_distance`: Smallest and largest distance of a goal from the ball, uniform, in any direction. (default (0.5,
+      2) m; >= 0 and <= 100)
+    - `goal_seconds`: Shortest and longest time from one goal to the next, uniform. (default (6, 10) s; > 0 and <= 1e9)
     - `goal_radius`: Distance within which the ball is at its goal. (default 0.02 m; >= 1e-6 and <= 10)
     - `approach_acceleration`: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` +
       √(d / 2a)) at distance d. (default 0.6 m/s²; > 0 and <= 100)
@@ -501,10 +499,10 @@ class GoalEnv(BallbotEnv):
       1e9)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -693,10 +691,10 @@ class PathEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `path_speed`: Smallest and largest speed along the path, drawn evenly. (default (0.2, 0.5) m/s; >= 0 and <= 10)
-    - `path_size`: Smallest and largest half width of a path, drawn evenly. (default (0.5, 1) m; >= 0.1 and <= 100)
+    - `path_speed`: Smallest and largest speed along the path, uniform. (default (0.2, 0.5) m/s; >= 0 and <= 10)
+    - `path_size`: Smallest and largest half width of a path, uniform. (default (0.5, 1) m; >= 0.1 and <= 100)
     - `path_acceleration`: Largest acceleration of the point: it starts with half of it, and its speed is lower where
-      the curve asks for more. (default 0.6 m/s²; > 0 and <= 10)
+      the curve requires more. (default 0.6 m/s²; > 0 and <= 10)
     - `path_kinds`: Relative frequencies of circles, lemniscates, rounded squares and random curves. (default (1, 1, 1,
       1); >= 0 and <= 1e6)
     - `settling`: Time from the start of an episode from which errors are counted. (default 3 s; >= 0 and <= 1e9)
@@ -705,10 +703,10 @@ class PathEnv(BallbotEnv):
       <= 10)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -867,18 +865,18 @@ class PushEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `push`: Smallest and largest impulse at the body's center of mass, drawn evenly, in any direction: as shares of
-      the largest one that traction lets the nominal robot bear. (default (0, 1); >= 0 and <= 10)
-    - `push_seconds`: Shortest and longest time from one push to the next, drawn evenly. (default (2, 5) s; >= 0.1 and
-      <= 1e9)
+    - `push`: Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the
+      largest one that traction lets the nominal robot bear. (default (0, 1); >= 0 and <= 10)
+    - `push_seconds`: Shortest and longest time from one push to the next, uniform. (default (2, 5) s; >= 0.1 and <=
+      1e9)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m; >= 1e-12 and <= 1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.872665 rad; > 0 and <=
       pi)
 
@@ -1058,25 +1056,25 @@ class TerrainEnv(BallbotEnv):
     - `reward`: Scales of reward terms, by name. (default see above; finite)
     - `events`: What is drawn at random of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `speed_range`: Smallest and largest commanded speed, drawn evenly, in any direction of the heading frame. (default
+    - `speed_range`: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (default
       (0.2, 0.5) m/s; >= 0 and <= 10)
-    - `command_seconds`: Shortest and longest time from one command to the next, drawn evenly. (default (20, 20) s; > 0
-      and <= 1e9)
+    - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (20, 20) s; > 0 and
+      <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
       (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
     - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m; >= 1e-6 and
       <= 10)
-    - `hardest`: Steepest level of the terrain where none is chosen, as a share of the slope that the robot can stand
-      on. (default 0.8; >= 0 and <= 1)
-    - `success_share`: Least share of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
+    - `hardest`: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
+      (default 0.8; >= 0 and <= 1)
+    - `success_share`: Smallest fraction of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
       pi)
 
@@ -1235,10 +1233,10 @@ class OpenBallBotEnv(BallbotEnv):
     - `acceleration`: Acceleration to that speed. (default 0.3 m/s²; > 0 and <= 1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its
       opening; below `fall_tilt`. (default 0.0349066 rad; >= 0)
-    - `reset_yaw`: The first yaw is drawn evenly within ± this. (default pi rad; >= 0 and <= pi)
-    - `reset_ball_speed`: Largest first ball speed; drawn evenly over the disc. (default 0.1 m/s; >= 0 and <= 10)
-    - `reset_tilt_rate`: Largest first tilt rate; drawn evenly over the disc. (default 0.2 rad/s; >= 0 and <= 10)
-    - `reset_yaw_rate`: The first rate about the mast is drawn evenly within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
     - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.349066 rad; > 0 and <=
       pi)
 
