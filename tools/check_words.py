@@ -18,6 +18,8 @@ ROOT = Path(__file__).resolve().parents[1]
 CHECKED = (
     "CONTRIBUTING.md",
     "examples/README.md",
+    "crates/ballbot-core/src",
+    "crates/ballbot-py/src",
     "docs/tutorials",
     "docs/actuators.md",
     "docs/command_line.md",

@@ -51,7 +51,7 @@ pub enum Error {
     Urdf {
         /// The file, or a label such as "bot URDF" for text.
         file: String,
-        /// Why it was refused.
+        /// Why it was rejected.
         reason: String,
     },
     /// A file cannot be read.

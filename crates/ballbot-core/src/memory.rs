@@ -33,7 +33,7 @@ pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Re
     {
         return Err(refused(what, need, format!("{} are available", Bytes(free))));
     }
-    // Amounts that the system would refuse, for example by a process limit.
+    // Amounts that the system would reject, for example by a process limit.
     let reserved = usize::try_from(need).map(|need| Vec::<u8>::new().try_reserve_exact(need));
     if !matches!(reserved, Ok(Ok(()))) {
         return Err(refused(what, need, NOT_GIVEN.to_owned()));

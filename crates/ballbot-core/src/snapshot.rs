@@ -1,4 +1,4 @@
-//! Snapshots as bytes: magic number, format version, data, checksum. Damaged and foreign bytes are refused.
+//! Snapshots as bytes: magic number, format version, data, checksum. Damaged and foreign bytes are rejected.
 
 use crate::error::{Error, Result};
 use serde::Serialize;

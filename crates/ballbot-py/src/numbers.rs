@@ -70,7 +70,7 @@ pub(crate) fn optional_index(value: &Bound<'_, PyAny>) -> PyResult<Option<usize>
 /// The error for a whole number that does not fit an integer type.
 fn out_of_range(value: &Bound<'_, PyAny>, error: &PyErr, limit: &str) -> Option<PyErr> {
     error.is_instance_of::<PyOverflowError>(value.py()).then(|| {
-        // Python refuses to write out the largest numbers.
+        // Python declines to write out the largest numbers.
         let text = value.str().map_or_else(|_| "a number of thousands of digits".to_owned(), |text| text.to_string());
         InvalidInputError::new_err(format!("{text} is out of range: it must be {limit}"))
     })

@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use nalgebra::{DMatrix, DVector};
 
-/// Relative residual above which a solution is refused.
+/// Relative residual above which a solution is rejected.
 const MAX_RESIDUAL: f64 = 1e-9;
 
 /// Largest number of doublings: they converge quadratically, and 2⁶⁰ steps are beyond the memory of any loop that can

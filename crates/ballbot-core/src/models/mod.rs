@@ -97,7 +97,7 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     }
 }
 
-/// Refuses a state that slips or is off the floor; the error names the first wrong quantity. The wheels turn as in 3D
+/// Rejects a state that slips or is off the floor; the error names the first wrong quantity. The wheels turn as in 3D
 /// motion.
 fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
     let in_space =

@@ -109,7 +109,7 @@ impl Params {
         }
         let directions = Matrix3::from_columns(&self.contact_directions());
         let weight = self.com_direction() * (self.body_mass * self.gravity);
-        // Coplanar directions do not carry load; validation refuses them.
+        // Coplanar directions do not carry load; validation rejects them.
         directions.lu().solve(&weight).unwrap_or_else(Vector3::zeros).into()
     }
 

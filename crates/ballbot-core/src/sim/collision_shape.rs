@@ -104,7 +104,7 @@ impl CollisionShape {
         }
     }
 
-    /// Refuses a state in which the bot overlaps the ground (a level floor if `None`).
+    /// Rejects a state in which the bot overlaps the ground (a level floor if `None`).
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the part and its height.
