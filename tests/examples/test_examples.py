@@ -31,7 +31,11 @@ RUNS = {
     "train_sac": (["2500"], r"sac\.zip: success \d+%.*\nlqr: success 100%", ["sac.zip"]),
     "dataset": (["8"], r"observations +\(8, 1001, 16\).*\nactions +\(8, 1000, 3\)", ["dataset.npz"]),
     "randomization": (["10"], r"\nnone +lqr upright 100%(.*\n)*friction +lqr upright +([1-9]?\d)%", []),
-    "transfer": (["4"], r"contact +policy 100%  lqr 100%\n(.*\n)*delay 50 ms +policy +0%  lqr 100%", []),
+    "transfer": (
+        ["4"],
+        r"contact +policy 100%  lqr 100%\n(.*\n)*friction x 0\.2 .*lqr +0%\n(.*\n)*delay 30 ms +policy 100%  lqr 100%",
+        [],
+    ),
     "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
 }
 NEEDS = {

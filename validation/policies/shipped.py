@@ -47,7 +47,9 @@ class Shipped(NamedTuple):
     @property
     def file(self) -> str:
         """Its file in assets/policies."""
-        return "-".join(filter(None, (self.recipe.task, self.recipe.variant))) + ".onnx"
+        # What a task's name alone stands for is the policy to begin with.
+        variant = None if self.recipe.variant == "still" else self.recipe.variant
+        return "-".join(filter(None, (self.recipe.task, variant))) + ".onnx"
 
 
 _REAL = Judge(
@@ -67,7 +69,7 @@ _CAPTURE_IMPULSE = Scale.of(bb.Params.paper()).capture_impulse
 SHIPPED = (
     Shipped(
         "Balance",
-        Recipe("balance"),
+        Recipe("balance", "still"),
         _in_engines("episodes without success", "failures", 0.01, ""),
     ),
     Shipped(
