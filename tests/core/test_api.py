@@ -36,7 +36,7 @@ from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.options import BalanceOptions, CommonOptions
 from tests.support.paths import ROOT
 
-VECTORS = ROOT / "crates/ballbot-core/tests/core/data/spatial_vectors.json"
+VECTORS = ROOT / "tests/rust/core/data/spatial_vectors.json"
 
 
 def test_every_exported_name_exists():

@@ -72,7 +72,7 @@ def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE) -> None:
 def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, browser: Chromium) -> None:
     pages = [page for page in sorted(site.rglob("*.html")) if page.relative_to(site).parts[0] not in ELSEWHERE]
     assert len(pages) > 60
-    for page in [*pages, site / "source/crates/ballbot-core/src/state.rs.html"]:
+    for page in [*pages, site / "source/crates/ballbot-base/src/state.rs.html"]:
         opened(browser, page, size)
         # Pictures below the window would be loaded later.
         browser.evaluate("document.querySelectorAll('img').forEach(image => { image.loading = 'eager'; })")

@@ -14,7 +14,6 @@ from tests.support.paths import ROOT
 
 PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md"]
 PAGES += sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md"))
-CORE = ROOT / "crates" / "ballbot-core"
 EXTRAS = _toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 #: Of the shell, of git and of others, without names of ours.
 FREE = ("git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv")
@@ -30,7 +29,8 @@ def commands(page: str) -> Iterator[str]:
 
 def sources(kind: str, name: str) -> str:
     """The text of a test or benchmark of the core, with its modules."""
-    files = [CORE / kind / f"{name}.rs", *(CORE / kind / name).rglob("*.rs")]
+    folder = {"--test": ROOT / "tests" / "rust", "--bench": ROOT / "crates" / "ballbot-core" / "benches"}[kind]
+    files = [folder / f"{name}.rs", *(folder / name).rglob("*.rs")]
     return "".join(f"mod {file.stem};{file.read_text(encoding='utf-8')}" for file in files if file.is_file())
 
 
@@ -43,7 +43,7 @@ def missing(line: str) -> str | None:
         return None if re.search(rf"^{words[1]}:", (ROOT / "Makefile").read_text(), flags=re.MULTILINE) else words[1]
     if program == "cargo":
         kind = "--test" if "--test" in options else "--bench"
-        text = sources({"--test": "tests", "--bench": "benches"}[kind], options[kind])
+        text = sources(kind, options[kind])
         own, _, passed = " ".join(words[words.index(kind) + 2 :]).partition("--")
         # Names of benchmarks are made when they run.
         names = [*own.split(), *passed.split()] if kind == "--test" else []
@@ -77,7 +77,7 @@ def test_what_the_commands_name_is_there(page: str) -> None:
     [
         ("make nothing", "nothing"),
         ("cargo test --test nothing", "nothing"),
-        ("cargo test -p ballbot-core --test core laws::frobnicate -- --nocapture", "laws::frobnicate"),
+        ("cargo test --test core laws::frobnicate -- --nocapture", "laws::frobnicate"),
         ("pip install -e '.[view,nothing]'", "nothing"),
         ("python -m validation.nothing", "validation.nothing"),
         ("python examples/nothing.py", "examples/nothing.py"),

@@ -91,9 +91,9 @@ def test_links_lead_to_files_and_to_names_in_them(page):
     [
         ("[a](docs/nothing.md)", "no such file"),
         ("[a](docs/conventions.md#nothing)", "no such heading"),
-        ("[`State::tilted`](crates/ballbot-core/src/energy.rs)", "does not define State, tilted"),
-        ("[`State::frobnicate`](crates/ballbot-core/src/state.rs)", "does not define frobnicate"),
-        ("[the state](crates/ballbot-core/src/state.rs)", "in backticks"),
+        ("[`State::tilted`](crates/ballbot-base/src/energy.rs)", "does not define State, tilted"),
+        ("[`State::frobnicate`](crates/ballbot-base/src/state.rs)", "does not define frobnicate"),
+        ("[the state](crates/ballbot-base/src/state.rs)", "in backticks"),
     ],
 )
 def test_a_broken_link_is_found(line, complaint):

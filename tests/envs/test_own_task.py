@@ -126,7 +126,7 @@ print(sorted(batch.options))
 
 def test_command_line_has_task_and_controller(run: Run, tmp_path: Path) -> None:
     robot = tmp_path / "tall.toml"
-    text = (ROOT / "crates/ballbot-core/robots/paper.toml").read_text(encoding="utf-8")
+    text = (ROOT / "crates/ballbot-base/robots/paper.toml").read_text(encoding="utf-8")
     robot.write_text(text.replace("body_com_height = 0.142", "body_com_height = 0.2"), encoding="utf-8")
     assert "0.2" in robot.read_text(encoding="utf-8")
     (tmp_path / "shuttle.toml").write_text(CONFIG, encoding="utf-8")

@@ -4,4 +4,4 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
 ASSETS = ROOT / "assets"
-ROBOTS = ROOT / "crates" / "ballbot-core" / "robots"
+ROBOTS = ROOT / "crates" / "ballbot-base" / "robots"

@@ -1,7 +1,7 @@
 r"""The last stage: torques that the wheels can pass on.
 
 The torques of a law go through one stage, the same for all of them
-([`TorqueLimits`](../crates/ballbot-core/src/control/limits.rs)). Without slip the load $N_i$ of a wheel and its
+([`TorqueLimits`](../crates/ballbot-control/src/limits.rs)). Without slip the load $N_i$ of a wheel and its
 traction $f_i$ are linear in the torques $\tau$, and nearly so in the tilt $\vartheta$ (heading frame), with a part
 that is quadratic in the tilt rate $\Omega$:
 
@@ -11,7 +11,7 @@ N = N^0 + N_\vartheta\vartheta + N_\tau\tau + N_\Omega\lvert\Omega\rvert^2, \qqu
 ```
 
 The constants are derivatives of the [contact forces](derivations.md#contact-loads-and-tractions) of the spatial model,
-computed once a robot ([`LoadMap`](../crates/ballbot-core/src/models/load_map.rs)). No wheel slips or
+computed once a robot ([`LoadMap`](../crates/ballbot-models/src/load_map.rs)). No wheel slips or
 lifts, and no motor gives more than it has, if for all wheels
 
 ```math

@@ -38,50 +38,39 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
-pub mod actuator;
 pub mod batch;
-mod constants;
-pub mod control;
-mod control_steps;
-mod energy;
-mod error;
-pub mod fields;
-mod files;
-#[doc(hidden)]
-pub mod internals;
-mod interrupt;
-pub mod kinematics;
-mod lane_state;
-pub mod lanes;
-mod memory;
-mod model;
-pub mod models;
-mod names;
-mod params;
-pub mod perception;
 pub mod planning;
-#[cfg(feature = "render")]
-pub mod render;
 mod robot;
-pub mod sensor;
-mod setpoint;
-pub mod sim;
-mod snapshot;
-mod state;
-pub mod task;
-pub mod terrain;
-mod thread_pool;
-#[cfg(feature = "urdf")]
-pub mod urdf;
 
 pub use {nalgebra, rand_chacha};
 
-pub use energy::mechanical_energy;
-pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};
-pub use interrupt::stoppable;
-pub use lane_state::{LaneRobot, LaneState, StateCells};
-pub use memory::{require_memory, try_reserve, try_zeros};
-pub use model::Model;
-pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
+#[doc(inline)]
+pub use ballbot_base::{
+    Contacts, Error, LaneRobot, LaneState, MAX_MAGNITUDE, Model, PAPER_BALL_VISCOUS_FRICTION, Params, Result, State,
+    StateCells, attitude, check_bounded, check_finite, fields, kinematics, lanes, mechanical_energy, one_of,
+    require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros, unit_quaternion, wxyz,
+};
+#[doc(inline)]
+pub use ballbot_control as control;
+#[doc(inline)]
+pub use ballbot_models as models;
+#[cfg(feature = "render")]
+#[doc(inline)]
+pub use ballbot_render as render;
+#[doc(inline)]
+pub use ballbot_stages::{actuator, perception, sensor};
+#[doc(inline)]
+pub use ballbot_tasks as task;
+#[cfg(feature = "urdf")]
+#[doc(inline)]
+pub use ballbot_urdf as urdf;
 pub use robot::{Ballbot, ModelKind};
-pub use state::{Contacts, State, attitude, rolling_rate, unit_quaternion, wxyz};
+
+/// The motions of rigid bodies in contact.
+pub mod sim {
+    #[doc(inline)]
+    pub use ballbot_contact::ContactMotion;
+    #[cfg(feature = "rigid")]
+    #[doc(inline)]
+    pub use ballbot_rigid::RigidMotion;
+}

@@ -2,19 +2,19 @@
 
 mod standing;
 
-use crate::error::{Error, Result, check};
-use crate::interrupt::Watch;
-use crate::lane_state::LaneState;
-use crate::model::{Model, same_geometry};
+use ballbot_base::error::{Error, Result, check};
+use ballbot_base::interrupt::Watch;
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::model::{Model, same_geometry};
 use crate::models::{PlanarMotion, SpatialMotion};
-use crate::names;
-use crate::params::Params;
-use crate::sim::ContactMotion;
+use ballbot_base::names;
+use ballbot_base::params::Params;
+use ballbot_contact::ContactMotion;
 #[cfg(feature = "rigid")]
-use crate::sim::RigidMotion;
-use crate::snapshot;
-use crate::state::{Contacts, State};
-use crate::terrain::Ground;
+use ballbot_rigid::RigidMotion;
+use ballbot_base::snapshot;
+use ballbot_base::state::{Contacts, State};
+use ballbot_base::terrain::Ground;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::fmt;
@@ -280,7 +280,7 @@ impl Ballbot {
         left.then(|| format!("the ball left the terrain at x = {x} m, y = {y} m"))
     }
 
-    /// As [`Model::pending_push`](crate::model::Model::pending_push).
+    /// As [`Model::pending_push`](ballbot_base::model::Model::pending_push).
     pub(crate) fn pending_push(&self) -> [f64; 6] {
         self.model.pending_push()
     }

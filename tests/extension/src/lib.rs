@@ -1,8 +1,8 @@
 //! `ballbot_rs._core` with a task and a controller that the library does not have: the ones of the core's own tests.
 
-#[path = "../../../crates/ballbot-core/tests/own/own_task/feedback.rs"]
+#[path = "../../rust/own/own_task/feedback.rs"]
 mod feedback;
-#[path = "../../../crates/ballbot-core/tests/own/own_task/shuttle.rs"]
+#[path = "../../rust/own/own_task/shuttle.rs"]
 mod shuttle;
 
 use ballbot_core::batch::register_task;

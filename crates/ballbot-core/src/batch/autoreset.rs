@@ -1,7 +1,7 @@
 //! What happens to an environment whose episode has ended.
 
-use crate::error::{Error, Result};
-use crate::names;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::names;
 use std::str::FromStr;
 
 /// What happens to an environment whose episode has ended.

@@ -6,9 +6,9 @@ use super::ledger::{Ledger, Ledgers};
 use super::levels::Levels;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::lanes::Cell;
+use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
-use crate::state::State;
+use ballbot_base::state::State;
 use crate::task::Task;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -73,7 +73,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
     }
 
-    fn tiles(&self) -> Option<crate::terrain::Tiles> {
+    fn tiles(&self) -> Option<ballbot_base::terrain::Tiles> {
         self.robots.ground().and_then(|ground| ground.terrain().tiles().copied())
     }
 }

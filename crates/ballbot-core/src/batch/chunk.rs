@@ -4,11 +4,11 @@ use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
 use super::events::Stages;
 use crate::control::Controller;
-use crate::error::Result;
-use crate::params::Params;
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
 use crate::sensor::Readings;
-use crate::setpoint::Setpoint;
-use crate::state::{Contacts, State};
+use ballbot_base::setpoint::Setpoint;
+use ballbot_base::state::{Contacts, State};
 use nalgebra::Vector3;
 
 /// Environments of any one task. Indices count within the chunk.

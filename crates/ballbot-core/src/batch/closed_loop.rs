@@ -4,9 +4,9 @@ use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
 use crate::control::Controller;
-use crate::error::{Result, check};
-use crate::interrupt::Watch;
-use crate::setpoint::Setpoint;
+use ballbot_base::error::{Result, check};
+use ballbot_base::interrupt::Watch;
+use ballbot_base::setpoint::Setpoint;
 use crate::task::ACTION_LEN;
 use std::sync::{Mutex, PoisonError};
 

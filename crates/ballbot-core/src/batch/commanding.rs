@@ -4,8 +4,8 @@ use super::environments::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::error::{Error, Result};
-use crate::lanes::Cell;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::{Moment, Task};
 

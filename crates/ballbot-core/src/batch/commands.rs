@@ -1,8 +1,8 @@
 //! Commands of the tasks of a batch, and the metrics of their episodes.
 
 use super::batch::Batch;
-use crate::error::{Error, Result, check};
-use crate::setpoint::Setpoint;
+use ballbot_base::error::{Error, Result, check};
+use ballbot_base::setpoint::Setpoint;
 
 impl Batch {
     /// The current command of one environment, in the order of [`crate::task::TaskDescription::command`].

@@ -2,8 +2,8 @@
 
 use super::batch::Batch;
 use crate::actuator::MotorOptions;
-use crate::error::Result;
-use crate::params::Params;
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
 use crate::sensor::SensorOptions;
 
 impl Batch {

@@ -8,11 +8,11 @@ use super::environments::Environments;
 use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::{Actuator, MotorOptions};
-use crate::error::Result;
-use crate::params::Params;
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
 use crate::robot::{Ballbot, check_restored};
 use crate::sensor::{Readings, Sensor};
-use crate::state::State;
+use ballbot_base::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
 use std::sync::Arc;
 

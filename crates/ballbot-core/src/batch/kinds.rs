@@ -7,13 +7,13 @@ use super::events::Event;
 use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::MotorOptions;
-use crate::error::{Error, Result};
-use crate::params::Params;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::params::Params;
 use crate::perception::{DepthOptions, ScanOptions};
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
-use crate::terrain::Terrain;
+use ballbot_base::terrain::Terrain;
 use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError, RwLock};
 
@@ -221,19 +221,19 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
             "control_dt" => self.control_dt = one()?,
             "max_wheel_torque" => self.max_wheel_torque = Some(one()?),
             "scale_observations" => {
-                let flag = crate::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
+                let flag = ballbot_base::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
                 self.scale_observations = flag != 0.0;
             }
             "history" => {
                 let length = one()?;
-                crate::error::check(name, length, "a whole number from 1 on", |n| {
+                ballbot_base::error::check(name, length, "a whole number from 1 on", |n| {
                     (1.0..=f64::from(u32::MAX)).contains(&n) && n.fract() == 0.0
                 })?;
                 self.history = length as usize;
             }
             "max_episode_steps" => {
                 let steps = one()?;
-                crate::error::check(name, steps, "a whole number from 1 to 2^53", |s| {
+                ballbot_base::error::check(name, steps, "a whole number from 1 to 2^53", |s| {
                     (1.0..=9_007_199_254_740_992.0).contains(&s) && s.fract() == 0.0
                 })?;
                 self.max_episode_steps = steps as usize;

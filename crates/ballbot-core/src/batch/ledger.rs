@@ -1,6 +1,6 @@
 //! Numbers that environments keep from step to step, for one robot or eight.
 
-use crate::lanes::{Cell, EIGHT, Eight, cells};
+use ballbot_base::lanes::{Cell, EIGHT, Eight, cells};
 use crate::task::ACTION_LEN;
 use serde::{Deserialize, Serialize};
 

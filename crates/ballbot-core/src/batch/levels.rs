@@ -1,7 +1,7 @@
 //! The terrain tiles that episodes begin on.
 
-use crate::error::{Error, Result};
-use crate::terrain::Tiles;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::terrain::Tiles;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 

@@ -1,7 +1,7 @@
 //! The states that sensors give now, for tasks, and gave last, for controllers; for one robot or eight.
 
-use crate::lane_state::{LaneState, StateCells};
-use crate::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
+use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
 use crate::sensor::Sensor;
 use fearless_simd::Simd;
 

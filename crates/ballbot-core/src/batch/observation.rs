@@ -1,7 +1,7 @@
 //! Observation source of tasks.
 
-use crate::error::{Error, Result};
-use crate::names;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::names;
 use std::str::FromStr;
 
 /// Source of the rows of an observation, and of the states that controllers get.

@@ -1,10 +1,10 @@
 //! Observations of the robots of a batch: by tasks, by sensors, and without sensors.
 
 use super::batch::Batch;
-use crate::error::{Error, Result};
+use ballbot_base::error::{Error, Result};
 use crate::perception::Perception;
 use crate::sensor::Readings;
-use crate::state::State;
+use ballbot_base::state::State;
 
 impl Batch {
     /// Length of an observation: its rows, [`Batch::history`] times, then the readings of the height scan and the depth

@@ -3,9 +3,9 @@
 use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
-use crate::error::{Error, check};
+use ballbot_base::error::{Error, check};
 use crate::robot::ModelKind;
-use crate::state::State;
+use ballbot_base::state::State;
 use crate::task::ACTION_LEN;
 
 /// Input of an external engine, as [`Batch::step_with`] provides it.

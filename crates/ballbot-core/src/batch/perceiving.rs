@@ -4,7 +4,7 @@ use super::environments::Environments;
 use super::events::key_of;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::lanes::Cell;
+use ballbot_base::lanes::Cell;
 use crate::perception::View;
 use crate::sensor::Sensor;
 use crate::task::Task;

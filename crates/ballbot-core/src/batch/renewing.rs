@@ -5,7 +5,7 @@ use super::environments::Environments;
 use super::events::{Source, key_of};
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::lanes::Cell;
+use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::Task;
 use rand_chacha::ChaCha8Rng;

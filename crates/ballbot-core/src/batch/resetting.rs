@@ -1,9 +1,9 @@
 //! Resets of a batch.
 
 use super::batch::Batch;
-use crate::error::{Error, Result};
-use crate::interrupt::Watch;
-use crate::state::State;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::interrupt::Watch;
+use ballbot_base::state::State;
 
 /// Request for [`Batch::reset_with`]; each slice has one element per environment.
 #[derive(Clone, Copy, Debug, Default)]

@@ -5,20 +5,20 @@ use super::measured::Measured;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;
-use crate::error::{Error, Result};
-use crate::kinematics::Omniwheels;
-use crate::lane_state::{ConditionCells, LaneRobot, LaneState, StateCells};
-use crate::lanes::{EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight};
-use crate::model::same_geometry;
-use crate::params::Params;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState, StateCells};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight};
+use ballbot_base::model::same_geometry;
+use ballbot_base::params::Params;
 use crate::robot::{Ballbot, check_push, check_state};
 use crate::sensor::Sensor;
-use crate::sim::CollisionShape;
-use crate::sim::contact::ContactLanes;
-use crate::snapshot;
-use crate::state::{Contacts, State};
+use ballbot_base::collision_shape::CollisionShape;
+use ballbot_contact::ContactLanes;
+use ballbot_base::snapshot;
+use ballbot_base::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task};
-use crate::terrain::Ground;
+use ballbot_base::terrain::Ground;
 use fearless_simd::Simd;
 use nalgebra::Vector3;
 
@@ -106,7 +106,7 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
 
-    /// As [`Model::pending_push`](crate::model::Model::pending_push).
+    /// As [`Model::pending_push`](ballbot_base::model::Model::pending_push).
     fn pending_push(&self, i: usize) -> [f64; 6];
 
     /// Bytes of robot `i` for [`Robots::load`].

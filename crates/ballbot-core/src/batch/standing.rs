@@ -1,10 +1,10 @@
 //! The ground that the robots of a batch stand on.
 
 use super::batch::Batch;
-use crate::error::Result;
-use crate::kinematics::Omniwheels;
-use crate::state::State;
-use crate::terrain::Terrain;
+use ballbot_base::error::Result;
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::state::State;
+use ballbot_base::terrain::Terrain;
 use std::sync::Arc;
 
 impl Batch {

@@ -9,8 +9,8 @@ mod rollouts;
 pub use mppi::{Mppi, MppiOptions};
 
 use crate::control::{ControllerKind, LimitOptions, MOTION_PARTS, controller_kinds, fields_with, register_controller};
-use crate::error::Result;
-use crate::fields::describe_options;
+use ballbot_base::error::Result;
+use ballbot_base::fields::describe_options;
 
 /// Registers the controllers of this module by name; does nothing if they are registered.
 ///

@@ -5,12 +5,12 @@ use crate::control::{
     Constants, Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint, SetpointCells,
     TorqueLimits, default_max_torque,
 };
-use crate::error::{Result, check};
-use crate::fields::{Fields, Limit};
-use crate::lane_state::{LaneState, StateCells};
-use crate::lanes::{EIGHT, Eight, Scalar, run_one};
-use crate::params::Params;
-use crate::state::State;
+use ballbot_base::error::{Result, check};
+use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lanes::{EIGHT, Eight, Scalar, run_one};
+use ballbot_base::params::Params;
+use ballbot_base::state::State;
 use std::sync::{Mutex, PoisonError};
 
 crate::fields! {

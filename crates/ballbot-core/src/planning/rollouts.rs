@@ -2,12 +2,12 @@
 
 use crate::actuator::Ideal;
 use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells, TorqueLimits};
-use crate::lane_state::{ConditionCells, LaneState, StateCells};
-use crate::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
+use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
+use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
 use crate::models::linear::STATES;
-use crate::params::Params;
-use crate::sim::contact::ContactLanes;
-use crate::state::State;
+use ballbot_base::params::Params;
+use ballbot_contact::ContactLanes;
+use ballbot_base::state::State;
 use fearless_simd::Simd;
 use std::sync::Arc;
 

@@ -1,10 +1,10 @@
 //! The ground that a robot stands on.
 
 use super::Ballbot;
-use crate::error::{Error, Result, check};
-use crate::params::Params;
-use crate::state::State;
-use crate::terrain::{Ground, Terrain, upright_on};
+use ballbot_base::error::{Error, Result, check};
+use ballbot_base::params::Params;
+use ballbot_base::state::State;
+use ballbot_base::terrain::{Ground, Terrain, upright_on};
 use nalgebra::{Vector2, Vector3};
 use std::f64::consts::PI;
 use std::sync::Arc;

@@ -8,9 +8,9 @@
 use super::event::{When, refused};
 use super::plan::{Plan, Target};
 use super::setup::Setup;
-use crate::error::{Error, Result};
-use crate::interrupt::Watch;
-use crate::model::same_geometry;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::interrupt::Watch;
+use ballbot_base::model::same_geometry;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;

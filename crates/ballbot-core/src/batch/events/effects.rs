@@ -1,8 +1,8 @@
 //! Events that would change nothing.
 
 use super::event::{Event, refused};
-use crate::error::Result;
-use crate::params::Params;
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
 use crate::robot::ModelKind;
 
 /// Parameters of slip.

@@ -1,8 +1,8 @@
 //! Configuration of an event: the same keys in Rust, Python and TOML.
 
 use super::value::Value;
-use crate::error::{Error, Result};
-use crate::names;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::names;
 use std::str::FromStr;
 
 /// The term that applies an impulse to the body; all other terms are numbers of the robot.

@@ -3,8 +3,8 @@
 use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
 use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
-use crate::error::{Error, Result, check, finite};
-use crate::params::Params;
+use ballbot_base::error::{Error, Result, check, finite};
+use ballbot_base::params::Params;
 use crate::robot::check_push;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;

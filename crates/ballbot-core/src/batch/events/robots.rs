@@ -5,8 +5,8 @@ use super::event::When;
 use super::plan::{Plan, Target};
 use super::sampler::{ATTEMPTS, Source};
 use super::setup::{Setup, Stages};
-use crate::error::Result;
-use crate::params::Params;
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -1,7 +1,7 @@
 //! Random numbers by key and counter: Philox4x32-10 with the environment's seed and a separate key for each event.
 
 use super::event::Distribution;
-use crate::lanes::philox;
+use ballbot_base::lanes::philox;
 use std::f64::consts::TAU;
 
 /// Key of an environment.

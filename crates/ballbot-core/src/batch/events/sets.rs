@@ -2,8 +2,8 @@
 
 use super::event::Event;
 use super::value::Value;
-use crate::error::{Error, Result};
-use crate::files;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::files;
 use std::fmt::Write;
 use std::path::Path;
 

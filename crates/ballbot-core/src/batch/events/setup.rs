@@ -1,9 +1,9 @@
 //! The numbers of a robot that events may change: tables, each with its names.
 
 use crate::actuator::MotorOptions;
-use crate::error::{Error, Result};
-use crate::fields::Fields;
-use crate::params::Params;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::fields::Fields;
+use ballbot_base::params::Params;
 use crate::sensor::SensorOptions;
 
 /// A robot with the options of its stages.

@@ -1,0 +1,271 @@
+//! The Delassus matrix of the rows.
+
+use super::constants::{Constants, at3};
+use super::rows::Rows;
+use super::types::PerRow;
+use ballbot_base::lanes::{Lane, Value, Vec3};
+
+/// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
+///
+/// The rows of the floor act only on the ball, whose inertia is isotropic, so they do not couple with each other.
+/// Joints do not couple with the floor.
+pub struct Delassus<L, V> {
+    pub normal_normal: [[L; 3]; 3],
+    pub normal_drive: [[L; 3]; 3],
+    pub drive_drive: [[L; 3]; 3],
+    /// Couplings by floor row (normal, x, y) and wheel.
+    pub floor_normal: [[L; 3]; 3],
+    pub floor_drive: [[L; 3]; 3],
+    pub joint_normal: [[L; 3]; 3],
+    pub joint_drive: [[L; 3]; 3],
+    pub joint_joint: [[L; 3]; 3],
+    pub normal_inverse: [L; 3],
+    pub drive_inverse: [L; 3],
+    pub ball_mass: V,
+    ball_mass_inverse: V,
+    floor_compliance: V,
+    pub floor_compliance_inverse: V,
+}
+
+impl<L: Lane, V: Value<L>> Delassus<L, V> {
+    #[inline(always)]
+    pub fn new<const JOINTS: bool, const RIPPLE: bool>(c: &Constants<V>, rows: &Rows<L>) -> Self {
+        let zero = rows.floor_gap.zero();
+        let none = [[zero; 3]; 3];
+        let one = zero.splat(1.0);
+        let linear = c.relative_mass_inverse.at(zero);
+        let ball_surface = c.ball_surface_compliance.at(zero);
+        let inertia_inverse = at3(c.body_inertia_inverse, zero);
+
+        let pairs = Couplings {
+            rows,
+            normal: [
+                rows.normal_arms[0].scaled_by(inertia_inverse),
+                rows.normal_arms[1].scaled_by(inertia_inverse),
+                rows.normal_arms[2].scaled_by(inertia_inverse),
+            ],
+            drive: [
+                rows.drive_arms[0].scaled_by(inertia_inverse),
+                rows.drive_arms[1].scaled_by(inertia_inverse),
+                rows.drive_arms[2].scaled_by(inertia_inverse),
+            ],
+            linear,
+            ball_surface,
+            own_drive: c.drive_compliance.at(zero),
+            wheel_surface: c.wheel_surface_compliance.at(zero),
+            wheel_rim_ratio: c.wheel_rim_ratio.at(zero),
+            wheel_inertia_inverse: c.wheel_inertia_inverse.at(zero),
+        };
+        // Written out, because the compiler keeps nested loops over pairs as loops over arrays in memory.
+        let (n01, n02, n12) = (pairs.normals(0, 1), pairs.normals(0, 2), pairs.normals(1, 2));
+        let nn = [
+            [pairs.own_normal::<RIPPLE>(0), n01, n02],
+            [n01, pairs.own_normal::<RIPPLE>(1), n12],
+            [n02, n12, pairs.own_normal::<RIPPLE>(2)],
+        ];
+        let nd = [
+            [pairs.own_mixed::<RIPPLE>(0), pairs.mixed(0, 1), pairs.mixed(0, 2)],
+            [pairs.mixed(1, 0), pairs.own_mixed::<RIPPLE>(1), pairs.mixed(1, 2)],
+            [pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed::<RIPPLE>(2)],
+        ];
+        let (d01, d02, d12) = (pairs.drives(0, 1), pairs.drives(0, 2), pairs.drives(1, 2));
+        let dd = [[pairs.own_drive(0), d01, d02], [d01, pairs.own_drive(1), d12], [d02, d12, pairs.own_drive(2)]];
+
+        let (mut zn, mut zd) = (none, none);
+        let ball = -c.ball_mass_inverse.at(zero);
+        for i in 0..3 {
+            let (n, d, u) = (rows.normals[i], rows.drives[i], rows.turns[i]);
+            zn[0][i] = n.z * ball;
+            zn[1][i] = n.x * ball;
+            zn[2][i] = n.y * ball;
+            zd[0][i] = d.z * ball;
+            zd[1][i] = u.y.mul_add(ball_surface, d.x * ball);
+            zd[2][i] = u.x.mul_add(-ball_surface, d.y * ball);
+        }
+
+        let (mut jn, mut jd, mut jj) = (none, none, none);
+        if JOINTS {
+            for i in 0..3 {
+                let u = c.u(i, zero).scaled_by(inertia_inverse);
+                for j in 0..3 {
+                    jn[i][j] = u.dot(rows.normal_arms[j]);
+                    jd[i][j] = u.dot(rows.drive_arms[j]);
+                    jj[i][j] = u.dot(c.u(j, zero));
+                }
+                jd[i][i] = rows.spin_shares[i].mul_add(c.wheel_rim_ratio.at(zero), jd[i][i]);
+                jj[i][i] += c.wheel_inertia_inverse.at(zero);
+                if RIPPLE {
+                    let with_rim = rows.ripple.slopes[i].mul_add(c.wheel_inertia_inverse.at(zero), jn[i][i]);
+                    jn[i][i] = rows.ripple.select(with_rim, jn[i][i]);
+                }
+            }
+        }
+
+        Self {
+            normal_inverse: [one / nn[0][0], one / nn[1][1], one / nn[2][2]],
+            drive_inverse: [one / dd[0][0], one / dd[1][1], one / dd[2][2]],
+            normal_normal: nn,
+            normal_drive: nd,
+            drive_drive: dd,
+            floor_normal: zn,
+            floor_drive: zd,
+            joint_normal: jn,
+            joint_drive: jd,
+            joint_joint: jj,
+            ball_mass: c.ball_mass,
+            ball_mass_inverse: c.ball_mass_inverse,
+            floor_compliance: c.floor_compliance,
+            floor_compliance_inverse: c.floor_compliance_inverse,
+        }
+    }
+
+    /// Adds the effect of `impulses` to the residuals.
+    #[inline(always)]
+    pub fn add_effect<const JOINTS: bool>(&self, impulses: &PerRow<L>, residuals: &mut PerRow<L>) {
+        for k in 0..3 {
+            self.add_floor(k, impulses.floor[k], residuals);
+        }
+        for k in 0..3 {
+            self.add_normal::<JOINTS>(k, impulses.normals[k], residuals);
+        }
+        for k in 0..3 {
+            self.add_drive::<JOINTS>(k, impulses.drives[k], residuals);
+        }
+        if JOINTS {
+            for k in 0..3 {
+                self.add_joint(k, impulses.joints[k], residuals);
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn add_floor(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+        let compliance = if k == 0 { self.ball_mass_inverse } else { self.floor_compliance };
+        r.floor[k] = impulse.mul_add(compliance.at(impulse), r.floor[k]);
+        for j in 0..3 {
+            r.normals[j] = self.floor_normal[k][j].mul_add(impulse, r.normals[j]);
+            r.drives[j] = self.floor_drive[k][j].mul_add(impulse, r.drives[j]);
+        }
+    }
+
+    #[inline(always)]
+    pub fn add_normal<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+        for j in 0..3 {
+            r.normals[j] = self.normal_normal[k][j].mul_add(impulse, r.normals[j]);
+            r.drives[j] = self.normal_drive[k][j].mul_add(impulse, r.drives[j]);
+            r.floor[j] = self.floor_normal[j][k].mul_add(impulse, r.floor[j]);
+            if JOINTS {
+                r.joints[j] = self.joint_normal[j][k].mul_add(impulse, r.joints[j]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn add_drive<const JOINTS: bool>(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+        for j in 0..3 {
+            r.drives[j] = self.drive_drive[k][j].mul_add(impulse, r.drives[j]);
+            r.normals[j] = self.normal_drive[j][k].mul_add(impulse, r.normals[j]);
+            r.floor[j] = self.floor_drive[j][k].mul_add(impulse, r.floor[j]);
+            if JOINTS {
+                r.joints[j] = self.joint_drive[j][k].mul_add(impulse, r.joints[j]);
+            }
+        }
+    }
+
+    #[inline(always)]
+    pub fn add_joint(&self, k: usize, impulse: L, r: &mut PerRow<L>) {
+        for j in 0..3 {
+            r.joints[j] = self.joint_joint[k][j].mul_add(impulse, r.joints[j]);
+            r.normals[j] = self.joint_normal[k][j].mul_add(impulse, r.normals[j]);
+            r.drives[j] = self.joint_drive[k][j].mul_add(impulse, r.drives[j]);
+        }
+    }
+}
+
+impl<L: Copy, V: Copy> Delassus<L, V> {
+    /// The matrix with `f` applied to each number, and `constant` to each constant.
+    #[inline(always)]
+    pub fn map<U>(&self, f: impl Fn(L) -> U, constant: impl Fn(V) -> U) -> Delassus<U, U> {
+        let three = |[a, b, c]: [L; 3]| [f(a), f(b), f(c)];
+        let nine = |[a, b, c]: [[L; 3]; 3]| [three(a), three(b), three(c)];
+        Delassus {
+            normal_normal: nine(self.normal_normal),
+            normal_drive: nine(self.normal_drive),
+            drive_drive: nine(self.drive_drive),
+            floor_normal: nine(self.floor_normal),
+            floor_drive: nine(self.floor_drive),
+            joint_normal: nine(self.joint_normal),
+            joint_drive: nine(self.joint_drive),
+            joint_joint: nine(self.joint_joint),
+            normal_inverse: three(self.normal_inverse),
+            drive_inverse: three(self.drive_inverse),
+            ball_mass: constant(self.ball_mass),
+            ball_mass_inverse: constant(self.ball_mass_inverse),
+            floor_compliance: constant(self.floor_compliance),
+            floor_compliance_inverse: constant(self.floor_compliance_inverse),
+        }
+    }
+}
+
+/// Elements of the Delassus matrix among the wheels' rows.
+struct Couplings<'a, L: Lane> {
+    rows: &'a Rows<L>,
+    /// Normal arms divided by the inertia of the body.
+    normal: [Vec3<L>; 3],
+    /// Drive arms divided by the inertia of the body.
+    drive: [Vec3<L>; 3],
+    linear: L,
+    ball_surface: L,
+    own_drive: L,
+    wheel_surface: L,
+    wheel_rim_ratio: L,
+    wheel_inertia_inverse: L,
+}
+
+impl<L: Lane> Couplings<'_, L> {
+    #[inline(always)]
+    fn own_normal<const RIPPLE: bool>(&self, i: usize) -> L {
+        let of_body = self.normal[i].dot(self.rows.normal_arms[i]) + self.linear;
+        if !RIPPLE {
+            return of_body;
+        }
+        let ripple = &self.rows.ripple;
+        ripple.select(ripple.slopes[i].squared().mul_add(self.wheel_inertia_inverse, of_body), of_body)
+    }
+
+    #[inline(always)]
+    fn normals(&self, i: usize, j: usize) -> L {
+        let moved = self.normal[i].dot(self.rows.normal_arms[j]);
+        self.rows.normals[i].dot(self.rows.normals[j]).mul_add(self.linear, moved)
+    }
+
+    #[inline(always)]
+    fn own_mixed<const RIPPLE: bool>(&self, i: usize) -> L {
+        let of_body = self.normal[i].dot(self.rows.drive_arms[i]);
+        if !RIPPLE {
+            return of_body;
+        }
+        let ripple = &self.rows.ripple;
+        let of_spin = self.rows.spin_shares[i] * self.wheel_rim_ratio;
+        ripple.select(ripple.slopes[i].mul_add(of_spin, of_body), of_body)
+    }
+
+    #[inline(always)]
+    fn mixed(&self, i: usize, j: usize) -> L {
+        let moved = self.normal[i].dot(self.rows.drive_arms[j]);
+        self.rows.normals[i].dot(self.rows.drives[j]).mul_add(self.linear, moved)
+    }
+
+    #[inline(always)]
+    fn own_drive(&self, i: usize) -> L {
+        let own_spin = self.rows.spin_shares[i].squared() * self.wheel_surface;
+        self.drive[i].dot(self.rows.drive_arms[i]) + own_spin + self.own_drive
+    }
+
+    #[inline(always)]
+    fn drives(&self, i: usize, j: usize) -> L {
+        let moved = self.drive[i].dot(self.rows.drive_arms[j]);
+        let moved = self.rows.drives[i].dot(self.rows.drives[j]).mul_add(self.linear, moved);
+        self.rows.turns[i].dot(self.rows.turns[j]).mul_add(self.ball_surface, moved)
+    }
+}

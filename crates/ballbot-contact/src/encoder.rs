@@ -1,0 +1,11 @@
+//! Encoder rates of the wheels.
+
+use super::constants::Constants;
+use super::types::Velocities;
+use ballbot_base::lanes::{Lane, Value};
+
+/// Rate of wheel `i` relative to the body.
+#[inline(always)]
+pub fn encoder_rate<L: Lane, V: Value<L>>(c: &Constants<V>, v: &Velocities<L>, i: usize) -> L {
+    c.u(i, v.spins[i]).dot(v.body_rate) + v.spins[i]
+}

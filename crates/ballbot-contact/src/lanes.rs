@@ -1,0 +1,256 @@
+//! Eight robots of the contact model side by side, with equal or individual parameters.
+
+use super::constants::{Constants, InLanes, LaneConstants};
+use super::footing::Footing;
+use super::state::{ContactState, Torques};
+use super::step::{advance, advance_wide};
+use ballbot_stages::actuator::Actuator;
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::lane_state::{ConditionCells, StateCells};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight};
+use ballbot_base::params::Params;
+use ballbot_base::state::State;
+use ballbot_base::terrain::{Ground, upright_on};
+use fearless_simd::Simd;
+use std::borrow::Cow;
+use std::sync::Arc;
+
+/// Eight robots, in the order of the lanes.
+pub struct ContactLanes {
+    params: [Arc<Params>; EIGHT],
+    wheels: [Arc<Omniwheels>; EIGHT],
+    constants: LaneConstants,
+    state: ContactState<Eight>,
+    footing: Option<Box<Footing<Eight>>>,
+    sim_dt: f64,
+}
+
+impl ContactLanes {
+    /// Eight robots upright at rest.
+    pub fn new(params: &Arc<Params>, sim_dt: f64) -> Self {
+        let wheels = Arc::new(Omniwheels::new(params));
+        let mut lanes = Self {
+            constants: LaneConstants::shared(Constants::new(params, sim_dt)),
+            state: ContactState::default(),
+            footing: None,
+            params: std::array::from_fn(|_| Arc::clone(params)),
+            wheels: std::array::from_fn(|_| Arc::clone(&wheels)),
+            sim_dt,
+        };
+        (0..EIGHT).for_each(|i| lanes.place_upright(i));
+        lanes
+    }
+
+    /// Parameters of robot `i`.
+    pub fn lane_params(&self, i: usize) -> &Params {
+        &self.params[i]
+    }
+
+    /// Wheels of robot `i`.
+    pub fn lane_wheels(&self, i: usize) -> &Omniwheels {
+        &self.wheels[i]
+    }
+
+    /// Puts all robots upright at rest on another ground (level if `None`).
+    pub fn set_ground(&mut self, ground: Option<&Arc<Ground>>) {
+        self.footing = ground.map(|ground| Box::new(Footing::new(ground)));
+        (0..EIGHT).for_each(|i| self.place_upright(i));
+    }
+
+    /// The ground.
+    pub fn ground(&self) -> Option<&Ground> {
+        self.footing.as_ref().map(|footing| &*footing.ground)
+    }
+
+    /// Constants of robot `i`.
+    pub fn constants(&self, i: usize) -> Cow<'_, Constants<f64>> {
+        self.constants.lane(i)
+    }
+
+    /// Replaces the parameters of robot `i`. Its motion does not change, except that impulses of joint friction restart
+    /// from zero, and for rounding where the principal axes change.
+    pub fn set_lane_params(&mut self, i: usize, params: &Params) {
+        replace(&mut self.params[i], params.clone());
+        replace(&mut self.wheels[i], Omniwheels::new(params));
+        let constants = Constants::new(params, self.sim_dt);
+        let mut state = self.state.lane(i);
+        state.change_body(&self.constants.lane(i), &constants);
+        self.constants.set_lane(i, &constants);
+        state.joint_impulses = [0.0; 3];
+        self.state.set_lane(i, &state);
+    }
+
+    /// Restarts robot `i` from an accepted state.
+    pub fn place_lane(&mut self, i: usize, state: &State) {
+        let placed = ContactState::at(&self.constants.lane(i), &self.wheels[i], self.ground(), state);
+        self.state.set_lane(i, &placed);
+    }
+
+    /// Restarts robot `i` upright at rest.
+    pub fn place_upright(&mut self, i: usize) {
+        self.place_lane(i, &upright_on(self.ground(), &self.params[i]));
+    }
+
+    /// The solver's state of robot `i`.
+    pub fn lane(&self, i: usize) -> ContactState<f64> {
+        self.state.lane(i)
+    }
+
+    /// Replaces the solver's state of robot `i`.
+    pub fn set_lane(&mut self, i: usize, state: &ContactState<f64>) {
+        self.state.set_lane(i, state);
+    }
+
+    /// Advances all robots by `steps` time steps under commands in [-1, 1]; `one` is workspace for the actuator memory
+    /// of one robot.
+    pub fn drive_lanes<A: Actuator>(
+        &mut self,
+        actuator: &A,
+        commands: &Torques<Eight>,
+        memory: &mut [Eight],
+        one: &mut [f64],
+        steps: usize,
+    ) {
+        let (calls, steps) = if actuator.is_held() { (1, steps) } else { (steps, 1) };
+        for _ in 0..calls {
+            let mut torques = Torques::default();
+            let state = &self.state;
+            match &self.constants {
+                LaneConstants::Shared(constants) => {
+                    run_eight(Actuate { constants, state, actuator, commands, memory, one, torques: &mut torques });
+                }
+                LaneConstants::PerLane(constants) => {
+                    run_eight(Actuate { constants, state, actuator, commands, memory, one, torques: &mut torques });
+                }
+            }
+            self.advance(&torques, steps);
+        }
+    }
+
+    /// Advances all robots by `steps` time steps under constant torques. Not generic, so that it is compiled once for
+    /// all actuators.
+    fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
+        let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
+        match &self.constants {
+            LaneConstants::Shared(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
+            LaneConstants::PerLane(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
+        }
+    }
+
+    /// Writes the present states. Not generic, so that it is compiled once for equal and individual parameters.
+    pub fn read(&self, states: &mut StateCells<Eight>, conditions: &mut ConditionCells<Eight>) {
+        let state = &self.state;
+        match &self.constants {
+            LaneConstants::Shared(constants) => run_eight(Read { constants, state, states, conditions }),
+            LaneConstants::PerLane(constants) => run_eight(Read { constants, state, states, conditions }),
+        }
+    }
+}
+
+/// Replaces a value, in place without an allocation if no other robot uses it.
+fn replace<T>(shared: &mut Arc<T>, value: T) {
+    match Arc::get_mut(shared) {
+        Some(own) => *own = value,
+        None => *shared = Arc::new(value),
+    }
+}
+
+struct Actuate<'a, V, A> {
+    constants: &'a Constants<V>,
+    state: &'a ContactState<Eight>,
+    actuator: &'a A,
+    commands: &'a Torques<Eight>,
+    memory: &'a mut [Eight],
+    one: &'a mut [f64],
+    torques: &'a mut Torques<Eight>,
+}
+
+impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { constants, state, actuator, commands, memory, torques, .. } = self;
+        let mut memory = Memory::<Wide<S>>::new(simd, memory);
+        let [a, b, c] = commands;
+        let commands = [Wide::load(simd, a), Wide::load(simd, b), Wide::load(simd, c)];
+        let speeds = if actuator.is_held() {
+            [commands[0].zero(); 3]
+        } else {
+            V::with(
+                constants,
+                simd,
+                #[inline(always)]
+                |c| state.wheel_speeds::<Wide<S>, V::Wide<S>>(simd, c),
+            )
+        };
+        for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(torques) {
+            torque.store(cell);
+        }
+    }
+
+    fn run_one_by_one(self) {
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            self.one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
+            let commands = self.commands.map(|eight| eight.0[i]);
+            let speeds = self.state.lane(i).wheel_speeds::<f64, f64>(Scalar, &c);
+            let torques = self.actuator.torques(commands, speeds, &mut Memory::new(Scalar, self.one));
+            self.one.iter().zip(&mut *self.memory).for_each(|(one, all)| all.0[i] = *one);
+            self.torques.iter_mut().zip(torques).for_each(|(all, torque)| all.0[i] = torque);
+        }
+    }
+}
+
+struct Advance<'a, V> {
+    constants: &'a Constants<V>,
+    state: &'a mut ContactState<Eight>,
+    footing: Option<&'a mut Footing<Eight>>,
+    torques: &'a Torques<Eight>,
+    steps: usize,
+}
+
+impl<V: InLanes> Kernel for Advance<'_, V> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        advance_wide(simd, self.constants, self.state, self.footing, self.torques, self.steps);
+    }
+
+    fn run_one_by_one(self) {
+        let mut footing = self.footing.map(|all| Footing::new(&all.ground));
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            let mut state = self.state.lane(i);
+            advance(&c, &mut state, footing.as_mut(), &self.torques.map(|eight| eight.0[i]), self.steps);
+            self.state.set_lane(i, &state);
+        }
+    }
+}
+
+struct Read<'a, V> {
+    constants: &'a Constants<V>,
+    state: &'a ContactState<Eight>,
+    states: &'a mut StateCells<Eight>,
+    conditions: &'a mut ConditionCells<Eight>,
+}
+
+impl<V: InLanes> Kernel for Read<'_, V> {
+    #[inline(always)]
+    fn run<S: Simd>(self, simd: S) {
+        let Self { constants, state, states, conditions } = self;
+        V::with(
+            constants,
+            simd,
+            #[inline(always)]
+            |c| state.robot::<Wide<S>, V::Wide<S>>(simd, c).store(states, conditions),
+        );
+    }
+
+    fn run_one_by_one(self) {
+        let (mut state, mut condition) = (StateCells::default(), ConditionCells::default());
+        for i in 0..EIGHT {
+            let c = self.constants.map(|value| value.lane(i));
+            self.state.lane(i).robot::<f64, f64>(Scalar, &c).store(&mut state, &mut condition);
+            self.states.set_lane(i, &state);
+            self.conditions.set_lane(i, &condition);
+        }
+    }
+}

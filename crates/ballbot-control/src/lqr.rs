@@ -1,0 +1,301 @@
+//! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
+
+use super::delayed::{DelayOptions, Delayed};
+use super::joined::joined_fields;
+use super::lean_observer::{LeanObserver, ObserverOptions};
+use super::lean_planes::product;
+use super::outer::Outer;
+use super::riccati::{self, Regulator};
+use super::tracking::{Deviation, Tracking};
+use super::{
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
+    check_control_dt,
+};
+use ballbot_base::error::{Error, Result, check};
+use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lanes::{Lane, Memory, Scalar};
+use ballbot_models::LinearModel;
+use ballbot_models::linear::{INPUTS, STATES};
+use ballbot_base::params::Params;
+use ballbot_base::state::State;
+use nalgebra::{DMatrix, SVector, SymmetricEigen};
+
+ballbot_base::fields! {
+    /// Deviations of equal cost (Bryson's rule): each state and input is weighted by one over its square.
+    #[derive(Copy)]
+    pub struct LqrWeights {
+        /// Deviation of the ball position.
+        pub position: f64 = 0.15, "m", Limit::from(1e-6).to(1e6);
+        /// Deviation of the ball velocity.
+        pub velocity: f64 = 0.4, "m/s", Limit::from(1e-6).to(1e6);
+        /// Tilt.
+        pub tilt: f64 = 0.1, "rad", Limit::from(1e-6).to(1e6);
+        /// Tilt rate.
+        pub tilt_rate: f64 = 1.0, "rad/s", Limit::from(1e-6).to(1e6);
+        /// Deviation of the heading.
+        pub yaw: f64 = 0.5, "rad", Limit::from(1e-6).to(1e6);
+        /// Rate of the heading.
+        pub yaw_rate: f64 = 2.0, "rad/s", Limit::from(1e-6).to(1e6);
+        /// Wheel torque.
+        pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6);
+        /// Not a cost: the largest lean that deviations of position and velocity may command; it leaves torque to the
+        /// balance.
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        /// Not a cost: the largest speed that a deviation of the position may command.
+        pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
+    }
+}
+
+impl LqrWeights {
+    /// Q and R of the cost Σ xᵀQx + uᵀRu, in the order of the linear model's states and inputs.
+    pub fn matrices(&self) -> (DMatrix<f64>, DMatrix<f64>) {
+        let w = self;
+        let (position, velocity) = ([w.position; 2], [w.velocity; 2]);
+        let deviations = [position, [w.tilt; 2]].concat().into_iter().chain([w.yaw]).chain(velocity);
+        let deviations: Vec<_> = deviations.chain([w.tilt_rate; 2]).chain([w.yaw_rate]).collect();
+        let q = DMatrix::from_fn(STATES, STATES, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
+        (q, DMatrix::identity(INPUTS, INPUTS) * w.torque.powi(-2))
+    }
+}
+
+/// Options of [`Lqr`]: the weights, the delay of the motors, and the estimate.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LqrOptions {
+    /// Deviations of equal cost.
+    pub weights: LqrWeights,
+    /// Delay of the prediction.
+    pub delay: DelayOptions,
+    /// Estimate of the lean in equilibrium.
+    pub observer: ObserverOptions,
+}
+
+joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions, observer ObserverOptions);
+
+/// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a
+/// wheel would slip. The tilt is relative to the equilibrium: the tilt of the line from the ball's center to the body's
+/// center of mass. The design is for a level floor: on a slope the ball comes to rest away from its setpoint, unless
+/// the lean in equilibrium is estimated ([`Lqr::with_lean_observer`]). With a delay ([`Lqr::with_delay`]) x is the
+/// state predicted for the time at which the torque acts.
+#[derive(Clone, Debug)]
+pub struct Lqr {
+    regulator: Regulator,
+    /// K, row by row.
+    gain: [[f64; STATES]; INPUTS],
+    tracking: Tracking,
+    outer: Outer,
+    delayed: Delayed,
+    observer: LeanObserver,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl Lqr {
+    /// A regulator with the default weights and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`Lqr::with_weights`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_weights(params, control_dt, &LqrWeights::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
+    ///
+    /// # Errors
+    /// [`ballbot_base::Error::OutOfRange`] for a number that is not positive, errors of [`TorqueLimits::new`],
+    /// [`ballbot_base::Error::Riccati`] if there is no solution.
+    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
+        weights.check_limits()?;
+        let (q, r) = weights.matrices();
+        Self::with_costs(params, control_dt, [&q, &r], [weights.max_lean, weights.max_speed], limits)
+    }
+
+    /// [`Lqr::with_weights`] with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu, and the largest lean (rad) and
+    /// speed (m/s) of [`LqrWeights`].
+    ///
+    /// # Errors
+    /// As [`Lqr::with_weights`]; [`ballbot_base::Error::Length`] for matrices of another size; [`ballbot_base::Error::Inconsistent`]
+    /// if a matrix is not symmetric, or Q not positive semidefinite.
+    pub fn with_costs(
+        params: &Params,
+        control_dt: f64,
+        [q, r]: [&DMatrix<f64>; 2],
+        largest: [f64; 2],
+        limits: &LimitOptions,
+    ) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        let limits = TorqueLimits::new(params, limits)?;
+        for (name, value) in ["max_lean", "max_speed"].into_iter().zip(largest) {
+            check(name, value, "from 1e-6 to 1e6", |value| (1e-6..=1e6).contains(&value))?;
+        }
+        check_cost("Q", q, STATES)?;
+        check_cost("R", r, INPUTS)?;
+        let (a, b) = LinearModel::new(params).discretize(control_dt);
+        let a = DMatrix::from_column_slice(STATES, STATES, a.as_slice());
+        let b = DMatrix::from_column_slice(STATES, INPUTS, b.as_slice());
+        let regulator = riccati::solve(&a, &b, q, r)?;
+        let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
+        Ok(Self {
+            outer: Outer::new(&regulator.gain, largest),
+            gain,
+            tracking: Tracking::new(params),
+            regulator,
+            delayed: Delayed::default(),
+            observer: LeanObserver::default(),
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
+    }
+
+    /// For motors whose torque acts `delay` seconds after its command. With the pending torques as additional states,
+    /// the regulator is K times the state predicted for the time at which the torque acts: an input delay does not
+    /// change the gain. `params` are the regulator's parameters.
+    ///
+    /// # Errors
+    /// [`ballbot_base::Error::OutOfRange`] for more than ten samples, [`ballbot_base::Error::Inconsistent`] for a delay that is not a
+    /// multiple of the sampling time.
+    pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
+        let control_dt = self.sampling.control_dt;
+        self.delayed = Delayed::new(params, control_dt, delay)?;
+        self.sampling = Sampling::new(control_dt, self.kept());
+        Ok(self)
+    }
+
+    /// Estimates the lean in equilibrium at a rate in 1/s, 0 for no estimate: a constant force, a slope or a wrong
+    /// center of mass then leaves no offset. `params` are the regulator's parameters.
+    ///
+    /// # Errors
+    /// [`ballbot_base::Error::OutOfRange`] for a rate out of range, [`ballbot_base::Error::Inconsistent`] if the samples are too long
+    /// for observation.
+    pub fn with_lean_observer(mut self, params: &Params, rate: f64) -> Result<Self> {
+        let control_dt = self.sampling.control_dt;
+        let max_torque = self.limits.max_torque();
+        self.observer = LeanObserver::new(params, &self.tracking, control_dt, rate, max_torque)?;
+        self.sampling = Sampling::new(control_dt, self.kept());
+        Ok(self)
+    }
+
+    /// The Riccati solution behind the gains.
+    pub fn regulator(&self) -> &Regulator {
+        &self.regulator
+    }
+
+    /// [`Lqr::deviation`] over lanes, and the torques of the setpoint's motion, N·m.
+    #[inline(always)]
+    pub fn lane_deviation<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+    ) -> ([L; STATES], [L; INPUTS]) {
+        let Deviation { x, forward, .. } = self.tracking.deviation(state, setpoint);
+        (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
+    }
+
+    /// ℓ/g, s²: the ball of a motion is at z − (ℓ/g) z̈.
+    pub fn lag(&self) -> f64 {
+        self.tracking.planes.lag()
+    }
+
+    /// Deviation from the setpoint in the linear model's coordinates.
+    pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
+        let mut cells = StateCells::default();
+        LaneState::from(state).store(&mut cells);
+        SVector::from(self.tracking.deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)).x)
+    }
+}
+
+/// Largest element of a cost matrix.
+const MAX_COST: f64 = 1e15;
+
+/// Largest number of steps of the search for the eigenvalues of a cost matrix; each eigenvalue needs about two.
+const MAX_EIGENVALUE_STEPS: usize = 1000;
+
+/// Checks the size and symmetry of a cost matrix, and that it is positive semidefinite.
+fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
+    if matrix.shape() != (size, size) {
+        return Err(Error::Inconsistent(format!("{name} has shape {:?}, expected ({size}, {size})", matrix.shape())));
+    }
+    for (i, j) in (0..size).flat_map(|i| (0..size).map(move |j| (i, j))) {
+        let limit = format_args!("within ±{MAX_COST:e}");
+        check(format_args!("{name}[{i}, {j}]"), matrix[(i, j)], limit, |cost| cost.abs() <= MAX_COST)?;
+    }
+    let asymmetry = (matrix - matrix.transpose()).amax();
+    if asymmetry > 1e-12 * matrix.amax() {
+        return Err(Error::Inconsistent(format!(
+            "{name} is not symmetric: it differs from its transpose by {asymmetry}"
+        )));
+    }
+    let largest = matrix.amax();
+    if largest == 0.0 {
+        return Ok(());
+    }
+    let eigenvalues = SymmetricEigen::try_new(matrix / largest, f64::EPSILON, MAX_EIGENVALUE_STEPS)
+        .ok_or_else(|| Error::Inconsistent(format!("the eigenvalues of {name} were not found")))?
+        .eigenvalues;
+    let smallest = eigenvalues.min() * largest;
+    if smallest < -1e-12 * largest {
+        return Err(Error::Inconsistent(format!(
+            "{name} is not positive semidefinite: it has the eigenvalue {smallest}"
+        )));
+    }
+    Ok(())
+}
+
+impl Law for Lqr {
+    const MEMORY: usize = 0;
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        if self.kept() > 0 {
+            return None;
+        }
+        let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
+        Some(self.limits.add_to(self.outer.add_to(constants)))
+    }
+
+    fn kept(&self) -> usize {
+        self.delayed.kept() + self.observer.kept()
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let deviation = self.tracking.deviation(state, setpoint);
+        let delays = self.delayed.kept();
+        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(delays));
+        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
+        let mut x = self.delayed.state(x, memory);
+        self.outer.clip(&mut x);
+        let motion_now = self.tracking.planes.wheel_torques(forward, x[0].zero());
+        let motion_then = match delays {
+            0 => motion_now,
+            // A torque acts on the motion after the delay.
+            _ => {
+                let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
+                self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
+            }
+        };
+        let mut wanted = motion_then;
+        for (row, torque) in self.gain.iter().zip(&mut wanted) {
+            *torque += product(row, &x);
+        }
+        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        let acting = self.delayed.acting(torques, motion_then, motion_now, memory);
+        self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
+        torques
+    }
+}

@@ -1,0 +1,154 @@
+//! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
+
+use super::balance_frame::BalanceFrame;
+use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use ballbot_base::error::Result;
+use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::kinematics::{Omniwheels, TorqueMap};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Heading, Lane, Memory};
+use ballbot_base::params::Params;
+use nalgebra::Vector3;
+
+ballbot_base::fields! {
+    /// Gains of C(s) = k_p + k_i / s + k_d N s / (s + N), from tilt error to virtual torque. Defaults from the paper
+    /// (section III-A).
+    #[derive(Copy)]
+    pub struct PidGains {
+        /// k_p.
+        pub proportional: f64 = 20.39, "N·m/rad", Limit::from(0.0).to(1e9);
+        /// k_i.
+        pub integral: f64 = 56.57, "N·m/(rad·s)", Limit::from(0.0).to(1e9);
+        /// k_d.
+        pub derivative: f64 = 1.34, "N·m·s/rad", Limit::from(0.0).to(1e9);
+        /// N, the bandwidth of the derivative filter.
+        pub filter_coefficient: f64 = 327.0, "rad/s", Limit::above(0.0).to(1e9);
+    }
+}
+
+/// Two PID controllers, about the x and y axes of the heading frame. They control only the tilt: nothing holds the
+/// ball's position or the heading. The tilt is relative to the equilibrium: the tilt of the line from the ball's center
+/// to the body's center of mass. The design is for a level floor: on a slope the ball rolls away.
+#[derive(Clone, Debug)]
+pub struct Pid {
+    /// Wheel torques per virtual torque about x and y.
+    map: [[f64; 2]; 3],
+    frame: BalanceFrame,
+    gains: PidGains,
+    /// Fraction of the distance to the error that the derivative filter covers in a sample; exact for a held error.
+    filter_share: f64,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+/// Stored values of a robot: integrals of the errors, states of the derivative filters, and whether the filters are
+/// initialized. A filter starts at the first error, so that a start away from the setpoint is not a step.
+const INTEGRAL: [usize; 2] = [0, 1];
+const FILTERED: [usize; 2] = [2, 3];
+const STARTED: usize = 4;
+
+impl Pid {
+    /// Sampling time of the paper's gains, s: their derivative filter of 327 rad/s is unstable above about 9.9 ms
+    /// (docs/paper.md).
+    pub const PAPER_CONTROL_DT: f64 = 0.002;
+
+    /// A PID for `params`, sampled every `control_dt` seconds, with wheel torques limited by [`LimitOptions::CAP`].
+    ///
+    /// # Errors
+    /// [`ballbot_base::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive;
+    /// errors of [`TorqueMap::require`].
+    pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        gains.check_limits()?;
+        map.require(params)?;
+        let wheels = Omniwheels::new(params);
+        let frame = BalanceFrame::new(params);
+        let column = |axis: Vector3<f64>| wheels.torques_on_body(&frame.in_body(&axis), map);
+        let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
+        Ok(Self {
+            map: std::array::from_fn(|i| [about_x[i], about_y[i]]),
+            frame,
+            filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
+            gains: *gains,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits: TorqueLimits::new(params, &LimitOptions::CAP)?,
+        })
+    }
+
+    /// Replaces the limits of the wheel torques, for the robot of `params`.
+    ///
+    /// # Errors
+    /// As [`TorqueLimits::new`].
+    pub fn with_limits(self, params: &Params, limits: &LimitOptions) -> Result<Self> {
+        Ok(Self { limits: TorqueLimits::new(params, limits)?, ..self })
+    }
+
+    /// Virtual torque for a tilt error about one axis of the heading frame, before any limit, N·m; updates the filter.
+    #[inline(always)]
+    fn virtual_torque<L: Lane>(&self, axis: usize, error: L, started: L::Mask, memory: &mut Memory<'_, L>) -> L {
+        let g = &self.gains;
+        let filtered = L::select(started, memory.get(FILTERED[axis]), error);
+        let lag = error - filtered;
+        memory.set(FILTERED[axis], lag.mul_add_all(self.filter_share, filtered));
+        let derivative = lag * (g.derivative * g.filter_coefficient);
+        error * g.proportional + memory.get(INTEGRAL[axis]) * g.integral + derivative
+    }
+}
+
+impl Law for Pid {
+    const MEMORY: usize = 5;
+    const PARTS: &'static [&'static str] = &["tilt"];
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    fn constants(&self) -> Option<Constants> {
+        let g = &self.gains;
+        let constants = self
+            .frame
+            .add_to(Constants::default())
+            .matrix("torques_of_virtual", &self.map)
+            .number("proportional", g.proportional)
+            .number("integral", g.integral)
+            .number("filtered_derivative", g.derivative * g.filter_coefficient)
+            .number("filter_share", self.filter_share);
+        Some(self.limits.add_to(constants))
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        memory: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let attitude = self.frame.attitude(state.body_quaternion);
+        let heading = Heading::new(attitude);
+        let [tilt_x, tilt_y] = attitude.tilt_components();
+        let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
+        let errors = [setpoint.tilt[0] - tilt_x, setpoint.tilt[1] - tilt_y];
+        let zero = tilt_x.zero();
+        let started = zero.lt(memory.get(STARTED));
+        memory.set(STARTED, zero.splat(1.0));
+        let x = self.virtual_torque(0, errors[0], started, memory);
+        let y = self.virtual_torque(1, errors[1], started, memory);
+        let [m0, m1, m2] = self.map;
+        let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
+        let limited = self.limits.apply(wanted, state, largest);
+        // Limited torques cannot act on the integral: hold it.
+        let saturated = limited.share.lt(zero.splat(1.0));
+        for axis in 0..2 {
+            let integral = memory.get(INTEGRAL[axis]);
+            let next = errors[axis].mul_add_all(self.sampling.control_dt, integral);
+            memory.set(INTEGRAL[axis], L::select(saturated, integral, next));
+        }
+        limited.torques
+    }
+}

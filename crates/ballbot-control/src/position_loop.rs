@@ -1,0 +1,89 @@
+//! A PD of the position that commands a lean, above second-order lean dynamics.
+
+use super::lean_planes::{LeanPlane, LeanPlanes, Leaning};
+use super::outer::share_within;
+use ballbot_base::lanes::Lane;
+
+/// Second-order dynamics ẍ + δ ẋ + σ x = 0.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) struct SecondOrder {
+    /// δ = 2 ζ ω, 1/s.
+    pub(super) damping: f64,
+    /// σ = ω², 1/s².
+    pub(super) stiffness: f64,
+}
+
+impl SecondOrder {
+    /// With natural frequency `frequency` (rad/s) and damping ratio `ratio`.
+    pub(super) fn new(frequency: f64, ratio: f64) -> Self {
+        Self { damping: 2.0 * ratio * frequency, stiffness: frequency * frequency }
+    }
+}
+
+/// Options of the position loop: natural frequency over λ, damping ratio, largest lean (rad) and speed (m/s).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PositionOptions {
+    pub(super) bandwidth: f64,
+    pub(super) damping: f64,
+    pub(super) max_lean: f64,
+    pub(super) max_speed: f64,
+}
+
+/// A PD of the flat output z = y + ℓ θ in each plane, which obeys z̈ = g θ: θ_ref = −(k_z z + k_v ż). Its speed and
+/// lean commands are limited as vectors.
+///
+/// With lean dynamics θ̈ = σ (θ_ref − θ) − δ θ̇ it has the two required poles (derived in `docs/laws.md`).
+#[derive(Clone, Copy, Debug)]
+pub(super) struct PositionLoop {
+    /// k_z and k_v of each plane.
+    gains: [[f64; 2]; 2],
+    /// ℓ of each plane.
+    levers: [f64; 2],
+    max_lean: f64,
+    max_speed: f64,
+}
+
+impl PositionLoop {
+    /// The loop with the poles of the options, above leans with the dynamics `lean`.
+    pub(super) fn new(planes: &LeanPlanes, lean: SecondOrder, options: &PositionOptions) -> Self {
+        let frequency = options.bandwidth * planes.toppling_rate();
+        let SecondOrder { damping: c1, stiffness: c0 } = SecondOrder::new(frequency, options.damping);
+        let planes = &planes.planes;
+        // The other two poles: s⁴ + δ s³ + σ s² + ... = (s² + c₁ s + c₀)(s² + p₁ s + p₀).
+        let p1 = lean.damping - c1;
+        let p0 = lean.stiffness - c1 * p1 - c0;
+        let gains = |plane: &LeanPlane| {
+            let per_lean = plane.acceleration * lean.stiffness;
+            [c0 * p0 / per_lean, (c1 * p0 + c0 * p1) / per_lean]
+        };
+        Self {
+            gains: [gains(&planes[0]), gains(&planes[1])],
+            levers: [planes[0].lever, planes[1].lever],
+            max_lean: options.max_lean,
+            max_speed: options.max_speed,
+        }
+    }
+
+    /// θ_ref of each plane minus the lean of the setpoint's motion, rad.
+    #[inline(always)]
+    pub(super) fn lean<L: Lane>(&self, deviation: &Leaning<L>) -> [L; 2] {
+        let Leaning { position, velocity, lean, rate } = deviation;
+        let [[ax, bx], [ay, by]] = self.gains;
+        let speeds = [
+            lean[0].mul_add_all(self.levers[0], position[0]) * (ax / bx),
+            lean[1].mul_add_all(self.levers[1], position[1]) * (ay / by),
+        ];
+        let slower = share_within(speeds, self.max_speed);
+        let moving =
+            [rate[0].mul_add_all(self.levers[0], velocity[0]), rate[1].mul_add_all(self.levers[1], velocity[1])];
+        let asked = [speeds[0].mul_add(slower, moving[0]) * -bx, speeds[1].mul_add(slower, moving[1]) * -by];
+        let less = share_within(asked, self.max_lean);
+        [asked[0] * less, asked[1] * less]
+    }
+
+    /// k of θ_ref = −k (y, θ, ẏ, θ̇) without limiting.
+    pub(super) fn feedback(&self, axis: usize) -> [f64; 4] {
+        let ([position, velocity], lever) = (self.gains[axis], self.levers[axis]);
+        [position, position * lever, velocity, velocity * lever]
+    }
+}

@@ -1,0 +1,238 @@
+//! Takagi-Sugeno fuzzy control: regulators for several leans, blended by the lean.
+
+use super::common_lyapunov::common_lyapunov;
+use super::lean_planes::{LeanPlanes, Leaning, product, require_stable};
+use super::lqr::LqrWeights;
+use super::outer::Outer;
+use super::riccati::{self, Regulator};
+use super::tracking::{Deviation, Tracking};
+use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use ballbot_base::error::{Error, Result};
+use ballbot_base::fields::Fields;
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Lane, Memory};
+use ballbot_models::linear::STATES;
+use ballbot_models::{LeaningPlane, LinearModel};
+use ballbot_base::params::Params;
+use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix, Vector2, Vector3, Vector4};
+
+/// Number of rules.
+const RULES: usize = 3;
+
+/// Lean between two rules, rad: they are at 0, 15 and 30 deg.
+const LEAN_STEP: f64 = std::f64::consts::PI / 12.0;
+
+/// A sampled plane at a rule's lean, with one input: the acceleration of the lean that the motors would produce in an
+/// upright robot.
+#[derive(Clone, Debug)]
+struct Rule {
+    a: Matrix4<f64>,
+    b: Vector4<f64>,
+    k: Vector4<f64>,
+}
+
+/// Parallel distributed compensation of a Takagi-Sugeno model (for a ballbot Chiu and Peng, Sustainability 11(14), 2019)
+/// in each vertical plane of the heading frame, with a regulator of the heading.
+///
+/// The rules are regulators with the weights of [`LqrWeights`] for the robot at leans of 0, 15 and 30 deg. Each is
+/// weighted by its membership, a triangle over the tilt angle; beyond 30 deg only the last applies. The constructor
+/// proves the fuzzy model stable with a common Lyapunov function of all its blends: the cost of rule 0 if it qualifies,
+/// else a function found by the ellipsoid method. For the upright robot the controller equals [`Lqr`](super::Lqr). The
+/// speed and lean commands of the position are limited as vectors.
+#[derive(Clone, Debug)]
+pub struct TakagiSugeno {
+    /// k of u = −k (y, θ, ẏ, θ̇) of each rule in each plane.
+    gains: [[[f64; 4]; RULES]; 2],
+    /// k of the acceleration −k (ψ, ψ̇) of the heading.
+    yaw: [f64; 2],
+    decay: [f64; 2],
+    outer: Outer,
+    tracking: Tracking,
+    sampling: Sampling,
+    limits: TorqueLimits,
+}
+
+impl TakagiSugeno {
+    /// A controller with the default weights and [`LimitOptions::TRACTION`].
+    ///
+    /// # Errors
+    /// As [`TakagiSugeno::with_weights`].
+    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
+        Self::with_weights(params, control_dt, &LqrWeights::default(), &LimitOptions::TRACTION)
+    }
+
+    /// A controller for `params`, sampled every `control_dt` seconds.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a weight out of range, errors of [`TorqueLimits::new`], [`Error::Riccati`] if a rule
+    /// has no regulator, [`Error::Inconsistent`] if no common Lyapunov function of the rules is found, or if the
+    /// sampled loop of the upright robot is not stable.
+    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        weights.check_limits()?;
+        let limits = TorqueLimits::new(params, limits)?;
+        let tracking = Tracking::new(params);
+        let planes = &tracking.planes;
+        let (mut gains, mut decay) = ([[[0.0; 4]; RULES]; 2], [0.0; 2]);
+        for axis in 0..2 {
+            let torques = torques_of(planes, axis);
+            let mut rules = Vec::with_capacity(RULES);
+            let mut cost = Matrix4::zeros();
+            for (number, gains) in gains[axis].iter_mut().enumerate() {
+                let plane = LeaningPlane::new(params, axis, number as f64 * LEAN_STEP);
+                let (a, b) = sampled(&plane.a, &(plane.b * torques), control_dt);
+                let w = weights;
+                let regulator = regulated(&a, &b, [w.position, w.tilt, w.velocity, w.tilt_rate], &torques, w.torque)?;
+                if number == 0 {
+                    cost = Matrix4::from_fn(|i, j| regulator.cost[(i, j)]);
+                }
+                let k = Vector4::from_fn(|i, _| regulator.gain[(0, i)]);
+                *gains = k.into();
+                rules.push(Rule { a, b, k });
+            }
+            decay[axis] = certified(&rules, &cost)?;
+        }
+        let yaw = yaw_gains(params, planes, weights, control_dt)?;
+        let gain = planes.gain([gains[0][0], gains[1][0]], yaw);
+        let (a, b) = LinearModel::new(params).discretize(control_dt);
+        let closed = a - b * &gain;
+        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        Ok(Self {
+            gains,
+            yaw,
+            decay,
+            outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
+            tracking,
+            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
+            limits,
+        })
+    }
+
+    /// k of u = −k (y, θ, ẏ, θ̇) of the rules at 0, 15 and 30 deg in the planes of x and y; u is the acceleration of
+    /// the lean that the motors would produce in the upright robot.
+    pub fn gains(&self) -> &[[[f64; 4]; 3]; 2] {
+        &self.gains
+    }
+
+    /// The largest ratio by which xᵀPx changes per step of the fuzzy model, in the planes of x and y; below 1.
+    pub fn decay(&self) -> [f64; 2] {
+        self.decay
+    }
+}
+
+/// Wheel torques per acceleration of the lean in a plane.
+fn torques_of(planes: &LeanPlanes, axis: usize) -> Vector3<f64> {
+    let mut unit = [[0.0; 4]; 2];
+    unit[axis][3] = 1.0;
+    // In the plane of y the rate is about −x.
+    let gain = planes.gain(unit, [0.0; 2]);
+    let (place, sign) = if axis == 0 { (8, 1.0) } else { (7, -1.0) };
+    Vector3::from_fn(|i, _| sign * gain[(i, place)])
+}
+
+/// Exact discretization for an input held constant over `dt` seconds.
+fn sampled(a: &Matrix4<f64>, b: &Vector4<f64>, dt: f64) -> (Matrix4<f64>, Vector4<f64>) {
+    let mut block = SMatrix::<f64, 5, 5>::zeros();
+    block.fixed_view_mut::<4, 4>(0, 0).copy_from(&(a * dt));
+    block.fixed_view_mut::<4, 1>(0, 4).copy_from(&(b * dt));
+    let exponential = block.exp();
+    (exponential.fixed_view::<4, 4>(0, 0).into_owned(), exponential.fixed_view::<4, 1>(0, 4).into_owned())
+}
+
+/// The regulator with deviations of equal cost (Bryson's rule), where the input multiplies the wheel torques `torques`.
+fn regulated<const N: usize>(
+    a: &SMatrix<f64, N, N>,
+    b: &SMatrix<f64, N, 1>,
+    deviations: [f64; N],
+    torques: &Vector3<f64>,
+    torque: f64,
+) -> Result<Regulator> {
+    let dynamic = |rows: usize, values: &[f64]| DMatrix::from_column_slice(rows, values.len() / rows, values);
+    let q = DMatrix::from_fn(N, N, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
+    let r = DMatrix::from_element(1, 1, torques.norm_squared() * torque.powi(-2));
+    riccati::solve(&dynamic(N, a.as_slice()), &dynamic(N, b.as_slice()), &q, &r)
+}
+
+/// k of the acceleration −k (ψ, ψ̇) of the heading.
+fn yaw_gains(params: &Params, planes: &LeanPlanes, weights: &LqrWeights, dt: f64) -> Result<[f64; 2]> {
+    let gain = planes.gain([[0.0; 4]; 2], [0.0, 1.0]);
+    let torques = Vector3::from_fn(|i, _| gain[(i, 9)]);
+    let drag = LinearModel::new(params).a[(9, 9)];
+    let mut block = SMatrix::<f64, 3, 3>::zeros();
+    (block[(0, 1)], block[(1, 1)], block[(1, 2)]) = (dt, drag * dt, dt);
+    let exponential = block.exp();
+    let a: Matrix2<f64> = exponential.fixed_view::<2, 2>(0, 0).into_owned();
+    let b: Vector2<f64> = exponential.fixed_view::<2, 1>(0, 2).into_owned();
+    let regulator = regulated(&a, &b, [weights.yaw, weights.yaw_rate], &torques, weights.torque)?;
+    Ok([regulator.gain[(0, 0)], regulator.gain[(0, 1)]])
+}
+
+/// The largest ratio xᵀGᵀPGx / xᵀPx, with a P for which it is below 1 for all G = ½ (A_i − B_i k_j + A_j − B_j k_i) of
+/// one rule or of two neighbors; only neighbors are active together. This makes xᵀPx a Lyapunov function of the blended
+/// model (Tanaka & Wang, Fuzzy Control Systems Design and Analysis, 2001, ch. 2).
+fn certified(rules: &[Rule], cost: &Matrix4<f64>) -> Result<f64> {
+    let blends = (0..rules.len()).flat_map(|i| [i, i + 1].map(|j| (i, j))).filter(|(_, j)| *j < rules.len());
+    let steps: Vec<_> = blends
+        .map(|(i, j)| {
+            let (first, second) = (&rules[i], &rules[j]);
+            (first.a - first.b * second.k.transpose() + second.a - second.b * first.k.transpose()) * 0.5
+        })
+        .collect();
+    common_lyapunov(&steps, cost).map(|(_, ratio)| ratio).ok_or_else(|| {
+        Error::Inconsistent(
+            "no proof that the fuzzy model is stable: its rules at 0, 15 and 30 deg have no common Lyapunov function"
+                .into(),
+        )
+    })
+}
+
+/// Memberships of the tilt `tilt` (rad, not negative) in the rules.
+#[inline(always)]
+fn memberships<L: Lane>(tilt: L) -> [L; RULES] {
+    let one = tilt.splat(1.0);
+    let scaled = tilt * (1.0 / LEAN_STEP);
+    let last = one + one;
+    let scaled = L::select(last.lt(scaled), last, scaled);
+    let far = one.lt(scaled);
+    let (zero, above) = (one.zero(), scaled - one);
+    [L::select(far, zero, -above), L::select(far, last - scaled, scaled), L::select(far, above, zero)]
+}
+
+impl Law for TakagiSugeno {
+    const MEMORY: usize = 0;
+    const PARTS: &'static [&'static str] = MOTION_PARTS;
+
+    fn sampling(&self) -> &Sampling {
+        &self.sampling
+    }
+
+    fn sampling_mut(&mut self) -> &mut Sampling {
+        &mut self.sampling
+    }
+
+    #[inline(always)]
+    fn torques<L: Lane>(
+        &self,
+        state: &LaneState<L>,
+        setpoint: &LaneSetpoint<L>,
+        largest: f64,
+        _: &mut Memory<'_, L>,
+    ) -> [L; 3] {
+        let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
+        self.outer.clip(&mut x);
+        let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
+        let [tilt_x, tilt_y] = self.tracking.frame.attitude(state.body_quaternion).tilt_components();
+        let weights = memberships(tilt_x.mul_add(tilt_x, tilt_y.squared()).sqrt());
+        let mut accelerations = forward;
+        for axis in 0..2 {
+            let deviation = [position[axis], lean[axis], velocity[axis], rate[axis]];
+            for (gains, weight) in self.gains[axis].iter().zip(weights) {
+                accelerations[axis] = weight.mul_add(product(gains, &deviation), accelerations[axis]);
+            }
+        }
+        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
+        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
+        self.limits.apply_at(wanted, state, &pose, largest).torques
+    }
+}

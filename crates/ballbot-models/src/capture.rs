@@ -1,0 +1,49 @@
+//! The hardest push that a robot withstands by its traction.
+
+use super::{BallSpin, LinearModel, LoadMap, SpatialModel, WheelLoad, WheelSpin};
+use ballbot_base::params::Params;
+use nalgebra::{Matrix3, Vector3};
+use std::f64::consts::TAU;
+
+/// Number of directions in which traction is tested.
+const DIRECTIONS: usize = 72;
+
+/// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the upright
+/// robot is within the lean that it can hold in the worst direction. At this lean no wheel slips, with the loads of the
+/// upright robot, and no motor exceeds its limit. Derived in `docs/scenarios.md`.
+pub fn capture_impulse(params: &Params) -> f64 {
+    let level = params.on_level_floor();
+    let LinearModel { a, b } = LinearModel::new(&level);
+    let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
+    let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+    let toppling = a[(8, 3)];
+    let map = LoadMap::new(&level);
+    let lean = (0..DIRECTIONS)
+        .map(|k| {
+            let angle = TAU * k as f64 / DIRECTIONS as f64;
+            holdable(&level, &map, &(torques * (-toppling * Vector3::new(-angle.sin(), angle.cos(), 0.0))))
+        })
+        .fold(f64::INFINITY, f64::min);
+    let upright = level.to_balance_frame();
+    let model = SpatialModel::new(&level, WheelSpin::Absolute, BallSpin::Free);
+    let jump = model.velocity_jump(&upright, &Vector3::x(), &level.body_com());
+    lean * toppling.sqrt() / jump.fixed_rows::<3>(2).norm()
+}
+
+/// Lean at which a wheel slips or a motor is at its limit under the torques `per_lean` (N·m/rad) that hold it, rad.
+fn holdable(params: &Params, map: &LoadMap, per_lean: &Vector3<f64>) -> f64 {
+    let of = |wheel: &WheelLoad| wheel.per_torque.iter().zip(per_lean).map(|(k, torque)| k * torque).sum::<f64>();
+    let friction = params.wheel_dynamic_friction;
+    let mut least = params.max_wheel_torque / per_lean.amax();
+    for (load, traction) in map.loads.iter().zip(&map.tractions) {
+        for sign in [1.0, -1.0] {
+            // f + s Δf = ± μ (N + s ΔN)
+            let growth = sign * of(traction) - friction * of(load);
+            let reserve = friction * load.at_rest - sign * traction.at_rest;
+            if growth > 0.0 {
+                least = least.min(reserve / growth);
+            }
+        }
+    }
+    least
+}

@@ -1,0 +1,246 @@
+//! Simulation of the spatial model: RK4 for position, attitude and generalized velocity.
+
+use super::rk4::rk4;
+use super::slope::Slope;
+use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
+use ballbot_base::error::Result;
+use ballbot_base::model::{Model, same_geometry};
+use ballbot_base::params::Params;
+use ballbot_base::snapshot;
+use ballbot_base::state::{Contacts, State, rolling_rate};
+use ballbot_base::terrain::{Ground, upright_on};
+use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::sync::Arc;
+
+/// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
+type Coordinates = SVector<f64, 19>;
+
+/// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
+#[derive(Clone, Debug)]
+pub struct SpatialMotion {
+    /// Model on the plane of `slope`, in its frame.
+    model: SpatialModel,
+    params: Params,
+    slope: Option<Slope>,
+    sim_dt: f64,
+    steps: u64,
+    healthy: bool,
+    coordinates: Coordinates,
+    wheel_torques: Vector3<f64>,
+}
+
+impl SpatialMotion {
+    /// A robot upright at rest.
+    pub fn new(params: &Params, sim_dt: f64) -> Self {
+        Self::on(params, None, sim_dt)
+    }
+
+    fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
+        let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
+        let model = SpatialModel::new(&there, WheelSpin::Absolute, BallSpin::Free);
+        let mut motion = Self {
+            model,
+            params: params.clone(),
+            slope,
+            sim_dt,
+            steps: 0,
+            healthy: true,
+            coordinates: Coordinates::zeros(),
+            wheel_torques: Vector3::zeros(),
+        };
+        motion.place(&motion.upright());
+        motion
+    }
+
+    fn upright(&self) -> State {
+        upright_on(self.slope.as_ref().map(|slope| &*slope.ground), &self.params)
+    }
+
+    /// A state in the frame of the slope.
+    fn level(&self, state: &State) -> State {
+        self.slope.as_ref().map_or_else(|| state.clone(), |slope| slope.level(state))
+    }
+
+    fn velocity(&self) -> Vector6<f64> {
+        self.coordinates.fixed_rows::<6>(6).into_owned()
+    }
+
+    fn derivative(&self, y: &Coordinates) -> Coordinates {
+        let body_quaternion = quaternion_at(y, 2);
+        let velocity = y.fixed_rows::<6>(6).into_owned();
+        let rate = velocity.fixed_rows::<3>(2).into_owned();
+        let ball_velocity = Vector3::new(velocity[0], velocity[1], 0.0);
+        let ball_rate = rolling_rate(self.model.params(), &ball_velocity) + Vector3::z() * velocity[5];
+
+        let mut out = Coordinates::zeros();
+        out.fixed_rows_mut::<2>(0).copy_from(&velocity.fixed_rows::<2>(0));
+        let body_rate = Quaternion::new(y[2], y[3], y[4], y[5]) * Quaternion::from_imag(rate) * 0.5;
+        write_quaternion(&mut out, 2, &body_rate);
+        out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
+            &body_quaternion,
+            &velocity,
+            &self.wheel_torques,
+        ));
+        let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
+        write_quaternion(&mut out, 12, &ball_quaternion_rate);
+        let wheel_speeds = self.model.wheels().wheel_speeds(&body_quaternion, &ball_rate, &rate);
+        out.fixed_rows_mut::<3>(16).copy_from(&wheel_speeds);
+        out
+    }
+}
+
+impl Model for SpatialMotion {
+    fn params(&self) -> &Params {
+        &self.params
+    }
+
+    fn sim_dt(&self) -> f64 {
+        self.sim_dt
+    }
+
+    fn set_params(&mut self, params: &Params) -> Result<()> {
+        if self.slope.is_some() {
+            params.require_level("the model 'spatial' on a terrain")?;
+        }
+        let mut robot = Self::on(params, self.slope.clone(), self.sim_dt);
+        if same_geometry(self.params(), params) {
+            robot.coordinates = self.coordinates;
+            robot.steps = self.steps;
+            robot.healthy = self.healthy;
+            robot.wheel_torques = self.wheel_torques;
+        }
+        *self = robot;
+        Ok(())
+    }
+
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        let slope = ground.map(|ground| Slope::new(ground, &self.params)).transpose()?;
+        *self = Self::on(&self.params.clone(), slope, self.sim_dt);
+        Ok(())
+    }
+
+    fn place(&mut self, state: &State) {
+        self.coordinates = coordinates_of(&self.level(state));
+        self.steps = 0;
+        self.healthy = true;
+        self.wheel_torques = Vector3::zeros();
+    }
+
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+        self.wheel_torques = (*wheel_torques).into();
+        for _ in 0..steps {
+            let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+            self.healthy &= sound(next.as_slice());
+            for at in [2, 12] {
+                let length = next.fixed_rows::<4>(at).norm();
+                next.fixed_rows_mut::<4>(at).unscale_mut(length);
+            }
+            if self.healthy {
+                self.coordinates = next;
+            }
+            self.steps += 1;
+        }
+    }
+
+    fn time(&self) -> f64 {
+        self.steps as f64 * self.sim_dt
+    }
+
+    fn healthy(&self) -> bool {
+        self.healthy
+    }
+
+    fn accepts(&self, state: &State) -> Result<()> {
+        require_rolling(self.model.params(), self.model.wheels(), &self.level(state))
+    }
+
+    fn state(&self) -> State {
+        let y = &self.coordinates;
+        let velocity = self.velocity();
+        let rolling = State::rolling_on(
+            self.model.params(),
+            self.model.wheels(),
+            Vector2::new(velocity[0], velocity[1]),
+            velocity[5],
+            quaternion_at(y, 2),
+            velocity.fixed_rows::<3>(2).into_owned(),
+        );
+        let position = Vector3::new(y[0], y[1], self.params().ball_radius);
+        let state = State {
+            ball_position: position,
+            body_position: position,
+            ball_quaternion: quaternion_at(y, 12),
+            wheel_angles: [y[16], y[17], y[18]],
+            ..rolling
+        };
+        match &self.slope {
+            Some(slope) => slope.inertial(&state),
+            None => state,
+        }
+    }
+
+    fn contacts(&self) -> Contacts {
+        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), &self.wheel_torques);
+        match &self.slope {
+            Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
+            None => contacts,
+        }
+    }
+
+    fn energy(&self) -> f64 {
+        let (p, y) = (self.model.params(), &self.coordinates);
+        // Potential energy of the ball's position on the slope.
+        let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
+        // On a slope the ball's center is lower by the cosine of the slope than on level ground.
+        let lower = match self.slope {
+            Some(_) => (p.ball_mass + p.body_mass) * p.gravity * p.ball_radius * (1.0 - p.up().z),
+            None => 0.0,
+        };
+        self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place - lower
+    }
+
+    fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
+        let impulse = self.slope.as_ref().map_or(*impulse, |slope| slope.rotation * impulse);
+        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), &impulse, point);
+        let mut velocity = self.coordinates.fixed_rows_mut::<6>(6);
+        velocity += jump;
+    }
+
+    fn save(&self) -> Vec<u8> {
+        snapshot::pack(&Saved {
+            steps: self.steps,
+            healthy: self.healthy,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques.into(),
+        })
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        let saved: Saved = snapshot::unpack("snapshot of a spatial model", bytes)?;
+        self.steps = saved.steps;
+        self.healthy = saved.healthy;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques.into();
+        Ok(())
+    }
+}
+
+fn coordinates_of(state: &State) -> Coordinates {
+    let mut y = Coordinates::zeros();
+    y.fixed_rows_mut::<2>(0).copy_from(&state.ball_position.xy());
+    write_quaternion(&mut y, 2, &state.body_quaternion);
+    y.fixed_rows_mut::<2>(6).copy_from(&state.ball_velocity.xy());
+    y.fixed_rows_mut::<3>(8).copy_from(&state.body_angular_velocity);
+    y[11] = state.ball_angular_velocity.z;
+    write_quaternion(&mut y, 12, &state.ball_quaternion);
+    y.fixed_rows_mut::<3>(16).copy_from_slice(&state.wheel_angles);
+    y
+}
+
+fn quaternion_at(y: &Coordinates, at: usize) -> UnitQuaternion<f64> {
+    UnitQuaternion::new_normalize(Quaternion::new(y[at], y[at + 1], y[at + 2], y[at + 3]))
+}
+
+fn write_quaternion(y: &mut Coordinates, at: usize, q: &Quaternion<f64>) {
+    y.fixed_rows_mut::<4>(at).copy_from_slice(&[q.w, q.i, q.j, q.k]);
+}

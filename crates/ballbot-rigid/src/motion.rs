@@ -1,0 +1,356 @@
+//! Simulation of the robot as rigid bodies.
+
+use super::bodies::BodyLink;
+use super::bot::{Bot, Coordinates};
+use super::convert::{from_rapier, rotation_from_rapier, rotation_to_rapier, to_rapier};
+use super::floor::Floor;
+use super::rows::{Parts, Velocities, WheelContact};
+use super::solve::{ROWS, TRACTION};
+use super::world::{Handles, World, integration_parameters, new_pipeline};
+use ballbot_base::energy::mechanical_energy;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::model::{Model, same_geometry};
+use ballbot_base::params::Params;
+use ballbot_base::collision_shape::CollisionShape;
+use ballbot_base::snapshot;
+use ballbot_base::state::{Contacts, State};
+use ballbot_base::terrain::{Ground, upright_on};
+use nalgebra::Vector3;
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+/// A ballbot of rigid bodies on the ground.
+pub struct RigidMotion {
+    pub(super) params: Params,
+    pub(super) wheels: Omniwheels,
+    /// CoM of the body without its wheels, body frame, m: the root of the multibody.
+    pub(super) root: Vector3<f64>,
+    pub(super) collision_shape: CollisionShape,
+    pub(super) ground: Option<Arc<Ground>>,
+    pub(super) bot: Bot,
+    pub(super) parts: Parts,
+    pub(super) template: World,
+    pub(super) handles: Handles,
+    pub(super) settings: IntegrationParameters,
+    pub(super) pipeline: PhysicsPipeline,
+    pub(super) world: World,
+    pub(super) sim_state: SimulationState,
+}
+
+/// State of the simulation in addition to the rapier world.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+pub(super) struct SimulationState {
+    /// Steps since the reset.
+    pub(super) steps: u64,
+    /// Impulses of the rows in the last step.
+    pub(super) impulses: [f64; ROWS],
+    /// Change of the velocities by rapier's contacts of the bot in the last step: bot, then ball.
+    pub(super) blow: [f64; 15],
+    /// Force of the floor on the ball in the last step, inertial frame, N.
+    pub(super) floor_force: [f64; 3],
+    /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
+    pub(super) push: [f64; 6],
+    /// False after a non-finite state, which rapier freezes.
+    pub(super) healthy: bool,
+    /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
+    pub(super) searched_steps: u64,
+    /// Searched steps in which the modes did not settle at all.
+    pub(super) unsolved_steps: u64,
+}
+
+impl SimulationState {
+    fn new() -> Self {
+        Self {
+            steps: 0,
+            impulses: [0.0; ROWS],
+            blow: [0.0; 15],
+            floor_force: [0.0; 3],
+            push: [0.0; 6],
+            healthy: true,
+            searched_steps: 0,
+            unsolved_steps: 0,
+        }
+    }
+}
+
+impl SimulationState {
+    pub(super) fn blow(&self) -> Velocities {
+        let vector = |i: usize| Vector3::from_column_slice(&self.blow[i..i + 3]);
+        Velocities { bot: Coordinates::from_column_slice(&self.blow[..9]), ball: [vector(9), vector(12)] }
+    }
+
+    pub(super) fn set_blow(&mut self, blow: &Velocities) {
+        self.blow[..9].copy_from_slice(blow.bot.as_slice());
+        self.blow[9..12].copy_from_slice(blow.ball[0].as_slice());
+        self.blow[12..].copy_from_slice(blow.ball[1].as_slice());
+    }
+}
+
+impl RigidMotion {
+    /// A robot upright at rest.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
+    pub fn new(params: &Params, sim_dt: f64) -> Result<Self> {
+        Self::on(params, None, sim_dt)
+    }
+
+    fn on(params: &Params, ground: Option<&Arc<Ground>>, sim_dt: f64) -> Result<Self> {
+        let wheels = Omniwheels::new(params);
+        let (template, handles) = World::new(params, &wheels, ground.is_none())?;
+        let link = BodyLink::new(params, &wheels)?;
+        let mass = template.upright_mass(&handles);
+        let mut motion = Self {
+            root: link.com,
+            collision_shape: CollisionShape::new(params, &wheels),
+            ground: ground.cloned(),
+            bot: Bot::new(params, &wheels, &link, &mass, sim_dt),
+            parts: Parts {
+                ball_radius: params.ball_radius,
+                wheel_radius: params.wheel_radius,
+                ball_mass: params.ball_mass,
+                ball_inertia: params.ball_inertia,
+            },
+            wheels,
+            world: template.clone(),
+            template,
+            handles,
+            settings: integration_parameters(sim_dt),
+            pipeline: new_pipeline(),
+            sim_state: SimulationState::new(),
+            params: params.clone(),
+        };
+        motion.place(&upright_on(ground.map(|ground| &**ground), params));
+        Ok(motion)
+    }
+
+    pub(super) fn multibody(&self) -> &Multibody {
+        self.world.multibody_joints.get_multibody(self.handles.bot).expect("the bot is never removed")
+    }
+
+    /// Encoder angles.
+    pub(super) fn wheel_angles(&self) -> [f64; 3] {
+        let bot = self.multibody();
+        [0, 1, 2].map(|i| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]))
+    }
+
+    /// Linear velocity of the root and angular velocity of the body, inertial frame. After a step the multibody has the
+    /// new velocities; its rigid bodies are updated only at the start of the next step.
+    pub(super) fn root_velocity(&self) -> (Vector3<f64>, Vector3<f64>) {
+        let velocities = self.multibody().generalized_velocity();
+        (velocities.fixed_rows::<3>(0).into_owned(), velocities.fixed_rows::<3>(3).into_owned())
+    }
+
+    /// Velocity of the ball's surface where it touches the floor, inertial frame, m/s.
+    pub(super) fn floor_slip(&self) -> Vector3<f64> {
+        let ball = &self.world.bodies[self.handles.ball];
+        let radius = self.params.ball_radius;
+        let [_, _, normal] = Floor::under(self.ground.as_deref(), &from_rapier(ball.translation()), radius).axes;
+        let slip = from_rapier(ball.linvel()) - from_rapier(ball.angvel()).cross(&normal) * radius;
+        slip - normal * normal.dot(&slip)
+    }
+
+    /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of `rows`.
+    fn apply_joint_friction(&mut self) {
+        let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
+        for i in 0..3 {
+            bot.damping_mut()[6 + i] = self.params.wheel_viscous_friction;
+        }
+    }
+
+    fn set_motion(&mut self, state: &State) {
+        let world = &mut self.world;
+        let ball = &mut world.bodies[self.handles.ball];
+        ball.set_position(
+            Pose::from_parts(to_rapier(&state.ball_position), rotation_to_rapier(&state.ball_quaternion)),
+            true,
+        );
+        ball.set_linvel(to_rapier(&state.ball_velocity), true);
+        ball.set_angvel(to_rapier(&state.ball_angular_velocity), true);
+
+        let root = state.body_position + state.body_quaternion * self.root;
+        let pose = Pose::from_parts(to_rapier(&root), rotation_to_rapier(&state.body_quaternion));
+        world.bodies[self.handles.body].set_position(pose, true);
+        let rate = state.body_quaternion * state.body_angular_velocity;
+        let velocity = state.body_velocity + state.body_quaternion * state.body_angular_velocity.cross(&self.root);
+
+        let bot = world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
+        let mut displacements = [0.0; 9];
+        displacements[6..].copy_from_slice(&state.wheel_angles);
+        bot.apply_displacements(&displacements);
+        let mut velocities = bot.generalized_velocity_mut();
+        velocities.fixed_rows_mut::<3>(0).copy_from_slice(velocity.as_slice());
+        velocities.fixed_rows_mut::<3>(3).copy_from_slice(rate.as_slice());
+        velocities.fixed_rows_mut::<3>(6).copy_from_slice(&state.wheel_speeds);
+        bot.forward_kinematics(&world.bodies, true);
+        bot.update_rigid_bodies(&mut world.bodies, true);
+    }
+}
+
+impl Model for RigidMotion {
+    fn params(&self) -> &Params {
+        &self.params
+    }
+
+    fn sim_dt(&self) -> f64 {
+        self.settings.dt
+    }
+
+    fn set_params(&mut self, params: &Params) -> Result<()> {
+        if same_bodies(&self.params, params) {
+            let link = BodyLink::new(params, &self.wheels)?;
+            self.params = params.clone();
+            self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
+        } else {
+            let mut robot = Self::on(params, self.ground.as_ref(), self.settings.dt)?;
+            if same_geometry(&self.params, params) {
+                let state = self.state();
+                robot.set_motion(&state);
+                robot.sim_state = self.sim_state;
+                // A pending push keeps its point: its angular impulse is about the root, which has moved.
+                let [x, y, z, turn @ ..] = &mut robot.sim_state.push;
+                let moved = state.body_quaternion * (self.root - robot.root);
+                let change = moved.cross(&Vector3::new(*x, *y, *z));
+                turn.iter_mut().zip(&change).for_each(|(turn, change)| *turn += change);
+            }
+            *self = robot;
+        }
+        self.apply_joint_friction();
+        Ok(())
+    }
+
+    fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        *self = Self::on(&self.params, ground, self.settings.dt)?;
+        Ok(())
+    }
+
+    fn place(&mut self, state: &State) {
+        self.world = self.template.clone();
+        self.pipeline = new_pipeline();
+        self.set_motion(state);
+        self.sim_state = SimulationState::new();
+        self.apply_joint_friction();
+    }
+
+    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+        for _ in 0..steps {
+            self.step(wheel_torques);
+        }
+    }
+
+    fn time(&self) -> f64 {
+        self.sim_state.steps as f64 * self.settings.dt
+    }
+
+    fn healthy(&self) -> bool {
+        self.sim_state.healthy
+    }
+
+    fn accepts(&self, state: &State) -> Result<()> {
+        state.validate()?;
+        self.collision_shape.require_above(self.ground.as_deref(), state)
+    }
+
+    fn state(&self) -> State {
+        let ball = &self.world.bodies[self.handles.ball];
+        let body = &self.world.bodies[self.handles.body];
+        let bot = self.multibody();
+        let velocities = bot.generalized_velocity();
+        let body_quaternion = rotation_from_rapier(*body.rotation());
+        let (velocity, rate) = self.root_velocity();
+        let rate = body_quaternion.inverse_transform_vector(&rate);
+        State {
+            ball_position: from_rapier(ball.translation()),
+            ball_quaternion: rotation_from_rapier(*ball.rotation()),
+            ball_velocity: from_rapier(ball.linvel()),
+            ball_angular_velocity: from_rapier(ball.angvel()),
+            body_position: from_rapier(body.translation()) - body_quaternion * self.root,
+            body_quaternion,
+            body_velocity: velocity - body_quaternion * rate.cross(&self.root),
+            body_angular_velocity: rate,
+            wheel_angles: self.wheel_angles(),
+            wheel_speeds: [velocities[6], velocities[7], velocities[8]],
+        }
+    }
+
+    fn contacts(&self) -> Contacts {
+        let motion = self.motion();
+        let force = |row: usize| self.sim_state.impulses[row] / self.settings.dt;
+        Contacts {
+            wheel_normal_forces: [0, 1, 2].map(force),
+            // The rows act on the wheels; the force on the ball is the opposite.
+            wheel_tractions: [0, 1, 2].map(|i| -force(TRACTION + i)),
+            wheel_slip_speeds: [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
+            floor_force: self.sim_state.floor_force.into(),
+            bot_floor_force: self.world.bot_floor_impulse(&self.handles) / self.settings.dt,
+            floor_slip_velocity: self.floor_slip().xy(),
+            bot_on_floor: self.bot_on_floor(),
+            searched_steps: self.sim_state.searched_steps,
+            unsolved_steps: self.sim_state.unsolved_steps,
+        }
+    }
+
+    fn bot_on_floor(&self) -> bool {
+        self.handles.bot_on_planes().any(|(part, plane)| self.world.touch(plane, part))
+    }
+
+    fn energy(&self) -> f64 {
+        mechanical_energy(&self.params, &self.wheels, &self.state())
+    }
+
+    /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.
+    fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
+        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
+        let angular_impulse = (body * (point - self.root)).cross(impulse);
+        for i in 0..3 {
+            self.sim_state.push[i] += impulse[i];
+            self.sim_state.push[3 + i] += angular_impulse[i];
+        }
+    }
+
+    fn pending_push(&self) -> [f64; 6] {
+        let [x, y, z, turn @ ..] = self.sim_state.push;
+        let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
+        let about_com =
+            Vector3::from(turn) - (body * (self.params.body_com() - self.root)).cross(&Vector3::new(x, y, z));
+        [x, y, z, about_com.x, about_com.y, about_com.z]
+    }
+
+    fn save(&self) -> Vec<u8> {
+        snapshot::pack(&(&self.sim_state, &self.world))
+    }
+
+    fn load(&mut self, bytes: &[u8]) -> Result<()> {
+        let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
+        let (sim_state, world): (SimulationState, World) = snapshot::unpack("snapshot of a rigid world", bytes)?;
+        if !world.holds(&self.handles) {
+            return Err(refused("it lacks a part of the robot".into()));
+        }
+        self.sim_state = sim_state;
+        self.world = world;
+        self.pipeline = new_pipeline();
+        Ok(())
+    }
+}
+
+/// Whether the rapier bodies of two robots are equal. Parameters that are read at each step or set with the joint
+/// friction may differ.
+fn same_bodies(a: &Params, b: &Params) -> bool {
+    let read_each_step = Params {
+        gravity: b.gravity,
+        floor_tilt: b.floor_tilt,
+        ball_viscous_friction: b.ball_viscous_friction,
+        max_wheel_torque: b.max_wheel_torque,
+        wheel_viscous_friction: b.wheel_viscous_friction,
+        wheel_coulomb_friction: b.wheel_coulomb_friction,
+        wheel_static_friction: b.wheel_static_friction,
+        wheel_dynamic_friction: b.wheel_dynamic_friction,
+        roller_ripple: b.roller_ripple,
+        roller_count: b.roller_count,
+        roller_phases: b.roller_phases,
+        ..a.clone()
+    };
+    read_each_step == *b
+}

@@ -1,0 +1,304 @@
+//! One time step of the rigid-body robot.
+
+use super::bot::{Coordinates, join, split};
+use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
+use super::floor::{Floor, plane, plane_below, plane_below_ends};
+use super::losses::Losses;
+use super::motion::RigidMotion;
+use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
+use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
+use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
+use ballbot_base::friction::stribeck;
+use nalgebra::{Matrix3, Vector3};
+use rapier3d_f64::prelude::*;
+
+/// Clearance between bot and floor below which the colliders of the bot are enabled, m.
+const FLOOR_CLEARANCE: f64 = 0.01;
+
+/// Clearance between body and ball below which their colliders are enabled, and above which a wheel is clear of the
+/// ball, as a fraction of the ball's radius.
+const BALL_CLEARANCE: f64 = 0.01;
+
+/// Rapier's sweeps before and after the bodies are moved, for the ball on the floor: the first is exact for the normal
+/// force, the second for the friction.
+const BALL_SWEEPS: [usize; 2] = [2, 0];
+
+/// Rapier's sweeps with the colliders of the bot. Chosen by experiment.
+const BOT_SWEEPS: [usize; 2] = [8, 4];
+
+/// Largest number of passes over a step in which the bot touches the floor or the body touches the ball. Chosen by
+/// experiment.
+const PASSES: usize = 8;
+
+/// Change of the velocities of the rows between passes at which the passes end, as a fraction of the velocity change by
+/// gravity in a step.
+const SETTLED: f64 = 0.01;
+
+/// Quantities of a step before its contact forces.
+struct Plan {
+    motion: Motion,
+    rows: Rows,
+    coupling: Coupling,
+    biases: Impulses,
+    limits: Limits,
+    /// Acceleration of the bot without contacts.
+    acceleration: Coordinates,
+    /// Force, N, and torque, N·m, of drag and losses on the ball, inertial frame.
+    drag: [Vector3<f64>; 2],
+    /// Velocities at the end of the step without contacts.
+    free: Velocities,
+    /// Whether no wheel can touch the ball.
+    apart: bool,
+}
+
+impl RigidMotion {
+    pub(super) fn step(&mut self, wheel_torques: &[f64; 3]) {
+        self.move_floor();
+        let plan = self.plan(wheel_torques);
+        let alone = self.only_wheels_and_ball_touch(&plan.motion);
+        self.world.set_bot_colliders(&self.handles, !alone);
+        if !alone {
+            self.move_bot_planes();
+        }
+        let [solving, stabilizing] = if alone { BALL_SWEEPS } else { BOT_SWEEPS };
+        self.settings.num_internal_pgs_iterations = solving;
+        self.settings.num_internal_stabilization_iterations = stabilizing;
+        let settling = if alone || plan.apart {
+            let (_, settling) = self.pass(&plan, &Velocities::zeros());
+            self.sim_state.set_blow(&Velocities::zeros());
+            settling
+        } else {
+            self.pass_until_settled(&plan)
+        };
+        self.sim_state.steps += 1;
+        self.sim_state.searched_steps += u64::from(settling != Settling::AtOnce);
+        self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
+    }
+
+    /// Moves rapier's plane of the ball to its contact with the ground, unless the ground is level.
+    fn move_floor(&mut self) {
+        let Some(ground) = &self.ground else { return };
+        let radius = self.params.ball_radius;
+        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+        let (gap, normal) = ground.gap(&ball, radius);
+        self.world.colliders[self.handles.floor_collider]
+            .set_position(plane(&(ball - normal * (gap + radius)), &normal));
+    }
+
+    /// Moves the planes of the bot to the ground below its parts, unless the ground is level.
+    fn move_bot_planes(&mut self) {
+        let (Some(ground), Some([of_body, of_wheels @ ..])) = (&self.ground, self.handles.bot_planes) else { return };
+        let pose = self.world.bodies[self.handles.body].position();
+        let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
+        let place = |point: &Vector3<f64>| position + attitude * (point - self.root);
+        let shape = &self.collision_shape;
+        let ends = [shape.body.bottom, shape.body.top].map(|height| place(&(Vector3::z() * height)));
+        self.world.colliders[of_body].set_position(plane_below_ends(ground, &ends));
+        for (collider, center) in of_wheels.into_iter().zip(&shape.wheel_centers) {
+            self.world.colliders[collider].set_position(plane_below(ground, &place(center)));
+        }
+    }
+
+    /// Gauss-Seidel iteration between rapier's contacts of the bot and the wheel forces: repeats a step until rapier's
+    /// contacts change the velocities by the amount assumed for the wheel forces. Returns the worst result of the
+    /// passes; a step that does not converge is unsolved.
+    fn pass_until_settled(&mut self, plan: &Plan) -> Settling {
+        let before = self.world.clone();
+        let mut blow = self.sim_state.blow();
+        let mut worst = Settling::AtOnce;
+        for pass in 1.. {
+            let (found, settling) = self.pass(plan, &blow);
+            let change = plan.rows.speeds(&found.plus(&blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
+            blow = found;
+            worst = worst.max(settling);
+            let settled = change <= SETTLED * self.params.gravity * self.settings.dt;
+            if settled || pass == PASSES || change.is_nan() {
+                self.sim_state.set_blow(&blow);
+                return if settled { worst } else { Settling::Unsolved };
+            }
+            self.world = before.clone();
+            self.pipeline = new_pipeline();
+        }
+        unreachable!("the last pass returns")
+    }
+
+    /// Solves for the wheel forces while rapier's contacts of the bot change the velocities by `blow`, applies them,
+    /// and advances rapier's world. Returns the velocity change by rapier's contacts of the bot.
+    fn pass(&mut self, plan: &Plan, blow: &Velocities) -> (Velocities, Settling) {
+        let dt = self.settings.dt;
+        let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
+        let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
+        let (impulses, settling) = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
+        self.sim_state.impulses = impulses.into();
+        let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
+        let wheels_on_ball = plan.rows.on_ball(&impulses);
+        self.apply(plan, &acceleration, &wheels_on_ball);
+        self.sim_state.healthy &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
+        let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
+        let floor_force = self.world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
+        self.sim_state.floor_force = floor_force.into();
+
+        let [push, turn] = wheels_on_ball;
+        let floor = plan.motion.to_body * floor_force * dt;
+        let [_, _, up] = plan.motion.floor_axes;
+        let expected = Velocities {
+            bot: plan.motion.velocities.bot + acceleration * dt,
+            ball: [
+                plan.free.ball[0] + (push + floor) / self.params.ball_mass,
+                plan.free.ball[1] + (turn - up.cross(&floor) * self.params.ball_radius) / self.params.ball_inertia,
+            ],
+        };
+        (self.velocities(&plan.motion.to_body).plus(&expected, -1.0), settling)
+    }
+
+    fn plan(&mut self, wheel_torques: &[f64; 3]) -> Plan {
+        let dt = self.settings.dt;
+        let p = &self.params;
+        let motion = self.motion();
+        let contacts = self.wheel_contacts(&motion);
+        let down = self.gravity_in_body(&motion);
+        let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
+        let drag = (velocity - motion.floor_normal * motion.floor_normal.dot(&velocity)) * -p.ball_viscous_friction;
+        let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
+        let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
+        let losses = if p.has_losses() { self.losses(&motion, &contacts) } else { Losses::none() };
+        let applied =
+            self.bot.weight(&down) + join(&[force, torque, Vector3::from(*wheel_torques)]) + losses.on_bot / dt;
+        let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
+        let [push, turn] = losses.on_ball.map(|impulse| impulse / dt);
+        let drag = drag + motion.to_body.transpose() * push;
+        let of_ball = down + motion.to_body * drag / p.ball_mass;
+        let free = Velocities { bot: acceleration, ball: [of_ball, turn / p.ball_inertia] };
+        let erp = self.settings.contact_softness.erp_inv_dt(dt);
+        let clearance = self.ball_clearance(&motion);
+        let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
+        Plan {
+            coupling: rows.coupling(&self.parts, &self.bot),
+            rows,
+            biases: biases(&contacts, motion.floor_gap, erp, MAX_RECOVERY_SPEED, dt),
+            free: motion.velocities.plus(&free, dt),
+            apart: contacts.iter().all(|contact| contact.gap > clearance),
+            limits: self.limits(&contacts),
+            drag: [drag, motion.to_body.transpose() * turn],
+            motion,
+            acceleration,
+        }
+    }
+
+    /// Contacts of the wheels and the ball.
+    fn wheel_contacts(&self, motion: &Motion) -> [WheelContact; 3] {
+        let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, motion, i));
+        if !self.params.has_ripple() {
+            return contacts;
+        }
+        let ([_, _, rates], angles) = (split(&motion.velocities.bot), self.wheel_angles());
+        let mut i = 0..3;
+        contacts.map(|contact| {
+            let i = i.next().expect("three wheels");
+            contact.with_ripple(&self.params, i, angles[i], rates[i], self.settings.dt)
+        })
+    }
+
+    /// Acceleration of gravity in body axes, m/s².
+    fn gravity_in_body(&self, motion: &Motion) -> Vector3<f64> {
+        let gravity = self.params.gravity_vector();
+        let across = motion.to_body.column(2) * gravity.z;
+        if self.params.floor_tilt == [0.0; 2] {
+            // Add nothing, to keep a possible negative zero.
+            return across;
+        }
+        across + motion.to_body.column(0) * gravity.x + motion.to_body.column(1) * gravity.y
+    }
+
+    /// Positions and velocities in body axes.
+    pub(super) fn motion(&self) -> Motion {
+        let root = self.world.bodies[self.handles.body].position();
+        let to_body = rotation_from_rapier(root.rotation).to_rotation_matrix().into_inner().transpose();
+        let ball = &self.world.bodies[self.handles.ball];
+        let floor = Floor::under(self.ground.as_deref(), &from_rapier(ball.translation()), self.params.ball_radius);
+        Motion {
+            ball: to_body * from_rapier(ball.translation() - root.translation),
+            velocities: self.velocities(&to_body),
+            floor_gap: floor.gap,
+            floor_axes: floor.axes.map(|axis| to_body * axis),
+            floor_normal: floor.axes[2],
+            to_body,
+        }
+    }
+
+    fn velocities(&self, to_body: &Matrix3<f64>) -> Velocities {
+        let [velocity, rate, joints] = split(&self.multibody().generalized_velocity().fixed_rows::<9>(0).into_owned());
+        let ball = &self.world.bodies[self.handles.ball];
+        Velocities {
+            bot: join(&[to_body * velocity, to_body * rate, joints]),
+            ball: [ball.linvel(), ball.angvel()].map(|v| to_body * from_rapier(v)),
+        }
+    }
+
+    /// Distance from the ball beyond which the bot cannot touch it within the step, m.
+    fn ball_clearance(&self, motion: &Motion) -> f64 {
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let shape = &self.collision_shape.body;
+        let reach = shape.bottom + shape.radius + self.root.xy().norm();
+        let closing = (velocity - motion.velocities.ball[0]).norm() + rate.norm() * reach;
+        BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.settings.dt
+    }
+
+    /// Whether within the step the bot cannot touch the floor and the body cannot touch the ball.
+    fn only_wheels_and_ball_touch(&self, motion: &Motion) -> bool {
+        let shape = &self.collision_shape;
+        let above = shape.body.bottom - (motion.ball.z + self.root.z) - self.params.ball_radius;
+        if above <= self.ball_clearance(motion) {
+            return false;
+        }
+        let pose = self.world.bodies[self.handles.body].position();
+        let attitude = rotation_from_rapier(pose.rotation);
+        let position = from_rapier(pose.translation) - attitude * self.root;
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
+        shape.lowest(self.ground.as_deref(), &position, &attitude).1
+            > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
+    }
+
+    /// Friction limits from the slip at the start of the step. Also sets the friction of rapier's floor.
+    fn limits(&mut self, contacts: &[WheelContact; 3]) -> Limits {
+        let p = &self.params;
+        let ratio = |slip: f64| (slip / p.friction_critical_velocity).powi(2);
+        let of_wheel =
+            |contact: &WheelContact| stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, ratio(contact.slip));
+        let limits = Limits {
+            wheels: [0, 1, 2].map(|i| of_wheel(&contacts[i])),
+            floor: stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
+            joint: p.wheel_coulomb_friction * self.settings.dt,
+        };
+        self.world.set_floor_friction(&self.handles, limits.floor);
+        limits
+    }
+
+    /// Sets the forces that accelerate the bot, and the forces on the ball.
+    fn apply(&mut self, plan: &Plan, acceleration: &Coordinates, wheels_on_ball: &[Vector3<f64>; 2]) {
+        let down = self.gravity_in_body(&plan.motion);
+        let needed = self.bot.force(&plan.motion.velocities.bot, acceleration, &self.bot.weight(&down));
+        let [force, torque, joints] = split(&needed);
+        let to_world = plan.motion.to_body.transpose();
+        let mut reaction = torque;
+        let bodies = &mut self.world.bodies;
+        for i in 0..3 {
+            let torque = self.bot.axles[i] * joints[i];
+            reaction -= torque;
+            set_loads(&mut bodies[self.handles.wheels[i]], &Vector3::zeros(), &(to_world * torque));
+        }
+        set_loads(&mut bodies[self.handles.body], &(to_world * force), &(to_world * reaction));
+        let [push, turn] = wheels_on_ball.map(|impulse| to_world * impulse / self.settings.dt);
+        let [drag, braking] = plan.drag;
+        set_loads(&mut bodies[self.handles.ball], &(push + drag), &(turn + braking));
+    }
+}
+
+/// Replaces force and torque on a body for the next step.
+fn set_loads(body: &mut RigidBody, force: &Vector3<f64>, torque: &Vector3<f64>) {
+    body.reset_forces(false);
+    body.reset_torques(false);
+    body.add_force(to_rapier(force), false);
+    body.add_torque(to_rapier(torque), false);
+}

@@ -1,0 +1,343 @@
+//! The rapier world of one robot: its bodies, colliders and joints.
+
+use super::bodies::{BodyLink, wheel_transverse_inertia};
+use super::bot::{DOFS, Mass};
+use super::convert::to_rapier;
+use ballbot_base::error::Result;
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::params::Params;
+use ballbot_base::collision_shape::{BodyShape, wheel_centers};
+use nalgebra::Vector3;
+use rapier3d_f64::prelude::*;
+use serde::{Deserialize, Serialize};
+
+/// All state that changes in a step. A step also needs a [`PhysicsPipeline`], which is workspace without state and must
+/// not be shared between worlds.
+#[derive(Clone, Serialize, Deserialize)]
+pub struct World {
+    pub bodies: RigidBodySet,
+    pub colliders: ColliderSet,
+    impulse_joints: ImpulseJointSet,
+    pub multibody_joints: MultibodyJointSet,
+    islands: IslandManager,
+    broad_phase: DefaultBroadPhase,
+    narrow_phase: NarrowPhase,
+    soft_bodies: SoftBodySet,
+}
+
+/// Handles of the parts of the robot.
+#[derive(Clone, Copy)]
+pub struct Handles {
+    pub ball: RigidBodyHandle,
+    pub body: RigidBodyHandle,
+    pub wheels: [RigidBodyHandle; 3],
+    pub bot: MultibodyIndex,
+    pub floor_collider: ColliderHandle,
+    /// On uneven ground, a plane for the body and for each wheel; the other plane then belongs only to the ball.
+    pub bot_planes: Option<[ColliderHandle; 4]>,
+    pub ball_collider: ColliderHandle,
+    pub body_collider: ColliderHandle,
+    pub wheel_colliders: [ColliderHandle; 3],
+}
+
+impl Handles {
+    /// Body and wheels, each with its plane.
+    pub fn bot_on_planes(&self) -> impl Iterator<Item = (ColliderHandle, ColliderHandle)> {
+        self.bot_colliders().zip(self.bot_planes.unwrap_or([self.floor_collider; 4]))
+    }
+
+    /// Body and wheels.
+    pub fn bot_colliders(&self) -> impl Iterator<Item = ColliderHandle> {
+        [self.body_collider].into_iter().chain(self.wheel_colliders)
+    }
+
+    /// All planes of the ground.
+    fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
+        [self.floor_collider].into_iter().chain(self.bot_planes.into_iter().flatten())
+    }
+}
+
+/// Largest speed of recovery from an overlap, m/s.
+pub const MAX_RECOVERY_SPEED: f64 = 1.0;
+
+/// Collision groups of the ball and the wheels; the contact of a wheel with the ball is not rapier's.
+const BALL: Group = Group::GROUP_1;
+const WHEEL: Group = Group::GROUP_2;
+/// Collision groups of the body and of planes.
+const BODY: Group = Group::GROUP_3;
+const PLANE: Group = Group::GROUP_4;
+/// Collision group of each wheel.
+const WHEELS: [Group; 3] = [Group::GROUP_5, Group::GROUP_6, Group::GROUP_7];
+
+/// Recovery from overlap: the rate of a spring with 200 Hz natural frequency and damping ratio 5, without its
+/// compliance, so that a contact carries its load from the first step on.
+fn softness() -> SpringCoefficients<Real> {
+    SpringCoefficients::new(2e5, 5e3)
+}
+
+/// Solver settings, validated by growth rate, traction and loads of the robot. Each step sets the number of sweeps.
+pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
+    let softness = softness();
+    IntegrationParameters {
+        dt: sim_dt,
+        contact_softness: softness,
+        static_contact_softness: softness,
+        num_solver_iterations: 1,
+        // Recycled contacts would have wrong lever arms after the bodies have moved.
+        contact_recycling: false,
+        contact_clustering: false,
+        friction_in_bias_pass: true,
+        max_ccd_substeps: 0,
+        friction_model: FrictionModel::Coulomb,
+        normalized_max_corrective_velocity: MAX_RECOVERY_SPEED,
+        normalized_prediction_distance: 0.002,
+        normalized_max_linear_velocity: Real::MAX,
+        ..IntegrationParameters::default()
+    }
+}
+
+/// Workspace for one world. Disabled counters save several clock reads per step.
+pub fn new_pipeline() -> PhysicsPipeline {
+    let mut pipeline = PhysicsPipeline::new();
+    pipeline.counters.disable();
+    pipeline
+}
+
+impl World {
+    /// World of a robot upright at rest at the origin, on level ground or on planes that follow it.
+    pub fn new(params: &Params, wheels: &Omniwheels, level: bool) -> Result<(Self, Handles)> {
+        let mut world = Self {
+            bodies: RigidBodySet::new(),
+            colliders: ColliderSet::new(),
+            impulse_joints: ImpulseJointSet::new(),
+            multibody_joints: MultibodyJointSet::new(),
+            islands: IslandManager::new(),
+            broad_phase: DefaultBroadPhase::default(),
+            narrow_phase: NarrowPhase::new(),
+            soft_bodies: SoftBodySet::new(),
+        };
+        let plane = |touched: Group| {
+            ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
+                .friction(params.floor_dynamic_friction)
+                // All floor contacts use the friction of the floor.
+                .friction_combine_rule(CoefficientCombineRule::Max)
+                .collision_groups(InteractionGroups::new(PLANE, touched, InteractionTestMode::And))
+        };
+        let touched = if level { Group::ALL } else { BALL };
+        let floor_collider = world.colliders.insert(plane(touched));
+        let [a, b, c] = WHEELS;
+        let bot_planes = (!level).then(|| [BODY, a, b, c].map(|part| world.colliders.insert(plane(part))));
+        let (ball, ball_collider) = world.insert_ball(params);
+        let link = BodyLink::new(params, wheels)?;
+        let (body, body_collider) = world.insert_body(params, &link);
+        let links = [0, 1, 2].map(|i| world.insert_wheel(params, wheels, &link, body, i));
+        let wheel_handles = links.map(|(handle, _)| handle);
+        let bot = world.bot_index(body);
+        let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
+        multibody.set_self_contacts_enabled(false);
+        // Rapier damps all angular degrees of freedom by default, including the free root.
+        multibody.damping_mut().fill(0.0);
+        let handles = Handles {
+            ball,
+            body,
+            wheels: wheel_handles,
+            bot,
+            floor_collider,
+            bot_planes,
+            ball_collider,
+            body_collider,
+            wheel_colliders: links.map(|(_, collider)| collider),
+        };
+        Ok((world, handles))
+    }
+
+    fn insert_ball(&mut self, params: &Params) -> (RigidBodyHandle, ColliderHandle) {
+        let inertia = Vector::splat(params.ball_inertia);
+        self.insert(
+            RigidBodyBuilder::dynamic()
+                .translation(Vector::Z * params.ball_radius)
+                .additional_mass_properties(MassProperties::new(Vector::ZERO, params.ball_mass, inertia)),
+            ColliderBuilder::ball(params.ball_radius).collision_groups(InteractionGroups::new(
+                BALL,
+                !WHEEL,
+                InteractionTestMode::And,
+            )),
+        )
+    }
+
+    /// Mass matrix of the multibody of a robot upright at rest.
+    pub fn upright_mass(&self, handles: &Handles) -> Mass {
+        let mut world = self.clone();
+        // Rapier computes it in a step.
+        world.step(&mut new_pipeline(), &Vector3::zeros(), &integration_parameters(1e-9));
+        let multibody = world.multibody_joints.get_multibody(handles.bot).expect("just built");
+        let inverse = multibody.inv_augmented_mass().try_inverse().expect("a mass matrix is regular");
+        inverse.fixed_view::<DOFS, DOFS>(0, 0).into_owned().try_inverse().expect("a mass matrix is regular")
+    }
+
+    /// Inserts the root of the multibody. Its frame is at its CoM, because rapier integrates a root with an offset CoM
+    /// wrongly.
+    fn insert_body(&mut self, params: &Params, link: &BodyLink) -> (RigidBodyHandle, ColliderHandle) {
+        let i = &link.inertia;
+        let inertia = Matrix::from_cols_array(&[
+            i[(0, 0)],
+            i[(1, 0)],
+            i[(2, 0)],
+            i[(0, 1)],
+            i[(1, 1)],
+            i[(2, 1)],
+            i[(0, 2)],
+            i[(1, 2)],
+            i[(2, 2)],
+        ]);
+        let shape = BodyShape::new(params);
+        let center = Vector3::z() * (0.5 * (shape.bottom + shape.top)) - link.com;
+        // Cylinders of rapier are along y.
+        let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
+        self.insert(
+            RigidBodyBuilder::dynamic()
+                .translation(to_rapier(&(Vector3::z() * params.ball_radius + link.com)))
+                .additional_mass_properties(MassProperties::with_inertia_matrix(Vector::ZERO, link.mass, inertia)),
+            ColliderBuilder::cylinder(0.5 * (shape.top - shape.bottom), shape.radius)
+                .position(Pose::from_parts(to_rapier(&center), upright))
+                .collision_groups(InteractionGroups::new(BODY, Group::ALL, InteractionTestMode::And)),
+        )
+    }
+
+    fn insert_wheel(
+        &mut self,
+        params: &Params,
+        wheels: &Omniwheels,
+        link: &BodyLink,
+        body: RigidBodyHandle,
+        i: usize,
+    ) -> (RigidBodyHandle, ColliderHandle) {
+        let center = to_rapier(&(wheel_centers(params, wheels)[i] - link.com));
+        let axle = Rotation::from_rotation_arc(Vector::X, to_rapier(&-wheels.u.row(i).transpose()));
+        let transverse = wheel_transverse_inertia(params);
+        let mass = MassProperties::with_principal_inertia_frame(
+            Vector::ZERO,
+            params.wheel_mass,
+            Vector::new(params.wheel_inertia, transverse, transverse),
+            axle,
+        );
+        let start = self.bodies[body].translation() + center;
+        let inserted = self.insert(
+            RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
+            ColliderBuilder::ball(params.wheel_radius).collision_groups(InteractionGroups::new(
+                WHEEL | WHEELS[i],
+                !BALL,
+                InteractionTestMode::And,
+            )),
+        );
+        let mut joint = GenericJoint::new(JointAxesMask::LOCKED_REVOLUTE_AXES);
+        joint.set_local_frame1(Pose::from_parts(center, axle));
+        joint.set_local_frame2(Pose::from_parts(Vector::ZERO, axle));
+        self.multibody_joints.insert(body, inserted.0, joint, true).expect("a wheel has no other joint");
+        inserted
+    }
+
+    fn insert(&mut self, body: RigidBodyBuilder, collider: ColliderBuilder) -> (RigidBodyHandle, ColliderHandle) {
+        // Rapier would put a slowly moving robot to sleep.
+        let handle = self.bodies.insert(body.can_sleep(false));
+        let collider = collider.density(0.0).friction(0.0);
+        (handle, self.colliders.insert_with_parent(collider, handle, &mut self.bodies))
+    }
+
+    fn bot_index(&self, body: RigidBodyHandle) -> MultibodyIndex {
+        self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
+    }
+
+    /// Advances by one step under `gravity` (inertial frame, m/s²). False after a non-finite state, which rapier
+    /// freezes.
+    pub fn step(
+        &mut self,
+        pipeline: &mut PhysicsPipeline,
+        gravity: &Vector3<f64>,
+        settings: &IntegrationParameters,
+    ) -> bool {
+        pipeline.step(
+            to_rapier(gravity),
+            settings,
+            &mut self.islands,
+            &mut self.broad_phase,
+            &mut self.narrow_phase,
+            &mut self.bodies,
+            &mut self.colliders,
+            &mut self.impulse_joints,
+            &mut self.multibody_joints,
+            &mut self.soft_bodies,
+            &mut CCDSolver::new(),
+            &(),
+            &(),
+        );
+        pipeline.quarantine().is_empty()
+    }
+
+    /// Whether the world contains all parts of the robot.
+    pub fn holds(&self, handles: &Handles) -> bool {
+        let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
+        let mut colliders = handles.planes().chain([handles.ball_collider]).chain(handles.bot_colliders());
+        bodies.into_iter().all(|body| self.bodies.contains(body))
+            && colliders.all(|collider| self.colliders.get(collider).is_some())
+            && self
+                .multibody_joints
+                .get_multibody(handles.bot)
+                .is_some_and(|bot| bot.ndofs() == 9 && bot.num_links() == 4)
+    }
+
+    /// Enables or disables the colliders of the bot.
+    pub fn set_bot_colliders(&mut self, handles: &Handles, enabled: bool) {
+        if self.colliders[handles.body_collider].is_enabled() != enabled {
+            for collider in handles.bot_colliders() {
+                self.colliders[collider].set_enabled(enabled);
+            }
+        }
+    }
+
+    /// Sets the floor's friction coefficient.
+    pub fn set_floor_friction(&mut self, handles: &Handles, friction: f64) {
+        // Rapier processes a changed collider again, so changes without effect are skipped.
+        for plane in handles.planes() {
+            if (self.colliders[plane].friction() - friction).abs() > 1e-6 {
+                self.colliders[plane].set_friction(friction);
+            }
+        }
+    }
+
+    fn points(&self, a: ColliderHandle, b: ColliderHandle) -> impl Iterator<Item = &TrackedContact<ContactData>> {
+        self.narrow_phase
+            .contact_pair(a, b)
+            .map_or(&[] as &[ContactManifold], |pair| pair.solver_manifolds())
+            .iter()
+            .flat_map(|manifold| &manifold.points)
+    }
+
+    /// Impulse of a plane on another collider in the last step, inertial frame, N·s.
+    pub fn plane_impulse(&self, plane: ColliderHandle, other: ColliderHandle, normal: &Vector3<f64>) -> Vector3<f64> {
+        let mut impulse = Vector3::zeros();
+        let Some(pair) = self.narrow_phase.contact_pair(plane, other) else {
+            return impulse;
+        };
+        let on_other = if pair.collider1 == plane { -1.0 } else { 1.0 };
+        for point in self.points(plane, other) {
+            impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_other;
+            impulse += normal * point.data.impulse;
+        }
+        impulse
+    }
+
+    /// Impulse of the floor on the bot in the last step, inertial frame, N·s.
+    pub fn bot_floor_impulse(&self, handles: &Handles) -> Vector3<f64> {
+        let impulse = |(part, plane): (ColliderHandle, ColliderHandle)| {
+            let normal = super::convert::from_rapier(self.colliders[plane].rotation() * Vector::Z);
+            self.plane_impulse(plane, part, &normal)
+        };
+        handles.bot_on_planes().map(impulse).sum()
+    }
+
+    /// Whether two colliders carried each other in the last step.
+    pub fn touch(&self, a: ColliderHandle, b: ColliderHandle) -> bool {
+        self.points(a, b).any(|point| point.data.impulse > 0.0)
+    }
+}

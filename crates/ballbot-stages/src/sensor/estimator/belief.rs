@@ -1,0 +1,175 @@
+//! Memory of an estimator from one reading to the next.
+
+use super::covariance::{Covariance, NUMBERS, STATES};
+use ballbot_base::lanes::{Lane, Memory, Quat, Vec3};
+
+/// Numbers before the covariance.
+const BEFORE: usize = 36;
+
+/// Index of [`Belief::begun`].
+const BEGUN: usize = BEFORE - 1;
+
+/// Index of [`Belief::cross`].
+const CROSS: usize = BEFORE + NUMBERS;
+
+/// Numbers of a [`Belief`].
+pub const LEN: usize = CROSS + STATES;
+
+/// The estimated quantities, and what the next step needs from this step.
+#[derive(Clone, Copy)]
+pub struct Belief<L> {
+    /// Attitude of the body.
+    pub attitude: Quat<L>,
+    /// Bias of the gyroscope, body frame, rad/s.
+    pub gyro_bias: Vec3<L>,
+    /// Horizontal velocity of the IMU, inertial frame, m/s.
+    pub velocity: [L; 2],
+    /// Spin of the ball about the vertical, rad/s.
+    pub spin: L,
+    /// Position of the ball, inertial frame, m.
+    pub position: [L; 2],
+    /// Attitude of the ball.
+    pub ball_attitude: Quat<L>,
+    /// State of the observer of the lean bias.
+    pub lean: [L; 2],
+    /// Lean bias, heading frame, rad.
+    pub lean_bias: [L; 2],
+    /// Last reading of the gyroscope, rad/s.
+    pub gyro: Vec3<L>,
+    /// Mean of the gyroscope over the last step, rad/s.
+    pub mean_gyro: Vec3<L>,
+    /// Wheel rates of the last reading, rad/s.
+    pub wheel_rates: [L; 3],
+    /// Wheel rates predicted from the estimates, rad/s.
+    pub expected: [L; 3],
+    /// 1 for a wheel that slipped in the last step, else 0.
+    pub slipping: [L; 3],
+    /// 0 before the first reading of an episode, then 1.
+    pub begun: L,
+    /// Covariance of the estimation error.
+    pub covariance: Covariance<L>,
+    /// Its covariance with the relative error of the rolling, which is not estimated.
+    pub cross: [L; STATES],
+}
+
+impl<L: Lane> Belief<L> {
+    #[inline(always)]
+    pub fn load(memory: &Memory<'_, L>) -> Self {
+        let mut cross = [memory.get(CROSS); STATES];
+        for (i, number) in cross.iter_mut().enumerate() {
+            *number = memory.get(CROSS + i);
+        }
+        Self {
+            attitude: quat(memory, 0),
+            gyro_bias: vec3(memory, 4),
+            velocity: [memory.get(7), memory.get(8)],
+            spin: memory.get(9),
+            position: [memory.get(10), memory.get(11)],
+            ball_attitude: quat(memory, 12),
+            lean: [memory.get(16), memory.get(17)],
+            lean_bias: [memory.get(18), memory.get(19)],
+            gyro: vec3(memory, 20),
+            mean_gyro: vec3(memory, 23),
+            wheel_rates: three(memory, 26),
+            expected: three(memory, 29),
+            slipping: three(memory, 32),
+            begun: memory.get(BEGUN),
+            covariance: Covariance::load(memory, BEFORE),
+            cross,
+        }
+    }
+
+    #[inline(always)]
+    pub fn store(&self, memory: &mut Memory<'_, L>) {
+        let Self { attitude: q, gyro_bias: b, velocity: v, position: p, ball_attitude: k, .. } = self;
+        let (g, m, r, e, s) = (self.gyro, self.mean_gyro, self.wheel_rates, self.expected, self.slipping);
+        let numbers: [L; BEFORE] = [
+            q.w,
+            q.v.x,
+            q.v.y,
+            q.v.z,
+            b.x,
+            b.y,
+            b.z,
+            v[0],
+            v[1],
+            self.spin,
+            p[0],
+            p[1],
+            k.w,
+            k.v.x,
+            k.v.y,
+            k.v.z,
+            self.lean[0],
+            self.lean[1],
+            self.lean_bias[0],
+            self.lean_bias[1],
+            g.x,
+            g.y,
+            g.z,
+            m.x,
+            m.y,
+            m.z,
+            r[0],
+            r[1],
+            r[2],
+            e[0],
+            e[1],
+            e[2],
+            s[0],
+            s[1],
+            s[2],
+            self.begun,
+        ];
+        for (i, number) in numbers.into_iter().enumerate() {
+            memory.set(i, number);
+        }
+        self.covariance.store(memory, BEFORE);
+        for (i, number) in self.cross.into_iter().enumerate() {
+            memory.set(CROSS + i, number);
+        }
+    }
+
+    /// Makes the next reading of the robots in `mask` the first of their episode.
+    #[inline(always)]
+    pub fn wait(mask: L::Mask, memory: &mut Memory<'_, L>) {
+        let begun = memory.get(BEGUN);
+        memory.set(BEGUN, L::select(mask, begun.zero(), begun));
+    }
+
+    /// [`Belief::store`] for the robots outside `mask`; for the robots inside, only what is read.
+    #[inline(always)]
+    pub fn store_outside(&self, mask: L::Mask, memory: &mut Memory<'_, L>) {
+        if !L::any(mask) {
+            self.store(memory);
+            return;
+        }
+        let kept = Self::load(memory);
+        self.store(memory);
+        let read =
+            Self { gyro: self.gyro, mean_gyro: self.gyro, wheel_rates: self.wheel_rates, begun: self.begun, ..kept };
+        let mut new = [self.spin.zero(); LEN];
+        for (i, number) in new.iter_mut().enumerate() {
+            *number = memory.get(i);
+        }
+        read.store(memory);
+        for (i, number) in new.into_iter().enumerate() {
+            memory.set(i, L::select(mask, memory.get(i), number));
+        }
+    }
+}
+
+#[inline(always)]
+fn three<L: Lane>(memory: &Memory<'_, L>, first: usize) -> [L; 3] {
+    [memory.get(first), memory.get(first + 1), memory.get(first + 2)]
+}
+
+#[inline(always)]
+fn vec3<L: Lane>(memory: &Memory<'_, L>, first: usize) -> Vec3<L> {
+    three(memory, first).into()
+}
+
+#[inline(always)]
+fn quat<L: Lane>(memory: &Memory<'_, L>, first: usize) -> Quat<L> {
+    Quat { w: memory.get(first), v: vec3(memory, first + 1) }
+}

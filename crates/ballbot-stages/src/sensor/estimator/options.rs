@@ -1,0 +1,37 @@
+//! What an estimator expects of its sensors.
+
+use ballbot_base::fields::Limit;
+
+ballbot_base::fields! {
+    /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are those of one reading.
+    /// The defaults are those of a robot with an IMU for hobbyists, read at 100 Hz.
+    #[derive(Copy)]
+    pub struct EstimatorOptions {
+        /// Position of the IMU, body frame.
+        pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
+        /// Noise of the gyroscope, sd.
+        pub gyro_noise: f64 = 0.013, "rad/s", Limit::from(1e-7).to(10.0);
+        /// Bias of the gyroscope at the start, sd.
+        pub gyro_bias: f64 = 0.02, "rad/s", Limit::NOT_NEGATIVE.to(10.0);
+        /// Random walk of the bias, sd after 1 s.
+        pub gyro_bias_walk: f64 = 1e-4, "rad/s", Limit::NOT_NEGATIVE.to(10.0);
+        /// Noise of the accelerometer, sd.
+        pub accelerometer_noise: f64 = 0.03, "m/s²", Limit::from(1e-7).to(100.0);
+        /// Error of a wheel angle, sd; of an encoder the angle of a tick divided by the root of 12.
+        pub encoder_noise: f64 = 3e-5, "rad", Limit::from(1e-9).to(1.0);
+        /// Constant relative error of the wheel rates by the ball's rolling, sd: that of the wheels' radii and angles.
+        pub rolling_error: f64 = 0.006, "", Limit::NOT_NEGATIVE.to(0.5);
+        /// Error of the attitude at the start, sd about each axis.
+        pub start_attitude: f64 = 0.01, "rad", Limit::NOT_NEGATIVE.to(1.0);
+        /// Error of the ball's velocity at the start, sd of each component.
+        pub start_velocity: f64 = 0.01, "m/s", Limit::NOT_NEGATIVE.to(100.0);
+        /// Random walk of the ball's spin about the vertical, sd after 1 s.
+        pub spin_walk: f64 = 3.0, "rad/s", Limit::from(1e-3).to(1e4);
+        /// Difference of a wheel rate from its prediction above which the wheel slips, in standard deviations.
+        pub slip_gate: f64 = 4.0, "", Limit::from(1.0).to(1e6);
+        /// Change of a wheel rate above which the wheel slips, as a multiple of what static friction allows at rest.
+        pub jump_gate: f64 = 2.0, "", Limit::from(0.1).to(1e6);
+        /// Time constant of the lean bias.
+        pub lean_time: f64 = 2.0, "s", Limit::from(0.01).to(1e6);
+    }
+}
