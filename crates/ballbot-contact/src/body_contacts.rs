@@ -140,13 +140,11 @@ pub fn finish_near<L: Lane>(
             let mut contacts = Contacts::new(c, &start, &near, (impulses, velocities));
             let closing = contacts.closing(c, &near);
             if L::any(closing) {
-                contacts.solve(
-                    c,
+                let closing = &Near { mask: closing, coupled: near.coupled & closing, ..near };
+                L::rarely(
                     token,
-                    state,
-                    actions,
-                    &start,
-                    &Near { mask: closing, coupled: near.coupled & closing, ..near },
+                    #[inline(always)]
+                    || contacts.solve(c, token, state, actions, &start, closing),
                 );
             }
             for (cell, counted) in [
@@ -231,9 +229,18 @@ impl<L: Lane> Contacts<L> {
         near: &Near<'_, L>,
         (impulses, velocities): (PerRow<L>, Velocities<L>),
     ) -> Self {
+        // Compiled apart, as is the solution: the compiler's memory grows faster than a function.
         let points = match near.footing {
-            None => floor_points(c, start, near.floor_limit, None),
-            Some(footing) => floor_points(c, start, near.floor_limit, Some(&footing.relief(near.token))),
+            None => L::rarely(
+                near.token,
+                #[inline(always)]
+                || floor_points(c, start, near.floor_limit, None),
+            ),
+            Some(footing) => L::rarely(
+                near.token,
+                #[inline(always)]
+                || floor_points(c, start, near.floor_limit, Some(&footing.relief(near.token))),
+            ),
         };
         let mut used = [false; POINTS];
         for (used, point) in used.iter_mut().zip(&points) {

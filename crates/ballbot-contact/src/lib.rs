@@ -17,7 +17,6 @@ mod delassus;
 mod encoder;
 mod footing;
 mod friction;
-mod lanes;
 mod losses;
 #[warn(missing_docs)]
 mod motion;
@@ -32,14 +31,13 @@ mod sweeps;
 mod types;
 
 pub use body_contacts::Near;
-pub use constants::{Constants, LaneConstants};
+pub use constants::{Constants, InLanes, LaneConstants};
 pub use delassus::Delassus;
 pub use footing::Footing;
 pub use friction::{Friction, JointFriction};
-pub use lanes::ContactLanes;
 pub use motion::ContactMotion;
 pub use phases::{Start, free_velocities};
 pub use principal::PrincipalAxes;
-pub use state::ContactState;
+pub use state::{ContactState, Torques};
 pub use step::{advance, advance_wide, step};
 pub use types::{Actions, PerRow, Velocities};

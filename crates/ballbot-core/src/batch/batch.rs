@@ -17,7 +17,7 @@ use ballbot_base::memory::require_memory;
 use crate::perception::Perception;
 use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::Sensor;
-use ballbot_contact::ContactLanes;
+use ballbot_lanes::ContactLanes;
 use ballbot_base::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task, TaskDescription};
 use ballbot_base::terrain::Ground;

@@ -14,7 +14,7 @@ use ballbot_base::params::Params;
 use crate::robot::{Ballbot, check_push, check_state};
 use crate::sensor::Sensor;
 use ballbot_base::collision_shape::CollisionShape;
-use ballbot_contact::ContactLanes;
+use ballbot_lanes::ContactLanes;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use crate::task::{ACTION_LEN, Task};

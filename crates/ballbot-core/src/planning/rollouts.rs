@@ -6,7 +6,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
 use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
 use crate::models::linear::STATES;
 use ballbot_base::params::Params;
-use ballbot_contact::ContactLanes;
+use ballbot_lanes::ContactLanes;
 use ballbot_base::state::State;
 use fearless_simd::Simd;
 use std::sync::Arc;

@@ -1,9 +1,10 @@
 //! Eight robots of the contact model side by side, with equal or individual parameters.
+//!
+//! It is a crate of its own, beside the model of one robot, since these two are most of what is to be compiled.
 
-use super::constants::{Constants, InLanes, LaneConstants};
-use super::footing::Footing;
-use super::state::{ContactState, Torques};
-use super::step::{advance, advance_wide};
+#![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
+
+use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, Torques, advance, advance_wide};
 use ballbot_stages::actuator::Actuator;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, StateCells};
