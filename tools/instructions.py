@@ -15,7 +15,7 @@ import tempfile
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parent.parent
-KEPT = ROOT / "crates/ballbot-core/benches/instructions.json"
+KEPT = ROOT / "benches/instructions.json"
 
 ENVS = 64
 """Environments of a batch, as in benches/instructions.rs."""
@@ -52,7 +52,7 @@ def output(command: list[str]) -> str:
 
 def build() -> str:
     """The compiled workloads."""
-    command = ["cargo", "bench", "--locked", "--package", "ballbot-core", "--bench", "instructions", "--no-run"]
+    command = ["cargo", "bench", "--locked", "--package", "ballbot-benches", "--bench", "instructions", "--no-run"]
     messages = subprocess.run(
         [*command, "--message-format", "json-render-diagnostics"],
         cwd=ROOT,

@@ -29,7 +29,7 @@ def commands(page: str) -> Iterator[str]:
 
 def sources(kind: str, name: str) -> str:
     """The text of a test or benchmark of the core, with its modules."""
-    folder = {"--test": ROOT / "tests" / "rust", "--bench": ROOT / "crates" / "ballbot-core" / "benches"}[kind]
+    folder = {"--test": ROOT / "tests" / "rust", "--bench": ROOT / "benches"}[kind]
     files = [folder / f"{name}.rs", *(folder / name).rglob("*.rs")]
     return "".join(f"mod {file.stem};{file.read_text(encoding='utf-8')}" for file in files if file.is_file())
 

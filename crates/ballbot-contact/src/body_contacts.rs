@@ -15,8 +15,8 @@ use super::friction::{Friction, JointFriction};
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
 use super::types::{Actions, PerRow, Pose, Velocities, select3};
-use ballbot_base::lanes::{Lane, Own, Value, Vec3};
 use ball_on_body::BallOnBody;
+use ballbot_base::lanes::{Lane, Own, Value, Vec3};
 use floor_point::{FloorPoint, POINTS, floor_points};
 use mast::MastFrame;
 

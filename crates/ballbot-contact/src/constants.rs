@@ -1,12 +1,11 @@
 //! Constants of the solver, computed from parameters and time step: shared by all lanes, or one set per lane.
 
 use super::principal::PrincipalAxes;
-use ballbot_base::kinematics::Omniwheels;
-use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Value, Vec3, Wide, cells};
-use ballbot_base::params::Params;
 use ballbot_base::collision_shape::{BodyShape, wheel_centers};
+use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Registers, Value, Vec3, Wide, cells};
+use ballbot_base::params::Params;
 use ballbot_base::state::wxyz;
-use fearless_simd::Simd;
 use nalgebra::Vector3;
 use std::borrow::Cow;
 
@@ -345,19 +344,20 @@ impl<V: Copy> Constants<V> {
 /// Storage of the constants of eight robots: shared (`f64`) or one set per robot ([`Eight`]).
 pub trait InLanes: LaneValue {
     /// Runs `f` with the constants in the lanes of a vector register.
-    fn with<S: Simd, R>(constants: &Constants<Self>, simd: S, f: impl FnOnce(&Constants<Self::Wide<S>>) -> R) -> R;
+    fn with<S: Registers, R>(constants: &Constants<Self>, simd: S, f: impl FnOnce(&Constants<Self::Wide<S>>) -> R)
+    -> R;
 }
 
 impl InLanes for f64 {
     #[inline(always)]
-    fn with<S: Simd, R>(constants: &Constants<f64>, _: S, f: impl FnOnce(&Constants<f64>) -> R) -> R {
+    fn with<S: Registers, R>(constants: &Constants<f64>, _: S, f: impl FnOnce(&Constants<f64>) -> R) -> R {
         f(constants)
     }
 }
 
 impl InLanes for Eight {
     #[inline(always)]
-    fn with<S: Simd, R>(constants: &Constants<Eight>, simd: S, f: impl FnOnce(&Constants<Wide<S>>) -> R) -> R {
+    fn with<S: Registers, R>(constants: &Constants<Eight>, simd: S, f: impl FnOnce(&Constants<Wide<S>>) -> R) -> R {
         f(&constants.map(
             #[inline(always)]
             |value| value.wide(simd),
@@ -381,9 +381,10 @@ pub enum LaneConstants {
 }
 
 impl LaneConstants {
-    /// The same constants in every lane.
-    pub fn shared(constants: Constants<f64>) -> Self {
-        Self::Shared(Box::new(constants))
+    /// The same constants in every lane. Robots with losses or a ripple have one set per lane, so that the step of shared
+    /// constants is compiled without them.
+    pub fn of_all(constants: Constants<f64>) -> Self {
+        if constants.unusual > 0.0 { Self::PerLane(each(&constants)) } else { Self::Shared(Box::new(constants)) }
     }
 
     /// The constants of one robot.
@@ -400,15 +401,19 @@ impl LaneConstants {
             if **all == *one {
                 return;
             }
-            let mut each = Box::<Constants<Eight>>::default();
-            (0..EIGHT).for_each(|i| each.set_lane(i, all));
-            *self = Self::PerLane(each);
+            *self = Self::PerLane(each(all));
         }
         if let Self::PerLane(each) = self {
             each.set_lane(index, one);
-            if (0..EIGHT).all(|i| each.lane(i) == *one) {
-                *self = Self::shared(one.clone());
+            if one.unusual == 0.0 && (0..EIGHT).all(|i| each.lane(i) == *one) {
+                *self = Self::of_all(one.clone());
             }
         }
     }
+}
+
+fn each(all: &Constants<f64>) -> Box<Constants<Eight>> {
+    let mut each = Box::<Constants<Eight>>::default();
+    (0..EIGHT).for_each(|i| each.set_lane(i, all));
+    each
 }

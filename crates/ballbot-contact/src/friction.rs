@@ -3,8 +3,8 @@
 use super::constants::Constants;
 use super::rows::Rows;
 use super::types::Velocities;
-use ballbot_base::lanes::{Lane, Value};
 use ballbot_base::friction::stribeck;
+use ballbot_base::lanes::{Lane, Value};
 
 /// Friction coefficients in this step.
 #[derive(Clone, Copy)]

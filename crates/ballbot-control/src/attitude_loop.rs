@@ -7,9 +7,9 @@ use super::{LaneSetpoint, check_control_dt};
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Quat, Vec3};
+use ballbot_base::params::Params;
 use ballbot_models::linear::STATES;
 use ballbot_models::{BodyMotion, InverseDynamics, LinearModel};
-use ballbot_base::params::Params;
 use nalgebra::DMatrix;
 
 /// Largest heading error that is brought to zero, rad: with a larger error the attitudes would be so far apart that

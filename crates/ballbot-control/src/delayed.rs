@@ -4,9 +4,9 @@ use super::lean_planes::product;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::params::Params;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
-use ballbot_base::params::Params;
 use nalgebra::SMatrix;
 
 ballbot_base::fields! {

@@ -8,8 +8,8 @@ use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
-use ballbot_models::LinearModel;
 use ballbot_base::params::Params;
+use ballbot_models::LinearModel;
 use nalgebra::Matrix2;
 
 ballbot_base::fields! {

@@ -3,9 +3,9 @@
 use super::Constants;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
+use ballbot_base::params::Params;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
-use ballbot_base::params::Params;
 use nalgebra::{DMatrix, Matrix3, Schur};
 
 /// One vertical plane, with the lean θ towards positive positions y and the lean acceleration u by the motors: θ̈ = λ²

@@ -55,11 +55,10 @@ pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Set
 
 use ballbot_base::error::{Result, check};
 use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight, run_one};
-use ballbot_models::traction_torque;
+use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
-use fearless_simd::Simd;
+use ballbot_models::traction_torque;
 use std::sync::atomic::{AtomicU64, Ordering};
 
 /// A feedback law, written once over lanes.
@@ -328,7 +327,7 @@ struct Torques<'a, T> {
 
 impl<T: Law> Kernel for Torques<'_, T> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         let mut memory = Memory::<Wide<S>>::new(simd, self.memory);
         let (state, setpoint) = (self.states.load(simd), self.setpoints.load(simd));
         for (torque, cell) in

@@ -7,8 +7,8 @@ use ballbot_base::error::{Result, check};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Lane;
-use ballbot_models::{LoadMap, WheelLoad};
 use ballbot_base::params::Params;
+use ballbot_models::{LoadMap, WheelLoad};
 use nalgebra::Vector3;
 
 /// Least load that a wheel keeps, as a fraction of its load in equilibrium: below it the body is about to lift off the

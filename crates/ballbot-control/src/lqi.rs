@@ -13,9 +13,9 @@ use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::params::Params;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
-use ballbot_base::params::Params;
 use nalgebra::{DMatrix, SMatrix};
 
 ballbot_base::fields! {

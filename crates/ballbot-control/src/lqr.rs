@@ -15,10 +15,10 @@ use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::{LaneState, StateCells};
 use ballbot_base::lanes::{Lane, Memory, Scalar};
-use ballbot_models::LinearModel;
-use ballbot_models::linear::{INPUTS, STATES};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_models::LinearModel;
+use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SVector, SymmetricEigen};
 
 ballbot_base::fields! {

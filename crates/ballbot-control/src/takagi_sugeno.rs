@@ -11,9 +11,9 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::params::Params;
 use ballbot_models::linear::STATES;
 use ballbot_models::{LeaningPlane, LinearModel};
-use ballbot_base::params::Params;
 use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix, Vector2, Vector3, Vector4};
 
 /// Number of rules.

@@ -5,8 +5,8 @@ use super::lean_planes::LeanPlanes;
 use super::{Constants, LaneSetpoint};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, wrapped_angle};
-use ballbot_models::linear::STATES;
 use ballbot_base::params::Params;
+use ballbot_models::linear::STATES;
 
 /// Frame and vertical planes of the controllers.
 #[derive(Clone, Debug)]

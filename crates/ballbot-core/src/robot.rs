@@ -2,19 +2,19 @@
 
 mod standing;
 
+use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
-use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::names;
 use ballbot_base::params::Params;
-use ballbot_contact::ContactMotion;
-#[cfg(feature = "rigid")]
-use ballbot_rigid::RigidMotion;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
+use ballbot_contact::ContactMotion;
+#[cfg(feature = "rigid")]
+use ballbot_rigid::RigidMotion;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::fmt;

@@ -4,15 +4,14 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
-use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, Torques, advance, advance_wide};
-use ballbot_stages::actuator::Actuator;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, StateCells};
-use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Scalar, Wide, run_eight};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, load3, run_eight};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, upright_on};
-use fearless_simd::Simd;
+use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, Torques, advance, advance_wide};
+use ballbot_stages::actuator::Actuator;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -31,7 +30,7 @@ impl ContactLanes {
     pub fn new(params: &Arc<Params>, sim_dt: f64) -> Self {
         let wheels = Arc::new(Omniwheels::new(params));
         let mut lanes = Self {
-            constants: LaneConstants::shared(Constants::new(params, sim_dt)),
+            constants: LaneConstants::of_all(Constants::new(params, sim_dt)),
             state: ContactState::default(),
             footing: None,
             params: std::array::from_fn(|_| Arc::clone(params)),
@@ -168,11 +167,10 @@ struct Actuate<'a, V, A> {
 
 impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         let Self { constants, state, actuator, commands, memory, torques, .. } = self;
         let mut memory = Memory::<Wide<S>>::new(simd, memory);
-        let [a, b, c] = commands;
-        let commands = [Wide::load(simd, a), Wide::load(simd, b), Wide::load(simd, c)];
+        let commands: [Wide<S>; 3] = load3(simd, commands);
         let speeds = if actuator.is_held() {
             [commands[0].zero(); 3]
         } else {
@@ -211,7 +209,7 @@ struct Advance<'a, V> {
 
 impl<V: InLanes> Kernel for Advance<'_, V> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         advance_wide(simd, self.constants, self.state, self.footing, self.torques, self.steps);
     }
 
@@ -235,7 +233,7 @@ struct Read<'a, V> {
 
 impl<V: InLanes> Kernel for Read<'_, V> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         let Self { constants, state, states, conditions } = self;
         V::with(
             constants,

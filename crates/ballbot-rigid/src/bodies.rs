@@ -1,9 +1,9 @@
 //! Mass properties of the body link and the wheel links.
 
+use ballbot_base::collision_shape::wheel_centers;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
-use ballbot_base::collision_shape::wheel_centers;
 use nalgebra::{Matrix3, Vector3};
 
 /// The body without its wheels. Body and wheels together have the mass properties of the parameters.

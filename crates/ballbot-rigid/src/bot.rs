@@ -9,9 +9,9 @@
 //! makes rapier follow.
 
 use super::bodies::{BodyLink, wheel_transverse_inertia};
+use ballbot_base::collision_shape::wheel_centers;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
-use ballbot_base::collision_shape::wheel_centers;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Degrees of freedom of the bot.

@@ -3,10 +3,10 @@
 use super::bodies::{BodyLink, wheel_transverse_inertia};
 use super::bot::{DOFS, Mass};
 use super::convert::to_rapier;
+use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use ballbot_base::error::Result;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
-use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};

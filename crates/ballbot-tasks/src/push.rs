@@ -7,10 +7,10 @@ use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Lane, Memory};
-use ballbot_models::capture_impulse;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
+use ballbot_models::capture_impulse;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
 

@@ -2,8 +2,8 @@
 
 use super::checked::{Checked, TOLERANCE, read_file, refuse};
 use super::tree::Tree;
-use ballbot_stages::actuator::MotorOptions;
 use ballbot_base::error::Result;
+use ballbot_stages::actuator::MotorOptions;
 use std::path::Path;
 
 /// Motors of the bot described by the file `bot`: the `velocity` of its wheel joints is [`MotorOptions::speed_limit`].

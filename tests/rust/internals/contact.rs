@@ -1,15 +1,15 @@
 //! Eight robots in lanes equal eight single robots, to the last bit, with every instruction set of this machine.
 
+use ballbot_base::snapshot::encode;
 use ballbot_contact::{
     Constants, ContactState, Delassus, Footing, LaneConstants, PrincipalAxes, Start, advance, advance_wide,
 };
-use ballbot_base::snapshot::encode;
 use ballbot_core::kinematics::Omniwheels;
-use ballbot_core::lanes::{EIGHT, Eight, Scalar};
+use ballbot_core::lanes::{EIGHT, Eight, Registers, Scalar};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::terrain::{Ground, Terrain};
 use ballbot_core::{Model, Params, State};
-use fearless_simd::{Level, Simd};
+use fearless_simd::Level;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
 
@@ -149,9 +149,9 @@ fn alone(i: usize, kind: Kind, ground: Option<&Arc<Ground>>) -> Vec<ContactState
 }
 
 #[inline(always)]
-fn side_by_side<S: Simd>(simd: S, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
+fn side_by_side<S: Registers>(simd: S, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
     let mut footing = ground.map(Footing::new);
-    let mut constants = LaneConstants::shared(constants_of(0, Kind::Calm));
+    let mut constants = LaneConstants::of_all(constants_of(0, Kind::Calm));
     let mut robots = ContactState::<Eight>::default();
     for (i, &kind) in kinds.iter().enumerate() {
         constants.set_lane(i, &constants_of(i, kind));

@@ -31,7 +31,7 @@ macro_rules! wide {
                 let mut out = Vec::new();
                 for chunk in $values.chunks_exact(EIGHT) {
                     let cells = Eight(chunk.try_into().expect("eight"));
-                    let $x = Wide::load(simd, &cells);
+                    let $x = load(simd, &cells);
                     let mut result = Eight::default();
                     $result.store(&mut result);
                     out.extend(result.0);
@@ -40,6 +40,12 @@ macro_rules! wide {
             },
         )
     }};
+}
+
+/// Eight numbers in the registers of an instruction set.
+#[inline(always)]
+fn load<S: Registers>(simd: S, cells: &Eight) -> Wide<S> {
+    Lane::load(simd, cells)
 }
 
 fn bits(values: &[f64]) -> Vec<u64> {

@@ -1,7 +1,7 @@
 //! Round trips, and the errors for bytes that are not a snapshot.
 
-use ballbot_core::Result;
 use ballbot_base::snapshot::{MAGIC, VERSION, decode, encode};
+use ballbot_core::Result;
 
 type Value = (u64, f64);
 

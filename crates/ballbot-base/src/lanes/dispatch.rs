@@ -3,12 +3,15 @@
 //! Dispatched code is compiled once per instruction set. All of it, including closures, must be `#[inline(always)]`; a
 //! function that is not inlined is compiled for the baseline instruction set.
 
-use fearless_simd::{Level, Simd};
+use super::Registers;
+use fearless_simd::Level;
+#[cfg(any(target_arch = "x86_64", target_arch = "aarch64"))]
+use fearless_simd::Simd;
 
 /// A computation on eight robots.
 pub trait Kernel {
     /// Runs the computation with the instructions of `S`.
-    fn run<S: Simd>(self, simd: S);
+    fn run<S: Registers>(self, simd: S);
 
     /// Runs the computation robot by robot, on processors without fused multiply-adds, whose emulation is slow.
     fn run_one_by_one(self);

@@ -1,13 +1,46 @@
-//! Eight robots in a vector register, or in as many registers as the processor needs for eight `f64`.
+//! Eight robots in vector registers.
 
-use super::{Eight, Lane, rare_branch};
+use super::halves::Halves;
+use super::{Eight, Lane, SeldomKernel, Value, rare_branch};
 use fearless_simd::prelude::*;
+#[cfg(target_arch = "x86_64")]
+use fearless_simd::{Avx2, Avx512, Level};
 use fearless_simd::{f64x8, mask64x8};
 
-/// Eight `f64` with the instructions of `S`.
-pub type Wide<S> = f64x8<S>;
+/// Instructions of a processor, with the registers in which they hold eight `f64`.
+pub trait Registers: Simd {
+    /// Eight `f64`.
+    type Wide: Lane<Token = Self, Cell = Eight> + Value<Self::Wide>;
+}
 
-impl<S: Simd> Lane for Wide<S> {
+/// Eight `f64` with the instructions of `S`.
+pub type Wide<S> = <S as Registers>::Wide;
+
+#[cfg(target_arch = "x86_64")]
+impl Registers for Avx512 {
+    type Wide = f64x8<Avx512>;
+}
+
+#[cfg(target_arch = "x86_64")]
+impl Registers for Avx2 {
+    type Wide = Halves<Avx2>;
+}
+
+#[cfg(target_arch = "aarch64")]
+impl Registers for fearless_simd::Neon {
+    type Wide = Halves<fearless_simd::Neon>;
+}
+
+impl<S: Simd> Value<Self> for f64x8<S> {
+    const PER_ROBOT: bool = true;
+
+    #[inline(always)]
+    fn at(self, _: Self) -> Self {
+        self
+    }
+}
+
+impl<S: Simd> Lane for f64x8<S> {
     type Mask = mask64x8<S>;
     type Cell = Eight;
     type Token = S;
@@ -91,5 +124,18 @@ impl<S: Simd> Lane for Wide<S> {
     fn rarely<R>(simd: S, rare: impl FnOnce() -> R) -> R {
         rare_branch();
         simd.vectorize(rare)
+    }
+
+    fn seldom(simd: S, kernel: impl SeldomKernel<Eight>) {
+        rare_branch();
+        // Every processor with AVX-512 has AVX2.
+        #[cfg(target_arch = "x86_64")]
+        if let Some(narrow) = Level::new().as_avx2() {
+            return narrow.vectorize(
+                #[inline(always)]
+                || kernel.run::<Wide<Avx2>>(narrow),
+            );
+        }
+        unreachable!("{simd:?} without AVX2");
     }
 }

@@ -3,9 +3,9 @@
 use super::conditions::Conditions;
 use super::elimination::{Floor, Joints, System};
 use super::modes::{FloorMode, JointModes, Modes, WheelModes};
-use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
 use crate::friction::in_disc;
 use crate::types::PerRow;
+use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
 
 /// Largest violation of a condition in an accepted solution, as a fraction of the impulses.
 const TOLERANCE: f64 = 1e-13;

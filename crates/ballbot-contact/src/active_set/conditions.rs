@@ -1,9 +1,9 @@
 //! The contact conditions of one step.
 
-use ballbot_base::lanes::Lane;
 use crate::delassus::Delassus;
 use crate::friction::{Friction, JointFriction};
 use crate::types::PerRow;
+use ballbot_base::lanes::Lane;
 
 /// The conditions of one step.
 #[derive(Clone, Copy)]

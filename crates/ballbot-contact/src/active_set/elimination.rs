@@ -2,8 +2,8 @@
 
 use super::conditions::Conditions;
 use super::modes::{FloorMode, JointModes, WheelModes};
-use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
 use crate::delassus::Delassus;
+use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
 
 /// Residuals of the wheel rows as affine functions of the wheel impulses.
 #[derive(Clone, Copy)]

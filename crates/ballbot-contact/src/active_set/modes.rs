@@ -1,8 +1,8 @@
 //! Modes of the contacts, and their computation from trial impulses.
 
-use ballbot_base::lanes::Lane;
 use crate::friction::{Friction, JointFriction};
 use crate::types::PerRow;
+use ballbot_base::lanes::Lane;
 
 /// Mode of each contact.
 #[derive(Clone, Copy)]

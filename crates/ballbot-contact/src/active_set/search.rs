@@ -2,10 +2,10 @@
 
 use super::conditions::{Conditions, Solution};
 use super::modes::{FloorMode, JointModes, Modes, WheelModes};
-use ballbot_base::lanes::{Cell, Lane, Value, run_one};
 use crate::delassus::Delassus;
 use crate::friction::{Friction, JointFriction};
 use crate::types::PerRow;
+use ballbot_base::lanes::{Cell, Lane, Value, run_one};
 
 /// Largest number of changes of the modes of floor and joints for given modes of the wheels.
 const MOST_STEPS: usize = 8;

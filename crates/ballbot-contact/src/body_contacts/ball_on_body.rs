@@ -1,11 +1,11 @@
 //! Contact of the ball and the body's cylinder, without friction.
 
 use super::mast::MastFrame;
-use ballbot_base::lanes::{Lane, Value, Vec3};
 use crate::constants::{Constants, at3};
 use crate::phases::Start;
 use crate::rows::allowance;
 use crate::types::Velocities;
+use ballbot_base::lanes::{Lane, Value, Vec3};
 
 /// The contact.
 pub struct BallOnBody<L> {

@@ -1,13 +1,13 @@
 //! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
 
 use super::mast::MastFrame;
-use ballbot_base::lanes::{Lane, Value, Vec3, map3};
 use crate::constants::{Constants, at3};
 use crate::footing::Relief;
 use crate::friction::in_disc;
 use crate::phases::Start;
 use crate::rows::allowance;
 use crate::types::Velocities;
+use ballbot_base::lanes::{Lane, Value, Vec3, map3};
 use ballbot_base::terrain::Frame;
 
 /// Number of points.

@@ -1,7 +1,7 @@
 //! Body axes with their origin on the mast at the height of the CoM: the frame of the body's cylinder.
 
-use ballbot_base::lanes::{Lane, Rotation, Value, Vec3};
 use crate::constants::Constants;
+use ballbot_base::lanes::{Lane, Rotation, Value, Vec3};
 
 /// The frame, in the principal frame.
 pub struct MastFrame<L> {

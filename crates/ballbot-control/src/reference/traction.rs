@@ -2,8 +2,8 @@
 
 use crate::Setpoint;
 use crate::lean_planes::LeanPlanes;
-use ballbot_models::{LoadMap, WheelLoad};
 use ballbot_base::params::Params;
+use ballbot_models::{LoadMap, WheelLoad};
 use nalgebra::Rotation2;
 
 /// Loads, friction and motors of the wheels.

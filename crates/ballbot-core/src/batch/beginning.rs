@@ -6,10 +6,10 @@ use super::ledger::{Ledger, Ledgers};
 use super::levels::Levels;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
-use ballbot_base::state::State;
 use crate::task::Task;
+use ballbot_base::lanes::Cell;
+use ballbot_base::state::State;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Places robot `i` in an accepted state and begins an episode.

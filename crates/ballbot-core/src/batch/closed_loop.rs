@@ -4,10 +4,10 @@ use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
 use crate::control::Controller;
+use crate::task::ACTION_LEN;
 use ballbot_base::error::{Result, check};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::setpoint::Setpoint;
-use crate::task::ACTION_LEN;
 use std::sync::{Mutex, PoisonError};
 
 /// A controller on all robots of a batch, as [`Batch::control`] and [`Batch::step_under`] take it.

@@ -4,10 +4,10 @@ use super::environments::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use ballbot_base::error::{Error, Result};
-use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::{Moment, Task};
+use ballbot_base::error::{Error, Result};
+use ballbot_base::lanes::Cell;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Samples a command for robot `i`; `one` is its ledger. Returns after how many steps the next command is due.

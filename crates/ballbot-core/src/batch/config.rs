@@ -5,13 +5,13 @@ use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
-use ballbot_base::error::{Error, Result, check, positive};
-use ballbot_base::model::same_geometry;
-use ballbot_base::params::Params;
 use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};
 use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
+use ballbot_base::error::{Error, Result, check, positive};
+use ballbot_base::model::same_geometry;
+use ballbot_base::params::Params;
 use ballbot_base::terrain::{Ground, Terrain, static_lean};
 use std::sync::Arc;
 

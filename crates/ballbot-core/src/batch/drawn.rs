@@ -2,9 +2,9 @@
 
 use super::batch::Batch;
 use crate::actuator::MotorOptions;
+use crate::sensor::SensorOptions;
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
-use crate::sensor::SensorOptions;
 
 impl Batch {
     /// Parameters of one robot.

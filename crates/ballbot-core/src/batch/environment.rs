@@ -8,12 +8,12 @@ use super::environments::Environments;
 use super::robots::Single;
 use super::task_step::TaskStep;
 use crate::actuator::{Actuator, MotorOptions};
-use ballbot_base::error::Result;
-use ballbot_base::params::Params;
 use crate::robot::{Ballbot, check_restored};
 use crate::sensor::{Readings, Sensor};
-use ballbot_base::state::State;
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
+use ballbot_base::error::Result;
+use ballbot_base::params::Params;
+use ballbot_base::state::State;
 use std::sync::Arc;
 
 /// The environment of a single robot, with any stages.

@@ -7,12 +7,12 @@ use super::events::Event;
 use super::levels::Levels;
 use super::observation::Observation;
 use crate::actuator::MotorOptions;
-use ballbot_base::error::{Error, Result};
-use ballbot_base::params::Params;
 use crate::perception::{DepthOptions, ScanOptions};
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
+use ballbot_base::error::{Error, Result};
+use ballbot_base::params::Params;
 use ballbot_base::terrain::Terrain;
 use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError, RwLock};
@@ -221,7 +221,8 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
             "control_dt" => self.control_dt = one()?,
             "max_wheel_torque" => self.max_wheel_torque = Some(one()?),
             "scale_observations" => {
-                let flag = ballbot_base::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
+                let flag =
+                    ballbot_base::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
                 self.scale_observations = flag != 0.0;
             }
             "history" => {

@@ -1,7 +1,7 @@
 //! Numbers that environments keep from step to step, for one robot or eight.
 
-use ballbot_base::lanes::{Cell, EIGHT, Eight, cells};
 use crate::task::ACTION_LEN;
+use ballbot_base::lanes::{Cell, EIGHT, Eight, cells};
 use serde::{Deserialize, Serialize};
 
 cells! {

@@ -1,9 +1,8 @@
 //! The states that sensors give now, for tasks, and gave last, for controllers; for one robot or eight.
 
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight, run_one};
 use crate::sensor::Sensor;
-use fearless_simd::Simd;
+use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight, run_one};
 
 /// Cells in which a sensor keeps its numbers.
 pub trait Measured: Cell {
@@ -58,7 +57,7 @@ struct Last<'a, S> {
 
 impl<S: Sensor> Kernel for Last<'_, S> {
     #[inline(always)]
-    fn run<V: Simd>(self, simd: V) {
+    fn run<V: Registers>(self, simd: V) {
         let state: LaneState<Wide<V>> = self.states.load(simd);
         self.sensor.last(&state, &mut Memory::new(simd, self.memory)).store(self.states);
     }
@@ -82,7 +81,7 @@ struct Read<'a, S> {
 
 impl<S: Sensor> Kernel for Read<'_, S> {
     #[inline(always)]
-    fn run<V: Simd>(self, simd: V) {
+    fn run<V: Registers>(self, simd: V) {
         let state: LaneState<Wide<V>> = self.states.load(simd);
         self.sensor.read(&state, &mut Memory::new(simd, self.memory)).store(self.states);
     }

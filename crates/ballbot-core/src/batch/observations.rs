@@ -1,9 +1,9 @@
 //! Observations of the robots of a batch: by tasks, by sensors, and without sensors.
 
 use super::batch::Batch;
-use ballbot_base::error::{Error, Result};
 use crate::perception::Perception;
 use crate::sensor::Readings;
+use ballbot_base::error::{Error, Result};
 use ballbot_base::state::State;
 
 impl Batch {

@@ -6,10 +6,10 @@ use super::ledger::{Ledger, Ledgers};
 use super::measured::Measured;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::Cell;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
+use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lanes::Cell;
 use rand_chacha::ChaCha8Rng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {

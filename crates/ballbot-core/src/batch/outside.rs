@@ -3,10 +3,10 @@
 use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::pieces::pieces;
-use ballbot_base::error::{Error, check};
 use crate::robot::ModelKind;
-use ballbot_base::state::State;
 use crate::task::ACTION_LEN;
+use ballbot_base::error::{Error, check};
+use ballbot_base::state::State;
 
 /// Input of an external engine, as [`Batch::step_with`] provides it.
 pub struct Outside {

@@ -4,10 +4,10 @@ use super::environments::Environments;
 use super::events::key_of;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use ballbot_base::lanes::Cell;
 use crate::perception::View;
 use crate::sensor::Sensor;
 use crate::task::Task;
+use ballbot_base::lanes::Cell;
 
 /// Separates the random numbers of instruments from those of events and sensors under the same seed.
 const KEY: u32 = 0x5CA9_0001;

@@ -5,9 +5,9 @@ use super::environments::Environments;
 use super::events::{Source, key_of};
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use ballbot_base::lanes::Cell;
 use crate::sensor::Sensor;
 use crate::task::Task;
+use ballbot_base::lanes::Cell;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 

@@ -5,21 +5,20 @@ use super::measured::Measured;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;
+use crate::robot::{Ballbot, check_push, check_state};
+use crate::sensor::Sensor;
+use crate::task::{ACTION_LEN, Task};
+use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState, StateCells};
-use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Scalar, Wide, run_eight};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
-use crate::robot::{Ballbot, check_push, check_state};
-use crate::sensor::Sensor;
-use ballbot_base::collision_shape::CollisionShape;
-use ballbot_lanes::ContactLanes;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
-use crate::task::{ACTION_LEN, Task};
 use ballbot_base::terrain::Ground;
-use fearless_simd::Simd;
+use ballbot_lanes::ContactLanes;
 use nalgebra::Vector3;
 
 /// Robots that are stepped together; `i` counts within them.
@@ -374,7 +373,7 @@ struct Conclude<'a, T, S> {
 
 impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
-    fn run<V: Simd>(self, simd: V) {
+    fn run<V: Registers>(self, simd: V) {
         let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
         self.step.run(simd, &robots, &self.measured.load(simd), self.commands, self.com_directions, self.ledger);
     }

@@ -4,12 +4,12 @@ use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
 use super::measured::Measured;
 use crate::actuator::Actuator;
-use ballbot_base::error::Result;
-use ballbot_base::lane_state::{LaneRobot, LaneState, StateCells};
-use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
 use crate::perception::Perception;
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+use ballbot_base::error::Result;
+use ballbot_base::lane_state::{LaneRobot, LaneState, StateCells};
+use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
 use std::sync::Arc;
 
 /// A task with its sensor, shared by all chunks of a batch.

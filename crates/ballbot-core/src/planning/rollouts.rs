@@ -2,13 +2,12 @@
 
 use crate::actuator::Ideal;
 use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells, TorqueLimits};
-use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
-use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Scalar, Wide, run_eight};
 use crate::models::linear::STATES;
+use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
+use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Registers, Scalar, Wide, run_eight};
 use ballbot_base::params::Params;
-use ballbot_lanes::ContactLanes;
 use ballbot_base::state::State;
-use fearless_simd::Simd;
+use ballbot_lanes::ContactLanes;
 use std::sync::Arc;
 
 /// The cost of a motion: Σ xᵀQx + r |τ − τ_ref|², τ_ref the torques of the setpoint's motion, and xᵀPx at the end.
@@ -235,7 +234,7 @@ impl Decide<'_> {
 
 impl Kernel for Decide<'_> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         self.over_lanes::<Wide<S>>(simd);
     }
 
@@ -286,7 +285,7 @@ impl End<'_> {
 
 impl Kernel for End<'_> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         let cost = self.to_go::<Wide<S>>(&self.states.load(simd), &self.setpoint.load(simd));
         (cost + Wide::<S>::load(simd, self.cost)).store(self.cost);
     }

@@ -1,8 +1,8 @@
 //! The curves that paths are sampled from.
 
 use super::curve::{Curve, HARMONICS, NUMBERS, Phase};
-use ballbot_base::lanes::{Memory, Scalar};
 use crate::start::in_range;
+use ballbot_base::lanes::{Memory, Scalar};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;

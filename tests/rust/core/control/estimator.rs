@@ -6,12 +6,11 @@ mod coarse;
 mod noise;
 mod record;
 
-use ballbot_core::lanes::{EIGHT, Eight, Kernel};
+use ballbot_core::lanes::{EIGHT, Eight, Kernel, Registers};
 use ballbot_core::lanes::{Lane, Memory, Quat, Rotation, Scalar, Vec3, Wide, run_eight, run_one};
 use ballbot_core::sensor::Readings;
 use ballbot_core::sensor::estimator::{Estimator, EstimatorOptions, Odometry};
 use ballbot_core::{Error, LaneState, ModelKind, Params, State};
-use fearless_simd::Simd;
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use record::{Filter, Noise, Plan, Record, attitude_error, crooked};
@@ -175,9 +174,9 @@ fn numbers_of(r: &Readings<f64>) -> [f64; 12] {
 
 impl Kernel for InEights<'_> {
     #[inline(always)]
-    fn run<S: Simd>(self, simd: S) {
+    fn run<S: Registers>(self, simd: S) {
         let eights = |rows: &[[f64; 12]]| -> [Wide<S>; 12] {
-            std::array::from_fn(|k| Wide::load(simd, &Eight(std::array::from_fn(|i| rows[i][k]))))
+            std::array::from_fn(|k| Wide::<S>::load(simd, &Eight(std::array::from_fn(|i| rows[i][k]))))
         };
         let mut cells = vec![Eight::default(); Estimator::MEMORY];
         let mut states = ballbot_core::StateCells::<Eight>::default();

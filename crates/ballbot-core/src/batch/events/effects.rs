@@ -1,9 +1,9 @@
 //! Events that would change nothing.
 
 use super::event::{Event, refused};
+use crate::robot::ModelKind;
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
-use crate::robot::ModelKind;
 
 /// Parameters of slip.
 const SLIP: [&str; 5] = [

@@ -3,9 +3,9 @@
 use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
 use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
+use crate::robot::check_push;
 use ballbot_base::error::{Error, Result, check, finite};
 use ballbot_base::params::Params;
-use crate::robot::check_push;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
 use std::ops::Range;

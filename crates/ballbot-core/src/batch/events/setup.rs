@@ -1,10 +1,10 @@
 //! The numbers of a robot that events may change: tables, each with its names.
 
 use crate::actuator::MotorOptions;
+use crate::sensor::SensorOptions;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
-use crate::sensor::SensorOptions;
 
 /// A robot with the options of its stages.
 #[derive(Clone, Debug, PartialEq)]

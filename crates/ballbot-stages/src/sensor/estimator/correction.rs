@@ -4,8 +4,8 @@ use super::Estimator;
 use super::belief::Belief;
 use super::covariance::{BIAS, SPIN, STATES, VELOCITY, dot};
 use super::gate::by_turning;
-use ballbot_base::lanes::{Lane, Mat3, Vec3};
 use crate::sensor::Readings;
+use ballbot_base::lanes::{Lane, Mat3, Vec3};
 
 /// Deviation of a mean rate from the mean of both ends of a step, as a fraction of their difference: motors and models
 /// do not accelerate evenly within a step.

@@ -3,8 +3,8 @@
 use super::Estimator;
 use super::belief::Belief;
 use super::covariance::{StepNoise, Transition};
-use ballbot_base::lanes::{Lane, Rotation, Vec3};
 use crate::sensor::Readings;
+use ballbot_base::lanes::{Lane, Rotation, Vec3};
 
 impl Estimator {
     /// Propagates attitude and velocity by a step. Returns the specific force of the IMU, inertial frame, m/s², and the

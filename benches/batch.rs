@@ -1,5 +1,5 @@
 //! Steps of whole batches, including resets, and the peak of the core:
-//! `cargo bench -p ballbot-core --bench batch`.
+//! `cargo bench --bench batch`.
 //!
 //! An element of a batch is one environment's control step, which is five model steps. An element of the peak is a
 //! floating-point operation, a fused multiply-add being two: the test `operations_of_a_step_are_as_documented` counts N

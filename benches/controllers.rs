@@ -1,4 +1,4 @@
-//! One call of each controller, for one robot and for eight: `cargo bench -p ballbot-core --bench controllers`.
+//! One call of each controller, for one robot and for eight: `cargo bench --bench controllers`.
 //!
 //! Calm robots stay within the traction; for wild robots the torques are scaled down, and `mpc` iterates.
 

@@ -1,4 +1,4 @@
-//! One step and one reset of each model: `cargo bench -p ballbot-core --bench models`.
+//! One step and one reset of each model: `cargo bench --bench models`.
 
 use ballbot_core::{Ballbot, ModelKind, Params, State, attitude};
 use criterion::{Criterion, Throughput, criterion_group, criterion_main};

@@ -1,4 +1,4 @@
-//! One picture of 640 by 480: `cargo bench -p ballbot-core --bench render`.
+//! One picture of 640 by 480: `cargo bench --bench render`.
 
 use ballbot_core::render::{Camera, Picture, Renderer, Scene, Shape, srgb};
 use ballbot_core::render::{Link, Paint, Part};
