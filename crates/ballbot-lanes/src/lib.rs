@@ -6,12 +6,15 @@
 
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, StateCells};
-use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, load3, run_eight};
+use ballbot_base::lanes::{
+    EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, load3, run_eight, run_eight_at,
+};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, Torques, advance, advance_wide};
 use ballbot_stages::actuator::Actuator;
+use fearless_simd::Level;
 use std::borrow::Cow;
 use std::sync::Arc;
 
@@ -131,10 +134,7 @@ impl ContactLanes {
     /// all actuators.
     fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
         let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
-        match &self.constants {
-            LaneConstants::Shared(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
-            LaneConstants::PerLane(constants) => run_eight(Advance { constants, state, footing, torques, steps }),
-        }
+        advance_eight(Level::new(), &self.constants, state, footing, torques, steps);
     }
 
     /// Writes the present states. Not generic, so that it is compiled once for equal and individual parameters.
@@ -143,6 +143,25 @@ impl ContactLanes {
         match &self.constants {
             LaneConstants::Shared(constants) => run_eight(Read { constants, state, states, conditions }),
             LaneConstants::PerLane(constants) => run_eight(Read { constants, state, states, conditions }),
+        }
+    }
+}
+
+/// Advances eight robots by `steps` time steps under constant torques, with the instructions of `level`.
+pub fn advance_eight(
+    level: Level,
+    constants: &LaneConstants,
+    state: &mut ContactState<Eight>,
+    footing: Option<&mut Footing<Eight>>,
+    torques: &Torques<Eight>,
+    steps: usize,
+) {
+    match constants {
+        LaneConstants::Shared(constants) => {
+            run_eight_at(level, Advance { constants, state, footing, torques, steps });
+        }
+        LaneConstants::PerLane(constants) => {
+            run_eight_at(level, Advance { constants, state, footing, torques, steps });
         }
     }
 }

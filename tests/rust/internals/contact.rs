@@ -1,14 +1,13 @@
 //! Eight robots in lanes equal eight single robots, to the last bit, with every instruction set of this machine.
 
 use ballbot_base::snapshot::encode;
-use ballbot_contact::{
-    Constants, ContactState, Delassus, Footing, LaneConstants, PrincipalAxes, Start, advance, advance_wide,
-};
+use ballbot_contact::{Constants, ContactState, Delassus, Footing, LaneConstants, PrincipalAxes, Start, advance};
 use ballbot_core::kinematics::Omniwheels;
-use ballbot_core::lanes::{EIGHT, Eight, Registers, Scalar};
+use ballbot_core::lanes::{EIGHT, Eight, Scalar};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::terrain::{Ground, Terrain};
 use ballbot_core::{Model, Params, State};
+use ballbot_lanes::advance_eight;
 use fearless_simd::Level;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use std::sync::Arc;
@@ -148,8 +147,7 @@ fn alone(i: usize, kind: Kind, ground: Option<&Arc<Ground>>) -> Vec<ContactState
     (0..STEPS).map(step).collect()
 }
 
-#[inline(always)]
-fn side_by_side<S: Registers>(simd: S, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
+fn side_by_side(level: Level, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<ContactState<Eight>> {
     let mut footing = ground.map(Footing::new);
     let mut constants = LaneConstants::of_all(constants_of(0, Kind::Calm));
     let mut robots = ContactState::<Eight>::default();
@@ -168,13 +166,7 @@ fn side_by_side<S: Registers>(simd: S, kinds: Kinds, ground: Option<&Arc<Ground>
                 eight.0[i] = torque;
             }
         }
-        simd.vectorize(
-            #[inline(always)]
-            || match &constants {
-                LaneConstants::Shared(c) => advance_wide(simd, c, &mut robots, footing.as_mut(), &all, 1),
-                LaneConstants::PerLane(c) => advance_wide(simd, c, &mut robots, footing.as_mut(), &all, 1),
-            },
-        );
+        advance_eight(level, &constants, &mut robots, footing.as_mut(), &all, 1);
         out.push(robots.clone());
     }
     out
@@ -187,15 +179,15 @@ fn runs(kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec<(&'static str, Vec<Co
     #[cfg(target_arch = "x86_64")]
     {
         if let Some(simd) = level.as_avx512() {
-            out.push(("AVX-512", side_by_side(simd, kinds, ground)));
+            out.push(("AVX-512", side_by_side(Level::Avx512(simd), kinds, ground)));
         }
         if let Some(simd) = level.as_avx2() {
-            out.push(("AVX2", side_by_side(simd, kinds, ground)));
+            out.push(("AVX2", side_by_side(Level::Avx2(simd), kinds, ground)));
         }
     }
     #[cfg(target_arch = "aarch64")]
     if let Some(simd) = level.as_neon() {
-        out.push(("NEON", side_by_side(simd, kinds, ground)));
+        out.push(("NEON", side_by_side(Level::Neon(simd), kinds, ground)));
     }
     println!("{level:?}: {:?}", out.iter().map(|(name, _)| name).collect::<Vec<_>>());
     out

@@ -21,7 +21,12 @@ pub trait Kernel {
 // Inlined; otherwise all kernels would be compiled in this module, which is one code generation unit.
 #[inline]
 pub fn run_eight<K: Kernel>(kernel: K) {
-    let level = Level::new();
+    run_eight_at(Level::new(), kernel);
+}
+
+/// Runs a computation on eight robots with the instructions of `level`.
+#[inline]
+pub fn run_eight_at<K: Kernel>(level: Level, kernel: K) {
     // Results are the same to the last bit without dispatch; debug builds skip it to save compile time.
     #[cfg(all(target_arch = "x86_64", not(debug_assertions)))]
     if let Some(simd) = level.as_avx512() {

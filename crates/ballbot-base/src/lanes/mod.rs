@@ -20,7 +20,7 @@ mod wide;
 
 pub use crate::cells;
 pub use cells::{AsCells, Cell, EIGHT, Eight};
-pub use dispatch::{Kernel, run_eight, run_one};
+pub use dispatch::{Kernel, run_eight, run_eight_at, run_one};
 pub use heading::Heading;
 pub use mat3::Mat3;
 pub use math::{atan2_positive, exp_of_negative, floor, sin_cos, sin_cos_of_step, wrapped_angle};
