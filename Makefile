@@ -37,12 +37,13 @@ SOAK_ROBOTS ?= 5000
 SOAK_MINUTES ?= 60
 SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-all test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
 	@echo "make train   train a policy with PPO and compare it with LQR and PID (SEED=$(SEED))"
-	@echo "make test    all tests, Rust and Python"
+	@echo "make test    the tests that take minutes: each model, front end and command"
+	@echo "make test-all  all tests, with browsers, trainings and fuzzing (a quarter of an hour)"
 	@echo "make test-builds  tests that compile for minutes: the core without features, the bindings with another crate's task"
 	@echo "make test-ray  tests of training on Ray, in an environment of its own, $(RAY_VENV) (minutes)"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest, words of the prose"
@@ -77,10 +78,18 @@ demo: $(DEMO_INSTALLED)
 train: $(TRAIN_INSTALLED)
 	$(BIN)/ballbot train balance --seed $(SEED)
 
+# With the features and the profile of the extension, so that the crates are compiled once for both.
+TESTED := control core py tasks tests
+CARGO_TEST = cargo test --locked --release $(TESTED:%=--package ballbot-%)
+PYTEST = $(BIN)/pytest --numprocesses 2 --dist worksteal --durations 25
+
 test: $(INSTALLED)
+	$(CARGO_TEST)
+	$(PYTEST) -m "not slow"
+
+test-all: test
 	@sh tools/install_chromium.sh
-	cargo test --locked
-	$(BIN)/pytest --numprocesses 2 --dist worksteal --durations 25
+	$(PYTEST) -m slow
 
 test-builds: $(INSTALLED)
 	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
@@ -185,33 +194,37 @@ define PREPARE
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt maturin
 endef
 
-# By itself, since pip would hide what cargo says.
-define COMPILE
-	@echo "compiling the extension: 5 to 10 minutes on two cores the first time, with up to 6 GB of memory"
-	VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/python -m maturin develop --locked --profile $(PROFILE) --skip-install
+# Its argument: extras. Cargo compiles, which pip would hide, while pip fetches what Python needs.
+define COMPILE_AND_INSTALL
+	@$(BIN)/python tools/requirements.py $(1) > $(VENV)/requirements.txt
+	@echo "compiling the extension: 3 to 4 minutes on two cores the first time, with up to 3 GB of memory"
+	@VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/python -m maturin develop --locked --profile $(PROFILE) --skip-install & \
+	compiler=$$!; \
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \
+		--requirement $(VENV)/requirements.txt || { kill $$compiler; exit 1; }; \
+	echo "installed what Python needs; the compiler continues"; \
+	wait $$compiler
+	$(INSTALL) .
 endef
 
 BUILT_FROM := pyproject.toml constraints.txt Cargo.toml Cargo.lock $(RUST_SOURCES)
 
 $(INSTALLED): $(BUILT_FROM)
 	$(call PREPARE,12)
-	$(COMPILE)
 	@echo "installing what training, tests and tools need: up to 3 GB to download, 7 GB installed, most of it PyTorch"
-	$(INSTALL) '.[train,dev]'
+	$(call COMPILE_AND_INSTALL,train dev)
 	@touch $@
 
 $(TRAIN_INSTALLED): $(BUILT_FROM)
 	$(call PREPARE,8)
-	$(COMPILE)
 	@echo "installing what training needs: up to 3 GB to download, 6 GB installed, most of it PyTorch"
-	$(INSTALL) '.[train]'
+	$(call COMPILE_AND_INSTALL,train)
 	@touch $@
 
 $(DEMO_INSTALLED): $(BUILT_FROM)
 	$(call PREPARE,2)
-	$(COMPILE)
 	@echo "installing what the page and policies need: 0.5 GB installed"
-	$(INSTALL) '.[view,onnx]'
+	$(call COMPILE_AND_INSTALL,view onnx)
 	@touch $@
 
 $(PLOT_INSTALLED): $(INSTALLED)

@@ -14,6 +14,7 @@ def test_the_interval_of_a_share_is_wilsons(successes, count):
     np.testing.assert_allclose(found, (expected.low, expected.high), rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.slow("many samples")
 def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
     rng = np.random.default_rng(5)
     held = 0

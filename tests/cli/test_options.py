@@ -401,6 +401,7 @@ def command_line(options):
     return tuple(words)
 
 
+@pytest.mark.slow("all options of all commands")
 @pytest.mark.parametrize("name", CASES)
 def test_options_change_something(name, outcome):
     @functools.cache

@@ -54,6 +54,7 @@ def in_folder(tmp_path, arguments, shell=None, **environment):
     return subprocess.run(line, capture_output=True, cwd=tmp_path, env=environment, timeout=120, check=False)
 
 
+@pytest.mark.slow("a process per command")
 def test_with_closed_streams(arguments, tmp_path):
     done = in_folder(tmp_path, arguments, "<&- >&- 2>&-")
     assert (done.returncode, done.stdout, done.stderr) == (0, b"", b"")
@@ -71,6 +72,7 @@ def here(tmp_path, arguments, monkeypatch):
     return code, *(stream.buffer.getvalue() for stream in streams)
 
 
+@pytest.mark.slow("a process per command")
 def test_on_an_ascii_terminal(arguments, tmp_path, monkeypatch):
     if arguments in WITH_TORCH:
         code, out, err = here(tmp_path, arguments, monkeypatch)

@@ -19,11 +19,13 @@ def view(*arguments, code=0):
     return done.stdout if code == 0 else done.stderr
 
 
+@pytest.mark.slow("a page per task")
 @pytest.mark.parametrize("task", ["velocity", "goal", "path", "push"])
 def test_a_task_is_run_with_a_law(task):
     assert f"({task}, 1 robot paper, contact, lqr)" in view(task, "--controller", "lqr")
 
 
+@pytest.mark.slow("a page per task")
 def test_a_policy_is_run_in_its_task_with_options(tmp_path):
     pytest.importorskip("onnx", reason="needs 'ballbot-rs[export]'")
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
@@ -41,6 +43,7 @@ def test_an_option_of_another_task_is_refused():
     assert "path_speed" in error
 
 
+@pytest.mark.slow("a page per task")
 def test_a_policy_stands_in_the_place_of_the_task():
     assert f"(velocity, 1 robot paper, contact, {POLICY})" in view(POLICY)
 

@@ -62,6 +62,7 @@ def test_edited_metadata_give_a_policy_or_an_error(tmp_path):
     assert 10 < loaded.count(True) < len(loaded) - 10
 
 
+@pytest.mark.slow("fuzzes metadata")
 def test_a_session_runs_with_any_options_or_says_why_not():
     act, ran = OnnxPolicy(SHIPPED).act, []
 

@@ -10,6 +10,7 @@ import ballbot_rs as bb
 from tests.support.paths import ROOT
 
 
+@pytest.mark.slow("a process per function")
 @pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited on Linux alone")
 def test_no_array_ends_the_process(tmp_path):
     log = tmp_path / "calls.txt"

@@ -248,6 +248,7 @@ def leaks(make: Callable[[], Any], read: Callable[[Any], Any]) -> list[str]:
     return [] if same(after, expected) else [f"{path}: writing it changes the simulation" for path in written]
 
 
+@pytest.mark.slow("all attributes of all classes")
 @pytest.mark.parametrize("name", sorted(everything()))
 def test_arrays_are_read_only_or_copies(name):
     if name == "BallbotVecEnv":

@@ -11,6 +11,7 @@ from tests.support import surface
 from tests.support.paths import ROOT
 
 
+@pytest.mark.slow("fuzzes all functions")
 def test_nothing_that_is_called_with_anything_panics_hangs_or_gives_nan():
     pytest.importorskip("hypothesis", reason="it is a development dependency")
     # In a process of its own, which a call could end.

@@ -109,6 +109,7 @@ def episodes(task: str, **options: Any) -> list[Any]:
     return found
 
 
+@pytest.mark.slow("all keywords")
 @pytest.mark.parametrize("task", TASKS)
 def test_options_of_environments(task):
     described = {option["name"]: option for option in TASKS[task]["options"]}
@@ -241,6 +242,7 @@ def test_options_of_sensors():
     assert not [wrong for wrong in found if wrong]
 
 
+@pytest.mark.slow("all keywords")
 @pytest.mark.parametrize("kind", bb.terrain_kinds())
 def test_parameters_of_terrains(kind):
     """At the size at which they are made."""
@@ -699,6 +701,7 @@ def _public() -> Iterator[tuple[str, Callable[..., Any]]]:
                 yield f"{owner.__name__}.{name}", getattr(owner, name)
 
 
+@pytest.mark.slow("all keywords")
 @pytest.mark.parametrize("name", sorted(CALLS))
 def test_keywords_of_functions_and_constructors(name):
     call, base, keywords = CALLS[name]

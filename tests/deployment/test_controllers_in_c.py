@@ -37,6 +37,7 @@ def slips(params, states):
     return np.array(slipping)
 
 
+@pytest.mark.slow("compiles C for each robot")
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", CONTROLLERS_IN_C)
 def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):

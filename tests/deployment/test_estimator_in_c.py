@@ -108,6 +108,7 @@ def test_robots_have_numbers_of_their_own():
 MPU_9250 = {"gyro_noise": 9.2e-4, "gyro_bias": 0.02, "accelerometer_noise": 1.4e-3, "encoder_ticks": 4096}
 
 
+@pytest.mark.slow("many robots")
 @pytest.mark.parametrize(("events", "limits"), [(None, (0.7, 1.4)), ("mild", (0.7, 1.6)), ("hard", (1.0, 3.0))])
 def test_the_covariance_of_the_velocity_holds_for_robots_that_are_off(events, limits, tmp_path):
     """The squared error by its covariance, 2 if they agree; under hard it was 5.9, as wheels were taken for exact."""

@@ -42,6 +42,7 @@ def test_the_command_writes_the_estimator_of_a_robot_and_its_sensors(tmp_path, c
     capsys.readouterr()
 
 
+@pytest.mark.slow("a training")
 def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
     pytest.importorskip("onnx")
     onnx, first, second = (str(tmp_path / name) for name in ("p.onnx", "a.h", "b.h"))

@@ -123,6 +123,7 @@ def test_the_command_refuses_what_has_no_place(given, message, capsys, tmp_path,
     assert list(tmp_path.iterdir()) == []
 
 
+@pytest.mark.slow("a process")
 def test_without_ray_the_message_says_what_to_install():
     code = """
 import sys

@@ -57,6 +57,7 @@ def test_first_block_balances_the_robot(clone: Path, capsys: pytest.CaptureFixtu
     assert tilt < 0.005, printed
 
 
+@pytest.mark.slow("runs all programs of the pages")
 @pytest.mark.parametrize("page", [page for page in PAGES if blocks(page)])
 def test_the_blocks_of_a_page_run_one_after_another(page: str, clone: Path) -> None:  # noqa: ARG001
     namespace: dict[str, object] = {}
@@ -72,6 +73,7 @@ def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:
     assert result.torque_rms > 0.0
 
 
+@pytest.mark.slow("a training")
 def test_training_block_learns_to_balance(clone: Path) -> None:
     run(TRAINING)
     result = bb.evaluate(str(clone / "balance.zip"), episodes=100, env_options={"model": "contact"})

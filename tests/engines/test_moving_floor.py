@@ -28,6 +28,7 @@ def test_a_state_that_has_diverged_has_a_plane_too():
     contact_plane(bb.Terrain.generate("noise"), np.full(3, np.nan), 0.1)
 
 
+@pytest.mark.slow("another engine")
 def test_a_regulator_does_there_what_it_does_here_on_hills():
     ground = {"kind": "noise", "slope": 0.08, "wavelength": 0.8, "seed": 2}
     options = {"max_episode_steps": 200, "terrain": ground}

@@ -38,6 +38,7 @@ def drawn(task):
     }
 
 
+@pytest.mark.slow("200 episodes a task")
 @pytest.mark.parametrize("task", sorted(TASKS))
 def test_the_bank_is_the_committed_one(task):
     """If it is not, the numbers of docs/policies.md and docs/transfer.md are of other episodes."""

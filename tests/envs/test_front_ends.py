@@ -135,6 +135,7 @@ def test_a_view_has_what_wrappers_of_gymnasium_use():
         env.env_method("set_wrapper_attr", "reward", {})
 
 
+@pytest.mark.slow("processes")
 @pytest.mark.parametrize(
     ("variable", "argument", "expected"), [(None, "", 1), (None, ", torch_threads=None", 2), ("2", "", 2)]
 )

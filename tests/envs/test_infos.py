@@ -53,6 +53,7 @@ def single_steps(env):
     return infos, ends
 
 
+@pytest.mark.slow("all tasks, many steps")
 @pytest.mark.parametrize("task", [*ALL, "test_infos/Lean-v0"])
 def test_a_single_environment_has_the_same_finite_numbers_at_every_step(task):
     env = bb.BallbotEnv(task, **SHORT)
@@ -71,6 +72,7 @@ def test_a_single_environment_has_the_same_finite_numbers_at_every_step(task):
     assert env.metadata["terminations"][0] == "none"
 
 
+@pytest.mark.slow("all tasks, many steps")
 @pytest.mark.parametrize("task", [*ALL, "test_infos/Lean-v0"])
 @pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
 def test_many_environments_have_the_infos_that_gymnasium_makes_of_single_ones(task, mode):
@@ -107,6 +109,7 @@ def test_arrays_of_infos_are_of_their_step_alone():
         assert not any(np.shares_memory(array, other) for array in arrays(info) for other in before)
 
 
+@pytest.mark.slow("all tasks, many steps")
 @pytest.mark.parametrize("task", [*ALL, "test_infos/Lean-v0"])
 def test_the_same_seed_gives_the_same_infos(task):
     """Gymnasium's own check of determinism, over ends of episodes."""
@@ -120,6 +123,7 @@ def to_torch(env, wrapper):
     return getattr(wrappers, wrapper)(env, *((np, torch) if wrapper == "ArrayConversion" else ()))
 
 
+@pytest.mark.slow("all tasks, many steps")
 @pytest.mark.parametrize("task", [*ALL, "test_infos/Lean-v0"])
 @pytest.mark.parametrize("wrapper", ["ArrayConversion", "NumpyToTorch"])
 def test_a_single_environment_is_converted_to_torch(task, wrapper):

@@ -351,6 +351,7 @@ def rollout_in_child(method, env, actions):
         process.join()
 
 
+@pytest.mark.slow("a process")
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 @pytest.mark.parametrize(
     ("kind", "method"), [(BallbotVecEnv, "fork"), (BalanceVectorEnv, "fork"), (BallbotVecEnv, "spawn")]

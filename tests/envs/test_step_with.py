@@ -41,6 +41,7 @@ def actions(step, n):
     return 0.2 * np.sin(np.arange(3 * n).reshape(n, 3) * 7 + 3 * step).astype(np.float32)
 
 
+@pytest.mark.slow("another engine")
 @pytest.mark.parametrize("task", sorted(TASKS))
 @pytest.mark.parametrize("mode", ["same_step", "next_step"])
 def test_the_same_motion_gives_the_same_step(task, mode):

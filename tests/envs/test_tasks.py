@@ -35,6 +35,7 @@ def test_gymnasium_checks_the_environment(task):
     np.testing.assert_array_equal(first, again)
 
 
+@pytest.mark.slow("all tasks in all front ends")
 @pytest.mark.parametrize("task", ALL)
 @pytest.mark.parametrize("mode", MODES)
 def test_front_ends_agree_and_pickles_continue(task, mode):

@@ -52,6 +52,7 @@ def test_every_program_has_its_run():
     assert [path.stem for path in PROGRAMS] == sorted(RUNS)
 
 
+@pytest.mark.slow("a process per example")
 @pytest.mark.parametrize("name", sorted(RUNS))
 def test_it_runs(name, tmp_path):
     if name in NEEDS:

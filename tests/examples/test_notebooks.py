@@ -36,6 +36,7 @@ def test_every_notebook_has_its_run():
     assert {path.stem for path in (ROOT / "examples").glob("*.ipynb")} == set(RUNS)
 
 
+@pytest.mark.slow("runs notebooks")
 @pytest.mark.parametrize("name", RUNS)
 def test_it_runs(name, monkeypatch):
     if name == "learning":

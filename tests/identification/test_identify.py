@@ -69,6 +69,7 @@ def test_estimates_are_within_their_uncertainty_and_the_noise_is_found(noisy):
         found.interval("ball_mass")
 
 
+@pytest.mark.slow("many robots")
 def test_intervals_of_random_robots_hold():
     done = study.run(2, seconds=5.0, first=200, num_threads=1)
     assert done.failures == ()

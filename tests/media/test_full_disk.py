@@ -28,6 +28,7 @@ WRITERS = {
 }
 
 
+@pytest.mark.slow("a process per command")
 @pytest.mark.parametrize("name", WRITERS)
 def test_the_old_file_stays(name, tiny_run, tmp_path, monkeypatch):
     if name == "export":

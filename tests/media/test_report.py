@@ -54,6 +54,7 @@ def shown(run_with_report):
     return Page((run_with_report / "report.html").read_text(encoding="utf-8"))
 
 
+@pytest.mark.slow("a browser")
 def test_nothing_is_fetched(run_with_report, shown):
     assert shown.links == []
     assert len(shown.sources) == 4
@@ -140,6 +141,7 @@ def test_names_do_not_become_markup():
     assert "<b>" not in page.code("<b>") + page.note("<b>") + page.table([["<b>"], ["<b>"]]) + page.page("<b>", [])
 
 
+@pytest.mark.slow("a training")
 def test_a_training_ends_with_its_report(capsys, tmp_path, tiny_config):
     folder = tmp_path / "run"
     arguments = ["train", "balance", "--config", str(tiny_config), "--run", str(folder), "--quiet", "--episodes", "1"]
@@ -152,6 +154,7 @@ def test_a_training_ends_with_its_report(capsys, tmp_path, tiny_config):
     assert not (folder / "report.html").exists()
 
 
+@pytest.mark.slow("a training")
 @pytest.mark.parametrize("missing", ["matplotlib", "moviepy"])
 def test_without_what_it_needs_training_goes_on(missing, run_with_report):
     code = f"""

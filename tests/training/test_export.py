@@ -159,6 +159,7 @@ def test_the_command_and_its_mistakes(tiny_run, tmp_path, capsys):
     assert "ends in .onnx" in capsys.readouterr().err
 
 
+@pytest.mark.slow("a process")
 def test_the_policy_in_the_box_balances_without_torch():
     code = """
 import sys

@@ -37,6 +37,7 @@ def contents(run):
     return {path: path.read_bytes() for path in run.rglob("*") if path.is_file() and "events" not in path.name}
 
 
+@pytest.mark.slow("a process per kill")
 @pytest.mark.skipif(not hasattr(signal, "SIGKILL"), reason="needs fork and SIGKILL")
 def test_twenty_kills_lose_nothing(tmp_path):
     command = [sys.executable, "-m", "tests.support.killed_training", str(tmp_path), "6"]
@@ -138,6 +139,7 @@ def test_no_checkpoint_that_can_be_read(longer_run):
     assert len(caught) == 3
 
 
+@pytest.mark.slow("processes")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     path = tmp_path / "tiny.toml"
@@ -163,6 +165,7 @@ def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     assert weights(run / "final_model.zip") == weights(whole / "final_model.zip")
 
 
+@pytest.mark.slow("processes")
 def test_a_full_disk_leaves_what_was_there(longer_run):
     pytest.importorskip("resource")
     before = contents(longer_run)

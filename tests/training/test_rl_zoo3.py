@@ -27,6 +27,7 @@ def test_a_second_training_in_one_process_finds_them_all():
     assert module.hyperparams == before == hyperparams
 
 
+@pytest.mark.slow("a training")
 @pytest.mark.parametrize("env_id", hyperparams)
 def test_environment_and_algorithm_take_them(env_id):
     settings = {name: value for name, value in hyperparams[env_id].items() if name not in OF_THE_ZOO}

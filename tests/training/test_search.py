@@ -120,6 +120,7 @@ def test_numbers_that_no_learner_bears_end_one_trial(tmp_path):
     assert all("trial" in text for text in told)
 
 
+@pytest.mark.slow("processes")
 def test_two_processes_share_the_trials_of_a_command(tmp_path, capsys):
     config = tmp_path / "tiny.toml"
     config.write_text(TINY)
@@ -134,6 +135,7 @@ def test_two_processes_share_the_trials_of_a_command(tmp_path, capsys):
     assert np.isfinite(returns).all()
 
 
+@pytest.mark.slow("processes")
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGKILL])
 def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
@@ -157,6 +159,7 @@ def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
     assert kind == signal.SIGKILL or "give the same command again" in said
 
 
+@pytest.mark.slow("processes")
 @pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
 def test_control_c_in_a_terminal_is_said_once_for_all_processes(tmp_path):
     config = tmp_path / "long.toml"
@@ -189,6 +192,7 @@ def test_a_line_that_was_not_written_to_its_end_is_taken_away(tmp_path):
     assert journal.read_bytes().startswith(whole)
 
 
+@pytest.mark.slow("processes")
 def test_the_lock_of_a_killed_process_does_not_hold_for_ever(tmp_path):
     search(tmp_path).study()
     (tmp_path / "journal.log.lock").touch()
@@ -223,6 +227,7 @@ def test_a_range_beyond_what_can_be_learned_with_is_refused(tmp_path, name, text
         Search(TINY, {name: dimension_of(name, text)}, tmp_path, 1)
 
 
+@pytest.mark.slow("processes")
 def test_processes_end_with_a_command_that_is_killed(tmp_path):
     arguments = [
         "tune",

@@ -23,6 +23,7 @@ def trained(text, folder):
     return run_folder.read_record(folder), evaluations.timesteps.tolist()
 
 
+@pytest.mark.slow("a training")
 def test_a_run_that_does_not_succeed_takes_all_steps_and_fails(tmp_path, capsys):
     text = text_with(**{"evaluation.success": 1.0, "max_timesteps": 1536})
     (tmp_path / "tiny.toml").write_text(text, encoding="utf-8")

@@ -82,6 +82,7 @@ def test_thrashing_robots_that_stand_are_refused() -> None:
         robots.found()
 
 
+@pytest.mark.slow("a benchmark")
 def test_table_has_every_model_at_every_size_and_names_the_headline() -> None:
     rows = actions.measure_here([(f"ours:{model}", 64) for model in _MODELS], rounds=1, seconds=0.001)
     assert not [row["reason"] for row in rows if "reason" in row]

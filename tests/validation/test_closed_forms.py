@@ -10,6 +10,7 @@ from validation.closed_forms import TOPICS
 from validation.topic import Findings, Topic
 
 
+@pytest.mark.slow("repeats a page")
 @pytest.mark.parametrize("topic", TOPICS, ids=lambda topic: topic.name)
 def test_claims_hold(topic: Topic) -> None:
     findings = topic.run()

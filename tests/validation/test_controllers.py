@@ -12,6 +12,7 @@ from tests.support.paths import ROOT
 from validation.controllers import TOPICS, law_figure, laws, limits, responses
 
 
+@pytest.mark.slow("repeats a page")
 def test_the_default_regulator_is_the_one_of_the_page():
     assert [topic.name for topic in TOPICS] == ["limits", "matrix", "tunings", "presets"]
     # Every third direction.
@@ -35,6 +36,7 @@ def test_a_law_has_a_section_with_its_diagram_and_figure(law: str):
     assert "<text" in figure
 
 
+@pytest.mark.slow("repeats a page")
 def test_the_basin_of_a_figure_is_that_of_the_tables():
     found = responses.measure("lqr").recovered
     edges = responses.RING * np.argmin(found, axis=0)

@@ -11,6 +11,7 @@ TOPICS = [topic for chapter in CHAPTERS for topic in chapter.topics]
 APART = (SLOW, "inclines", "environment")
 
 
+@pytest.mark.slow("repeats a page")
 @pytest.mark.parametrize("topic", [t for t in TOPICS if t.name not in APART], ids=lambda topic: topic.name)
 def test_claims_hold(topic: Topic) -> None:
     findings = topic.run()

@@ -34,6 +34,7 @@ def interval_in(cell):
     return float(found[1]), float(found[2])
 
 
+@pytest.mark.slow("repeats a page")
 @pytest.mark.parametrize("one", SHIPPED, ids=lambda one: one.file)
 def test_a_policy_reproduces_its_page(one):
     found = bb.evaluate(

@@ -23,6 +23,7 @@ def test_a_route_is_closed_begins_at_its_point_and_keeps_to_its_speed(name):
     assert 0.95 * MAX_SPEED < speeds.max() <= MAX_SPEED * (1.0 + 1e-9)
 
 
+@pytest.mark.slow("a long drive")
 @pytest.mark.parametrize(("name", "robot"), [("circle", "paper"), ("eight", "kugle")])
 def test_a_robot_follows_a_route_without_falling_and_a_goal_ends_it(name, robot):
     session = Session(robot=robot)

@@ -280,6 +280,7 @@ def test_events_and_motors_that_cannot_be_are_refused(arguments, message):
         Session(**arguments)
 
 
+@pytest.mark.slow("a long drive")
 @pytest.mark.parametrize("model", MODELS)
 def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
     session = Session(model, controller="lqr", num_robots=4, events="hard", seed=3)

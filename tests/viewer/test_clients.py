@@ -310,6 +310,7 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
     assert (out, err) == ("", "")
 
 
+@pytest.mark.slow("many clients")
 def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(view):
     wait_until(lambda: not view.server._clients)
     address = view.url.replace("http", "ws")
@@ -332,6 +333,7 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
         wait_until(lambda: len(view.server.get_clients()) == 1)
 
 
+@pytest.mark.slow("200 clients")
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="reads the memory of Linux")  # noqa: PTH110
 def test_two_hundred_clients_take_bounded_memory(view):
     def megabytes():

@@ -113,6 +113,7 @@ def test_driving_is_followed_and_limited(controller):
     assert np.linalg.norm(session.robots.states[0].ball_velocity) < 0.02
 
 
+@pytest.mark.slow("long drives")
 @pytest.mark.parametrize("robot", Params.preset_names())
 def test_nothing_that_keys_do_topples_lqr(robot):
     session = Session(robot=robot, task="velocity", num_robots=2)
@@ -126,6 +127,7 @@ def test_nothing_that_keys_do_topples_lqr(robot):
             assert max(state.tilt for state in session.robots.states) < math.radians(15.0)
 
 
+@pytest.mark.slow("many clicks")
 @pytest.mark.parametrize("robot", Params.preset_names())
 def test_no_click_topples_lqr_and_goals_are_near(robot):
     session = Session(robot=robot, task="goal")

@@ -18,9 +18,12 @@ from tests.support.chromium import Chromium, find_browser
 from tests.support.view import ask
 from tests.support.waiting import wait_until
 
-pytestmark = pytest.mark.skipif(
-    find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`"
-)
+pytestmark = [
+    pytest.mark.slow("a browser"),
+    pytest.mark.skipif(
+        find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`"
+    ),
+]
 
 SIZES = {"desk": (1400, 900), "phone": (390, 844)}
 

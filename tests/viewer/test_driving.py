@@ -51,6 +51,7 @@ def drive_until(condition, connection, *shares):
         time.sleep(0.05)
 
 
+@pytest.mark.slow("real time")
 def test_a_page_drives_while_it_sends(view):
     with page(view) as connection:
         assert connection.recv(timeout=LIMIT) == "on"
@@ -64,6 +65,7 @@ def test_a_page_drives_while_it_sends(view):
     assert is_by_hand(view)
 
 
+@pytest.mark.slow("real time")
 def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeypatch):
     monkeypatch.setattr(driving, "HOLD", 1e6)
     with page(view) as first, page(view) as second:

@@ -103,6 +103,7 @@ def near(handle):
     return st.sampled_from([handle.value, True, False, "lqr", *getattr(handle, "options", ())])
 
 
+@pytest.mark.slow("fuzzes all controls")
 def test_values_of_controls_do_no_harm(view, capfd):
     handles = sorted(view.server.controls.values(), key=lambda handle: handle.order)
     # No policy is loaded in the name of another test, and nothing waits in a replay or a pause.

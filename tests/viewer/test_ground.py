@@ -85,6 +85,7 @@ def test_who_reaches_the_edge_of_a_tile_goes_on_with_its_command_and_of_the_terr
     assert abs(session.robots.states[0].ball_position[0]) == pytest.approx(3.0, abs=0.2)
 
 
+@pytest.mark.slow("rigid falls")
 @pytest.mark.parametrize("robot", ["paper", "rezero"])
 def test_a_body_that_strikes_the_floor_in_rigid_lies_where_it_fell(robot):
     """An impact has it some millimeters within the floor, where no robot may begin."""
@@ -169,6 +170,7 @@ def test_a_ghost_survives_a_change_of_the_task_whose_options_it_has():
     assert not session.notices
 
 
+@pytest.mark.slow("rigid on tiles")
 def test_a_level_of_tiles_stays_behind_on_other_ground():
     session = Session(task="terrain", task_options={"level": 2})
     session.choose(task="velocity")

@@ -95,6 +95,7 @@ def test_results_and_errors_of_calls_are_passed_on():
     assert watch.call("add", lambda: 2, 5.0) == 2
 
 
+@pytest.mark.slow("processes")
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc to send Ctrl-C at the right time")
 @pytest.mark.parametrize("at", ["loading", "trial", "loop", "end of the loop"])
 def test_the_keyboard_ends_the_command(looping, tmp_path, at):

@@ -43,6 +43,7 @@ def stays(viewer, eye):
     return (eye == before).all()
 
 
+@pytest.mark.slow("a browser")
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_keys_and_sticks_drive_in_a_browser(tmp_path):
     # Nothing is drawn: what moves, moves by hand.

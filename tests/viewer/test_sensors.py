@@ -152,6 +152,7 @@ def test_the_estimator_is_that_of_the_robot_without_changes():
     assert np.array_equal(before.frame().states, after.frame().states)
 
 
+@pytest.mark.slow("a long drive")
 @pytest.mark.parametrize("model", MODELS)
 def test_robots_on_estimates_fall_and_start_anew_for_a_long_time(model):
     session = Session(model, num_robots=4, events="hard", seed=3, sensors=NOISY, observation="sensors")

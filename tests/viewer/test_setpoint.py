@@ -27,16 +27,19 @@ def click_about(session, clicks, *, reach=5.0, seed=0):
     return worst
 
 
+@pytest.mark.slow("a hundred clicks")
 @pytest.mark.parametrize("robot", Params.preset_names())
 def test_a_hundred_clicks_do_not_topple_lqr(robot):
     assert click_about(Session("contact", robot, "lqr"), 100) < math.radians(8.0)
 
 
+@pytest.mark.slow("a hundred clicks")
 def test_a_hundred_clicks_do_not_topple_the_shipped_policy():
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     assert click_about(Session("contact", "paper", POLICY), 100) < math.radians(8.0)
 
 
+@pytest.mark.slow("a hundred clicks")
 @pytest.mark.parametrize("controller", ["lqr", POLICY])
 @pytest.mark.parametrize("model", ["planar", "spatial", "rigid"])
 def test_clicks_do_not_topple_on_other_models(model, controller):
@@ -54,6 +57,7 @@ def test_a_far_goal_is_reached(goal):
     np.testing.assert_allclose(session.frame().target, goal, atol=1e-9)
 
 
+@pytest.mark.slow("a long drive")
 def test_controllers_are_switched_and_the_robot_pushed_on_the_way():
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     session = Session()

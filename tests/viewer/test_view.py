@@ -29,6 +29,8 @@ from tests.support.paths import ASSETS  # noqa: E402
 from tests.support.view import ask, connect  # noqa: E402
 from tests.support.waiting import LIMIT, wait_until  # noqa: E402
 
+pytestmark = pytest.mark.slow("a browser")
+
 
 @pytest.fixture
 def view():
