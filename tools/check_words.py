@@ -18,8 +18,7 @@ ROOT = Path(__file__).resolve().parents[1]
 CHECKED = (
     "CONTRIBUTING.md",
     "examples/README.md",
-    "crates/ballbot-core/src",
-    "crates/ballbot-py/src",
+    "crates",
     "docs/tutorials",
     "docs/actuators.md",
     "docs/command_line.md",

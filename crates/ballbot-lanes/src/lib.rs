@@ -1,6 +1,6 @@
 //! Eight robots of the contact model side by side, with equal or individual parameters.
 //!
-//! It is a crate of its own, beside the model of one robot, since these two are most of what is to be compiled.
+//! Most of the machine code of the workspace is here, so the crate is separate: other edits do not compile it again.
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
