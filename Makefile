@@ -18,6 +18,8 @@ COMPATIBILITY ?= manylinux2014
 TARGET ?=
 # Runs that target's Python, to try its wheel: "qemu-aarch64 -L ROOT ROOT/usr/bin/python3".
 TARGET_PYTHON ?=
+# Crates with an interface in Rust.
+DOCUMENTED := $(patsubst crates/%,--package %,$(filter-out crates/ballbot-py,$(wildcard crates/*)))
 # What ballbot-core compiles without its other parts.
 FEATURES := rigid urdf render
 FUZZ_TARGETS := urdf visuals stl
@@ -92,7 +94,7 @@ test-all: test
 	$(PYTEST) -m slow
 
 test-builds: $(INSTALLED)
-	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --no-default-features --test features
+	CARGO_PROFILE_DEV_OPT_LEVEL=0 cargo test --locked --package ballbot-tests --no-default-features --test features
 	BALLBOT_EXTENSION=1 $(BIN)/pytest tests/envs/test_own_task.py
 
 test-ray: $(RAY_INSTALLED)
@@ -107,7 +109,7 @@ lint: $(INSTALLED)
 	for feature in $(FEATURES); do \
 		cargo clippy --locked --package ballbot-core --no-default-features --features $$feature -- -D warnings || exit 1; \
 	done
-	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --no-deps --package ballbot-core
+	RUSTDOCFLAGS="-D warnings" cargo doc --locked --quiet --no-deps $(DOCUMENTED)
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/python tools/check_words.py
@@ -115,7 +117,7 @@ lint: $(INSTALLED)
 	cd python && ../$(BIN)/python -m mypy.stubtest ballbot_rs._core
 
 docs:
-	cargo doc --locked --no-deps --package ballbot-core
+	cargo doc --locked --no-deps $(DOCUMENTED)
 
 site: docs $(SITE_INSTALLED)
 	$(BIN)/python tools/build_site.py
@@ -197,7 +199,7 @@ endef
 # Its argument: extras. Cargo compiles, which pip would hide, while pip fetches what Python needs.
 define COMPILE_AND_INSTALL
 	@$(BIN)/python tools/requirements.py $(1) > $(VENV)/requirements.txt
-	@echo "compiling the extension: 3 to 4 minutes on two cores the first time, with up to 3 GB of memory"
+	@echo "compiling the extension: 3 to 4 minutes on two cores the first time, with up to 4 GB of memory"
 	@VIRTUAL_ENV="$(abspath $(VENV))" $(BIN)/python -m maturin develop --locked --profile $(PROFILE) --skip-install & \
 	compiler=$$!; \
 	$(BIN)/python -m pip install --quiet --disable-pip-version-check --constraint constraints.txt \

@@ -4,7 +4,7 @@ PYTHON="${PYTHON:-python3}"
 # Free disk space that is needed, GB.
 DISK="${DISK:-1}"
 # Memory that the compiler takes at most, GB, swap included.
-COMPILE_MEMORY="${COMPILE_MEMORY:-6}"
+COMPILE_MEMORY="${COMPILE_MEMORY:-4}"
 failed=0
 
 missing() {

@@ -203,72 +203,85 @@ impl Constants<f64> {
     }
 }
 
+// Not closures: large closures are not inlined, and their operations are then calls.
+#[inline(always)]
+fn three<V, U>([x, y, z]: &[V; 3], f: &impl Fn(&V) -> U) -> [U; 3] {
+    [f(x), f(y), f(z)]
+}
+
+#[inline(always)]
+fn four<V, U>([w, x, y, z]: &[V; 4], f: &impl Fn(&V) -> U) -> [U; 4] {
+    [f(w), f(x), f(y), f(z)]
+}
+
+#[inline(always)]
+fn nine<V, U>([x, y, z]: &[[V; 3]; 3], f: &impl Fn(&V) -> U) -> [[U; 3]; 3] {
+    [three(x, f), three(y, f), three(z, f)]
+}
+
 impl<V> Constants<V> {
     /// Constants with `f` applied to each number.
     #[inline(always)]
     pub fn map<U>(&self, f: impl Fn(&V) -> U) -> Constants<U> {
-        let one = |value: &V| f(value);
-        let three = |values: &[V; 3]| [one(&values[0]), one(&values[1]), one(&values[2])];
-        let four = |[w, x, y, z]: &[V; 4]| [one(w), one(x), one(y), one(z)];
-        let nine = |rows: &[[V; 3]; 3]| [three(&rows[0]), three(&rows[1]), three(&rows[2])];
+        let f = &f;
         Constants {
-            sim_dt: one(&self.sim_dt),
-            sim_dt_inverse: one(&self.sim_dt_inverse),
-            half_dt: one(&self.half_dt),
-            gravity_dt: three(&self.gravity_dt),
-            ball_radius: one(&self.ball_radius),
-            ball_mass_inverse: one(&self.ball_mass_inverse),
-            ball_drag: one(&self.ball_drag),
-            body_mass_inverse: one(&self.body_mass_inverse),
-            body_inertia: three(&self.body_inertia),
-            body_inertia_inverse: three(&self.body_inertia_inverse),
-            general: one(&self.general),
-            principal_axes: four(&self.principal_axes),
-            com: three(&self.com),
-            mast: three(&self.mast),
-            wheel_radius: one(&self.wheel_radius),
-            contact_distance: one(&self.contact_distance),
-            relative_mass_inverse: one(&self.relative_mass_inverse),
-            floor_compliance: one(&self.floor_compliance),
-            floor_compliance_inverse: one(&self.floor_compliance_inverse),
-            ball_mass: one(&self.ball_mass),
-            drive_compliance: one(&self.drive_compliance),
-            wheel_inertia: one(&self.wheel_inertia),
-            wheel_inertia_inverse: one(&self.wheel_inertia_inverse),
-            wheel_dt_inverse_inertia: one(&self.wheel_dt_inverse_inertia),
-            wheel_rim_ratio: one(&self.wheel_rim_ratio),
-            wheel_centers: nine(&self.wheel_centers),
-            u: nine(&self.u),
-            wheel_static_friction: one(&self.wheel_static_friction),
-            wheel_dynamic_friction: one(&self.wheel_dynamic_friction),
-            floor_static_friction: one(&self.floor_static_friction),
-            floor_dynamic_friction: one(&self.floor_dynamic_friction),
-            critical_velocity_inverse_squared: one(&self.critical_velocity_inverse_squared),
-            joint_dry_impulse: one(&self.joint_dry_impulse),
-            joint_viscous_impulse: one(&self.joint_viscous_impulse),
-            recovery: one(&self.recovery),
-            body_radius: one(&self.body_radius),
-            body_ends: [three(&self.body_ends[0]), three(&self.body_ends[1])],
-            body_bottom: one(&self.body_bottom),
-            body_top: one(&self.body_top),
-            reach: one(&self.reach),
-            reach_inverse_inertia: one(&self.reach_inverse_inertia),
-            ball_surface_compliance: one(&self.ball_surface_compliance),
-            ball_rim_ratio: one(&self.ball_rim_ratio),
-            wheel_surface_compliance: one(&self.wheel_surface_compliance),
-            wheel_loads: three(&self.wheel_loads),
-            static_wheel_load: one(&self.static_wheel_load),
-            static_floor_load: one(&self.static_floor_load),
-            static_ball_load: one(&self.static_ball_load),
-            loss_share: one(&self.loss_share),
-            rolling_loss: one(&self.rolling_loss),
-            spinning_loss: one(&self.spinning_loss),
-            roller_friction: one(&self.roller_friction),
-            roller_friction_slope: one(&self.roller_friction_slope),
-            unusual: one(&self.unusual),
-            ripple_amplitude: one(&self.ripple_amplitude),
-            roller_count: one(&self.roller_count),
-            roller_phases: three(&self.roller_phases),
+            sim_dt: f(&self.sim_dt),
+            sim_dt_inverse: f(&self.sim_dt_inverse),
+            half_dt: f(&self.half_dt),
+            gravity_dt: three(&self.gravity_dt, f),
+            ball_radius: f(&self.ball_radius),
+            ball_mass_inverse: f(&self.ball_mass_inverse),
+            ball_drag: f(&self.ball_drag),
+            body_mass_inverse: f(&self.body_mass_inverse),
+            body_inertia: three(&self.body_inertia, f),
+            body_inertia_inverse: three(&self.body_inertia_inverse, f),
+            general: f(&self.general),
+            principal_axes: four(&self.principal_axes, f),
+            com: three(&self.com, f),
+            mast: three(&self.mast, f),
+            wheel_radius: f(&self.wheel_radius),
+            contact_distance: f(&self.contact_distance),
+            relative_mass_inverse: f(&self.relative_mass_inverse),
+            floor_compliance: f(&self.floor_compliance),
+            floor_compliance_inverse: f(&self.floor_compliance_inverse),
+            ball_mass: f(&self.ball_mass),
+            drive_compliance: f(&self.drive_compliance),
+            wheel_inertia: f(&self.wheel_inertia),
+            wheel_inertia_inverse: f(&self.wheel_inertia_inverse),
+            wheel_dt_inverse_inertia: f(&self.wheel_dt_inverse_inertia),
+            wheel_rim_ratio: f(&self.wheel_rim_ratio),
+            wheel_centers: nine(&self.wheel_centers, f),
+            u: nine(&self.u, f),
+            wheel_static_friction: f(&self.wheel_static_friction),
+            wheel_dynamic_friction: f(&self.wheel_dynamic_friction),
+            floor_static_friction: f(&self.floor_static_friction),
+            floor_dynamic_friction: f(&self.floor_dynamic_friction),
+            critical_velocity_inverse_squared: f(&self.critical_velocity_inverse_squared),
+            joint_dry_impulse: f(&self.joint_dry_impulse),
+            joint_viscous_impulse: f(&self.joint_viscous_impulse),
+            recovery: f(&self.recovery),
+            body_radius: f(&self.body_radius),
+            body_ends: [three(&self.body_ends[0], f), three(&self.body_ends[1], f)],
+            body_bottom: f(&self.body_bottom),
+            body_top: f(&self.body_top),
+            reach: f(&self.reach),
+            reach_inverse_inertia: f(&self.reach_inverse_inertia),
+            ball_surface_compliance: f(&self.ball_surface_compliance),
+            ball_rim_ratio: f(&self.ball_rim_ratio),
+            wheel_surface_compliance: f(&self.wheel_surface_compliance),
+            wheel_loads: three(&self.wheel_loads, f),
+            static_wheel_load: f(&self.static_wheel_load),
+            static_floor_load: f(&self.static_floor_load),
+            static_ball_load: f(&self.static_ball_load),
+            loss_share: f(&self.loss_share),
+            rolling_loss: f(&self.rolling_loss),
+            spinning_loss: f(&self.spinning_loss),
+            roller_friction: f(&self.roller_friction),
+            roller_friction_slope: f(&self.roller_friction_slope),
+            unusual: f(&self.unusual),
+            ripple_amplitude: f(&self.ripple_amplitude),
+            roller_count: f(&self.roller_count),
+            roller_phases: three(&self.roller_phases, f),
         }
     }
 }

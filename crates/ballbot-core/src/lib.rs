@@ -3,8 +3,8 @@
 //!
 //! Layers, each depending only on earlier layers: parameters, state, kinematics and lanes; actuators and sensors
 //! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]);
-//! controllers ([`control`]) and simulation-based controllers ([`planning`]); tasks ([`task`]); environments
-//! ([`batch`]).
+//! controllers ([`control`]); tasks ([`task`]). Each is a crate, which this crate re-exports. Its own code is what joins
+//! them: one robot of any model ([`Ballbot`]), environments ([`batch`]) and simulation-based controllers ([`planning`]).
 //!
 //! Without `--release`, Cargo builds dependencies without optimization, and this crate is many times slower. To debug
 //! your code with an optimized crate, add to the workspace's `Cargo.toml`:

@@ -35,18 +35,14 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let d = self.delassus;
         let like = self.friction.floor;
         let (normal, tangent) = (d.ball_mass.at(like), d.floor_compliance_inverse.at(like));
-        let wheel = |inverse: &[L; 3], impulses: &[L; 3], r: &[L; 3]| {
-            let one = |i: usize| r[i].neg_mul_add(inverse[i], impulses[i]);
-            [one(0), one(1), one(2)]
-        };
         PerRow {
             floor: [
                 residuals.floor[0].neg_mul_add(normal, impulses.floor[0]),
                 residuals.floor[1].neg_mul_add(tangent, impulses.floor[1]),
                 residuals.floor[2].neg_mul_add(tangent, impulses.floor[2]),
             ],
-            normals: wheel(&d.normal_inverse, &impulses.normals, &residuals.normals),
-            drives: wheel(&d.drive_inverse, &impulses.drives, &residuals.drives),
+            normals: wheel_trial(&d.normal_inverse, &impulses.normals, &residuals.normals),
+            drives: wheel_trial(&d.drive_inverse, &impulses.drives, &residuals.drives),
             joints: if JOINTS { self.joint_trial(impulses.joints, residuals.joints) } else { impulses.joints },
         }
     }
@@ -54,8 +50,8 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     #[inline(always)]
     fn joint_trial(&self, impulses: [L; 3], residuals: [L; 3]) -> [L; 3] {
         let own = &self.delassus.joint_joint;
-        let one = |i: usize| impulses[i] - residuals[i] / own[i][i];
-        [one(0), one(1), one(2)]
+        let [a, b, c] = impulses;
+        [a - residuals[0] / own[0][0], b - residuals[1] / own[1][1], c - residuals[2] / own[2][2]]
     }
 
     /// Solves the conditions for given modes. `weight` multiplies the slip speeds in the trial impulses: with a small
@@ -198,4 +194,11 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let tangent = L::select(mode.slips, slipping, over);
         L::select(mode.closed, closed.max(tangent), closed)
     }
+}
+
+/// Trial impulses of rows with one row per wheel.
+// Not a closure: a large closure is not inlined, and its operations are then calls.
+#[inline(always)]
+fn wheel_trial<L: Lane>(inverse: &[L; 3], [a, b, c]: &[L; 3], r: &[L; 3]) -> [L; 3] {
+    [r[0].neg_mul_add(inverse[0], *a), r[1].neg_mul_add(inverse[1], *b), r[2].neg_mul_add(inverse[2], *c)]
 }

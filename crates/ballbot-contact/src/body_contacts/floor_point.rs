@@ -273,9 +273,10 @@ impl<L: Lane> FloorPoint<L> {
         let [normal, x, y] = &self.rows;
         let [n, tx, ty] = self.impulses;
         // All speeds at once; the coupling gives the effect of the normal impulse on the tangential speeds.
-        let speed = |row: &Row<L>, along: L| row.speed(self.wheel, along, v);
         let [up, across, along] = self.axes;
-        let (sn, sx, sy) = (speed(normal, up.dot(v.body)), speed(x, across.dot(v.body)), speed(y, along.dot(v.body)));
+        let sn = normal.speed(self.wheel, up.dot(v.body), v);
+        let sx = x.speed(self.wheel, across.dot(v.body), v);
+        let sy = y.speed(self.wheel, along.dot(v.body), v);
         let pressed = (sn + allowance(c, self.gap)).neg_mul_add(self.normal_inverse, n).max(zero);
         let pressed = L::select(self.candidate, pressed, zero);
         let dn = pressed - n;

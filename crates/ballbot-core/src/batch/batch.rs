@@ -2,13 +2,13 @@
 
 use super::autoreset::Autoreset;
 use super::buffers::StepBuffers;
-use super::chunk::Chunk;
 use super::config::EnvConfig;
-use super::environments::Environments;
+use super::env::Environments;
+use super::env::chunk::Chunk;
+use super::env::robots::Single;
+use super::env::task_step::TaskStep;
 use super::events::{Plan, Stages};
 use super::pieces::pieces;
-use super::robots::Single;
-use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::perception::Perception;
 use crate::robot::{Ballbot, ModelKind, check_restored};

@@ -68,7 +68,7 @@ impl Batch {
         let setpoints = setpoints.unwrap_or_default();
         let (autoreset, width) = (self.autoreset, self.width);
         let stop = self.stop()?;
-        let step = |chunks: &mut [Box<dyn super::chunk::Chunk>], actions: &mut [f32], first: usize, buffers| {
+        let step = |chunks: &mut [Box<dyn super::env::chunk::Chunk>], actions: &mut [f32], first: usize, buffers| {
             let mut rest: StepBuffers<'_> = buffers;
             let mut watch = Watch::new();
             for (k, (chunk, actions)) in chunks.iter_mut().zip(actions.chunks_mut(width * ACTION_LEN)).enumerate() {

@@ -2,7 +2,7 @@
 
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
 use super::levels::Levels;
-use super::observation::Observation;
+use super::observation_source::Observation;
 use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};

@@ -1,7 +1,7 @@
 //! Chunks of a batch in pieces, one per thread task.
 
 use super::buffers::StepBuffers;
-use super::chunk::Chunk;
+use super::env::chunk::Chunk;
 
 /// `per_piece` chunks of `width` environments at a time, with their part of the buffers.
 pub(super) fn pieces<'a>(

@@ -1,10 +1,10 @@
 //! Draws of the events of a chunk's robots, and the times of the next draws.
 
-use super::super::robots::{Robots, refused};
 use super::event::When;
 use super::plan::{Plan, Target};
 use super::sampler::{ATTEMPTS, Source};
 use super::setup::{Setup, Stages};
+use crate::batch::env::robots::{Robots, refused};
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
 use serde::{Deserialize, Serialize};

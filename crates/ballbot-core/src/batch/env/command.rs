@@ -1,6 +1,6 @@
 //! Commands of the robots of a chunk: sampled by the task, or set by hand.
 
-use super::environments::Environments;
+use super::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::Robots;
 use crate::actuator::Actuator;
@@ -11,7 +11,7 @@ use ballbot_base::lanes::Cell;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Samples a command for robot `i`; `one` is its ledger. Returns after how many steps the next command is due.
-    pub(super) fn draw_command(&mut self, i: usize) -> f64 {
+    pub fn draw_command(&mut self, i: usize) -> f64 {
         let state = self.robots.lane_state(i);
         let params = self.robots.params(i);
         let level = self.one.episode.level as usize;
@@ -23,7 +23,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Samples commands where they are due; the observation then shows them.
-    pub(super) fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
+    pub fn renew_commands(&mut self, i: usize, observation: &mut [f32]) {
         let episode = &self.ledger.episode;
         if episode.steps.get(i) < episode.next_command.get(i) {
             return;
@@ -38,7 +38,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     ///
     /// # Errors
     /// As [`super::chunk::Chunk::set_command`].
-    pub(super) fn hold_command(&mut self, i: usize, command: &[f64]) -> Result<()> {
+    pub fn hold_command(&mut self, i: usize, command: &[f64]) -> Result<()> {
         if self.episodes[i] == 0 {
             return Err(Error::Inconsistent(
                 "a command before the first reset: an episode begins with one of its own".into(),

@@ -1,15 +1,27 @@
 //! Environments that are stepped together: a single environment of any model, or eight of the contact model in lanes.
 
-use super::autoreset::Autoreset;
-use super::buffers::{Outcome, StepBuffers};
-use super::chunk::Chunk;
-use super::config::EnvConfig;
-use super::events::{Plan, Randomized, Setup, Source, Stages, key_of};
-use super::ledger::Ledger;
-use super::robots::Robots;
-use super::sight::Sight;
-use super::task_step::TaskStep;
+mod begin;
+pub mod chunk;
+mod command;
+pub mod ledger;
+pub mod measure;
+mod observe;
+mod perceive;
+mod randomize;
+pub mod robots;
+mod snapshot;
+pub mod task_step;
+
+use self::chunk::Chunk;
+use self::ledger::Ledger;
+use self::perceive::Sight;
+use self::robots::Robots;
+use self::task_step::TaskStep;
 use crate::actuator::Actuator;
+use crate::batch::autoreset::Autoreset;
+use crate::batch::buffers::{Outcome, StepBuffers};
+use crate::batch::config::EnvConfig;
+use crate::batch::events::{Plan, Randomized, Setup, Source, Stages, key_of};
 use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
 use crate::task::{ACTION_LEN, DIVERGED, Task};
@@ -25,46 +37,46 @@ use rand_chacha::rand_core::SeedableRng;
 use std::sync::Arc;
 
 /// Numbers that a controller keeps for each robot.
-pub(super) struct ControlMemory<C> {
+pub struct ControlMemory<C> {
     /// [`Controller::id`] of the controller that the numbers belong to.
     owner: u64,
-    pub(super) cells: Vec<C>,
+    pub cells: Vec<C>,
 }
 
 /// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
 pub struct Environments<R: Robots, T, A, S> {
-    pub(super) config: Arc<EnvConfig<T>>,
-    pub(super) step: Arc<TaskStep<T, S>>,
-    pub(super) actuator: A,
+    pub config: Arc<EnvConfig<T>>,
+    pub step: Arc<TaskStep<T, S>>,
+    pub actuator: A,
     substeps: usize,
     action_torque: f64,
     /// How many robots belong to environments; the others stand still.
-    pub(super) used: usize,
-    pub(super) robots: R,
+    pub used: usize,
+    pub robots: R,
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
-    pub(super) ledger: Ledger<R::Cell>,
+    pub ledger: Ledger<R::Cell>,
     /// Scratch space for the ledger of one robot.
-    pub(super) one: Ledger<f64>,
-    pub(super) control: ControlMemory<R::Cell>,
+    pub one: Ledger<f64>,
+    pub control: ControlMemory<R::Cell>,
     /// Whether any reset has happened.
-    pub(super) begun: bool,
-    pub(super) over: Vec<bool>,
-    pub(super) rngs: Vec<ChaCha8Rng>,
+    pub begun: bool,
+    pub over: Vec<bool>,
+    pub rngs: Vec<ChaCha8Rng>,
     /// Seeds that the next episodes begin with; the current episodes keep their random numbers.
-    pub(super) next_seeds: Vec<Option<u64>>,
+    pub next_seeds: Vec<Option<u64>>,
     /// Episodes begun since the last seed.
-    pub(super) episodes: Vec<u32>,
+    pub episodes: Vec<u32>,
     /// Metrics of the last episode that ended, environment by environment.
     metrics: Vec<f64>,
     /// Scratch space for the metrics of one environment.
     measured: Vec<f64>,
     /// The randomization of the robots, if there is any.
-    pub(super) events: Option<Box<Randomized>>,
+    pub events: Option<Box<Randomized>>,
     /// Instruments that observe the ground, if there are any.
-    pub(super) sight: Option<Box<Sight>>,
+    pub sight: Option<Box<Sight>>,
     /// Levels of a curriculum that the environments have reached.
-    pub(super) levels: Vec<u32>,
+    pub levels: Vec<u32>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -133,7 +145,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Takes the direction of the center of mass from the parameters of robot `i`.
-    pub(super) fn note_com(&mut self, i: usize) {
+    pub fn note_com(&mut self, i: usize) {
         let direction = self.robots.params(i).com_direction();
         for (cells, component) in self.com_directions.iter_mut().zip(direction.iter()) {
             cells.set(i, *component);
@@ -150,7 +162,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Replaces the parameters of robot `i` without applying events.
-    pub(super) fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
+    pub fn replace_robot(&mut self, i: usize, params: &Params) -> Result<()> {
         params.validate()?;
         // A robot changed by events may have weaker motors than an action commands.
         if !self.has_own_motors() {
@@ -191,7 +203,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Forgets the metrics of the last episode of robot `i`.
-    pub(super) fn forget_metrics(&mut self, i: usize) {
+    pub fn forget_metrics(&mut self, i: usize) {
         let len = self.step.metrics();
         self.metrics[i * len..][..len].fill(f64::NAN);
     }

@@ -1,10 +1,10 @@
 //! Environments as bytes.
 
-use super::environments::Environments;
-use super::events::Saved;
+use super::Environments;
 use super::ledger::{Ledger, Ledgers};
 use super::robots::{Robots, refused};
 use crate::actuator::Actuator;
+use crate::batch::events::Saved;
 use crate::perception::{Reading, Seen};
 use crate::sensor::Sensor;
 use crate::task::Task;
@@ -38,7 +38,7 @@ struct Snapshot {
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// As [`super::chunk::Chunk::save`].
-    pub(super) fn save_one(&self, i: usize) -> Vec<u8> {
+    pub fn save_one(&self, i: usize) -> Vec<u8> {
         let mut ledger = Ledger::new(self.step.sizes());
         R::Cell::take(&self.ledger, i, &mut ledger);
         snapshot::encode(&Snapshot {
@@ -74,7 +74,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// As [`super::chunk::Chunk::load`].
-    pub(super) fn load_one(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
+    pub fn load_one(&mut self, i: usize, bytes: &[u8]) -> Result<()> {
         let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
         let model = self.config.model.name();
         if (snapshot.task.as_str(), snapshot.model.as_str()) != (T::NAME, model) {

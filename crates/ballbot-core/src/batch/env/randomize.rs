@@ -1,10 +1,10 @@
 //! How events change the robots of a chunk.
 
-use super::autoreset::Autoreset;
-use super::environments::Environments;
-use super::events::{Source, key_of};
+use super::Environments;
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::batch::autoreset::Autoreset;
+use crate::batch::events::{Source, key_of};
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::lanes::Cell;
@@ -13,7 +13,7 @@ use rand_chacha::rand_core::SeedableRng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Applies the events of a new episode to robot `i`; it must then be placed.
-    pub(super) fn renew(&mut self, i: usize) {
+    pub fn renew(&mut self, i: usize) {
         if let Some(seed) = self.next_seeds[i].take() {
             self.rngs[i] = ChaCha8Rng::seed_from_u64(seed);
             self.episodes[i] = 0;
@@ -32,12 +32,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Whether each robot has separate motors.
-    pub(super) fn has_own_motors(&self) -> bool {
+    pub fn has_own_motors(&self) -> bool {
         self.actuator.is_individual() && self.events.is_some()
     }
 
     /// Updates the stages of robot `i` from its parameters, within an episode.
-    pub(super) fn inform(&mut self, i: usize) {
+    pub fn inform(&mut self, i: usize) {
         self.equip(i);
         self.note_gravity(i);
     }
@@ -52,7 +52,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Fires the events that are due.
-    pub(super) fn fire_events(&mut self, autoreset: Autoreset) {
+    pub fn fire_events(&mut self, autoreset: Autoreset) {
         for i in 0..self.used {
             let Some(events) = self.events.as_mut().filter(|events| events.plan.timed) else { return };
             let step = self.ledger.episode.steps.get(i);

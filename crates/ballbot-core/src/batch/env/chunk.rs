@@ -1,8 +1,8 @@
 //! The unit that a batch steps: a single environment of any model, or eight of the contact model in lanes.
 
-use super::autoreset::Autoreset;
-use super::buffers::StepBuffers;
-use super::events::Stages;
+use crate::batch::autoreset::Autoreset;
+use crate::batch::buffers::StepBuffers;
+use crate::batch::events::Stages;
 use crate::control::Controller;
 use crate::sensor::Readings;
 use ballbot_base::error::Result;
@@ -103,10 +103,10 @@ pub trait Chunk: Send + Sync {
     /// Pushes of the events in the episode.
     fn push_count(&self, i: usize) -> u32;
 
-    /// Replaces the parameters that the robot has without events; see [`super::Batch::set_params`].
+    /// Replaces the parameters that the robot has without events; see [`crate::batch::Batch::set_params`].
     ///
     /// # Errors
-    /// As [`super::Batch::set_params`].
+    /// As [`crate::batch::Batch::set_params`].
     fn set_params(&mut self, i: usize, params: &Params) -> Result<()>;
 
     /// Applies an impulse to the robot's body.
@@ -115,7 +115,7 @@ pub trait Chunk: Send + Sync {
     /// As [`crate::Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
 
-    /// The pending push on the body, in the form of [`super::Outside::pushes`].
+    /// The pending push on the body, in the form of [`crate::batch::Outside::pushes`].
     fn pending_push(&self, i: usize) -> [f64; 6];
 
     /// Reseeds the random numbers from the next episode on.

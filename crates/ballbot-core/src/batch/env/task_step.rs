@@ -1,9 +1,9 @@
 //! The part of a control step that follows the simulation: sensor, reward, termination, observation.
 
-use super::config::EnvConfig;
 use super::ledger::{Ledger, Sizes};
-use super::measured::Measured;
+use super::measure::Measured;
 use crate::actuator::Actuator;
+use crate::batch::config::EnvConfig;
 use crate::perception::Perception;
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};

@@ -1,7 +1,7 @@
 //! The robots of a chunk: one of any model, or eight of the contact model in lanes.
 
 use super::ledger::{Ledger, Ledgers};
-use super::measured::Measured;
+use super::measure::Measured;
 use super::task_step::TaskStep;
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;

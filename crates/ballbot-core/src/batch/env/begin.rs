@@ -1,11 +1,11 @@
 //! Starts of the episodes of a chunk.
 
-use super::environments::Environments;
-use super::events::key_of;
+use super::Environments;
 use super::ledger::{Ledger, Ledgers};
-use super::levels::Levels;
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::batch::events::key_of;
+use crate::batch::levels::Levels;
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::lanes::Cell;
@@ -13,7 +13,7 @@ use ballbot_base::state::State;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Places robot `i` in an accepted state and begins an episode.
-    pub(super) fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
+    pub fn begin(&mut self, i: usize, start: &State, observation: &mut [f32]) {
         self.robots.place(i, start);
         self.one.begin(self.config.max_episode_steps as f64);
         let key = key_of(self.rngs[i].get_seed());
@@ -40,14 +40,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Moves a start of robot `i` on level ground to its own ground.
-    pub(super) fn on_ground(&self, i: usize, start: State) -> State {
+    pub fn on_ground(&self, i: usize, start: State) -> State {
         match self.robots.ground() {
             Some(ground) => ground.adapted(self.robots.params(i), self.robots.wheels(i), &start),
             None => start,
         }
     }
 
-    pub(super) fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
+    pub fn begin_at_random(&mut self, i: usize, observation: &mut [f32]) {
         self.renew(i);
         let (params, wheels) = (self.robots.params(i), self.robots.wheels(i));
         let mut start = self.step.task.start(params, wheels, &mut self.rngs[i]);
@@ -65,7 +65,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Updates the level of the next episode of robot `i` from the end of its last episode.
-    pub(super) fn note_level(&mut self, i: usize) {
+    pub fn note_level(&mut self, i: usize) {
         if self.config.levels == Levels::Curriculum {
             R::Cell::take(&self.ledger, i, &mut self.one);
             let fell = self.ledger.episode.termination.get(i) > 0.0;

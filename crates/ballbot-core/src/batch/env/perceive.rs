@@ -1,13 +1,14 @@
 //! How the robots of a chunk perceive the ground.
 
-use super::environments::Environments;
-use super::events::key_of;
+use super::Environments;
 use super::robots::Robots;
 use crate::actuator::Actuator;
-use crate::perception::View;
+use crate::batch::events::key_of;
+use crate::perception::{Perception, Seen, View};
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::lanes::Cell;
+use std::sync::Arc;
 
 /// Separates the random numbers of instruments from those of events and sensors under the same seed.
 const KEY: u32 = 0x5CA9_0001;
@@ -17,14 +18,26 @@ fn key(seed: [u8; 32]) -> [u32; 2] {
     [first ^ KEY, second]
 }
 
+/// Instruments with the readings of each robot.
+pub struct Sight {
+    pub perception: Arc<Perception>,
+    pub seen: Vec<Seen>,
+}
+
+impl Sight {
+    pub fn new(perception: &Arc<Perception>, robots: usize) -> Self {
+        Self { perception: Arc::clone(perception), seen: vec![perception.nothing(); robots] }
+    }
+}
+
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// How many numbers the instruments add to an observation.
-    pub(super) fn perceived(&self) -> usize {
+    pub fn perceived(&self) -> usize {
         self.sight.as_ref().map_or(0, |sight| sight.perception.width())
     }
 
     /// Begins the episode of the instruments of robot `i`.
-    pub(super) fn begin_perceiving(&mut self, i: usize) {
+    pub fn begin_perceiving(&mut self, i: usize) {
         let Some(sight) = &mut self.sight else { return };
         let view = View::of(&self.robots.lane_state(i), self.robots.params(i).ball_radius);
         let terrain = self.robots.ground().map(|ground| &**ground.terrain());
@@ -33,13 +46,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Restores what the instruments of robot `i` depend on, except their readings.
-    pub(super) fn restore_perceiving(&mut self, i: usize) {
+    pub fn restore_perceiving(&mut self, i: usize) {
         let Some(sight) = &mut self.sight else { return };
         sight.perception.restore(&mut sight.seen[i], key(self.rngs[i].get_seed()), self.episodes[i]);
     }
 
     /// Takes the samples and readings that are due after a step of robot `i`.
-    pub(super) fn perceive(&mut self, i: usize) {
+    pub fn perceive(&mut self, i: usize) {
         let Some(sight) = &mut self.sight else { return };
         let view = || View::of(&self.robots.lane_state(i), self.robots.params(i).ball_radius);
         let terrain = self.robots.ground().map(|ground| &**ground.terrain());
@@ -49,7 +62,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Writes the readings of robot `i` after the rows of its task.
     #[inline]
-    pub(super) fn write_perceived(&self, i: usize, out: &mut [f32]) {
+    pub fn write_perceived(&self, i: usize, out: &mut [f32]) {
         if let Some(sight) = &self.sight {
             sight.perception.write(&sight.seen[i], out);
         }

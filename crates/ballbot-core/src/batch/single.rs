@@ -2,11 +2,11 @@
 
 use super::Autoreset;
 use super::buffers::{Outcome, StepBuffers};
-use super::chunk::Chunk;
 use super::config::EnvConfig;
-use super::environments::Environments;
-use super::robots::Single;
-use super::task_step::TaskStep;
+use super::env::Environments;
+use super::env::chunk::Chunk;
+use super::env::robots::Single;
+use super::env::task_step::TaskStep;
 use crate::actuator::{Actuator, MotorOptions};
 use crate::robot::{Ballbot, check_restored};
 use crate::sensor::{Readings, Sensor};
@@ -156,7 +156,7 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// As [`super::Batch::readings`].
     pub fn readings(&self) -> Result<Readings<f64>> {
-        self.inner.readings(0).ok_or_else(super::observations::no_sensors)
+        self.inner.readings(0).ok_or_else(super::accessors::no_sensors)
     }
 
     /// As [`super::Batch::estimate`].
@@ -164,7 +164,7 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// As [`super::Batch::estimate`].
     pub fn estimate(&self) -> Result<State> {
-        self.inner.estimate(0).ok_or_else(super::observations::no_estimator)
+        self.inner.estimate(0).ok_or_else(super::accessors::no_estimator)
     }
 
     /// As [`super::Batch::privileged_observation`].
@@ -172,7 +172,7 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// As [`super::Batch::privileged_observation`].
     pub fn privileged_observation(&mut self, out: &mut [f32]) -> Result<()> {
-        super::observations::check_len(out.len(), self.rows)?;
+        super::accessors::check_len(out.len(), self.rows)?;
         self.inner.privileged_observation(0, out);
         Ok(())
     }

@@ -5,7 +5,7 @@ use super::batch::Batch;
 use super::config::EnvConfig;
 use super::events::Event;
 use super::levels::Levels;
-use super::observation::Observation;
+use super::observation_source::Observation;
 use crate::actuator::MotorOptions;
 use crate::perception::{DepthOptions, ScanOptions};
 use crate::robot::ModelKind;

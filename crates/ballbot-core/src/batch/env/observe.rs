@@ -1,11 +1,11 @@
 //! Observations of the robots of a chunk.
 
-use super::environments::Environments;
-use super::events::Randomized;
+use super::Environments;
 use super::ledger::{Ledger, Ledgers};
-use super::measured::Measured;
+use super::measure::Measured;
 use super::robots::Robots;
 use crate::actuator::Actuator;
+use crate::batch::events::Randomized;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
 use ballbot_base::lane_state::{LaneState, StateCells};
@@ -14,7 +14,7 @@ use rand_chacha::ChaCha8Rng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     /// Begins the episode of the sensors of robot `i`; `one` is its ledger.
-    pub(super) fn begin_readings(&mut self, i: usize) {
+    pub fn begin_readings(&mut self, i: usize) {
         if self.one.sensor.is_empty() {
             return;
         }
@@ -28,7 +28,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// The numbers of the sensors of robot `i`. Before its first episode they are the readings of the robot at rest in
     /// its current state.
-    pub(super) fn sensor_numbers(&self, i: usize) -> impl Fn(usize) -> f64 {
+    pub fn sensor_numbers(&self, i: usize) -> impl Fn(usize) -> f64 {
         let at_rest = (self.episodes[i] == 0 && !self.ledger.sensor.is_empty()).then(|| {
             let mut one = Ledger::new(self.step.sizes());
             let state = self.robots.lane_state(i);
@@ -41,7 +41,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Writes the states of all robots as the task observes them. Before its first episode a robot is observed at rest.
-    pub(super) fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
+    pub fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
         self.robots.read(states);
         if self.episodes.iter().all(|episodes| *episodes > 0) {
             R::Cell::measure(&self.step.sensor, &mut self.ledger.sensor, &mut self.one.sensor, states);
@@ -56,7 +56,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Gives the sensors of robot `i` its current gravity, within an episode.
-    pub(super) fn note_gravity(&mut self, i: usize) {
+    pub fn note_gravity(&mut self, i: usize) {
         let gravity = self.robots.params(i).gravity_vector();
         // A reading that is repeated starts from the numbers before it.
         for all in [&mut self.ledger.sensor, &mut self.ledger.last_sensor] {
@@ -68,14 +68,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Fills the history with the first observation of an episode.
-    pub(super) fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
+    pub fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
         if self.repeat_rows(i) {
             self.write_observation(i, observation);
         }
     }
 
     /// The same for an observation that is requested later. Returns whether there is a history.
-    pub(super) fn repeat_rows(&mut self, i: usize) -> bool {
+    pub fn repeat_rows(&mut self, i: usize) -> bool {
         let rows = self.step.rows();
         let (newest, older) = self.ledger.observation.split_at_mut(rows);
         for observation in older.chunks_exact_mut(rows) {
@@ -85,20 +85,20 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Observes robot `i` again; `one` is its ledger.
-    pub(super) fn observe(&mut self, i: usize, observation: &mut [f32]) {
+    pub fn observe(&mut self, i: usize, observation: &mut [f32]) {
         self.observe_silently(i);
         self.write_observation(i, observation);
     }
 
     /// The same for an observation that is requested later.
-    pub(super) fn observe_silently(&mut self, i: usize) {
+    pub fn observe_silently(&mut self, i: usize) {
         let state = self.robots.lane_state(i);
         self.step.observe(&state, &mut self.one);
         R::Cell::put(&mut self.ledger, i, &self.one);
     }
 
     #[inline]
-    pub(super) fn write_observation(&self, i: usize, row: &mut [f32]) {
+    pub fn write_observation(&self, i: usize, row: &mut [f32]) {
         let rows = self.step.rows();
         let (row, perceived) = row.split_at_mut(self.ledger.observation.len());
         self.write_perceived(i, perceived);
@@ -111,14 +111,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Writes the rows of an observation of the true state.
-    pub(super) fn observe_truth(&mut self, i: usize, row: &mut [f32]) {
+    pub fn observe_truth(&mut self, i: usize, row: &mut [f32]) {
         R::Cell::take(&self.ledger, i, &mut self.one);
         self.step.observe_state(&self.robots.lane_state(i), &mut self.one);
         row.iter_mut().zip(&self.one.observation).for_each(|(out, value)| *out = *value as f32);
     }
 
     /// Reseeds the random numbers of the sensors.
-    pub(super) fn seed_sensors(&mut self, i: usize) {
+    pub fn seed_sensors(&mut self, i: usize) {
         if self.ledger.sensor.is_empty() {
             return;
         }
