@@ -394,10 +394,14 @@ pub enum LaneConstants {
 }
 
 impl LaneConstants {
-    /// The same constants in every lane. Robots with losses or a ripple have one set per lane, so that the step of shared
-    /// constants is compiled without them.
+    /// The same constants in every lane. Robots with a ripple have one set per lane, so that the step of shared constants
+    /// is compiled without.
     pub fn of_all(constants: Constants<f64>) -> Self {
-        if constants.unusual > 0.0 { Self::PerLane(each(&constants)) } else { Self::Shared(Box::new(constants)) }
+        if constants.ripple_amplitude > 0.0 {
+            Self::PerLane(each(&constants))
+        } else {
+            Self::Shared(Box::new(constants))
+        }
     }
 
     /// The constants of one robot.
@@ -418,7 +422,7 @@ impl LaneConstants {
         }
         if let Self::PerLane(each) = self {
             each.set_lane(index, one);
-            if one.unusual == 0.0 && (0..EIGHT).all(|i| each.lane(i) == *one) {
+            if one.ripple_amplitude == 0.0 && (0..EIGHT).all(|i| each.lane(i) == *one) {
                 *self = Self::of_all(one.clone());
             }
         }

@@ -27,7 +27,7 @@ use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::{ContactState, Torques};
 use super::types::{Actions, Velocities};
-use ballbot_base::lanes::{Cell, Eight, Lane, Own, Registers, Scalar, SeldomKernel, Value, Vec3, Wide, run_one};
+use ballbot_base::lanes::{Eight, Lane, Own, Registers, Scalar, Value, Vec3, Wide, run_one};
 
 /// Advances one robot by `steps` time steps under constant torques, on level ground without a `footing`.
 pub fn advance(
@@ -73,7 +73,7 @@ fn several<L: Lane, V: Value<L>>(
     let mut actions = Actions { torques: *torques, gravity_dt: *torques };
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
-    let unusual = V::PER_ROBOT && L::any(like.zero().lt(c.unusual.at(like)));
+    let unusual = L::any(like.zero().lt(c.unusual.at(like)));
     for _ in 0..steps {
         // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
@@ -83,9 +83,7 @@ fn several<L: Lane, V: Value<L>>(
                 || footing.enter(c, token, state, &mut actions.gravity_dt),
             );
         }
-        // Robots with losses or a ripple have their own constants: `LaneConstants::of_all`.
-        let on_rollers = V::PER_ROBOT
-            && unusual
+        let on_rollers = unusual
             && L::rarely(
                 token,
                 #[inline(always)]
@@ -114,6 +112,10 @@ fn brake_or_roll<L: Lane, V: Value<L>>(
     actions: &Actions<L::Cell>,
 ) -> bool {
     brake(c, token, state);
+    // Constants that robots share have no ripple: `LaneConstants::of_all`.
+    if !V::PER_ROBOT {
+        return false;
+    }
     let ripple = c.ripple_amplitude.at(L::load(token, &state.steps));
     let any = L::any(ripple.zero().lt(ripple));
     if any {
@@ -135,8 +137,11 @@ pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     let near = Near::new(c, &start, token, state, footing);
     if L::any(near.mask) {
         // Only references to memory are passed, so that the usual step keeps its numbers in registers.
-        let constants = &c.stored(L::load(token, &state.steps));
-        L::seldom(token, StepNear { constants, state, footing, actions });
+        L::rarely(
+            token,
+            #[inline(always)]
+            || step_near::<L>(&c.stored(L::load(token, &state.steps)), token, state, footing, actions),
+        );
         return;
     }
     let joints = JointFriction::new(c, start.rows.floor_gap);
@@ -162,22 +167,20 @@ fn step_with<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
     finish(c, token, state, start, (&velocities, &solution.impulses), start.rows.floor_gap.zero());
 }
 
-/// A step of robots, some of which are near a rare contact. It is compiled once for one robot and once for eight, with all
-/// rows that any of the robots may have: for the other robots these rows change no bits.
-struct StepNear<'a, C> {
-    constants: &'a Constants<C>,
-    state: &'a mut ContactState<C>,
-    footing: Option<&'a Footing<C>>,
-    actions: &'a Actions<C>,
-}
-
-impl<C: Cell> SeldomKernel<C> for StepNear<'_, C> {
-    fn run<L: Lane<Cell = C>>(self, token: L::Token) {
-        let Self { constants, state, footing, actions } = self;
-        let mut without = state.clone();
-        step_without_rare_contacts::<L>(constants, token, state, &mut without, actions);
-        body_contacts::finish_near::<L>(constants, token, state, &without, footing, actions);
-    }
+/// A step of robots, some of which are near a rare contact. It is compiled once for each kind of lanes, with all rows
+/// that any of the robots may have: for the other robots these rows change no bits.
+#[cold]
+#[inline(never)]
+fn step_near<L: Lane>(
+    constants: &Constants<L::Cell>,
+    token: L::Token,
+    state: &mut ContactState<L::Cell>,
+    footing: Option<&Footing<L::Cell>>,
+    actions: &Actions<L::Cell>,
+) {
+    let mut without = state.clone();
+    step_without_rare_contacts::<L>(constants, token, state, &mut without, actions);
+    body_contacts::finish_near::<L>(constants, token, state, &without, footing, actions);
 }
 
 /// Gives `without` the velocities and impulses of `state` after a step in which no rare contact touches.

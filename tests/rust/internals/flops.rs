@@ -1,7 +1,7 @@
 //! Counts the floating-point operations of a step, so that their documentation stays true.
 
 use ballbot_contact::{Actions, Delassus, Friction, JointFriction, Start, free_velocities, step};
-use ballbot_core::lanes::{Lane, Scalar, SeldomKernel};
+use ballbot_core::lanes::{Lane, Scalar};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::{Model, Params, State, attitude};
 use nalgebra::{Vector2, Vector3};
@@ -158,10 +158,6 @@ impl Lane for Counted {
 
     fn rarely<R>(_: Scalar, rare: impl FnOnce() -> R) -> R {
         rare()
-    }
-
-    fn seldom(token: Scalar, kernel: impl SeldomKernel<f64>) {
-        kernel.run::<Self>(token);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Eight robots in two vector registers of four. The types of eight that the vector library offers for processors with
 //! narrower registers split and combine at each operation, which the compiler has to take apart again.
 
-use super::{Eight, Lane, SeldomKernel, Value, rare_branch};
+use super::{Eight, Lane, Value, rare_branch};
 use fearless_simd::prelude::*;
 use fearless_simd::{f64x4, mask64x4};
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
@@ -185,13 +185,5 @@ impl<S: Simd> Lane for Halves<S> {
     fn rarely<R>(simd: S, rare: impl FnOnce() -> R) -> R {
         rare_branch();
         simd.vectorize(rare)
-    }
-
-    fn seldom(simd: S, kernel: impl SeldomKernel<Eight>) {
-        rare_branch();
-        simd.vectorize(
-            #[inline(always)]
-            || kernel.run::<Self>(simd),
-        );
     }
 }

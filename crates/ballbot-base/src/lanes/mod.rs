@@ -34,12 +34,6 @@ pub use wide::{Registers, Wide};
 
 use std::ops::{Add, AddAssign, BitAnd, BitOr, Div, Mul, Neg, Not, Sub, SubAssign};
 
-/// A computation for [`Lane::seldom`] on the robots of cells `C`.
-pub trait SeldomKernel<C> {
-    /// Runs the computation.
-    fn run<L: Lane<Cell = C>>(self, token: L::Token);
-}
-
 /// One number per robot, of one robot or of eight.
 ///
 /// Methods that create a number from a constant return the type and width of `self`. Comparisons with NaN are false.
@@ -108,10 +102,6 @@ pub trait Lane:
     /// Runs rarely needed code with the same instructions but separate from the surrounding code, which thus keeps its
     /// registers.
     fn rarely<R>(token: Self::Token, rare: impl FnOnce() -> R) -> R;
-
-    /// Runs code that is so rare that it is compiled for one instruction set only: the smallest with fused
-    /// multiply-adds.
-    fn seldom(token: Self::Token, kernel: impl SeldomKernel<Self::Cell>);
 
     /// Fused multiply-add self · factor + term with the same factor for all robots, rounded once.
     #[inline(always)]

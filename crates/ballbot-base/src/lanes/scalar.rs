@@ -1,6 +1,6 @@
 //! Lanes of one robot: `f64`.
 
-use super::{Lane, SeldomKernel, rare_branch, run_one};
+use super::{Lane, rare_branch, run_one};
 
 /// Token of scalar code, which needs no special instructions.
 #[derive(Clone, Copy, Debug)]
@@ -80,13 +80,5 @@ impl Lane for f64 {
     fn rarely<R>(_: Scalar, rare: impl FnOnce() -> R) -> R {
         rare_branch();
         run_one(rare)
-    }
-
-    fn seldom(token: Scalar, kernel: impl SeldomKernel<f64>) {
-        rare_branch();
-        run_one(
-            #[inline(always)]
-            || kernel.run::<f64>(token),
-        );
     }
 }

@@ -1,10 +1,10 @@
 //! Eight robots in vector registers.
 
 use super::halves::Halves;
-use super::{Eight, Lane, SeldomKernel, Value, rare_branch};
+use super::{Eight, Lane, Value, rare_branch};
 use fearless_simd::prelude::*;
 #[cfg(target_arch = "x86_64")]
-use fearless_simd::{Avx2, Avx512, Level};
+use fearless_simd::{Avx2, Avx512};
 use fearless_simd::{f64x8, mask64x8};
 
 /// Instructions of a processor, with the registers in which they hold eight `f64`.
@@ -124,18 +124,5 @@ impl<S: Simd> Lane for f64x8<S> {
     fn rarely<R>(simd: S, rare: impl FnOnce() -> R) -> R {
         rare_branch();
         simd.vectorize(rare)
-    }
-
-    fn seldom(simd: S, kernel: impl SeldomKernel<Eight>) {
-        rare_branch();
-        // Every processor with AVX-512 has AVX2.
-        #[cfg(target_arch = "x86_64")]
-        if let Some(narrow) = Level::new().as_avx2() {
-            return narrow.vectorize(
-                #[inline(always)]
-                || kernel.run::<Wide<Avx2>>(narrow),
-            );
-        }
-        unreachable!("{simd:?} without AVX2");
     }
 }
