@@ -96,6 +96,7 @@ class _Task(TypedDict):
     rewards: list[_Term]
     terminations: list[tuple[str, str]]
     command: list[_CommandPart]
+    geometry: str | None
     metrics: list[_Metric]
 
 class _Controller(TypedDict):

@@ -7,7 +7,7 @@ use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
-use ballbot_core::task::SCALED_BOUND;
+use ballbot_core::task::{Geometry, SCALED_BOUND};
 use ballbot_core::{ModelKind, Params, planning};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
@@ -73,6 +73,7 @@ pub(crate) fn tasks(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
             command.append(dict)?;
         }
         task.set_item("command", command)?;
+        task.set_item("geometry", description.geometry.map(Geometry::name))?;
         let metrics = PyList::empty(py);
         for metric in &description.metrics {
             let dict = PyDict::new(py);

@@ -1,6 +1,6 @@
 //! The description of a task as data: the source of spaces, bindings, help and documentation.
 
-use super::{ACTION_LEN, DIVERGED, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
+use super::{ACTION_LEN, DIVERGED, Geometry, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::fields::{OptionDescription, describe_options};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Memory, Scalar, Vec3};
@@ -28,6 +28,8 @@ pub struct TaskDescription {
     pub options: Vec<OptionDescription>,
     /// Parts of the command.
     pub command: &'static [Row],
+    /// As in [`Task`].
+    pub geometry: Option<Geometry>,
     /// Metrics of an episode.
     pub metrics: Vec<Metric>,
     /// Rows of the observation.
@@ -91,6 +93,7 @@ impl TaskDescription {
             success: T::SUCCESS,
             has_terrain: T::HAS_TERRAIN,
             command: T::COMMAND,
+            geometry: T::GEOMETRY,
             metrics,
             options: describe_options::<T>(),
             scaling: RowScaling { rest: seen.values, gain: seen.rows.iter().map(|row| row.typical.recip()).collect() },

@@ -2,7 +2,7 @@
 
 use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, drawn_steps, in_range, task_fields};
-use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -58,6 +58,7 @@ impl Task for Goal {
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str =
         "not terminated, and every goal held within `goal_radius` for the last `hold_seconds` of its time";
+    const GEOMETRY: Option<Geometry> = Some(Geometry::Point);
     const COMMAND: &'static [Row] =
         &[Row::new("goal, inertial x", "m", 1e4, 1.0), Row::new("goal, inertial y", "m", 1e4, 1.0)];
     const MEMORY: usize = 8;

@@ -152,6 +152,9 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// with the command.
     const COMMAND: &'static [Row] = &[];
 
+    /// What the command is in space; pages, videos and figures draw and drive it accordingly.
+    const GEOMETRY: Option<Geometry> = None;
+
     /// Whether an episode may begin anywhere, i.e. the task does not depend on the position.
     const ANYWHERE: bool = false;
 
@@ -252,6 +255,31 @@ pub trait Task: Fields + Send + Sync + 'static {
         memory: &Memory<'_, L>,
         terms: &mut impl Terms<L>,
     );
+}
+
+/// What a command is in space.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Geometry {
+    /// Horizontal velocity in the heading frame, m/s, and rate about the vertical, rad/s.
+    Velocity,
+    /// Point of the inertial xy plane, m.
+    Point,
+    /// Closed curve as in [`Path`]: speed, and coefficients of its waves.
+    Curve,
+    /// None, but the task pushes the robot.
+    Impulse,
+}
+
+impl Geometry {
+    /// Name, as in `velocity`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Velocity => "velocity",
+            Self::Point => "point",
+            Self::Curve => "curve",
+            Self::Impulse => "impulse",
+        }
+    }
 }
 
 /// Horizontal pushes at the body's center of mass, in any direction.

@@ -2,7 +2,7 @@
 
 use super::shared::FALLS;
 use super::start::{check_range, task_fields};
-use super::{Balance, Metric, Metrics, Pushes, Rows, Sensed, Step, Task, Terms};
+use super::{Balance, Geometry, Metric, Metrics, Pushes, Rows, Sensed, Step, Task, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -57,6 +57,7 @@ impl Task for Push {
     const NAME: &'static str = "push";
     const ID: &'static str = "ballbot/Push-v0";
     const SUMMARY: &'static str = "Keep a ballbot upright with its ball at the setpoint while it is pushed.";
+    const GEOMETRY: Option<Geometry> = Some(Geometry::Impulse);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated";
     const MEMORY: usize = STEPS + 1;

@@ -3,7 +3,7 @@
 use super::shared::{FALLS, bounded_error, squared_norm};
 use super::start::{check_range, drawn_steps, in_range, task_fields};
 use super::velocity::{POSITION, Velocity};
-use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -93,6 +93,7 @@ impl Task for Traverse {
     const SUCCESS: &'static str = "not terminated, and `success_share` of the commanded distance travelled";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
+    const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);
     const COMMAND: &'static [Row] = Velocity::COMMAND;
     const MEMORY: usize = LEVEL + 1;
 

@@ -2,7 +2,7 @@
 
 use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, drawn_steps, in_disc, task_fields};
-use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -66,6 +66,7 @@ impl Task for Velocity {
     const ANYWHERE: bool = true;
     const SUCCESS: &'static str =
         "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
+    const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);
     const COMMAND: &'static [Row] = &[
         Row::new("commanded velocity, heading x", "m/s", 10.0, 0.2),
         Row::new("commanded velocity, heading y", "m/s", 10.0, 0.2),

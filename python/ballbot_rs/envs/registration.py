@@ -70,6 +70,12 @@ def description_of(task: str) -> Mapping[str, Any]:
     return TASKS[task] if task in TASKS else registry.description_of(task)
 
 
+def geometry_of(task: str) -> str | None:
+    """What the command of a task is in space: "velocity", "point" or "curve"; "impulse" for pushes; None otherwise."""
+    geometry: str | None = description_of(task)["geometry"]
+    return geometry
+
+
 def termination_names(task: str) -> list[str]:
     """Names for the numbers of `termination` in infos; the first is "none"."""
     return ["none", *(name for name, _ in description_of(task)["terminations"])]

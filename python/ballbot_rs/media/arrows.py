@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._state_rows import body_axes_of
 from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.envs.registration import geometry_of
 
 Array = npt.NDArray[np.float64]
 
@@ -69,15 +70,16 @@ def _command(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
     commands = trajectory.commands
     if row >= len(commands) or not commands.shape[1]:
         return
+    geometry = geometry_of(trajectory.task)
     command, radius, state = commands[row], trajectory.params.ball_radius, trajectory.states[row]
-    if trajectory.task in ("velocity", "terrain"):
+    if geometry == "velocity":
         speed = math.hypot(command[0], command[1])
         if speed > 0.0:
             angle = state.yaw + math.atan2(command[1], command[0])
             way = np.array([math.cos(angle), math.sin(angle)])
             tail = state.ball_position[:2] + CLEAR * radius * way
             yield _on_ground(trajectory, tail), _on_ground(trajectory, tail + AHEAD * speed * way)
-    elif trajectory.task == "goal":
+    elif geometry == "point":
         tip = _on_ground(trajectory, command)
         yield tip + np.array([0.0, 0.0, GOAL_HEIGHT * radius]), tip
         way = command - state.ball_position[:2]
@@ -86,7 +88,7 @@ def _command(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
         if distance > 2.0 * CLEAR * radius:
             tail = state.ball_position[:2] + CLEAR * radius * way / distance
             yield _on_ground(trajectory, tail), _on_ground(trajectory, command)
-    elif trajectory.task == "path":
+    elif geometry == "curve":
         curve = path_of(command, trajectory.states[0].ball_position[:2], PATH_ARROWS)
         ends = [_on_ground(trajectory, point) for point in curve]
         yield from zip(ends, [*ends[1:], ends[0]], strict=True)

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer import arrows
 from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.recording import Frame
@@ -36,7 +37,7 @@ class CommandNodes:
     """A task's command to each robot, in the frames in which the robots start."""
 
     def __init__(self, server: viser.ViserServer, name: str, task: str, places: list[Place]) -> None:
-        kind = KINDS.get(task)
+        kind = KINDS.get(geometry_of(task) or "")
         self._nodes = [] if kind is None else [kind(server, f"{name}_{i}", place) for i, place in enumerate(places)]
 
     def show(self, frame: Frame) -> None:
@@ -159,12 +160,12 @@ class _Push(_Goal):
         self._push.position = on_ground(frame, frame.states[index, BALL_POSITION])
 
 
+#: By the geometry of a command.
 KINDS: dict[str, type[_Nodes]] = {
     "velocity": _Velocity,
-    "terrain": _Velocity,
-    "goal": _Goal,
-    "path": _Path,
-    "push": _Push,
+    "point": _Goal,
+    "curve": _Path,
+    "impulse": _Push,
 }
 
 

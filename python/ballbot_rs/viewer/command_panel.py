@@ -5,6 +5,7 @@ import math
 import viser
 
 from ballbot_rs._core import TASKS
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.commanding import ACCELERATION, CLICKED, DRIVEN, Commanding
 from ballbot_rs.viewer.controls import Submit, add_button, put
@@ -44,18 +45,18 @@ class CommandPanel:
 
 def command_of(asked: Asked) -> str:
     """The command of robot 0, and its source; empty for a task without commands."""
-    command = asked.commands[0].tolist()
-    if asked.task == "push":
+    command, geometry = asked.commands[0].tolist(), geometry_of(asked.task)
+    if geometry == "impulse":
         impulse, azimuth = asked.pushes[0, :2].tolist()
         return (
             "no push yet" if math.isnan(impulse) else f"pushed by {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
         )
-    if asked.task in DRIVEN:
+    if geometry == DRIVEN:
         x, y, rate = command
         text = f"({x:.2f}, {y:.2f}) m/s, {rate:.2f} rad/s"
-    elif asked.task == "goal":
+    elif geometry == CLICKED:
         text = f"go to ({command[0]:.2f}, {command[1]:.2f}) m"
-    elif asked.task == "path":
+    elif geometry == "curve":
         text = f"follow the curve at {command[0]:.2f} m/s"
     elif not command:
         return ""
@@ -76,7 +77,7 @@ def metrics_of(asked: Asked) -> dict[str, str]:
 
 def help_of(commanding: Commanding) -> str:
     """How to command a task by hand, and the limits of its commands."""
-    if commanding.task in DRIVEN:
+    if commanding.geometry == DRIVEN:
         turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
         limits = f"{commanding.max_speed:g} m/s and {turns}"
         return (
@@ -84,7 +85,7 @@ def help_of(commanding: Commanding) -> str:
             f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
             f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
         )
-    if commanding.task == CLICKED:
+    if commanding.geometry == CLICKED:
         return (
             f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
             "draws; a farther click is brought nearer."

@@ -7,10 +7,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params
+from ballbot_rs._core import TASKS, Params
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import PARTS, Setpoint
 from ballbot_rs.envs._batch_env import new_batch, option_names
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.asked import Asked
 from ballbot_rs.viewer.bounds import check_bounded
 from ballbot_rs.viewer.drivers import Driver, LawDriver, Torques, check_steps
@@ -20,8 +21,8 @@ from ballbot_rs.viewer.setup import DECIDED
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Tasks that take a command from the page: driven by keys, or given by a click on the floor.
-DRIVEN, CLICKED = ("velocity", "terrain"), "goal"
+#: Geometries of commands that the page gives: by keys, or by a click on the floor.
+DRIVEN, CLICKED = "velocity", "point"
 
 #: Slew rates of a driving command, m/s², as of the point of the task path, and rad/s²: keys may be pressed faster than
 #: a robot can follow.
@@ -49,7 +50,8 @@ class Commanding:
     def __init__(
         self, controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
     ) -> None:
-        self.task, self.takes_clicks = task, task == CLICKED
+        self.task, self.geometry = task, geometry_of(task)
+        self.takes_clicks = self.geometry == CLICKED
         self.driver: Driver
         if controller.policy is None:
             self.driver = self._law = LawDriver(controller, params, num_robots)
@@ -63,10 +65,11 @@ class Commanding:
         self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
         drawn = new_batch(1, task=task, num_threads=1, options=_on(options, self.task_options, params)).options
         #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
-        self.max_speed = drawn.get("speed", drawn.get("speed_range", (0.0, 0.0))[-1])
+        bounds = [part["bound"] for part in TASKS[task]["command"]] if self.geometry == DRIVEN else [0.0]
+        self.max_speed = drawn.get("speed", drawn.get("speed_range", bounds[:1])[-1])
         self.max_yaw_rate = drawn.get("yaw_rate", 0.0)
         #: Largest distance of a goal from the ball, m.
-        self.max_distance = drawn.get("goal_distance", (0.0, 0.0))[1]
+        self.max_distance = drawn.get("goal_distance", (0.0, MAX_CLICK))[1]
         self._hand: FloatArray | None = None
         #: Present manual commands of the robots; for driving they move towards `_hand`.
         self._given: dict[int, FloatArray] = {}
@@ -78,7 +81,7 @@ class Commanding:
 
     def torques(self, robots: Robots, call: Call) -> Torques:
         """As `Objective`. The controller's inputs are read before the call, which may be in another thread."""
-        if self.task in DRIVEN and self._hand is not None:
+        if self.geometry == DRIVEN and self._hand is not None:
             self._give(robots, [self._towards_hand(now) for now in robots.commands])
         if self._policy is not None:
             policy, observations = self._policy, robots.observations
@@ -100,7 +103,7 @@ class Commanding:
             rest = np.zeros_like(self._hand)
             robots.set_command(index, rest)
             self._given[index] = rest
-            if index == 0 and self.task in DRIVEN:
+            if index == 0 and self.geometry == DRIVEN:
                 self._hand = rest
 
     def go_on(self, robots: Robots, before: Objective) -> None:
@@ -120,8 +123,8 @@ class Commanding:
         """
         names = ("forward", "left", "turn")
         shares = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
-        if self.task not in DRIVEN:
-            raise ValueError(f"the task {self.task} is not driven: choose the task {DRIVEN[0]}")
+        if self.geometry != DRIVEN:
+            raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
         # On the diagonal two keys command more than the task samples.
         speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
         self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])

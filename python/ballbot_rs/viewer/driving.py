@@ -12,6 +12,7 @@ from typing import Annotated, Final
 import msgspec
 from websockets.asyncio.server import ServerConnection
 
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer import link
 from ballbot_rs.viewer.commanding import DRIVEN
 from ballbot_rs.viewer.runner import Command
@@ -112,7 +113,7 @@ class Driving:
 
     def _stop(self, session: Session) -> None:
         self._driver = None
-        if session.task in DRIVEN:
+        if geometry_of(session.task) == DRIVEN:
             session.drive(0.0, 0.0, 0.0)
 
     def show(self, session: Session) -> None:
@@ -141,7 +142,7 @@ class Driving:
 
 def is_driven(session: Session) -> bool:
     """Whether pages may drive now."""
-    return session.task in DRIVEN and session.replay_time is None
+    return geometry_of(session.task) == DRIVEN and session.replay_time is None
 
 
 def _text(is_on: bool) -> str:

@@ -7,7 +7,7 @@ from typing import Any
 from ballbot_rs._core import Params
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, geometry_of
 from ballbot_rs.viewer.objective import Objective
 from ballbot_rs.viewer.robots import Robots
 from ballbot_rs.viewer.setup import Setup
@@ -16,8 +16,8 @@ from ballbot_rs.viewer.setup import Setup
 SECONDS = 3.0
 TILTS = ((math.radians(3.0), 0.0), (0.0, math.radians(3.0)))
 
-#: Options of a task that pushes robots; any robot may fall after a push.
-WITHOUT_PUSHES: Mapping[str, Mapping[str, Any]] = {"push": {"push": (0.0, 0.0)}}
+#: Options of a task that pushes robots: any robot may fall after a push.
+WITHOUT_PUSHES: Mapping[str, Any] = {"push": (0.0, 0.0)}
 
 
 def check_balances(controller: ResolvedController, objective: Objective, setup: Setup) -> None:
@@ -42,7 +42,7 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
         setup.max_torque,
         substeps=1 if setup.task == DEFAULT_TASK else setup.substeps,
         task=setup.task,
-        task_options={**setup.task_options, **WITHOUT_PUSHES.get(setup.task, {})},
+        task_options={**setup.task_options, **(WITHOUT_PUSHES if geometry_of(setup.task) == "impulse" else {})},
         terrain=setup.terrain,
     )
     for tilt in TILTS:

@@ -6,7 +6,7 @@ mod kinds;
 use self::curve::{Curve, NUMBERS, Phase};
 use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
 use super::start::{check_range, in_range, task_fields};
-use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
+use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -79,6 +79,7 @@ impl Task for Path {
     const REWARD_THRESHOLD: Option<f64> = Some(1800.0);
     const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated, and the error across the path within `success_error`";
+    const GEOMETRY: Option<Geometry> = Some(Geometry::Curve);
     const COMMAND: &'static [Row] = &[
         Row::new("speed along the path", "m/s", 10.0, 0.5),
         coefficient("cosine of x"),

@@ -86,6 +86,7 @@ def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBa
         "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
         "terminations": list(REASONS),
         "command": [],
+        "geometry": None,
         "metrics": [],
     }
 
