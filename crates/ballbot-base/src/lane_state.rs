@@ -143,7 +143,7 @@ pub const MAX_RATE: f64 = 1e4;
 /// Largest distance from the origin, m.
 const MAX_POSITION: f64 = 1e4;
 
-/// The bounds of a simulated state, in the order of [`LaneState::bounded`].
+/// The bounds of a simulated state, in the order of `LaneState::bounded`.
 pub const BOUNDS: [Bound; 8] = [
     ("distance of the ball from the origin", MAX_POSITION, "m"),
     ("ball speed", MAX_SPEED, "m/s"),

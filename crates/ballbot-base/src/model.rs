@@ -7,7 +7,7 @@ use crate::terrain::Ground;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
-/// A simulated robot. Implementations trust their input; [`crate::Ballbot`] checks it.
+/// A simulated robot. Implementations trust their input; `Ballbot` checks it.
 pub trait Model: Send + Sync {
     /// The robot's parameters.
     fn params(&self) -> &Params;

@@ -8,7 +8,7 @@ use std::slice;
 /// Desired position and motion of ball and body.
 ///
 /// An accelerating robot leans. If the derivatives of the flat output of a motion are given
-/// ([`crate::control::Reference`]), lean and torques of the motion are fed forward; if they are zero, only the
+/// (`Reference`), lean and torques of the motion are fed forward; if they are zero, only the
 /// deviations from position, velocity and heading drive the robot.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Setpoint {
