@@ -10,9 +10,9 @@ _METHOD = """\
 ## What is compared
 
 The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
-`ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
-evenly from ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot
-slips from 0.57 N·m if it is driven alone, from 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
+`ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, uniform
+in ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot slips above
+0.57 N·m if only this wheel is driven, above 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
 everywhere: there MuJoCo's robot works. Rates are medians over rounds in which all simulators take turns, with the
 smallest and the largest. One core means a process pinned to one core; linear algebra has one thread throughout.
 
@@ -141,8 +141,8 @@ def _actions(rows: Rows) -> str:
         text += (
             f"\nEverybody fallen: all robots have fallen before the first round, and {r['lying_mean']:.1%} of them "
             f"(never less than {r['lying_min']:.1%}) touch the floor with body or wheels at the end of a step. Through "
-            "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins one, "
-            "outside the time, where the last step ended; it finds the contact forces anew.\n"
+            "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins a new "
+            "episode where the last step ended, which is not timed; it solves the contact forces without a warm start.\n"
         )
     return text + "\n" + _absent(rows)
 
@@ -198,9 +198,9 @@ def _accuracy(rows: Rows) -> str:
         text += (
             f"Exact: {exact['exact_wheel_load']:.4f} N a wheel, a small tilt that grows at "
             f"{exact['exact_growth']:.4f} 1/s, direction off by 0, strength and slip limit 1. Ranges run over "
-            "directions of tilt, wheels and, where it says so, headings. Direction and strength are those of the "
-            "ball's motion when one wheel is driven, against `spatial`, which has no slip, hence no limit. Falls are "
-            "those of one robot under the actions of the throughput.\n\n" + _table(head, body)
+            "directions of tilt, wheels and, where stated, headings. Direction and strength are the ball's motion "
+            "when one wheel is driven, compared with `spatial`, which has no slip, hence no limit. Falls are counted "
+            "for one robot under the actions of the throughput.\n\n" + _table(head, body)
         )
     text += (
         "\nStock MuJoCo lays a contact's friction directions by the normal and the world's axes, not by the wheel: "

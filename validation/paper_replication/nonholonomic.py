@@ -110,7 +110,7 @@ def run() -> Findings:
         f"and {1e3 * ends[1]:.1f} µm at 0.02 ms; "
         f"from the recipe's it is {1e3 * ends[2]:.0f} µm and {1e3 * ends[3]:.0f} µm. At the right end of the left "
         f"figure the term of the formula changes the accelerations by {1e2 * weights[0]:.0f} % (relative spins) or "
-        f"{1e2 * weights[1]:.0f} % (absolute) of what all terms quadratic in the rates make of them."
+        f"{1e2 * weights[1]:.0f} % (absolute) of the contribution of all terms quadratic in the rates."
     )
     drawing = Comparison(
         "planes, angles and wheels of the models",
@@ -133,7 +133,7 @@ def run() -> Findings:
         left, right = fig.subplots(1, 2)
         for values, name, color in zip(apart.values(), ("relative", "absolute"), COLORS, strict=False):
             left.plot(shares, 1e2 * values, color=color, label=f"{name} wheel spin")
-        left.set(xlabel="share of the motion off the plane", ylabel="recipe − Kane, % of the acceleration")
+        left.set(xlabel="fraction of the motion off the plane", ylabel="recipe − Kane, % of the acceleration")
         left.legend()
         for method, color in (("recipe", COLORS[1]), ("Kane", INK)):
             right.semilogy(times[1:], 1e6 * away[method, 1e-4][1:], color=color, label=f"{method} from contact")

@@ -1,9 +1,9 @@
 r"""A center of mass off the mast.
 
 With the CoM at $(d, 0, l)$ in the body frame (`body_com_offset`, `body_com_height`) the robot leans in equilibrium, to
-the other side, by $\varphi = \arctan(d/l)$. A controller that takes the mast for the equilibrium measures this tilt for
-ever. LQR commands $-K x$; at rest no torque may act, so that the gains of position, $k_x$, and of tilt, $k_\vartheta$,
-put the ball off its setpoint by
+the other side, by $\varphi = \arctan(d/l)$. A controller that assumes the mast to be vertical in equilibrium measures
+this tilt permanently. LQR commands $-K x$; at rest no torque may act, so that the gains of position, $k_x$, and of
+tilt, $k_\vartheta$, put the ball off its setpoint by
 
 $$e = \frac{k_\vartheta}{k_x}\ \varphi,$$
 
