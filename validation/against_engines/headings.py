@@ -159,13 +159,13 @@ def _explain(measured: dict[str, Measured]) -> str:
         )
     if BULLET in measured:
         sentences.append(
-            "Bullet splits a wheel's friction over two rows, both along its drive, each with a limit of its own, so "
+            "Bullet splits a wheel's friction over two rows, both along its drive, each with a separate limit, so "
             "that the grip varies with the heading."
         )
     sentences.append(
-        r"All that step by semi-implicit Euler miss energy alike: their positions are half a step $h$ ahead of their "
-        r"velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. In `contact` and `rigid` it "
-        r"is claimed to be half with half the step; of the other engines it is not tested."
+        r"All engines that step by semi-implicit Euler have the same energy error: their positions are half a step "
+        r"$h$ ahead of their velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. For "
+        r"`contact` and `rigid` a claim tests that half the step halves it; the other engines are not tested for this."
     )
     return " ".join(sentences)
 

@@ -207,8 +207,8 @@ def _accuracy(rows: Rows) -> str:
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
         "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
         "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
-        "falls here, and all rates but those of the larger actions, are of at most half of the least torques that "
-        "slip.\n\n"
+        "falls here, and all rates except for the larger actions, are at torques of at most half of the smallest torque "
+        "at which a wheel slips.\n\n"
     )
     return text + note + _absent(rows, "engine")
 

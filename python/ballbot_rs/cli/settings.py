@@ -119,7 +119,7 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
 
     Args:
         names: the names; of a name with a dot, the part before it.
-        task: whose options are known; None if a policy decides the task: then only parameters of robots are refused.
+        task: whose options are known; None if a policy decides the task: then only parameters of robots are rejected.
         others: other known names.
 
     Raises:

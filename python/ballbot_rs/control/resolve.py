@@ -99,7 +99,7 @@ def find(
     Raises:
         ValueError: an unknown task or controller, or a policy for another task.
         FileNotFoundError: there is no policy at that path.
-        ModuleNotFoundError: an optional dependency is missing; the message says what to install.
+        ModuleNotFoundError: an optional dependency is missing; the message states what to install.
         TypeError: the object cannot be called, or a class needs other arguments.
         ControllerError: a class cannot be instantiated.
     """

@@ -103,7 +103,7 @@ def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = Mappin
     Args:
         model: the model.
         file: the file to write.
-        beside: more content of the archive, by name.
+        beside: further content of the archive, by name.
 
     Raises:
         OSError: the file cannot be written.
@@ -152,7 +152,7 @@ def load(
     Args:
         path: the file, or the folder of a training run.
         task: name of the task; None is the task that the file names, or balancing for a file without metadata.
-        env_options: options of the environment, for a file without metadata; None refuses such a file.
+        env_options: options of the environment, for a file without metadata; None rejects such a file.
 
     Raises:
         FileNotFoundError: there is no such file.

@@ -32,7 +32,7 @@ _FEWEST: Final = 50
 
 
 def check_observes_balance(controller: ResolvedController) -> None:
-    """Refuses a policy with other observations than the robots of a scenario have.
+    """Rejects a policy whose observations differ from the observations of a scenario's robots.
 
     Raises:
         ValueError: it was trained for a task whose observations differ from balancing.

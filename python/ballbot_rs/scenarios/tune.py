@@ -147,7 +147,7 @@ def tune(
 
     Raises:
         ValueError: an unknown name, no option to search, or a controller that fails the scenarios by default.
-        ModuleNotFoundError: `cmaes` is missing; the message says what to install.
+        ModuleNotFoundError: `cmaes` is missing; the message states what to install.
     """
     with require("tune", "tune"):
         import cmaes

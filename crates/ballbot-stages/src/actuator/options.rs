@@ -31,7 +31,7 @@ fields! {
         pub no_load_speed: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
         /// Wheel speed above which no torque acts in the direction of motion; it fades over the last tenth. 0: no limit.
         pub speed_limit: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
-        /// Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
+        /// Largest torque, at the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
         pub peak_torque: f64 = 0.0, "N·m", Limit::NOT_NEGATIVE.to(1e9);
         /// Longest dead time that is added to `delay` at random, a whole number of model steps, sampled for each command.
         pub delay_jitter: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(1.0);

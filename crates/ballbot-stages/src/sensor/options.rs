@@ -44,15 +44,16 @@ fields! {
         pub accelerometer_range: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e6);
         /// Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center.
         pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
-        /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
-        /// sampled for each episode.
+        /// Standard deviation of the mounting error of gyroscope and accelerometer about each body axis, sampled for
+        /// each episode.
         pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);
-        /// Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
-        /// rates above.
+        /// Samples of gyroscope and accelerometer in a second, held in between; 0: one sample at each control step,
+        /// which is also the maximum.
         pub imu_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles.
         pub encoder_ticks: f64 = 0.0, "", Limit::NOT_NEGATIVE.to(1e9);
-        /// Samples of the encoders in a second, held in between; 0: one at each control step, and no more at rates above.
+        /// Samples of the encoders in a second, held in between; 0: one sample at each control step, which is also the
+        /// maximum.
         pub encoder_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Age of the readings of all sensors, a whole number of control steps; at most 100 of them.
         pub latency: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(100.0);
