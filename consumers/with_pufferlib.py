@@ -42,7 +42,7 @@ class BallbotPufferEnv(PufferEnv):
 
 
 class Policy(nn.Module):
-    """As PuffeRL asks for."""
+    """As PuffeRL expects."""
 
     def __init__(self, observations: int, actions: int) -> None:
         super().__init__()

@@ -61,7 +61,7 @@ def test_the_same_starts_give_the_same_result():
 
 
 def test_metrics_are_those_of_the_episode_that_left_its_tile():
-    # Once off its tile a robot starts anew, and has a short way behind it when the last one leaves.
+    # Once off its tile a robot starts again, and has moved a short distance when the last robot leaves.
     hills = {"kind": "hills", "slope": 0.0, "tiles": 1, "tile": 5.0}
     options = {"terrain": hills, "speed": 1.0, "max_episode_steps": 1000}
     result = evaluate("lqr", task="openballbot", episodes=8, env_options=options)

@@ -1,4 +1,4 @@
-"""Every option of every command changes what the command prints or writes, or is refused by name."""
+"""Every option of every command changes what the command prints or writes, or is rejected by name."""
 
 import argparse
 import functools

@@ -1,4 +1,4 @@
-"""Files that are no policy for the environment are refused, and the message says why."""
+"""Files that are not policies for the environment are rejected, and the message states why."""
 
 import zipfile
 

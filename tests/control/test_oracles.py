@@ -1,4 +1,4 @@
-"""Laws beside libraries that others keep: python-control for the regulators, scikit-fuzzy for the fuzzy rules."""
+"""Controllers compared with independent libraries: python-control for the regulators, scikit-fuzzy for the rules."""
 
 from collections.abc import Callable
 

@@ -1,4 +1,4 @@
-"""The task of a policy: that of its file unless another one is asked for, which is refused."""
+"""The task of a policy is the task of its file; a request for another task is rejected."""
 
 import json
 

@@ -111,7 +111,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Setpoint": [lambda: bb.Setpoint(position=np.array([0.1, 0.2]))],
     "GroupedObservations": [lambda: bb.GroupedObservations(surface._environment())],
 }
-#: What has no arrays of its own.
+#: Types without arrays.
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

@@ -1,4 +1,4 @@
-"""Whatever is wrong with an input, the error has the right class and says what, which value and which limit."""
+"""Whatever is wrong with an input, the error has the right class and states what, which value and which limit."""
 
 import gymnasium
 import numpy as np

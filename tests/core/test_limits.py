@@ -1,4 +1,4 @@
-"""Numbers that would take all memory or all threads are refused at once, and those that make no sense by name."""
+"""Numbers that would take all memory or all threads are rejected at once, meaningless numbers by name."""
 
 import threading
 

@@ -247,7 +247,7 @@ TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 @contextlib.contextmanager
 def head(folder, path):
-    """A cluster of its own, with what is on its path; its address."""
+    """A separate cluster, with what is on its path; its address."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -270,7 +270,7 @@ def head(folder, path):
 
 
 def train_tiny(folder, address, workers, *arguments):
-    """What the command says, in a process that has not met another cluster."""
+    """The output of the command, in a process that has not connected to another cluster."""
     (folder / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
     command = [sys.executable, "-m", "ballbot_rs.cli", "train", "--config", "tiny.toml", "--run", "run"]
     command += ["--on", "ray", "--ray-address", address, "--workers", str(workers)]

@@ -1,4 +1,4 @@
-"""What a training on Ray is asked for: without Ray."""
+"""The settings of a training on Ray, without Ray."""
 
 import socket
 import subprocess

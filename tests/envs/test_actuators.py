@@ -29,7 +29,7 @@ EVERYTHING = {
     "peak_torque": 0.4,
     "delay_jitter": 0.004,
 }
-#: Without a seed of their own.
+#: Without a separate seed.
 ACTIONS = 0.3 * np.sin(np.arange(60).reshape(20, 3)).astype(np.float32)
 
 

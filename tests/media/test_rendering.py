@@ -1,4 +1,4 @@
-"""Frames: what is in them, and the contracts of those who ask for them."""
+"""Frames: what is in them, and the contracts of their callers."""
 
 import copy
 import multiprocessing

@@ -44,7 +44,7 @@ def test_an_exported_policy_acts_as_its_source(exported, tiny_run, observations)
 
 
 def test_actions_are_clipped_as_those_of_the_source(tiny_run, tmp_path, observations):
-    # What was trained for a second hardly acts; this one wants more than it may.
+    # A policy trained for a second hardly acts; this policy exceeds its limits.
     model = PPO.load(tiny_run / "best_model.zip")
     model.policy.action_net.weight.data *= 200.0
     model.save(tmp_path / "wild.zip")

@@ -1,4 +1,4 @@
-"""`ballbot tune`: searches of hyperparameters that go on, share their work, and refuse what cannot be compared."""
+"""`ballbot tune`: searches of hyperparameters that continue, share their work, and reject what cannot be compared."""
 
 import json
 import os

@@ -1,4 +1,4 @@
-"""The fit to a classical law before PPO: what it reaches, what it leaves alone, and what is refused."""
+"""The fit to a classical controller before PPO: what it reaches, what it leaves unchanged, and what is rejected."""
 
 import dataclasses
 import shutil
@@ -55,7 +55,7 @@ def shares(first, second):
 
 
 def difference(model, law):
-    """Root mean square difference of a policy's actions from a law's, on episodes of its own."""
+    """Root mean square difference of a policy's actions from a controller's, on separate episodes."""
     env = bb.BallbotVecEnv(50, model="spatial", num_threads=1, seed=77)
     observations, differences = env.reset(), []
     for _ in range(100):

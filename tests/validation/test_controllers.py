@@ -1,4 +1,4 @@
-"""What the page on controllers measures is what it says."""
+"""What the page on controllers measures is what it describes."""
 
 import dataclasses
 

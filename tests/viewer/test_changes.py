@@ -16,7 +16,7 @@ from tests.viewer.test_viewer_session import MODELS, run
 
 PAPER = Params.paper()
 
-#: Value of each change, and what it makes of the paper's robot.
+#: Value of each change, and the changed property of the paper's robot.
 EXPECTED = {
     "wheel_friction": (0.4, {"wheel_static_friction": 0.44, "wheel_dynamic_friction": 0.4}),
     "floor_friction": (0.4, {"floor_static_friction": 0.44, "floor_dynamic_friction": 0.42}),

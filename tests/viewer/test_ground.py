@@ -1,4 +1,4 @@
-"""Sessions on uneven ground: robots stand on it, leave it and start anew, and rays meet it where it is."""
+"""Sessions on uneven ground: robots stand on it, leave it and start again, and rays meet it where it is."""
 
 import numpy as np
 import pytest

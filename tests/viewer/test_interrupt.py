@@ -1,4 +1,4 @@
-"""Calls that do not return: the page goes on, and the keyboard ends the command at any time."""
+"""Calls that do not return: the page continues, and the keyboard ends the command at any time."""
 
 import signal
 import subprocess

@@ -21,7 +21,7 @@ MODELS = ["planar", "spatial", "contact", "rigid"]
 
 
 class Linear:
-    """A policy that is linear in the observation, or what `choose` says."""
+    """A policy that is linear in the observation, or what `choose` returns."""
 
     def __init__(self, choose=None, **env_options):
         self.env_options = env_options

@@ -29,8 +29,8 @@ COMMON = (
      "Torque of an action of 1; None follows from the traction of the upright robot."),
     ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
      "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",
-     "The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves "
-     "it is truncated. docs/terrain.md."),
+     "The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that "
+     "leaves it is truncated. docs/terrain.md."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
      "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",

@@ -142,7 +142,8 @@ def _actions(rows: Rows) -> str:
             f"\nEverybody fallen: all robots have fallen before the first round, and {r['lying_mean']:.1%} of them "
             f"(never less than {r['lying_min']:.1%}) touch the floor with body or wheels at the end of a step. Through "
             "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins a new "
-            "episode where the last step ended, which is not timed; it solves the contact forces without a warm start.\n"
+            "episode where the last step ended, which is not timed; it solves the contact forces without a warm "
+            "start.\n"
         )
     return text + "\n" + _absent(rows)
 
@@ -207,8 +208,8 @@ def _accuracy(rows: Rows) -> str:
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
         "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
         "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
-        "falls here, and all rates except for the larger actions, are at torques of at most half of the smallest torque "
-        "at which a wheel slips.\n\n"
+        "falls here, and all rates except for the larger actions, are at torques of at most half of the smallest "
+        "torque at which a wheel slips.\n\n"
     )
     return text + note + _absent(rows, "engine")
 

@@ -1,5 +1,4 @@
-"""This simulator compared with what is known of the motion independently: closed forms, conservation laws, results of
-theory.
+"""This simulator compared with what is known of the motion independently: closed forms, conservation laws, theory.
 
 Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
 determinism with another run.

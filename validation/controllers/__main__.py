@@ -23,8 +23,9 @@ paper's robot, 100 Hz.
 
 def main() -> int:
     """The command `python -m validation.controllers`."""
-    return page.write("controllers", "validation.controllers", __doc__, [Chapter("Disturbance limits", "", TOPICS)],
-    _head)
+    return page.write(
+        "controllers", "validation.controllers", __doc__, [Chapter("Disturbance limits", "", TOPICS)], _head
+    )
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
