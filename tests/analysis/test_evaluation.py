@@ -33,7 +33,7 @@ def test_the_pid_runs_at_500_hz(sim_dt):
 
 def test_a_time_step_that_does_not_divide_that_of_the_controller_is_refused():
     options = {**SHORT, "sim_dt": 0.005}
-    with pytest.raises(ValueError, match=r"pid has control_dt = 0\.002 s, which is no multiple of sim_dt = 0\.005 s"):
+    with pytest.raises(ValueError, match=r"control_dt = 0\.002 s, which is not a multiple of sim_dt = 0\.005 s"):
         evaluate("pid", episodes=1, env_options=options)
     assert evaluate("pid", episodes=1, env_options={**options, "control_dt": 0.005}).control_dt == 0.005
 

@@ -286,7 +286,7 @@ def test_a_policy_has_the_setpoint_of_its_task():
     policy = ASSETS / "policies" / "balance.onnx"
     done = bb.simulate(policy, seconds=1.0, env_options={"setpoint": (0.1, 0.0)})
     assert done.setpoints["position"][-1].tolist() == [0.1, 0.0]
-    with pytest.raises(TypeError, match=r"is a policy: it takes no setpoint but that of its task"):
+    with pytest.raises(TypeError, match=r"is a policy: its only setpoint is its task's"):
         bb.simulate(policy, seconds=1.0, reference=CIRCLE)
 
 

@@ -58,12 +58,12 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         ([], "takes a RUN, --controller or --estimator, one of them"),
         (["runs/mine", "--controller", "lqr"], "takes a RUN, --controller or --estimator, one of them"),
         (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, lqi"),
-        (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a header of C ends in .h"),
+        (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
             ["runs/mine", "-o", "policy.c"],
-            "policy.c: the name of an ONNX file ends in .onnx, that of a header of C in .h",
+            "policy.c: the name of an ONNX file ends in .onnx, the name of a C header in .h",
         ),
-        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a header of C"),
+        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a C header"),
         (["--controller", "lqr", "--controller-option", "weight=1"], "unexpected keyword argument 'weight'"),
         (["--controller", "lqr", "--controller-option", "weight"], "--controller-option weight: expected NAME=VALUE"),
         (

@@ -140,7 +140,7 @@ def test_a_task_in_python_moves_there_too():
             },
             "does not change gravity within an episode",
         ),
-        ({"model": "rigid"}, "takes the place of model = 'rigid'"),
+        ({"model": "rigid"}, "replaces model = 'rigid'"),
     ],
 )
 def test_what_the_engine_does_not_simulate_is_refused(options, message):

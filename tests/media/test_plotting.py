@@ -351,7 +351,7 @@ def test_the_numbers_of_a_map_are_its_starts(maps, tmp_path):
 
 def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):
     assert main(["plot", "--controller", "lqr", "--figure", "learning_curve", "--output", str(tmp_path / "f")]) == 1
-    assert "a learning curve is of training runs" in capsys.readouterr().err
+    assert "a learning curve needs training runs" in capsys.readouterr().err
     assert not (tmp_path / "f").exists()
 
 

@@ -310,7 +310,7 @@ def test_scenarios_of_ones_own(tmp_path):
     assert outcome.success.all()
     for text, says in [
         ("", r"there is no \[\[scenario\]\]"),
-        ("x = 1\n", r"'x' is not known, expected tables \[\[scenario\]\] alone"),
+        ("x = 1\n", r"'x' is not known, expected only tables \[\[scenario\]\]"),
         ("scenario = 5\n", r"scenario = 5, expected tables \[\[scenario\]\]"),
         ('[[scenario]]\nid = ["A"]\ntitle = ""\nseconds = 1\nscore = "map"\n', r"id = \('A',\), expected text"),
         (OWN + "seeds = 1.5\n", "A: seeds = 1.5, expected a whole number"),

@@ -198,7 +198,7 @@ class TestMistakes:
             ("teacher = 'lqr'", "teacher = 'lqr' must be a table"),
             ("[teacher]\nrounds = 3", r"\[teacher\]: it has no controller, expected one of lqr, "),
             ("[teacher]\nlaw = 'lqr'", r"\[teacher\]: unknown key 'law': expected one of controller, options, "),
-            ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is no law: expected one of lqr, "),
+            ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is not a controller: expected one of lqr, "),
             ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is no law"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),

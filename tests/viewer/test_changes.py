@@ -244,7 +244,7 @@ def test_the_robot_that_falls_is_drawn_anew_and_the_others_remain():
     before = [session.robots.params_of(i) for i in range(3)]
     session.robots._robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
-    assert session.notices[-1] == "robot 1 fell and starts anew"
+    assert session.notices[-1] == "robot 1 fell and starts again"
     after = [session.robots.params_of(i) for i in range(3)]
     assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, True]
 

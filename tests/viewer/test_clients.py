@@ -417,7 +417,7 @@ def test_missing_double_and_foreign_headers_are_refused():
         [own, ("Origin", "http://localhost:3000")],
         [own, ("Origin", "http://127.0.0.1:8080")],
     ):
-        assert refusal("/", Headers(headers)) == "this server is for this machine alone"
+        assert refusal("/", Headers(headers)) == "this server is only for this machine"
 
 
 def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):

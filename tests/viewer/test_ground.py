@@ -81,7 +81,7 @@ def test_who_reaches_the_edge_of_a_tile_goes_on_with_its_command_and_of_the_terr
     assert not session.notices
     second = session.robots.episodes[0]
     drive_along_x(session, lambda: session.robots.episodes[0] > second)
-    assert list(session.notices) == ["robot 0 left its ground and starts anew"]
+    assert list(session.notices) == ["robot 0 left its ground and starts again"]
     assert abs(session.robots.states[0].ball_position[0]) == pytest.approx(3.0, abs=0.2)
 
 

@@ -195,7 +195,7 @@ def test_a_robot_that_fell_starts_anew_with_a_new_estimate():
     session = Session(num_robots=2, sensors=NOISY, observation="sensors")
     session.robots._robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
-    assert session.notices[-1] == "robot 1 fell and starts anew"
+    assert session.notices[-1] == "robot 1 fell and starts again"
     for seen, state in zip(session.robots.seen, session.robots.states, strict=True):
         assert state.tilt < math.radians(5.0)
         assert seen.tilt == pytest.approx(state.tilt, abs=math.radians(2.0))

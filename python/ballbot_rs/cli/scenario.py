@@ -141,7 +141,7 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
         "--sensors",
         metavar="NAME|FILE.toml",
         help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; with --set "
-        f"observation=sensors controllers take what follows from them (default: {otherwise} none)",
+        f"observation=sensors controllers use estimates from them (default: {otherwise} none)",
     )
 
 
@@ -155,7 +155,7 @@ def add_urdf(command: Any) -> None:
 def add_events(command: Any, *others: str) -> None:
     """Adds what is sampled at random for the robots."""
     names = "|".join((*EVENT_SETS, *others, "FILE.toml"))
-    command.add_argument("--events", metavar=names, help="draw robots and pushes at random (default: nominal robots)")
+    command.add_argument("--events", metavar=names, help="sample robots and pushes at random (default: nominal robots)")
 
 
 def add_seed(command: Any, what: str, default: int | None, highest: int) -> None:

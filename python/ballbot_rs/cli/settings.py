@@ -76,7 +76,7 @@ def apply(
     for name, value in values.items():
         if "." not in name:
             if name in options:
-                raise ValueError(f"{FLAG} {name}={value}: {name} is given by an argument of its own, too")
+                raise ValueError(f"{FLAG} {name}={value}: {name} is also given by a separate argument")
             found[name] = value
     for name, value in values.items():
         head, dot, part = name.partition(".")

@@ -39,8 +39,8 @@ def check_observes_balance(controller: ResolvedController) -> None:
     """
     if controller.task is not None and observation_layout(controller.task) != observation_layout(DEFAULT_TASK):
         raise ValueError(
-            f"{controller.name} was trained for the task {controller.task}, whose observations are not those of "
-            f"{DEFAULT_TASK}, as scenarios give them"
+            f"{controller.name} was trained for the task {controller.task}, whose observations differ from the "
+            f"observations of {DEFAULT_TASK}, which scenarios have"
         )
 
 
