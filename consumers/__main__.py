@@ -60,7 +60,7 @@ def run(client: Client, wheel: Path, seconds: float) -> dict[str, Any]:
         python = environment(client, wheel)
         done = subprocess.run(
             [str(python), "-m", f"consumers.with_{client.program}", str(seconds)],
-            # The folder holds no ballbot_rs: it is that of the wheel.
+            # The folder holds no ballbot_rs: the import finds the wheel's.
             cwd=ROOT,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
             capture_output=True,
@@ -96,7 +96,7 @@ def table(known: dict[str, str]) -> str:
 
 
 def updated(page: str, new: dict[str, str]) -> str:
-    """A page with new rows in its table; those of other clients stay."""
+    """A page with new rows in its table; rows of other clients stay."""
     before, _, rest = page.partition(BEGIN)
     old, _, after = rest.partition(END)
     kept = {line.split("|")[1].strip(): f"{line}\n" for line in old.splitlines() if line.startswith("| ")}

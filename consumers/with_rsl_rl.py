@@ -28,7 +28,7 @@ class RslRlEnv(VecEnv):
         return TensorDict({"policy": torch.as_tensor(observations)}, batch_size=[self.num_envs])
 
     def get_observations(self) -> TensorDict:
-        """Those of the last step."""
+        """The observations of the last step."""
         return self._observations
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:

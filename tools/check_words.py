@@ -53,7 +53,7 @@ PHRASES = {
     "wants": "need, expect",
     "can pass on|pass on what": "transmit",
     "as likely": "with equal probability",
-    "the same of": "the noun again",
+    "the same of|those of|that of (the|an?|our|its|their|each|every)": "the noun again",
     "late motors": "delayed motors",
     "doubt": "uncertainty",
     "learners of others": "third-party learners",

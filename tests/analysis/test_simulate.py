@@ -58,7 +58,7 @@ HEAVY = bb.Params.paper().replace(body_mass=12.0, body_com_height=0.35, body_ine
 
 
 def test_a_reference_is_that_of_the_robot_that_follows_it():
-    """It was that of the paper's robot, whatever robot ran."""
+    """It was made for the paper's robot, whichever robot ran."""
     motion = bb.Reference.circle(0.5, 10.0)
     assert motion.params is None
     own = bb.Reference.circle(0.5, 10.0, params=HEAVY)

@@ -47,7 +47,7 @@ def test_another_task_is_refused(policy_of):
     with pytest.raises(ValueError, match="was trained for the task goal, not for the task path"):
         bb.compare([find(policy_of("goal"))], task="path", episodes=1)
     with pytest.raises(
-        ValueError, match="was trained for the task velocity, whose observations differ from the observations of balance"
+        ValueError, match="for the task velocity, whose observations differ from the observations of balance"
     ):
         bb.run_scenarios([policy_of("velocity")])
 

@@ -48,7 +48,7 @@ class Batched:
 
 @pytest.mark.parametrize("form", [WithSetpoint, WithPosition, Batched])
 def test_each_form_does_what_the_core_does(form):
-    """The same LQR, so the same numbers; the rates of both are those of the task."""
+    """The same LQR, so the same numbers; both run at the rate of the task."""
     core, mine = bb.compare(["lqr", form], episodes=3, env_options=SHORT)
     assert mine.controller == form.__name__.lower()
     assert mine.tilt_rms == pytest.approx(core.tilt_rms, rel=1e-5)

@@ -99,7 +99,7 @@ def _log_once():
     return bb.record_log(seconds=1.0)
 
 
-#: Objects whose arrays are looked at besides those of `surface.INSTANCES`.
+#: Objects whose arrays are tested, in addition to `surface.INSTANCES`.
 MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],

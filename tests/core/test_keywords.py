@@ -84,7 +84,7 @@ OPTIONS: dict[str, list[Any]] = {
 }
 
 
-#: Smaller ground than that of the task, which takes seconds.
+#: Smaller ground than the task's, which takes seconds.
 GROUNDS = {"terrain": "levels", "openballbot": "noise"}
 
 

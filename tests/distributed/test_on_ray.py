@@ -293,7 +293,7 @@ def test_a_cluster_is_joined(tmp_path):
         assert code == 0, said
         code, said = train_tiny(tmp_path, address, 4, "--overwrite")
         assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
-    # That of the first training, which the second was to overwrite.
+    # The run of the first training, which the second was to overwrite.
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[-1] >= 768
 
 

@@ -46,7 +46,7 @@ def test_a_change_is_what_it_says_and_the_motion_goes_on(name):
         for key, number in expected.items():
             np.testing.assert_allclose(now[key], number, rtol=1e-12, err_msg=key)
     assert session.changes == {**NEUTRAL, name: value}
-    # Controllers are those of the nominal robot.
+    # Controllers are designed for the nominal robot.
     assert session.robots.params == PAPER
     run(session, 0.1)
     session.change(**NEUTRAL)
@@ -100,7 +100,7 @@ def test_a_robot_that_cannot_be_is_refused_and_nothing_changes(values, message):
 
 
 def test_a_change_that_one_drawn_robot_of_several_refuses_changes_none():
-    """Half of the robots are drawn at a mass that, ten times as small, is less than that of the wheels."""
+    """Half of the robots are sampled at a mass whose tenth is less than the mass of the wheels."""
     events = [{"term": "body_mass", "op": "scale", "mode": "startup", "range": [0.2, 1.5]}]
     session = Session(num_robots=6, events=events)
     before = [session.robots.params_of(i) for i in range(6)]

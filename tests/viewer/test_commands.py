@@ -53,7 +53,7 @@ def test_a_policy_brings_its_task_and_observes_as_in_training(task, tmp_path):
     from ballbot_rs import OnnxPolicy
     from tests.support.onnx_policies import tiny_policy
 
-    # A long way from the defaults: the environment of the page is that of the training.
+    # A long way from the defaults: the environment of the page is the environment of the training.
     path = tiny_policy(tmp_path / "p.onnx", task, gain=0.03, history=2, max_wheel_torque=0.2, control_dt=0.02)
     session = Session(controller=str(path), num_robots=2)
     assert (session.task, session.driver.control_dt) == (task, 0.02)

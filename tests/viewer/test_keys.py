@@ -100,7 +100,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.0, 0.0, 0.0)
         up(page, "KeyE")
 
-        # The same keys are those of viser's camera, which has got none of them.
+        # viser's camera uses the same keys, but has received none of them.
         np.testing.assert_allclose(viewer.camera.position, eye, atol=1e-12)
 
         # Lost focus stops; the key that is still down does not start again by itself.
@@ -110,7 +110,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.0, 0.0, 0.0)
         up(page, "KeyS")
 
-        # Sticks: left for the velocity, right for the turn; small angles are those of a stick at rest.
+        # Sticks: left for the velocity, right for the turn; small angles count as a stick at rest.
         page.evaluate("window.pad.axes = [0.05, -0.1, 0.1, 1]")
         time.sleep(0.5)
         becomes(0.0, 0.0, 0.0)

@@ -17,7 +17,7 @@ from ballbot_rs._core import (
     Batch,
 )
 
-#: Options that every task has: name, type, unit, limit, description. Defaults are those of a batch.
+#: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
      "The robot: parameters, the name of a preset, or the path of a TOML file."),

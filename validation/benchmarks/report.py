@@ -130,7 +130,7 @@ def _actions(rows: Rows) -> str:
             "upright robot slips. "
             for t in sorted(headline)
         )
-        + "Falls are those of one robot in a second, size by size. `spatial` and `planar` do not slip at any size. "
+        + "Falls are per robot and second, size by size. `spatial` and `planar` do not slip at any size. "
         "MuJoCo's slipping wheels hop: fewer contacts, hence more steps.\n\n"
         + _table(["simulator", "robots", *head, "falls (1/s)"], body)
     )

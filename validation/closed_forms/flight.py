@@ -81,7 +81,7 @@ def run() -> Findings:
             ),
             Claim(f"impulse of the landing less the weight's, `{model}`", landing, fast, limits[4], "N·s"),
             Claim(f"time until 1 % of the momentum is left, `{model}`", lasts, 0.0, limits[5], "s", True),
-            Claim(f"largest speed back up over that of the touchdown, `{model}`", back, 0.0, limits[6], "", True),
+            Claim(f"largest rebound speed over the touchdown speed, `{model}`", back, 0.0, limits[6], "", True),
         ]
 
     def draw(fig: "Figure") -> None:

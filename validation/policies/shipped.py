@@ -95,7 +95,7 @@ SHIPPED = (
         Recipe("goal"),
         [
             *_in_engines("goals not held", "missed_goals", 0.01, ""),
-            *_in_engines("time to a goal over that of the fastest flat move", "time_ratio", 1.5, ""),
+            *_in_engines("time to a goal relative to the fastest flat move", "time_ratio", 1.5, ""),
         ],
     ),
     Shipped(

@@ -33,7 +33,7 @@ class Sweep:
     label: str
     #: As shown on the page.
     values: Sequence[float]
-    #: Options of the environment; controllers remain those of the nominal robot.
+    #: Options of the environment; controllers remain designed for the nominal robot.
     options: Callable[[float], Options]
     #: Tolerance of the edge.
     to: float

@@ -159,7 +159,7 @@ impl Task for Goal {
         let excess = [velocity.x - to_goal[0] * pace, velocity.y - to_goal[1] * pace];
         alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost("approach", 0.4, "e² / (e² + (0.3 m/s)²), e the ball velocity off that of the approach"),
+            Term::cost("approach", 0.4, "e² / (e² + (0.3 m/s)²), e the ball velocity minus the approach velocity"),
             bounded_error(squared_norm(excess), 0.3),
         );
         terms.term(Term::cost("distance", 0.2, "d / (d + 0.5 m)"), distance / (distance + 0.5));

@@ -331,7 +331,7 @@ def scenario(arguments: argparse.Namespace) -> Scenario:
 
 
 def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[ResolvedController]]:
-    """The scenario and its controllers, all on the same task and robot: those of the policies, else the default."""
+    """The scenario and its controllers, all on the task and robot of the policies, else on the default."""
     chosen = scenario(arguments)
     found = controllers(arguments)
     chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))

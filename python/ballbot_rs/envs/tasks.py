@@ -415,15 +415,15 @@ class GoalEnv(BallbotEnv):
     The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
     sign), `reward_terms()` has the last step's terms.
 
-    | term            | scale | formula                                                              |
-    | --------------- | ----- | -------------------------------------------------------------------- |
-    | `alive`         | 1     | 1, unless the step ends in a fall                                    |
-    | `approach`      | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity off that of the approach |
-    | `distance`      | -0.2  | d / (d + 0.5 m)                                                      |
-    | `position`      | -0.2  | d² / (d² + (0.05 m)²)                                                |
-    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                              |
-    | `action`        | -0.02 | mean squared action                                                  |
-    | `action_change` | -0.02 | mean squared change of the action                                    |
+    | term            | scale | formula                                                                 |
+    | --------------- | ----- | ----------------------------------------------------------------------- |
+    | `alive`         | 1     | 1, unless the step ends in a fall                                       |
+    | `approach`      | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity minus the approach velocity |
+    | `distance`      | -0.2  | d / (d + 0.5 m)                                                         |
+    | `position`      | -0.2  | d² / (d² + (0.05 m)²)                                                   |
+    | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                 |
+    | `action`        | -0.02 | mean squared action                                                     |
+    | `action_change` | -0.02 | mean squared change of the action                                       |
 
     ## Episode end
     Terminated, with the number of the reason, from 1 on, as `termination` in the info:

@@ -48,7 +48,7 @@ class Stage:
     """The robots of a scenario, made once: similar controllers run on them one after another, on the same episodes.
 
     Args:
-        controller: determines rate and options: those of a policy, or of a feedback law.
+        controller: a policy or a feedback law, which determines rate and options.
         scenario: what happens to them.
         params: the robot.
         model: of it.

@@ -284,7 +284,7 @@ class Session(Player):
     def change(self, /, **values: float) -> None:
         """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; others remain.
 
-        The robots continue. Controllers and estimator remain those of the unchanged robot.
+        The robots continue. Controllers and estimator remain designed for the unchanged robot.
 
         Raises:
             ValueError: an unknown name, a number out of range, or invalid parameters or motors; then nothing has

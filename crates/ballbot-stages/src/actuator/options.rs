@@ -42,7 +42,7 @@ impl MotorOptions {
     /// Options from named numbers, the others at their defaults. A single `strength` applies to all three motors.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; those of [`MotorOptions::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`MotorOptions::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut options = Self::default();
         for (name, values) in fields {
@@ -64,7 +64,7 @@ impl MotorOptions {
         Ok(options)
     }
 
-    /// Motors by name: `ideal`, or those of a published robot.
+    /// Motors by name: `ideal`, or a robot with published motors.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for a name that is not in [`MotorOptions::preset_names`].
@@ -100,7 +100,7 @@ impl MotorOptions {
     /// Motors from the table `[actuators]` of TOML text.
     ///
     /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; those of
+    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
     /// [`MotorOptions::from_fields`].
     pub fn from_toml(text: &str) -> Result<Self> {
         match RobotFile::parse(text)?.actuators {

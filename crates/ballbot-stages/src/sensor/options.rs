@@ -64,14 +64,14 @@ impl SensorOptions {
     /// Options from named numbers, the others at their defaults.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; those of [`SensorOptions::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`SensorOptions::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let options = Self::with_fields("option of sensors", KIND, fields)?;
         options.validate()?;
         Ok(options)
     }
 
-    /// Sensors by name: `exact`, or those of a published robot.
+    /// Sensors by name: `exact`, or a robot with published sensors.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for a name that is not in [`SensorOptions::preset_names`].
@@ -107,7 +107,7 @@ impl SensorOptions {
     /// Sensors from the table `[sensors]` of TOML text.
     ///
     /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; those of
+    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
     /// [`SensorOptions::from_fields`].
     pub fn from_toml(text: &str) -> Result<Self> {
         match RobotFile::parse(text)?.sensors {
@@ -123,8 +123,8 @@ impl SensorOptions {
     /// Checks the options of sensors that are read every `control_dt` (s), with an estimator if `estimated`.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator [`Error::OutOfRange`] for
-    /// `control_dt` above 1 s, and unless every sensor is sampled in every control step.
+    /// The errors of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator
+    /// [`Error::OutOfRange`] for `control_dt` above 1 s, and unless every sensor is sampled in every control step.
     pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
         self.validate()?;
         self.latency_steps(control_dt)?;
