@@ -8,7 +8,7 @@ from validation.page import Chapter
 from validation.robots import BODY, MOTORS
 from validation.topic import Findings, Topic
 
-_HEAD = """# Robots as they are
+_HEAD = """# Off-nominal robots
 
 What a real robot has and the nominal robot lacks: each effect with its closed form, and its consequences for
 controllers that were designed without it. `make robots` writes everything on this page except the text, and fails if a

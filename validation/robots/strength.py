@@ -2,7 +2,7 @@ r"""Weak motors.
 
 Each motor gives the fraction $s$ of the commanded torque (`actuators={"strength": s}`, or a number per motor). The gain
 of the loop is then $sK$: with three weak motors the largest eigenvalue of LQR's loop passes 1 at $s = 0.36$. Falls from
-large tilts come before, as the largest torque has become smaller, too.
+large tilts occur earlier, because the largest torque is smaller, too.
 """
 
 import numpy as np
