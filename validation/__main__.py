@@ -15,7 +15,7 @@ _HEAD = """# Verification
 Symbols and frames: [conventions.md](conventions.md); equations: [derivations.md](derivations.md); the experiments of
 the paper: [paper.md](paper.md).
 
-Each section has the command that runs it alone and prints its claims; `--figures DIR` draws its figure too.
+Each section has the command that runs only this section and prints its claims; `--figures DIR` saves its figure too.
 """
 _CHAPTERS = [
     Chapter("Against closed forms", closed_forms.__doc__ or "", closed_forms.TOPICS),

@@ -32,7 +32,7 @@ COMMON = (
      "The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that "
      "leaves it is truncated. docs/terrain.md."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
-     "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
+     "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors. docs/actuators.md."),
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
     ("scan", "Scan | None", "", "options",

@@ -59,7 +59,7 @@ from validation.topic import Findings
 #: Options that disable the clips.
 _ANY = 1e3
 VARIANTS = {
-    "a largest torque alone": bb.Lqr(traction=False, max_lean=_ANY, max_speed=_ANY),
+    "only a torque limit": bb.Lqr(traction=False, max_lean=_ANY, max_speed=_ANY),
     "with clipped errors": bb.Lqr(traction=False),
     "traction scaling": bb.Lqr(max_lean=_ANY, max_speed=_ANY),
     "both (the default)": bb.Lqr(),

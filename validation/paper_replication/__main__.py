@@ -20,8 +20,8 @@ of this simulator with its expected value and limit. A number that the paper pri
 sections list it as *printed*, next to the simulator's. Nothing is tuned to match. The paper's figures are compared
 through the numbers in its text; dashed lines in the figures here are printed values. "Section", "eq.", "Table" and
 "Fig." refer to the paper. Symbols are defined in Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$;
-wheels are numbered 0 to 2, which are 1 to 3 in eq. (8). Each section has the command that runs it alone and prints its
-claims; `--figures DIR` draws its figure too.
+wheels are numbered 0 to 2, which are 1 to 3 in eq. (8). Each section has the command that runs only this section and
+prints its claims; `--figures DIR` saves its figure too.
 
 ## Summary
 """

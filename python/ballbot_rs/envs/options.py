@@ -161,7 +161,7 @@ class CommonOptions(TypedDict, total=False):
     #: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves
     #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     terrain: "Terrain | str | Mapping[str, Any] | None"
-    #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md. (ideal,
+    #: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors. docs/actuators.md. (ideal,
     #: kugle, FILE.toml, or FILE.urdf)
     actuators: Actuators | str | PathLike[str] | None
     #: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (exact, kugle, or

@@ -96,7 +96,7 @@ class BalanceEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -281,7 +281,7 @@ class VelocityEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -470,7 +470,7 @@ class GoalEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -673,7 +673,7 @@ class PathEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -847,7 +847,7 @@ class PushEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -1038,7 +1038,7 @@ class TerrainEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
@@ -1210,7 +1210,7 @@ class OpenBallBotEnv(BallbotEnv):
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
-    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones.
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
