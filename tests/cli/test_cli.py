@@ -403,7 +403,7 @@ def test_plot_draws_robots_with_events(capsys, tmp_path):
     assert {Path(file).stem for file in parse_json(out)["files"]} == {"trajectories", "phase_portrait"}
     code, _, err = run(capsys, *drawn, "--figure", "recovery_map")
     assert code == 1
-    assert "a recovery map is of one robot" in err
+    assert "a recovery map is for one robot" in err
 
 
 def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys, tiny_run):

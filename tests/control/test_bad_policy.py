@@ -25,8 +25,8 @@ POLICY_EDITS = {
     "no algorithm": (lambda d: d["ballbot_metadata"].pop("algorithm") and None, "does not name its algorithm"),
     "no options": (lambda d: d["ballbot_metadata"].pop("env_options") and None, "does not name its env_options"),
     "options": (lambda d: d["ballbot_metadata"].update(env_options=[1]), "does not name its env_options"),
-    "metadata": (lambda d: d.update(ballbot_metadata=[1]), "does not say which environment"),
-    "no metadata": (lambda d: d.pop("ballbot_metadata") and None, "does not say which environment"),
+    "metadata": (lambda d: d.update(ballbot_metadata=[1]), "does not name the environment"),
+    "no metadata": (lambda d: d.pop("ballbot_metadata") and None, "does not name the environment"),
     "data": (lambda _: [1], "is not a policy file"),
 }
 

@@ -55,8 +55,8 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([], "takes a RUN, --controller or --estimator, one of them"),
-        (["runs/mine", "--controller", "lqr"], "takes a RUN, --controller or --estimator, one of them"),
+        ([], "takes one of RUN, --controller and --estimator"),
+        (["runs/mine", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
         (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, lqi"),
         (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
@@ -75,7 +75,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["runs/mine", "--controller-option", "position=1"], "--controller-option position=1 needs --controller"),
         (["--estimator"], "--estimator needs the sensors of the robot"),
         (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
-        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes a RUN, --controller or --estimator"),
+        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
         (["--controller", "lqr", "--set", "control_dt=0"], "control_dt = 0 is out of range"),
     ],
 )

@@ -289,7 +289,7 @@ def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
         session.push(rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, 4.0))
         run(session, 1.0)
         assert np.isfinite(session.frame().states).all()
-    assert any("starts anew" in notice for notice in session.notices)
+    assert any("starts again" in notice for notice in session.notices)
 
 
 def test_a_robot_that_cannot_have_the_tilt_begins_anew_in_equilibrium():

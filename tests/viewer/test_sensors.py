@@ -162,7 +162,7 @@ def test_robots_on_estimates_fall_and_start_anew_for_a_long_time(model):
         run(session, 1.0)
         assert np.isfinite(session.frame().states).all()
         assert np.isfinite([state.to_array() for state in session.robots.seen]).all()
-    assert any("starts anew" in notice for notice in session.notices)
+    assert any("starts again" in notice for notice in session.notices)
 
 
 @pytest.mark.parametrize("robot", ["paper", "kugle"])

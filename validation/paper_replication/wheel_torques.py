@@ -4,8 +4,8 @@ At rest upright each wheel carries $N = M_b g/(3\cos\alpha) = 10.30$ N. A wheel 
 at rest, transmits $\tau/r_w$, and friction no more than $\mu N$: it slips above $\mu \cdot 0.515$ N·m. A wheel that
 speeds up keeps part of its torque, and the motors' reaction changes the loads; so the torque at which a wheel slips
 varies, but it always has this magnitude (the table below). To transmit a steady 5 N·m a wheel would have to carry 91 N
-($\mu = 1.1$), nine times its part of the weight. Torque beyond the bound spins the wheel up, by $(\tau - \mu N r_w)/J_w
-= 30000$ rad/s² for 5 N·m.
+($\mu = 1.1$), nine times its part of the weight. Torque beyond the bound spins the wheel up, by
+$(\tau - \mu N r_w)/J_w = 30000$ rad/s² for 5 N·m.
 
 The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, with ± the largest
 bound $\mu_d N r_w$ of the three wheels under their loads at the time; loads (dashed: at rest); slip speeds. The motors'

@@ -1,9 +1,9 @@
 r"""Rolling and spinning friction of the floor.
 
 On a compliant floor a torque of $c_r$ times the ball's load opposes rolling, and a torque of $c_s$ times the load
-opposes spinning about the vertical ([losses](derivations.md#losses)). A rolling robot has the drag $(c_r/r_k)(M_b +
-M_k)g$, a spinning ball the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1 mm to 3 mm on a
-carpet.
+opposes spinning about the vertical ([losses](derivations.md#losses)). A rolling robot has the drag
+$(c_r/r_k)(M_b + M_k)g$, a spinning ball the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1
+mm to 3 mm on a carpet.
 
 No robot falls, but near rest they hunt: the ball sticks, the body continues to lean, and the ball breaks loose. At 2 mm
 LQR misses the success criterion at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
