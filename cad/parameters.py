@@ -112,7 +112,7 @@ DRIVE: Final = Drive()
 KEEPER: Final = Keeper()
 BODY: Final = Body()
 
-#: Table II of the paper, SI. The mass of a wheel is not in the table; it is that of a disc, 2 J_w / r_w².
+#: Table II of the paper, SI. The mass of a wheel is not in the table; it is the mass of a disc, 2 J_w / r_w².
 TABLE_II: Final = {
     "M_b": 2.228,
     "l": 0.142,

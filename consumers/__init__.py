@@ -1,1 +1,1 @@
-"""Learners of others, each in an environment of its own: `make consumers`."""
+"""Third-party learners, each in a separate environment: `make consumers`."""

@@ -1,4 +1,4 @@
-"""Installs each client into an environment of its own, runs its program, and prints one table.
+"""Installs each client into a separate environment, runs its program, and prints one table.
 
 `python -m consumers WHEEL [--seconds 60] [--only skrl ...] [--keep] [--page docs/learners.md]`, or `make consumers`.
 An environment with PyTorch has up to 6 GB, so each is removed when its program has ended, unless `--keep` is given.
@@ -19,7 +19,7 @@ from consumers.clients import CLIENTS, Client
 ROOT: Final = Path(__file__).parents[1]
 ENVIRONMENTS: Final = ROOT / "target" / "consumers"
 
-#: Beside the training: the installation of the slowest, and the rollouts of all tasks, s.
+#: In addition to the training: the slowest installation, and the rollouts of all tasks, s.
 INSTALL_LIMIT: Final = 1800
 RUN_LIMIT: Final = 300
 
@@ -29,7 +29,7 @@ HEADER: Final = "| client | environment | steps/s | steps | upright | success | 
 
 
 def environment(client: Client, wheel: Path) -> Path:
-    """The interpreter of a client's environment, made anew if its requirements or the wheel changed."""
+    """The interpreter of a client's environment, made again if its requirements or the wheel changed."""
     folder = ENVIRONMENTS / client.program
     requirements = ROOT / "consumers" / "requirements" / f"{client.program}.txt"
     python = folder / ("Scripts/python.exe" if sys.platform == "win32" else "bin/python")
@@ -38,7 +38,7 @@ def environment(client: Client, wheel: Path) -> Path:
     if made.is_file() and made.read_text() == stamp:
         return python
     venv.create(folder, clear=True, with_pip=True)
-    # The versions of our tests for the rest, but for what a client wants otherwise.
+    # The versions of our tests, except for packages that a client pins.
     others = (ROOT / "constraints.txt").read_text(encoding="utf-8").splitlines()
     own = {_name(line) for line in pinned.splitlines()}
     constraints = folder / "constraints.txt"
@@ -55,12 +55,12 @@ def _name(line: str) -> str:
 
 
 def run(client: Client, wheel: Path, seconds: float) -> dict[str, Any]:
-    """What a client's program prints as its last line; `error` says why there is none, or that it did not learn."""
+    """What a client's program prints as its last line; `error` states why there is none, or that it did not learn."""
     try:
         python = environment(client, wheel)
         done = subprocess.run(
             [str(python), "-m", f"consumers.with_{client.program}", str(seconds)],
-            # The folder holds no ballbot_rs: it is that of the wheel.
+            # The folder holds no ballbot_rs: the import finds the wheel's.
             cwd=ROOT,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
             capture_output=True,
@@ -96,7 +96,7 @@ def table(known: dict[str, str]) -> str:
 
 
 def updated(page: str, new: dict[str, str]) -> str:
-    """A page with new rows in its table; those of other clients stay."""
+    """A page with new rows in its table; rows of other clients stay."""
     before, _, rest = page.partition(BEGIN)
     old, _, after = rest.partition(END)
     kept = {line.split("|")[1].strip(): f"{line}\n" for line in old.splitlines() if line.startswith("| ")}

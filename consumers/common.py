@@ -17,10 +17,10 @@ ENV_ID: Final = "ballbot_rs:ballbot/Balance-v0"
 NUM_ENVS: Final = 128
 ROLLOUT: Final = 32
 
-#: Share of robots that a policy which has learned keeps upright to the ends of their episodes.
+#: Fraction of robots that a trained policy keeps upright to the ends of their episodes.
 LEARNED: Final = 0.9
 
-#: Given on the command line, s; read here, for some learners have arguments of their own there.
+#: Given on the command line, s; read here, for some learners have other arguments there.
 _LIMIT: Final = float(sys.argv[1]) if len(sys.argv) > 1 else 60.0
 
 Act = Callable[[npt.NDArray[np.float32]], npt.NDArray[Any]]
@@ -39,7 +39,7 @@ class Timer:
 
     @property
     def left(self) -> float:
-        """Share of the time that is left, for rates that fall linearly."""
+        """Fraction of the time that is left, for rates that fall linearly."""
         return max(0.0, 1.0 - self.seconds / _LIMIT)
 
     @property
@@ -49,7 +49,7 @@ class Timer:
 
 
 def reach(act: Act, num_envs: int = 100) -> tuple[float, float]:
-    """Shares of the episodes in which a policy keeps the robot from falling, and in which it succeeds."""
+    """Fractions of the episodes in which a policy keeps the robot from falling, and in which it succeeds."""
     env = bb.BallbotVectorEnv(num_envs, seed=1_000_000)
     observations, _ = env.reset()
     upright, truncated, info = np.ones(num_envs, dtype=bool), np.zeros(num_envs, dtype=bool), {}
@@ -68,7 +68,7 @@ def finish(steps: int, timer: Timer, act: Act | None = None, note: str = "") -> 
         steps: of all robots.
         timer: of the training.
         act: the policy; without it, only steps are asserted.
-        note: beside the result.
+        note: in addition to the result.
     """
     seconds = timer.seconds
     assert steps > 0, "no steps"

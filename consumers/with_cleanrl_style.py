@@ -1,4 +1,4 @@
-"""PPO in one file, as in CleanRL, on the Gymnasium vector environment; needs PyTorch alone."""
+"""PPO in one file, as in CleanRL, on the Gymnasium vector environment; needs only PyTorch."""
 
 import gymnasium
 import torch

@@ -30,4 +30,4 @@ if __name__ == "__main__":
     while not timer.is_over:
         env.step(actions)
         steps += NUM_ENVS
-    finish(steps, timer, note="steps alone; checkers clean, spawned workers")
+    finish(steps, timer, note="only steps; checkers clean, spawned workers")

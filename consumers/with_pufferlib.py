@@ -29,7 +29,7 @@ class BallbotPufferEnv(PufferEnv):
         return self.observations, []
 
     def step(self, actions: Any) -> tuple[Any, Any, Any, Any, list[dict[str, Any]]]:
-        """One control step of all robots; infos are those of the episodes that end."""
+        """One control step of all robots; infos are for the episodes that end."""
         found = self._env.step(np.clip(actions, -1.0, 1.0))
         self.observations[:], self.rewards[:], self.terminals[:], self.truncations[:], info = found
         ended = self.terminals | self.truncations
@@ -42,7 +42,7 @@ class BallbotPufferEnv(PufferEnv):
 
 
 class Policy(nn.Module):
-    """As PuffeRL asks for."""
+    """As PuffeRL expects."""
 
     def __init__(self, observations: int, actions: int) -> None:
         super().__init__()

@@ -28,7 +28,7 @@ class RslRlEnv(VecEnv):
         return TensorDict({"policy": torch.as_tensor(observations)}, batch_size=[self.num_envs])
 
     def get_observations(self) -> TensorDict:
-        """Those of the last step."""
+        """The observations of the last step."""
         return self._observations
 
     def step(self, actions: torch.Tensor) -> tuple[TensorDict, torch.Tensor, torch.Tensor, dict[str, Any]]:
@@ -37,7 +37,7 @@ class RslRlEnv(VecEnv):
         self._observations = self._as_dict(observations)
         dones = torch.as_tensor(terminated | truncated)
         self.episode_length_buf = torch.where(dones, 0, self.episode_length_buf + 1)
-        # From these rsl-rl goes on with its estimate of the value.
+        # From these rsl-rl continues with its estimate of the value.
         extras = {"time_outs": torch.as_tensor(truncated)}
         return self._observations, torch.as_tensor(rewards, dtype=torch.float32), dones.long(), extras
 

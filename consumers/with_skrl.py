@@ -26,7 +26,7 @@ class Actor(GaussianMixin, Model):
         self.log_std = nn.Parameter(torch.zeros(self.num_actions))
 
     def compute(self, inputs, role=""):  # noqa: ARG002
-        """As skrl asks for."""
+        """As skrl expects."""
         return self.net(inputs["observations"]), {"log_std": self.log_std}
 
 
@@ -39,7 +39,7 @@ class Critic(DeterministicMixin, Model):
         self.net = _layers(self.num_observations, 1)
 
     def compute(self, inputs, role=""):  # noqa: ARG002
-        """As skrl asks for."""
+        """As skrl expects."""
         return self.net(inputs["observations"]), {}
 
 
@@ -47,7 +47,7 @@ if __name__ == "__main__":
     torch.set_num_threads(1)
     torch.manual_seed(0)
     timer = Timer()
-    # skrl learns from the observation that ends an episode only if the reset is a step of its own.
+    # skrl learns from the observation that ends an episode only if the reset is a separate step.
     env = wrap_env(gymnasium.make_vec(ENV_ID, NUM_ENVS), verbose=False)
     models = {
         "policy": Actor(env.observation_space, env.action_space, env.device),

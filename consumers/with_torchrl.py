@@ -23,7 +23,7 @@ if __name__ == "__main__":
     torch.manual_seed(0)
     check_env_specs(GymEnv(ENV_ID))
     timer = Timer()
-    # TorchRL refuses environments that are reset in a step of their own.
+    # TorchRL rejects environments that are reset in a separate step.
     env = GymWrapper(gymnasium.make_vec(ENV_ID, NUM_ENVS, autoreset_mode="same_step"))
     net = nn.Sequential(_layers(16, 6), NormalParamExtractor())
     policy = ProbabilisticActor(

@@ -1,4 +1,4 @@
-"""Three controllers follow a circle at increasing speed: the ball's position error in mm, or why it is refused."""
+"""Three controllers follow a circle at increasing speed: the ball's position error in mm, or why it is rejected."""
 
 import sys
 

@@ -1,6 +1,6 @@
 """A trained policy in untrained conditions: other models and engines, other robots, less friction, delayed motors.
 
-Events change the robot, not the controllers: LQR and the torque of an action remain those of the nominal robot.
+Events change the robot, not the controllers: LQR and the torque of an action remain designed for the nominal robot.
 """
 
 import importlib.util

@@ -20,7 +20,7 @@ else:
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    # It compiles for minutes on one core: first, beside all others.
+    # It compiles for minutes on one core: first, parallel to all others.
     items.sort(key=lambda item: item.path.name != "test_own_task.py")
 
 

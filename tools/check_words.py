@@ -1,7 +1,8 @@
 """Finds phrases in prose for which the field has other words: CONTRIBUTING.md, section Words.
 
 `python tools/check_words.py [PATH ...]` prints FILE:LINE, the phrase and its replacement; it fails if there is any.
-Prose is Markdown outside of code, comments of Rust, and comments and docstrings of Python.
+Prose is Markdown outside of code, of a changelog the first section; comments of Rust; and comments, docstrings, error
+messages and help of Python.
 """
 
 import ast
@@ -13,43 +14,22 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
+_DOCUMENTED = (ast.Module, ast.ClassDef, ast.FunctionDef, ast.AsyncFunctionDef)
 
-#: Files and folders that are checked; pages that programs write are not in it.
+#: Files and folders that are checked.
 CHECKED = (
+    "CHANGELOG.md",
     "CONTRIBUTING.md",
-    "examples/README.md",
+    "README.md",
+    "cad",
+    "consumers",
     "crates",
-    "docs/tutorials",
-    "docs/actuators.md",
-    "docs/command_line.md",
-    "docs/comparison.md",
-    "docs/conventions.md",
-    "docs/deployment.md",
-    "docs/derivations.md",
-    "docs/estimator.md",
-    "docs/faq.md",
-    "docs/gallery.md",
-    "docs/identify.md",
-    "docs/index.md",
-    "docs/install.md",
-    "docs/laws.md",
-    "docs/learners.md",
-    "docs/models.md",
-    "docs/own_tasks.md",
-    "docs/perception.md",
-    "docs/performance.md",
-    "docs/randomization.md",
-    "docs/ray.md",
-    "docs/references.md",
-    "docs/rollers.md",
-    "docs/rust.md",
-    "docs/scenarios.md",
-    "docs/sensors.md",
-    "docs/simulate.md",
-    "docs/terrain.md",
-    "docs/training.md",
-    "docs/tune.md",
-    "docs/view.md",
+    "docs",
+    "examples",
+    "python",
+    "tests",
+    "tools",
+    "validation",
 )
 
 #: A phrase as a regular expression, with its replacement. A space also matches the end of a line.
@@ -73,7 +53,7 @@ PHRASES = {
     "wants": "need, expect",
     "can pass on|pass on what": "transmit",
     "as likely": "with equal probability",
-    "the same of": "the noun again",
+    "the same of|those of|that of (the|an?|our|its|their|each|every)": "the noun again",
     "late motors": "delayed motors",
     "doubt": "uncertainty",
     "learners of others": "third-party learners",
@@ -96,6 +76,12 @@ def _markdown(text: str) -> str:
     return re.sub(code, lambda found: _blank(found[0]), text, flags=re.DOTALL | re.MULTILINE)
 
 
+def _changelog(text: str) -> str:
+    """The first section only: released sections do not change."""
+    first, heading, rest = re.split(r"^(## .*?)(?=^## |\Z)", text, maxsplit=1, flags=re.DOTALL | re.MULTILINE)
+    return _markdown(first + heading) + _blank(rest)
+
+
 def _rust(text: str) -> str:
     """Comments, without code that they quote."""
     lines = []
@@ -105,27 +91,42 @@ def _rust(text: str) -> str:
     return _markdown("\n".join(lines))
 
 
+def _message(node: ast.AST) -> str:
+    """The strings in an expression, on one line."""
+    if isinstance(node, ast.JoinedStr):
+        return "".join(_message(part) if isinstance(part, ast.Constant) else "…" for part in node.values)
+    if isinstance(node, ast.Constant):
+        return node.value.replace("\n", " ") if isinstance(node.value, str) else ""
+    return " ".join(map(_message, ast.iter_child_nodes(node)))
+
+
 def _python(text: str) -> str:
-    """Comments and docstrings, without code that they quote."""
+    """Comments, docstrings, error messages and help, without code that they quote."""
     lines = [""] * (text.count("\n") + 1)
     for token in tokenize.generate_tokens(io.StringIO(text).readline):
         if token.type == tokenize.COMMENT:
             lines[token.start[0] - 1] = token.string.lstrip("#:")
     for node in ast.walk(ast.parse(text)):
-        if not isinstance(node, ast.Module | ast.ClassDef | ast.FunctionDef | ast.AsyncFunctionDef):
-            continue
-        if node.body and ast.get_docstring(node, clean=False) is not None:
+        if isinstance(node, ast.Raise) and node.exc is not None:
+            lines[node.lineno - 1] += _message(node.exc)
+        elif isinstance(node, ast.keyword) and node.arg == "help":
+            lines[node.lineno - 1] += _message(node.value)
+        elif isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
             first = node.body[0]
-            lines[first.lineno - 1 : first.end_lineno] = text.split("\n")[first.lineno - 1 : first.end_lineno]
+            docstring = text.split("\n")[first.lineno - 1 : first.end_lineno]
+            # The name of an argument is code.
+            lines[first.lineno - 1 : first.end_lineno] = [re.sub(r"^\s+\w+:", "", line) for line in docstring]
     return _markdown("\n".join(lines))
 
 
 _PROSE = {".md": _markdown, ".rs": _rust, ".py": _python, ".pyi": _python}
+#: Files with rules that differ from the rules of their suffix.
+_SPECIAL = {"CHANGELOG.md": _changelog}
 
 
-def found(text: str, suffix: str) -> Iterator[tuple[int, str, str]]:
-    """Line, phrase and replacement of each phrase in a file's text."""
-    prose = _PROSE[suffix](text)
+def found(text: str, name: str) -> Iterator[tuple[int, str, str]]:
+    """Line, phrase and replacement of each phrase in a file's text, by its name or suffix."""
+    prose = (_SPECIAL.get(name) or _PROSE[name[name.rindex(".") :]])(text)
     for search, replacement in _SEARCHES:
         for match in search.finditer(prose):
             yield prose.count("\n", 0, match.start()) + 1, " ".join(match[0].split()), replacement
@@ -145,7 +146,7 @@ def main(paths: Iterable[str] = CHECKED) -> int:
     is_found = False
     for file in files(paths):
         name = file.relative_to(ROOT) if file.is_relative_to(ROOT) else file
-        for line, phrase, replacement in sorted(found(file.read_text(encoding="utf-8"), file.suffix)):
+        for line, phrase, replacement in sorted(found(file.read_text(encoding="utf-8"), file.name)):
             print(f"{name}:{line}: {phrase}: write {replacement}")
             is_found = True
     return int(is_found)

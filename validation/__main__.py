@@ -11,11 +11,11 @@ from validation.topic import Findings, Topic
 
 _HEAD = """# Verification
 
-Every number here is made by `make verify`, which fails if a claim does not hold or if an engine is not there; it all
-comes from one run. Symbols and frames: [conventions.md](conventions.md); equations: [derivations.md](derivations.md);
-the experiments of the paper: [paper.md](paper.md).
+`make verify` computes every number here in one run, and fails if a claim does not hold or if an engine is missing.
+Symbols and frames: [conventions.md](conventions.md); equations: [derivations.md](derivations.md); the experiments of
+the paper: [paper.md](paper.md).
 
-Each section has the command that runs it alone and prints its claims; `--figures DIR` draws its figure too.
+Each section has the command that runs only this section and prints its claims; `--figures DIR` saves its figure too.
 """
 _CHAPTERS = [
     Chapter("Against closed forms", closed_forms.__doc__ or "", closed_forms.TOPICS),

@@ -83,7 +83,7 @@ def _whole(name: str, value: int) -> int:
 
 
 def check_reset_options(options: Mapping[str, Any] | None, known: tuple[str, ...]) -> dict[str, Any]:
-    """Reset options as a dict; a ValueError names an unknown option, a TypeError says that they are not a dict."""
+    """Reset options as a dict; a ValueError names an unknown option, a TypeError reports that they are not a dict."""
     if options is not None and not isinstance(options, Mapping):
         raise TypeError(f"options is of type {type(options).__name__}, expected a dict")
     options = dict(options or {})

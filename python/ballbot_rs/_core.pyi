@@ -1449,7 +1449,7 @@ class Batch:
     def params(self, index: int = 0) -> Params:
         """Parameters of the robot of environment `index`."""
     def nominal_params(self, index: int = 0) -> Params:
-        """Parameters of the robot of environment `index` without events: its initial ones, or those of `set_params`."""
+        """Parameters of the robot of environment `index` without events: initial, or set by `set_params`."""
     @overload
     def draws(self, index: None = None) -> dict[str, _Array]: ...
     @overload

@@ -52,7 +52,7 @@ PUSH_NOTE = (
 )
 
 #: Why the PID rarely succeeds.
-PID_NOTE = "pid controls the tilt alone: its ball drifts off, so it seldom succeeds while it stays upright."
+PID_NOTE = "pid controls only the tilt: its ball drifts off, so it seldom succeeds while it stays upright."
 
 
 def _columns(task: str, pushed: bool) -> dict[str, Callable[[Result], str]]:

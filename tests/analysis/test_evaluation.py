@@ -33,7 +33,7 @@ def test_the_pid_runs_at_500_hz(sim_dt):
 
 def test_a_time_step_that_does_not_divide_that_of_the_controller_is_refused():
     options = {**SHORT, "sim_dt": 0.005}
-    with pytest.raises(ValueError, match=r"pid has control_dt = 0\.002 s, which is no multiple of sim_dt = 0\.005 s"):
+    with pytest.raises(ValueError, match=r"control_dt = 0\.002 s, which is not a multiple of sim_dt = 0\.005 s"):
         evaluate("pid", episodes=1, env_options=options)
     assert evaluate("pid", episodes=1, env_options={**options, "control_dt": 0.005}).control_dt == 0.005
 
@@ -61,7 +61,7 @@ def test_the_same_starts_give_the_same_result():
 
 
 def test_metrics_are_those_of_the_episode_that_left_its_tile():
-    # Once off its tile a robot starts anew, and has a short way behind it when the last one leaves.
+    # Once off its tile a robot starts again, and has moved a short distance when the last robot leaves.
     hills = {"kind": "hills", "slope": 0.0, "tiles": 1, "tile": 5.0}
     options = {"terrain": hills, "speed": 1.0, "max_episode_steps": 1000}
     result = evaluate("lqr", task="openballbot", episodes=8, env_options=options)

@@ -58,7 +58,7 @@ HEAVY = bb.Params.paper().replace(body_mass=12.0, body_com_height=0.35, body_ine
 
 
 def test_a_reference_is_that_of_the_robot_that_follows_it():
-    """It was that of the paper's robot, whatever robot ran."""
+    """It was made for the paper's robot, whichever robot ran."""
     motion = bb.Reference.circle(0.5, 10.0)
     assert motion.params is None
     own = bb.Reference.circle(0.5, 10.0, params=HEAVY)
@@ -286,7 +286,7 @@ def test_a_policy_has_the_setpoint_of_its_task():
     policy = ASSETS / "policies" / "balance.onnx"
     done = bb.simulate(policy, seconds=1.0, env_options={"setpoint": (0.1, 0.0)})
     assert done.setpoints["position"][-1].tolist() == [0.1, 0.0]
-    with pytest.raises(TypeError, match=r"is a policy: it takes no setpoint but that of its task"):
+    with pytest.raises(TypeError, match=r"is a policy: its only setpoint is its task's"):
         bb.simulate(policy, seconds=1.0, reference=CIRCLE)
 
 

@@ -1,4 +1,4 @@
-"""The meshes beside the URDFs: closed, of the size, the mass and the inertia that the record and Table II say."""
+"""The meshes next to the URDFs: closed, with the size, mass and inertia of the record and of Table II."""
 
 import json
 import math
@@ -192,7 +192,7 @@ class TestOtherReaders:
     def test_pinocchio(self):
         pin = pytest.importorskip("pinocchio")
         model = pin.buildModelFromUrdf(str(BOT), pin.JointModelFreeFlyer())
-        # It looks for relative paths in the folders that it is told.
+        # It looks for relative paths in the folders that it is given.
         visuals = pin.buildGeomFromUrdf(model, str(BOT), pin.GeometryType.VISUAL, package_dirs=str(ASSETS))
         assert len(visuals.geometryObjects) == self.shown
         assert {Path(shape.meshPath).name for shape in visuals.geometryObjects} == {path.name for path in MESHES}

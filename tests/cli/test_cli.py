@@ -72,9 +72,9 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--episodes", "1", "--set", "max_episode_steps=1000000000000"], "more than 100000000"),
         (["train", "balance", "--config", "nowhere.toml"], "nowhere.toml"),
         (["train", "balance", "--resume", "nowhere"], "nowhere holds no training run"),
-        (["train", "balance", "--resume", "nowhere", "--seed", "5"], "--seed has no place beside it"),
-        (["train", "balance", "--resume", "nowhere", "--seed", "0"], "--seed has no place beside it"),
-        (["train", "balance", "--resume", "nowhere", "--overwrite"], "--overwrite has no place beside it"),
+        (["train", "balance", "--resume", "nowhere", "--seed", "5"], "--seed cannot be combined with it"),
+        (["train", "balance", "--resume", "nowhere", "--seed", "0"], "--seed cannot be combined with it"),
+        (["train", "balance", "--resume", "nowhere", "--overwrite"], "--overwrite cannot be combined with it"),
         (
             ["evaluate", "balance", "--controller", "lqrr"],
             "no policy at lqrr: expected lqr, pid, lqi, lqr_pi, mpc, cascade_pid, hierarchical_sliding_mode, "
@@ -115,7 +115,7 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--set", "terrain=noise", "--set", "terrain.slop=0.1"], "did you mean 'slope'?"),
         (["evaluate", "--set", "reward.positon=1"], "did you mean 'position'?"),
         (["evaluate", "--set", "setpoint.x=1"], "'setpoint' has no parts: expected one of params.NAME, actuators.NAME"),
-        (["evaluate", "--model", "rigid", "--set", "model=spatial"], "model is given by an argument of its own, too"),
+        (["evaluate", "--model", "rigid", "--set", "model=spatial"], "model is also given by a separate argument"),
         (["compare", "--set", "body_mass=2"], "expected params.NAME=VALUE: did you mean 'params.body_mass'?"),
         (["compare", "S3-slwo"], "S22-6s: did you mean 'S3-slow'?"),
         (["record", "--robot", "paper", "--set", "params.body_mass=-1"], "body_mass = -1 is out of range"),
@@ -393,7 +393,7 @@ def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     text = " ".join(out.split())
     assert "1 episodes each, model contact, success_radius = 0.2. Success" in text
     assert "ball within 0.2 m" in text
-    assert "pid controls the tilt alone: its ball drifts off" in text
+    assert "pid controls only the tilt: its ball drifts off" in text
 
 
 def test_plot_draws_robots_with_events(capsys, tmp_path):
@@ -403,7 +403,7 @@ def test_plot_draws_robots_with_events(capsys, tmp_path):
     assert {Path(file).stem for file in parse_json(out)["files"]} == {"trajectories", "phase_portrait"}
     code, _, err = run(capsys, *drawn, "--figure", "recovery_map")
     assert code == 1
-    assert "a recovery map is of one robot" in err
+    assert "a recovery map is for one robot" in err
 
 
 def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys, tiny_run):

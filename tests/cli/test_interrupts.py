@@ -98,7 +98,7 @@ def test_unfinished_files_and_scratch_folders_are_deleted(tmp_path):
         _files.delete_unfinished()
         assert not scratch.exists()
         assert list(tmp_path.iterdir()) == []
-        # The file is needed again only because this test goes on.
+        # The file is needed again only because this test continues.
         beside.write_text("whole")
         scratch.mkdir()
     assert (tmp_path / "a.txt").read_text() == "whole"

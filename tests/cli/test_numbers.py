@@ -1,4 +1,4 @@
-"""Numbers of the command line: each one out of range is refused with its value and the limit."""
+"""Numbers of the command line: each number out of range is rejected with its value and the limit."""
 
 import argparse
 from pathlib import Path

@@ -1,4 +1,4 @@
-"""Every option of every command changes what the command prints or writes, or is refused by name."""
+"""Every option of every command changes what the command prints or writes, or is rejected by name."""
 
 import argparse
 import functools
@@ -382,7 +382,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
             code = exit_.code
         if code:
             raise ValueError(terminal.getvalue())
-        # Times differ from call to call; those of a training are in its files, but not in its evaluations.
+        # Times differ from call to call; times of a training are in its files, but not in its evaluations.
         text = re.sub(r'in \d+ s|"seconds": [\d.e-]+|\[ .* it/s \]', "", capsys.readouterr().out)
         written = {str(path.relative_to(folder)): path for path in sorted(folder.rglob("*")) if path.is_file()}
         names = [name for name in written if "tfevents" not in name]

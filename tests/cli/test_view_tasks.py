@@ -1,4 +1,4 @@
-"""`ballbot view TASK`: the command runs the task that is named, or that of the policy."""
+"""`ballbot view TASK`: the command runs the task that is named, or the policy's task."""
 
 import subprocess
 import sys

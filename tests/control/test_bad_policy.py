@@ -1,4 +1,4 @@
-"""Files that are no policy for the environment are refused, and the message says why."""
+"""Files that are not policies for the environment are rejected, and the message states why."""
 
 import zipfile
 
@@ -22,11 +22,11 @@ POLICY_EDITS = {
         "unknown algorithm 'DQN', expected one of PPO, A2C, SAC, TD3, DDPG",
     ),
     "wrong algorithm": (lambda d: d["ballbot_metadata"].update(algorithm="SAC"), "holds no SAC policy"),
-    "no algorithm": (lambda d: d["ballbot_metadata"].pop("algorithm") and None, "does not say its algorithm"),
-    "no options": (lambda d: d["ballbot_metadata"].pop("env_options") and None, "does not say its env_options"),
-    "options": (lambda d: d["ballbot_metadata"].update(env_options=[1]), "does not say its env_options"),
-    "metadata": (lambda d: d.update(ballbot_metadata=[1]), "does not say which environment"),
-    "no metadata": (lambda d: d.pop("ballbot_metadata") and None, "does not say which environment"),
+    "no algorithm": (lambda d: d["ballbot_metadata"].pop("algorithm") and None, "does not name its algorithm"),
+    "no options": (lambda d: d["ballbot_metadata"].pop("env_options") and None, "does not name its env_options"),
+    "options": (lambda d: d["ballbot_metadata"].update(env_options=[1]), "does not name its env_options"),
+    "metadata": (lambda d: d.update(ballbot_metadata=[1]), "does not name the environment"),
+    "no metadata": (lambda d: d.pop("ballbot_metadata") and None, "does not name the environment"),
     "data": (lambda _: [1], "is not a policy file"),
 }
 

@@ -1,4 +1,4 @@
-"""ONNX files whose metadata were edited: a policy that acts, or an error that says what is wrong."""
+"""ONNX files whose metadata were edited: a policy that acts, or an error that states what is wrong."""
 
 import json
 
@@ -28,7 +28,7 @@ edited_options = st.dictionaries(
 
 
 def check(path):
-    """Loads a policy; False if it is refused."""
+    """Loads a policy; False if it is rejected."""
     try:
         policy = OnnxPolicy(path)
     except (ValueError, TypeError, OSError):
@@ -69,7 +69,7 @@ def test_a_session_runs_with_any_options_or_says_why_not():
     @budget(300)
     @given(changes=edited_options)
     def feed(changes):
-        # A file of another history is refused for its shape.
+        # A file of another history is rejected for its shape.
         changes.pop("history", None)
         session = Session()
         try:

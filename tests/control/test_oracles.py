@@ -1,4 +1,4 @@
-"""Laws beside libraries that others keep: python-control for the regulators, scikit-fuzzy for the fuzzy rules."""
+"""Controllers compared with independent libraries: python-control for the regulators, scikit-fuzzy for the rules."""
 
 from collections.abc import Callable
 
@@ -73,7 +73,7 @@ def surface() -> tuple[Callable[[float, float], float], float, float]:
     rate = largest / (2.0 * options["lean_damping"] * frequency)
 
     def output(error: float, change: float) -> float:
-        # The error is that of an upright robot, e = −θ, in the plane of x.
+        # The error is of an upright robot, e = −θ, in the plane of x.
         state = bb.State.at_rest(params, tilt=(0.0, -error * options["range"]))
         state = state.replace(body_angular_velocity=(0.0, -change * rate, 0.0))
         return float(turning @ law(state)) / largest

@@ -1,4 +1,4 @@
-"""The task of a policy: that of its file unless another one is asked for, which is refused."""
+"""The task of a policy is the task of its file; a request for another task is rejected."""
 
 import json
 
@@ -47,7 +47,7 @@ def test_another_task_is_refused(policy_of):
     with pytest.raises(ValueError, match="was trained for the task goal, not for the task path"):
         bb.compare([find(policy_of("goal"))], task="path", episodes=1)
     with pytest.raises(
-        ValueError, match="was trained for the task velocity, whose observations are not those of balance"
+        ValueError, match="for the task velocity, whose observations differ from the observations of balance"
     ):
         bb.run_scenarios([policy_of("velocity")])
 

@@ -48,7 +48,7 @@ class Batched:
 
 @pytest.mark.parametrize("form", [WithSetpoint, WithPosition, Batched])
 def test_each_form_does_what_the_core_does(form):
-    """The same LQR, so the same numbers; the rates of both are those of the task."""
+    """The same LQR, so the same numbers; both run at the rate of the task."""
     core, mine = bb.compare(["lqr", form], episodes=3, env_options=SHORT)
     assert mine.controller == form.__name__.lower()
     assert mine.tilt_rms == pytest.approx(core.tilt_rms, rel=1e-5)
@@ -191,7 +191,7 @@ class Timeless:
         (resets_badly, bb.ControllerError, "resets_badly failed: RuntimeError: no"),
         (Unmade, bb.ControllerError, "unmade failed: RuntimeError: no license"),
         (Demanding, TypeError, "demanding cannot be made: gain has no default"),
-        (Uncalled, TypeError, "uncalled is no class of controllers: its objects cannot be called"),
+        (Uncalled, TypeError, "uncalled is not a class of controllers: its objects cannot be called"),
         (Timeless, ValueError, "timeless has control_dt = -1.0: it must be positive and finite"),
         (lambda _: [0.0, 0.0], ValueError, r"<lambda> gave torques of shape \(2,\): expected \(3,\), N·m"),
         (lambda _: "abc", TypeError, r"<lambda> gave 'abc': expected wheel torques of shape \(3,\), N·m"),

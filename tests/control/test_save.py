@@ -81,7 +81,7 @@ def test_what_a_policy_file_cannot_hold_is_not_saved(tmp_path):
 def test_a_plain_file_is_taken_once_its_task_is_named(algorithm, tmp_path, capsys):
     path = tmp_path / "plain.zip"
     model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)).save(path)
-    with pytest.raises(ValueError, match="does not say which environment it was trained on: name the task"):
+    with pytest.raises(ValueError, match="does not name the environment it was trained on: name the task"):
         bb.evaluate(path)
     named = bb.evaluate(path, task="balance", episodes=2, env_options=OPTIONS)
     saved = bb.evaluate(bb.save(model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)), tmp_path / "s"), episodes=2)

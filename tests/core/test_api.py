@@ -412,7 +412,7 @@ def test_the_regulator_takes_a_delay_and_an_observer_as_by_its_name(paper):
     np.testing.assert_array_equal(torques[0], torques[1])
     assert np.abs(torques[0, 2:] - torques[2, 2:]).max() > 1e-3
     np.testing.assert_array_equal(Lqr(paper, Q=np.ones(10), **options).gain, Lqr(paper, Q=np.ones(10)).gain)
-    with pytest.raises(ValueError, match=r"delay = 0\.015 s is no multiple of control_dt"):
+    with pytest.raises(ValueError, match=r"delay = 0\.015 s is not a multiple of control_dt"):
         Lqr(paper, delay=0.015)
 
 

@@ -99,7 +99,7 @@ def _log_once():
     return bb.record_log(seconds=1.0)
 
 
-#: Objects whose arrays are looked at besides those of `surface.INSTANCES`.
+#: Objects whose arrays are tested, in addition to `surface.INSTANCES`.
 MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],
@@ -111,7 +111,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Setpoint": [lambda: bb.Setpoint(position=np.array([0.1, 0.2]))],
     "GroupedObservations": [lambda: bb.GroupedObservations(surface._environment())],
 }
-#: What has no arrays of its own.
+#: Types without arrays.
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

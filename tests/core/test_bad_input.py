@@ -1,4 +1,4 @@
-"""Whatever is wrong with an input, the error has the right class and says what, which value and which limit."""
+"""Whatever is wrong with an input, the error has the right class and states what, which value and which limit."""
 
 import gymnasium
 import numpy as np
@@ -211,7 +211,7 @@ CASES = {
     "evaluate seed": (lambda: evaluate("zero", episodes=1, seed=-1), ValueError, "seed = -1"),
     "compare name": (lambda: compare("lqr"), TypeError, r"controllers must be a list: \['lqr'\]"),
     "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
-    "evaluate object": (lambda: evaluate(3), TypeError, "3 is no controller"),
+    "evaluate object": (lambda: evaluate(3), TypeError, "3 is not a controller"),
     "evaluate option": (
         lambda: evaluate("zero", episodes=1, env_options={"x": 1}),
         TypeError,

@@ -1,4 +1,4 @@
-"""URDFs that describe no ballbot are refused, and the message says why."""
+"""URDFs that do not describe a ballbot are rejected, and the message states why."""
 
 import os
 

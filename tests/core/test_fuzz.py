@@ -14,7 +14,7 @@ from tests.support.paths import ROOT
 @pytest.mark.slow("fuzzes all functions")
 def test_nothing_that_is_called_with_anything_panics_hangs_or_gives_nan():
     pytest.importorskip("hypothesis", reason="it is a development dependency")
-    # In a process of its own, which a call could end.
+    # In a separate process, which a call could end.
     command = [sys.executable, "-m", "tests.support.fuzz", os.environ.get("BALLBOT_FUZZ_CALLS", "5")]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=600)
     assert done.returncode == 0, done.stdout + done.stderr

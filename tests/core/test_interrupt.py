@@ -1,4 +1,4 @@
-"""Ctrl-C ends every call that may take long, and the process goes on."""
+"""Ctrl-C ends every call that may take long, and the process continues."""
 
 import signal
 import subprocess

@@ -1,7 +1,7 @@
-"""Every keyword changes something, or is refused by name: none is taken in silence.
+"""Every keyword changes something, or is rejected by name: none is ignored.
 
-Numbers are tried by themselves, at other values than the default. What is no number, or acts together with another
-keyword alone, is in a table. A keyword that is new and in no table fails its test.
+Numbers are tried separately, at other values than the default. A keyword that is not a number, or that acts only
+together with another keyword, is in a table. A new keyword that is not in a table fails its test.
 """
 
 import functools
@@ -84,7 +84,7 @@ OPTIONS: dict[str, list[Any]] = {
 }
 
 
-#: Smaller ground than that of the task, which takes seconds.
+#: Smaller ground than the task's, which takes seconds.
 GROUNDS = {"terrain": "levels", "openballbot": "noise"}
 
 
@@ -95,7 +95,7 @@ def ground(kind: str) -> bb.Terrain:
 
 
 def episodes(task: str, **options: Any) -> list[Any]:
-    """What robots do in an environment, and what it says of them."""
+    """The motion of robots in an environment, and what it reports."""
     if task in GROUNDS:
         options = {"terrain": ground(GROUNDS[task]), **options}
     batch = bb.Batch(4, task, seed=3, num_threads=1, **{"model": "contact", "max_episode_steps": 12, **options})
@@ -661,7 +661,7 @@ MOTION = {
     "yaw_rate": 0.2,
     "friction": With(0.01, yaw_rate=3.0),
 }
-#: What a refusal has in place of the keyword: the share of friction that a motion may take, the id of a task.
+#: What an error has in place of the keyword: the fraction of friction that a motion may use, the id of a task.
 NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {

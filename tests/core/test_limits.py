@@ -1,4 +1,4 @@
-"""Numbers that would take all memory or all threads are refused at once, and those that make no sense by name."""
+"""Numbers that would take all memory or all threads are rejected at once, meaningless numbers by name."""
 
 import threading
 
@@ -147,7 +147,7 @@ NO_NUMBERS = {
     "complex list": ([[0j, 0, 0]] * 2, "list of dtype complex128"),
     "objects": (np.zeros((2, 3), object), "ndarray of dtype object"),
     "None": ([[None, 0, 0]] * 2, "list of dtype object"),
-    "masked": (np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3)), "a masked one"),
+    "masked": (np.ma.masked_array(np.zeros((2, 3)), mask=np.eye(2, 3)), "a masked array"),
     "ragged": ([[0, 0, 0], [0]], "list"),
 }
 

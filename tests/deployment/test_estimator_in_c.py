@@ -54,7 +54,7 @@ def test_an_estimator_in_c_has_our_states(kind, robot, tmp_path):
     start, seen = episode(params, sensors, (impulse, 0.3 * impulse, 0.0))
     header = estimator_header(params, sensors)
     slipping, largest = 0.0, {}
-    # Of exact sensors, single precision is refused.
+    # With exact sensors, single precision is rejected.
     for real in ("double", "float") if kind == "hobby" else ("double",):
         in_c = CEstimator(tmp_path, header, real)
         in_c.begin(start)

@@ -1,4 +1,4 @@
-"""The estimator's covariance at rest beside the steady Kalman filter of python-control."""
+"""The estimator's covariance at rest compared with the steady Kalman filter of python-control."""
 
 import control
 import numpy as np

@@ -55,15 +55,15 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([], "takes a RUN, --controller or --estimator, one of them"),
-        (["runs/mine", "--controller", "lqr"], "takes a RUN, --controller or --estimator, one of them"),
+        ([], "takes one of RUN, --controller and --estimator"),
+        (["runs/mine", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
         (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, lqi"),
-        (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a header of C ends in .h"),
+        (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
             ["runs/mine", "-o", "policy.c"],
-            "policy.c: the name of an ONNX file ends in .onnx, that of a header of C in .h",
+            "policy.c: the name of an ONNX file ends in .onnx, the name of a C header in .h",
         ),
-        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a header of C"),
+        (["mine.onnx", "-o", "other.onnx"], "mine.onnx is an ONNX file already: it is written as a C header"),
         (["--controller", "lqr", "--controller-option", "weight=1"], "unexpected keyword argument 'weight'"),
         (["--controller", "lqr", "--controller-option", "weight"], "--controller-option weight: expected NAME=VALUE"),
         (
@@ -75,7 +75,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["runs/mine", "--controller-option", "position=1"], "--controller-option position=1 needs --controller"),
         (["--estimator"], "--estimator needs the sensors of the robot"),
         (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
-        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes a RUN, --controller or --estimator"),
+        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
         (["--controller", "lqr", "--set", "control_dt=0"], "control_dt = 0 is out of range"),
     ],
 )

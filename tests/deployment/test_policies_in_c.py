@@ -46,7 +46,7 @@ def policy_of(target, nodes, constants, *, rows=16, **options):
 
 
 def difference(folder, file, real="double"):
-    """The largest difference of actions from those of onnxruntime, and those."""
+    """The largest difference from onnxruntime's actions, and onnxruntime's actions."""
     policy = OnnxPolicy(file)
     rows = observations(policy._rows)
     expected = policy.act(rows)

@@ -1,4 +1,4 @@
-"""Advantages of many fragments at once are those of the sum, step by step."""
+"""Advantages of many fragments at once agree with the sum, step by step."""
 
 import numpy as np
 import pytest

@@ -108,7 +108,7 @@ def test_seeds_are_disjoint_across_workers_and_new_for_a_worker_that_is_started_
     ]
     assert len(set(seeds)) == len(seeds)
     assert min(seeds) == 10
-    # All used up: they begin anew, within the run's own.
+    # All used up: they begin again, within the run's own.
     late = first_seed(10, span, worker=4, workers=workers, robots=robots, steps=10**12)
     assert 10 <= late <= 10 + span - robots
 

@@ -247,7 +247,7 @@ TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 @contextlib.contextmanager
 def head(folder, path):
-    """A cluster of its own, with what is on its path; its address."""
+    """A separate cluster, with what is on its path; its address."""
     with socket.socket() as free:
         free.bind(("127.0.0.1", 0))
         port = free.getsockname()[1]
@@ -270,7 +270,7 @@ def head(folder, path):
 
 
 def train_tiny(folder, address, workers, *arguments):
-    """What the command says, in a process that has not met another cluster."""
+    """The output of the command, in a process that has not connected to another cluster."""
     (folder / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
     command = [sys.executable, "-m", "ballbot_rs.cli", "train", "--config", "tiny.toml", "--run", "run"]
     command += ["--on", "ray", "--ray-address", address, "--workers", str(workers)]
@@ -293,7 +293,7 @@ def test_a_cluster_is_joined(tmp_path):
         assert code == 0, said
         code, said = train_tiny(tmp_path, address, 4, "--overwrite")
         assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
-    # That of the first training, which the second was to overwrite.
+    # The run of the first training, which the second was to overwrite.
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[-1] >= 768
 
 

@@ -1,4 +1,4 @@
-"""What a training on Ray is asked for: without Ray."""
+"""The settings of a training on Ray, without Ray."""
 
 import socket
 import subprocess
@@ -96,7 +96,7 @@ def test_a_number_of_workers_out_of_range_is_refused(workers):
     "address", ["", "here", "host:", ":1", "host:0", "host:65536", "ray://host:1", "host:x", "auto"]
 )
 def test_what_is_no_address_is_refused(address):
-    with pytest.raises(ValueError, match=r"is no address: expected HOST:PORT with a port from 1 to 65535"):
+    with pytest.raises(ValueError, match=r"is not an address: expected HOST:PORT with a port from 1 to 65535"):
         Ray(1, address)
 
 
@@ -111,8 +111,8 @@ def test_an_address_where_nothing_listens_is_refused_at_once():
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        (["--workers", "2"], "--workers 2 has no place without --on ray"),
-        (["--ray-address", "here:1"], "--ray-address here:1 has no place without --on ray"),
+        (["--workers", "2"], "--workers 2 requires --on ray"),
+        (["--ray-address", "here:1"], "--ray-address here:1 requires --on ray"),
         (["--on", "ray", "--ray-address", "here"], "--ray-address here is no address"),
     ],
 )

@@ -1,6 +1,6 @@
 """What the pages' shell commands name is there: targets of make, tests of cargo, modules, files and extras.
 
-Command lines of `ballbot` are those of test_readme.py.
+test_readme.py tests command lines of `ballbot`.
 """
 
 import re

@@ -1,4 +1,4 @@
-"""What the documentation says is there: stubs match the runtime, links lead to files and names, derived limits hold."""
+"""The documentation is true: stubs match the runtime, links lead to files and names, derived limits hold."""
 
 import ast
 import inspect

@@ -89,7 +89,7 @@ def test_the_citation_has_the_version_of_the_package() -> None:
 
 
 def test_the_animation_is_that_of_its_command() -> None:
-    """Of the duration, rate and size that the README's command asks for, and small enough for a page."""
+    """Duration, rate and size of the README's command, and small enough for a page."""
     from PIL import Image
 
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())

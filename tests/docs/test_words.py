@@ -6,7 +6,7 @@ import check_words
 
 
 @pytest.mark.parametrize(
-    ("suffix", "text", "expected"),
+    ("name", "text", "expected"),
     [
         (".md", "A robot\nbears a push.", [(2, "bears")]),
         (".md", "It goes\non and on, beside others.", [(1, "goes on"), (2, "beside")]),
@@ -20,10 +20,20 @@ import check_words
             '"""Refuses it."""\n\nANEW = "anew"\n\n\ndef anew():\n    return 1  # anew\n',
             [(1, "Refuses"), (7, "anew")],
         ),
+        (".py", 'def f(a):\n    """F.\n\n    Args:\n        beside: beside.\n    """\n', [(5, "beside")]),
+        (
+            ".py",
+            'anew = "anew"\nraise ValueError(f"{anew} says `anew` and "\n    "goes on")\n',
+            [(2, "says"), (2, "goes on")],
+        ),
+        (".py", 'add("--anew", help="begin anew", choices="anew")\n', [(1, "anew")]),
+        ("CHANGELOG.md", "Anew.\n\n## [Unreleased]\nAnew.\n\n## [1.0]\nAnew.\n", [(1, "Anew"), (4, "Anew")]),
+        ("CHANGELOG.md", "## [Unreleased]\nAnew.\n", [(2, "Anew")]),
     ],
 )
-def test_a_phrase_is_found_only_in_prose(suffix: str, text: str, expected: list[tuple[int, str]]) -> None:
-    assert sorted((line, phrase) for line, phrase, _ in check_words.found(text, suffix)) == expected
+def test_a_phrase_is_found_only_in_prose(name: str, text: str, expected: list[tuple[int, str]]) -> None:
+    found = ((line, phrase) for line, phrase, _ in check_words.found(text, name))
+    assert sorted(found) == sorted(expected)
 
 
 def test_the_checked_files_have_the_words_of_the_field() -> None:

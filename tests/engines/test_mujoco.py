@@ -29,7 +29,7 @@ def test_a_regulator_does_there_what_it_does_here(task):
 
 
 def test_robots_that_an_event_draws_are_those_that_move():
-    """A heavier body falls at another rate; its robot is made anew in each episode."""
+    """A heavier body falls at another rate; its robot is made again in each episode."""
     events = [{"term": "body_com_height", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.1, 0.3]}]
     options = {"events": events, "max_episode_steps": 20, "reset_tilt": 0.0, "reset_tilt_rate": 0.0}
     start = bb.State.at_rest(bb.Params.paper(), (0.05, 0.0))
@@ -140,7 +140,7 @@ def test_a_task_in_python_moves_there_too():
             },
             "does not change gravity within an episode",
         ),
-        ({"model": "rigid"}, "takes the place of model = 'rigid'"),
+        ({"model": "rigid"}, "replaces model = 'rigid'"),
     ],
 )
 def test_what_the_engine_does_not_simulate_is_refused(options, message):

@@ -29,7 +29,7 @@ EVERYTHING = {
     "peak_torque": 0.4,
     "delay_jitter": 0.004,
 }
-#: Without a seed of their own.
+#: Without a separate seed.
 ACTIONS = 0.3 * np.sin(np.arange(60).reshape(20, 3)).astype(np.float32)
 
 
@@ -235,7 +235,7 @@ def test_commands_take_motors(tmp_path, capsys):
     assert main(["evaluate", "--actuators", "kugel"]) == 1
     assert "unknown actuators 'kugel': expected one of ideal, kugle" in capsys.readouterr().err
     assert main(["view", "--no-open", "--set", "actuators=kugle"]) == 1
-    # Those of Kugle are too strong for the paper's wheels, on the page as in any environment.
+    # Kugle's motors are too strong for the paper's wheels, on the page as in any environment.
     assert "actuators.stall_torque / actuators.no_load_speed = " in capsys.readouterr().err
 
 
@@ -247,7 +247,7 @@ SUBSTEPS = 5
 def closed_loop(delay_steps, lag):
     """The linear model under LQR with delay (model steps) and lag (s), over a control step, and how many states it has.
 
-    Its state: that of the linear model, the three lagging torques, and the commands of the control steps before.
+    Its state: the state of the linear model, the three lagging torques, and the commands of the control steps before.
     """
     linear = bb.LinearModel(bb.Params.paper())
     gain = bb.Lqr(control_dt=CONTROL_DT).gain

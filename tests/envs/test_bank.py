@@ -1,4 +1,4 @@
-"""The starts and commands that evaluations and their pages are of: those of the seeds from 1000 on."""
+"""The starts and commands of evaluations and of their pages: seeds 1000 and up."""
 
 import json
 

@@ -63,7 +63,7 @@ def test_a_single_environment_has_the_same_finite_numbers_at_every_step(task):
     assert list(infos[0]) == ["is_success", "termination", *metrics]
     for info in infos:
         assert structure(info) == structure(infos[0])
-        # As readers of infos ask for: TorchRL wants a dtype, Gymnasium and the array API take nothing but numbers.
+        # As readers of infos require: TorchRL needs a dtype, Gymnasium and the array API accept only numbers.
         assert [value.dtype for value in info.values()] == [np.bool_, np.int64, *[np.float64] * len(metrics)]
         assert np.isfinite([float(value) for value in info.values()]).all()
     codes = {int(info["termination"]) for info in infos}

@@ -35,7 +35,7 @@ def test_readings_follow_the_rows_of_the_task():
     np.testing.assert_array_equal(observation[rows : rows + 15], env.scan().ravel())
     np.testing.assert_array_equal(observation[rows + 15 :], env.depth().ravel())
     assert env.scan().dtype == env.depth().dtype == np.float32
-    # A scan is what the terrain says.
+    # A scan agrees with the terrain.
     state, terrain = env.state, env._batch.terrain
     ball = np.array(state.ball_position)
     expected = ball[2] - env.params.ball_radius - terrain.height(ball[0], ball[1])

@@ -116,7 +116,7 @@ def test_trajectories_have_the_draws():
     }
     mass, friction = trajectory.draws["body_mass"], trajectory.draws["floor_dynamic_friction"]
     assert (mass == mass[0]).all()
-    # From its first event on, that of the params at the end.
+    # From its first event on, the value of the params at the end.
     assert np.isnan(friction[0])
     assert friction[-1] == trajectory.params.floor_dynamic_friction
     assert bb.run("lqr", seconds=0.1).draws == {}

@@ -1,4 +1,4 @@
-"""Resets from given states: what they draw, what they refuse, and that a refused one changes nothing."""
+"""Resets from given states: what they sample, what they reject, and that a rejected state changes nothing."""
 
 import numpy as np
 import pytest

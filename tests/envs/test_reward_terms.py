@@ -126,7 +126,7 @@ def test_terms_are_those_of_the_documentation(task):
     last = np.zeros((N, 3))
     for step in range(STEPS):
         action = batch.control(lqr)
-        # Off what the regulator wants, so that actions change.
+        # Different from the regulator's action, so that actions change.
         action = np.clip(action + 0.1 * np.sin(np.arange(3) + step), -1.0, 1.0).astype(np.float32)
         before = batch.command()
         _, rewards, terminated, _ = batch.step(action)

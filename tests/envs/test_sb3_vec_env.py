@@ -357,7 +357,7 @@ def rollout_in_child(method, env, actions):
     ("kind", "method"), [(BallbotVecEnv, "fork"), (BalanceVectorEnv, "fork"), (BallbotVecEnv, "spawn")]
 )
 def test_a_child_process_steps_what_its_parent_has_stepped(kind, method):
-    """A thread pool does not survive a fork: using the parent's in the child would wait for ever."""
+    """A thread pool does not survive a fork: using the parent's in the child would wait forever."""
     env = kind(num_envs=4, seed=0, num_threads=2)
     env.reset()
     actions = actions_of(4, 20)

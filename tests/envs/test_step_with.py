@@ -1,4 +1,4 @@
-"""Steps whose motion is from outside: what the task makes of them."""
+"""Steps whose motion is from outside: the task's results."""
 
 import numpy as np
 import pytest
@@ -11,7 +11,7 @@ SHORT = {"model": "contact", "max_episode_steps": 30}
 
 
 class Outside:
-    """The robots of a batch in `Ballbot`s of their own."""
+    """The robots of a batch as separate `Ballbot`s."""
 
     def __init__(self, batch):
         self.batch = batch
@@ -53,7 +53,7 @@ def test_the_same_motion_gives_the_same_step(task, mode):
     for step in range(70):
         given = actions(step, 3)
         expected, found = inside.step(given), outside.step(given)
-        # The solver of a robot that is placed anew has forgotten the forces that it starts from.
+        # The solver of a robot that is placed again has lost the forces of its warm start.
         np.testing.assert_allclose(found[0], expected[0], rtol=0, atol=1e-6)
         np.testing.assert_allclose(found[1], expected[1], rtol=0, atol=1e-6)
         np.testing.assert_array_equal(found[2], expected[2])

@@ -38,7 +38,7 @@ class Spin(bb.Task):
 
 
 class Chase(bb.Task):
-    """Go to a point that is drawn for each episode; with a memory and an argument of its own."""
+    """Go to a point that is sampled for each episode; with a memory and a custom argument."""
 
     def __init__(self, distance=1.0):
         self.distance = distance
@@ -304,7 +304,7 @@ def test_the_tilt_of_a_fall_is_that_of_the_task():
 @pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
 @pytest.mark.parametrize("method", ["reward", "terminated", "observe", "reset"])
 def test_after_an_exception_the_next_episode_begins_properly(mode, method):
-    """A method raises in the step that ends an episode: the task is told of the next one all the same."""
+    """A method raises in the step that ends an episode: the task still begins the next episode."""
     begun = []
 
     class Raises(Spin):

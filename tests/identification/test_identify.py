@@ -1,4 +1,4 @@
-"""The fit: what it finds, how sure it is, and what it refuses."""
+"""The fit: what it finds, how sure it is, and what it rejects."""
 
 import numpy as np
 import pytest
@@ -142,7 +142,7 @@ def test_a_friction_that_is_not_there_is_at_its_limit(exact):
 
 def test_windows_that_no_robot_explains_are_left_out(noisy):
     torques = noisy.torques.copy()
-    # 0.3 s in which the log says that the motors were off, for a hand that pushes or a wheel that slips.
+    # 0.3 s in which the log reports the motors as off, for a hand that pushes or a wheel that slips.
     torques[200:230] = 0.0
     found = identify(
         changed(noisy, torques=torques), TRUTH, ("body_com_height", "delay"), num_threads=1, actuators=MOTORS

@@ -1,4 +1,4 @@
-"""Logs: what a file must have, what is refused, and the torques of the model's steps."""
+"""Logs: what a file must have, what is rejected, and the torques of the model's steps."""
 
 import importlib.util
 import io

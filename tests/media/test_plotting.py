@@ -1,4 +1,4 @@
-"""Figures: that they show the numbers that were collected, and that files come out as asked for."""
+"""Figures: that they show the numbers that were collected, and that files are written as requested."""
 
 import dataclasses
 import json
@@ -75,7 +75,7 @@ def test_pushes_falls_and_limits_are_marked(moving):
     (lowest, highest) = fig.axes[8].get_ylim()
     assert lowest == 0.0
     assert fig.axes[8].lines[3].get_ydata().max() > 0.0
-    # That of torques is far beyond what LQR asks for, and does not flatten its curves.
+    # The limit of the torques is far beyond LQR's torques, and does not flatten its curves.
     assert moving[0].max_wheel_torque == 5.0
     assert "limit 5 N·m" in [text.get_text() for text in fig.axes[5].get_legend().get_texts()]
     assert fig.axes[4].get_ylim()[1] < 1.0 < highest
@@ -351,7 +351,7 @@ def test_the_numbers_of_a_map_are_its_starts(maps, tmp_path):
 
 def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):
     assert main(["plot", "--controller", "lqr", "--figure", "learning_curve", "--output", str(tmp_path / "f")]) == 1
-    assert "a learning curve is of training runs" in capsys.readouterr().err
+    assert "a learning curve needs training runs" in capsys.readouterr().err
     assert not (tmp_path / "f").exists()
 
 

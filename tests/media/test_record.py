@@ -138,9 +138,9 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--output", "a.avi"], "the name of a video ends in .mp4, that of an animation in .webp"),
+        (["--output", "a.avi"], "the name of a video ends in .mp4, the name of an animation in .webp"),
         (["--size", "65", "48"], "width and height must be even"),
-        (["--no-video"], "ask for a picture with --still"),
+        (["--no-video"], "request a picture with --still"),
         (["--no-video", "--still", "9"], "there is no picture at 9.0 s"),
         (["--samples", "3"], "samples"),
         (["--controller", "lqrr"], "no policy at lqrr"),

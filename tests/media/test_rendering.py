@@ -1,4 +1,4 @@
-"""Frames: what is in them, and the contracts of those who ask for them."""
+"""Frames: what is in them, and the contracts of their callers."""
 
 import copy
 import multiprocessing
@@ -165,7 +165,7 @@ def frame_elsewhere(env, connection):
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_child_process_renders_what_its_parent_has_rendered():
-    """Threads do not survive a fork: waiting for the parent's would take for ever."""
+    """Threads do not survive a fork: waiting for the parent's would take forever."""
     made = bb.BalanceEnv(render_mode="rgb_array", render_options=SMALL | {"num_threads": 2})
     made.reset(seed=0)
     frame = made.render()

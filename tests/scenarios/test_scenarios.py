@@ -50,7 +50,7 @@ def test_targets_of_the_papers_robot():
 
 
 def test_offsets_are_those_of_the_closed_form():
-    """A static law comes to rest where position and lean ask for no torque together."""
+    """A static law comes to rest where the torques of position and lean cancel."""
     lqr = bb.Lqr()
     gain = np.asarray(lqr.gain)
     lean = 1e-3 * 5.0 / bb.Params.paper().body_com_height
@@ -180,7 +180,7 @@ def test_metrics_of_known_rows():
     measures = Measures(2, 0.5, 0.0, np.array([[0.0, 0.0, 0.1]] * 2), np.ones(2))
     terminated = np.array([[False, True], [False, False]])
     torques = np.array([[[1.0, 1.0, 1.0], [2.0, 0.0, 0.0]], [[1.0, 1.0, 0.0], [9.0, 9.0, 9.0]]])
-    # Turned by 90 deg of which 60 were asked for.
+    # Turned by 90 deg of which 60 were commanded.
     states[2, 0, [16, 19]] = np.sqrt(0.5)
     still, yaw = np.zeros((3, 1, 2)), np.array([[0.0], [0.0], [np.pi / 3.0]])
     measures.add({"states": states, "torques": torques, "terminated": terminated}, still, still, yaw)
@@ -310,7 +310,7 @@ def test_scenarios_of_ones_own(tmp_path):
     assert outcome.success.all()
     for text, says in [
         ("", r"there is no \[\[scenario\]\]"),
-        ("x = 1\n", r"'x' is not known, expected tables \[\[scenario\]\] alone"),
+        ("x = 1\n", r"'x' is not known, expected only tables \[\[scenario\]\]"),
         ("scenario = 5\n", r"scenario = 5, expected tables \[\[scenario\]\]"),
         ('[[scenario]]\nid = ["A"]\ntitle = ""\nseconds = 1\nscore = "map"\n', r"id = \('A',\), expected text"),
         (OWN + "seeds = 1.5\n", "A: seeds = 1.5, expected a whole number"),

@@ -1,4 +1,4 @@
-"""Tuning: a search that improves, repeats itself, and refuses what it cannot search."""
+"""Tuning: a search that improves, repeats itself, and rejects what it cannot search."""
 
 import pytest
 

@@ -1,4 +1,4 @@
-"""What a keyword or an option does: whether another value changes the result, or is refused by name."""
+"""What a keyword or an option does: whether another value changes the result, or is rejected by name."""
 
 import dataclasses
 from collections.abc import Callable, Mapping
@@ -21,7 +21,7 @@ class With:
 
 @dataclasses.dataclass(frozen=True)
 class Refused:
-    """A value that is refused by name."""
+    """A value that is rejected by name."""
 
     value: Any
 
@@ -65,7 +65,7 @@ def fingerprint(value: Any) -> Any:
 def changes(
     call: Callable[..., Any], name: str, candidates: list[Any], base: Mapping[str, Any], named: str | None = None
 ) -> str | None:
-    """What is wrong with a keyword: None if one of the candidates changes the result, or all are refused by name.
+    """What is wrong with a keyword: None if one of the candidates changes the result, or all are rejected by name.
 
     `named` is the name in the refusal, if it is another one.
     """
@@ -76,7 +76,7 @@ def changes(
         try:
             before = fingerprint(call(**others))
         except ValueError as error:
-            # What a keyword permits is refused without it.
+            # What a keyword permits is rejected without it.
             if name not in str(error):
                 raise
             before = None

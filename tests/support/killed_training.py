@@ -112,7 +112,7 @@ def report(kill: str, ended: int, run: Path, whole: Path) -> int:
 
 
 def check(run: Path, whole: Path) -> None:
-    """Resumes a run; an AssertionError says what is missing, or differs from the uninterrupted run."""
+    """Resumes a run; an AssertionError reports what is missing, or differs from the uninterrupted run."""
     kept = run_folder.checkpoints(run)
     for path in kept:
         sb3_archive.read(path)

@@ -44,7 +44,7 @@ def test_an_exported_policy_acts_as_its_source(exported, tiny_run, observations)
 
 
 def test_actions_are_clipped_as_those_of_the_source(tiny_run, tmp_path, observations):
-    # What was trained for a second hardly acts; this one wants more than it may.
+    # A policy trained for a second hardly acts; this policy exceeds its limits.
     model = PPO.load(tiny_run / "best_model.zip")
     model.policy.action_net.weight.data *= 200.0
     model.save(tmp_path / "wild.zip")
@@ -105,10 +105,10 @@ def edited(source, target, edit):
             "env_id is 'ballbot/Walk-v0', expected one of ballbot/Balance-v0",
         ),
         (lambda f: f.update({PREFIX + "observation": '["tilt"]'}), r"observation is \['tilt'\], expected"),
-        (lambda f: f.pop(PREFIX + "env_options"), "does not say its env_options"),
+        (lambda f: f.pop(PREFIX + "env_options"), "does not name its env_options"),
         (lambda f: f.update({PREFIX + "env_options": "[1]"}), r"env_options is \[1\], which is no dict"),
-        (lambda f: f.update({PREFIX + "control_dt": "fast"}), "does not say its control_dt"),
-        (lambda f: f.clear(), "does not say its env_id"),
+        (lambda f: f.update({PREFIX + "control_dt": "fast"}), "does not name its control_dt"),
+        (lambda f: f.clear(), "does not name its env_id"),
     ],
 )
 def test_a_policy_for_something_else_is_refused(exported, tmp_path, edit, message):

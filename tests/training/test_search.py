@@ -1,4 +1,4 @@
-"""`ballbot tune`: searches of hyperparameters that go on, share their work, and refuse what cannot be compared."""
+"""`ballbot tune`: searches of hyperparameters that continue, share their work, and reject what cannot be compared."""
 
 import json
 import os
@@ -207,7 +207,7 @@ def test_what_is_in_the_way_is_named(tmp_path):
         search(tmp_path / "file").study()
     (tmp_path / "garbage").mkdir()
     (tmp_path / "garbage" / "journal.log").write_text("nonsense\n")
-    with pytest.raises(ValueError, match=r"journal\.log is no journal of a search .*--study"):
+    with pytest.raises(ValueError, match=r"journal\.log is not a search's journal .*--study"):
         search(tmp_path / "garbage").study()
     (tmp_path / "other" / "trial-0000").mkdir(parents=True)
     with pytest.raises(FileExistsError, match=r"trial-0000 is in the way of trial 0.*--study"):

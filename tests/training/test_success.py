@@ -1,4 +1,4 @@
-"""Trainings go on until their policy succeeds, or say that it does not."""
+"""Trainings continue until their policy succeeds, or report that it does not."""
 
 import json
 

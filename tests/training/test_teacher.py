@@ -1,4 +1,4 @@
-"""The fit to a classical law before PPO: what it reaches, what it leaves alone, and what is refused."""
+"""The fit to a classical controller before PPO: what it reaches, what it leaves unchanged, and what is rejected."""
 
 import dataclasses
 import shutil
@@ -55,7 +55,7 @@ def shares(first, second):
 
 
 def difference(model, law):
-    """Root mean square difference of a policy's actions from a law's, on episodes of its own."""
+    """Root mean square difference of a policy's actions from a controller's, on separate episodes."""
     env = bb.BallbotVecEnv(50, model="spatial", num_threads=1, seed=77)
     observations, differences = env.reset(), []
     for _ in range(100):
@@ -198,7 +198,7 @@ class TestMistakes:
             ("teacher = 'lqr'", "teacher = 'lqr' must be a table"),
             ("[teacher]\nrounds = 3", r"\[teacher\]: it has no controller, expected one of lqr, "),
             ("[teacher]\nlaw = 'lqr'", r"\[teacher\]: unknown key 'law': expected one of controller, options, "),
-            ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is no law: expected one of lqr, "),
+            ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is not a controller: expected one of lqr, "),
             ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is no law"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),

@@ -1,4 +1,4 @@
-"""What the page on controllers measures is what it says."""
+"""What the page on controllers measures is what it describes."""
 
 import dataclasses
 
@@ -18,7 +18,7 @@ def test_the_default_regulator_is_the_one_of_the_page():
     # Every third direction.
     scenario = dataclasses.replace(load()["S2-rest"], directions=8)
     default, without = (
-        run_scenarios(law, scenario)[0].score for law in (bb.Lqr(), limits.VARIANTS["a largest torque alone"])
+        run_scenarios(law, scenario)[0].score for law in (bb.Lqr(), limits.VARIANTS["only a torque limit"])
     )
     assert abs(default - limits.BASIN) <= 0.5
     assert default > without + 9.0

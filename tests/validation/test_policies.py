@@ -1,4 +1,4 @@
-"""The policies that come with the package do what their page says."""
+"""The policies that come with the package perform as on their page."""
 
 import re
 

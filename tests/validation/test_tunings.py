@@ -39,7 +39,7 @@ def test_published_loops_keep_their_poles(law):
 
 
 def test_a_weight_below_zero_moves_the_poles_little():
-    """That of the tilt of OCS2: a regulator with our model cannot have all of its poles."""
+    """The weight of OCS2's tilt: a regulator with our model cannot have all of its poles."""
     found = options("mpc", PAPER)
     assert found["tilt"] == 1e3
     expected = np.sort_complex(published()["mpc"].scaled(Plane.of(PAPER).toppling))

@@ -16,7 +16,7 @@ from tests.viewer.test_viewer_session import MODELS, run
 
 PAPER = Params.paper()
 
-#: Value of each change, and what it makes of the paper's robot.
+#: Value of each change, and the changed property of the paper's robot.
 EXPECTED = {
     "wheel_friction": (0.4, {"wheel_static_friction": 0.44, "wheel_dynamic_friction": 0.4}),
     "floor_friction": (0.4, {"floor_static_friction": 0.44, "floor_dynamic_friction": 0.42}),
@@ -46,7 +46,7 @@ def test_a_change_is_what_it_says_and_the_motion_goes_on(name):
         for key, number in expected.items():
             np.testing.assert_allclose(now[key], number, rtol=1e-12, err_msg=key)
     assert session.changes == {**NEUTRAL, name: value}
-    # Controllers are those of the nominal robot.
+    # Controllers are designed for the nominal robot.
     assert session.robots.params == PAPER
     run(session, 0.1)
     session.change(**NEUTRAL)
@@ -100,7 +100,7 @@ def test_a_robot_that_cannot_be_is_refused_and_nothing_changes(values, message):
 
 
 def test_a_change_that_one_drawn_robot_of_several_refuses_changes_none():
-    """Half of the robots are drawn at a mass that, ten times as small, is less than that of the wheels."""
+    """Half of the robots are sampled at a mass whose tenth is less than the mass of the wheels."""
     events = [{"term": "body_mass", "op": "scale", "mode": "startup", "range": [0.2, 1.5]}]
     session = Session(num_robots=6, events=events)
     before = [session.robots.params_of(i) for i in range(6)]
@@ -244,7 +244,7 @@ def test_the_robot_that_falls_is_drawn_anew_and_the_others_remain():
     before = [session.robots.params_of(i) for i in range(3)]
     session.robots._robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
-    assert session.notices[-1] == "robot 1 fell and starts anew"
+    assert session.notices[-1] == "robot 1 fell and starts again"
     after = [session.robots.params_of(i) for i in range(3)]
     assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, True]
 
@@ -289,7 +289,7 @@ def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
         session.push(rng.uniform(0.0, 2.0 * math.pi), rng.uniform(0.0, 4.0))
         run(session, 1.0)
         assert np.isfinite(session.frame().states).all()
-    assert any("starts anew" in notice for notice in session.notices)
+    assert any("starts again" in notice for notice in session.notices)
 
 
 def test_a_robot_that_cannot_have_the_tilt_begins_anew_in_equilibrium():

@@ -120,7 +120,7 @@ def test_sliders_of_the_robot_take_their_range_and_nothing_else(view, name):
 
 
 def moved(view, client, name, value):
-    """What a client that moves a slider makes of the changes of the session, once the page shows them."""
+    """The changes of the session after a client moves a slider, once the page shows them."""
     handle = control(view, CHANGES[name].label)
     client.send(update(handle, value))
     wait_until(lambda: handle.value == value)
@@ -165,7 +165,7 @@ def test_what_the_controller_sees_is_chosen_and_plotted(view):
 
 
 def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_back(view):
-    """Both values are within the sliders; the center of mass is then beside the wheels."""
+    """Both values are within the sliders; the center of mass is then off the wheels."""
     ask(view, lambda session: session.reset())
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
@@ -417,7 +417,7 @@ def test_missing_double_and_foreign_headers_are_refused():
         [own, ("Origin", "http://localhost:3000")],
         [own, ("Origin", "http://127.0.0.1:8080")],
     ):
-        assert refusal("/", Headers(headers)) == "this server is for this machine alone"
+        assert refusal("/", Headers(headers)) == "this server is only for this machine"
 
 
 def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):

@@ -53,7 +53,7 @@ def test_a_policy_brings_its_task_and_observes_as_in_training(task, tmp_path):
     from ballbot_rs import OnnxPolicy
     from tests.support.onnx_policies import tiny_policy
 
-    # A long way from the defaults: the environment of the page is that of the training.
+    # A long way from the defaults: the environment of the page is the environment of the training.
     path = tiny_policy(tmp_path / "p.onnx", task, gain=0.03, history=2, max_wheel_torque=0.2, control_dt=0.02)
     session = Session(controller=str(path), num_robots=2)
     assert (session.task, session.driver.control_dt) == (task, 0.02)
@@ -247,7 +247,7 @@ def test_after_a_fall_a_robot_that_is_commanded_by_hand_rests(task):
     while not session.notices:
         session.step()
         assert session.time < LIES_FOR + 5.0
-    assert session.notices[-1] == "robot 0 fell and starts anew"
+    assert session.notices[-1] == "robot 0 fell and starts again"
     run(session, 5.0)
     assert not command(session).any()
     assert np.linalg.norm(session.robots.states[0].ball_position[:2]) < 0.1
@@ -302,7 +302,7 @@ def test_a_replay_shows_what_was_asked():
         ("velocity", lambda s: s.drive(1.01, 0.0, 0.0), "forward = 1.01 is out of range: expected -1 to 1"),
         ("velocity", lambda s: s.drive(0.0, math.nan, 0.0), "left = nan is out of range"),
         ("velocity", lambda s: s.drive(0.0, 0.0, "1"), "turn = '1' is not a number"),
-        ("velocity", lambda s: s.move_setpoint(1.0, 0.0), "a click is no command of the task velocity"),
+        ("velocity", lambda s: s.move_setpoint(1.0, 0.0), "a click is not a command of the task velocity"),
         ("goal", lambda s: s.move_setpoint(math.inf, 0.0), "x = inf is out of range"),
         ("push", lambda s: s.draw_commands(), "the task push has no commands"),
         ("balance", lambda s: s.draw_commands(), "the task balance has no commands"),

@@ -43,7 +43,7 @@ def is_by_hand(view):
 
 
 def drive_until(condition, connection, *shares):
-    """Goes on sending, as the page's script does, until a condition holds."""
+    """Continues to send, as the page's script does, until a condition holds."""
     ends = time.monotonic() + LIMIT
     while not condition():
         assert time.monotonic() < ends

@@ -1,4 +1,4 @@
-"""Files that a URDF names: devices, pipes and files of any size are refused at once."""
+"""Files that a URDF names: devices, pipes and files of any size are rejected at once."""
 
 import os
 import re

@@ -98,7 +98,7 @@ def test_edited_messages_of_the_scene_do_no_harm(view, capfd):
 def near(handle):
     """Values that a control takes, or nearly does."""
     if hasattr(handle, "min"):
-        # The range of the slider of the recording grows: shares of it do not.
+        # The range of the recording's slider grows; fractions of it do not.
         return st.floats(-0.2, 1.2).map(lambda share: handle.min + share * (handle.max - handle.min))
     return st.sampled_from([handle.value, True, False, "lqr", *getattr(handle, "options", ())])
 

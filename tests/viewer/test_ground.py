@@ -1,4 +1,4 @@
-"""Sessions on uneven ground: robots stand on it, leave it and start anew, and rays meet it where it is."""
+"""Sessions on uneven ground: robots stand on it, leave it and start again, and rays meet it where it is."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_who_reaches_the_edge_of_a_tile_goes_on_with_its_command_and_of_the_terr
     assert not session.notices
     second = session.robots.episodes[0]
     drive_along_x(session, lambda: session.robots.episodes[0] > second)
-    assert list(session.notices) == ["robot 0 left its ground and starts anew"]
+    assert list(session.notices) == ["robot 0 left its ground and starts again"]
     assert abs(session.robots.states[0].ball_position[0]) == pytest.approx(3.0, abs=0.2)
 
 

@@ -1,4 +1,4 @@
-"""Calls that do not return: the page goes on, and the keyboard ends the command at any time."""
+"""Calls that do not return: the page continues, and the keyboard ends the command at any time."""
 
 import signal
 import subprocess
@@ -99,7 +99,7 @@ def test_results_and_errors_of_calls_are_passed_on():
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc to send Ctrl-C at the right time")
 @pytest.mark.parametrize("at", ["loading", "trial", "loop", "end of the loop"])
 def test_the_keyboard_ends_the_command(looping, tmp_path, at):
-    """That it takes less than 0.2 s is measured, not tested; a call that is waited for takes 5 s or for ever."""
+    """That it takes less than 0.2 s is measured, not tested; a call that is waited for takes 5 s or forever."""
     controller, options = str(looping), []
     if at == "loading":
         slow = tmp_path / "slow.py"

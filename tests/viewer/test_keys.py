@@ -100,7 +100,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.0, 0.0, 0.0)
         up(page, "KeyE")
 
-        # The same keys are those of viser's camera, which has got none of them.
+        # viser's camera uses the same keys, but has received none of them.
         np.testing.assert_allclose(viewer.camera.position, eye, atol=1e-12)
 
         # Lost focus stops; the key that is still down does not start again by itself.
@@ -110,7 +110,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.0, 0.0, 0.0)
         up(page, "KeyS")
 
-        # Sticks: left for the velocity, right for the turn; small angles are those of a stick at rest.
+        # Sticks: left for the velocity, right for the turn; small angles count as a stick at rest.
         page.evaluate("window.pad.axes = [0.05, -0.1, 0.1, 1]")
         time.sleep(0.5)
         becomes(0.0, 0.0, 0.0)
@@ -118,7 +118,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         becomes(0.5, 0.0, 0.0)
         page.evaluate("window.pad.axes = [-0.56, 0, 1, 0]")
         becomes(0.0, 0.25, -1.0)
-        # Space stops until the sticks have been let go.
+        # Space stops until the sticks have been released.
         down(page, "Space")
         up(page, "Space")
         becomes(0.0, 0.0, 0.0)
@@ -139,7 +139,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         view.runner.submit(lambda session: setattr(session, "paused", True))
         time.sleep(1.0)
         where = ball()
-        # Beside the robot, which is pulled by a drag and takes no click.
+        # Next to the robot, which is pulled by a drag and takes no click.
         page.click(250, 520)
         wait_until(lambda: ask(view, lambda session: session.frame().asked.by_hand))
         assert np.linalg.norm(command() - where) < 1.5

@@ -162,7 +162,7 @@ def test_robots_on_estimates_fall_and_start_anew_for_a_long_time(model):
         run(session, 1.0)
         assert np.isfinite(session.frame().states).all()
         assert np.isfinite([state.to_array() for state in session.robots.seen]).all()
-    assert any("starts anew" in notice for notice in session.notices)
+    assert any("starts again" in notice for notice in session.notices)
 
 
 @pytest.mark.parametrize("robot", ["paper", "kugle"])
@@ -195,7 +195,7 @@ def test_a_robot_that_fell_starts_anew_with_a_new_estimate():
     session = Session(num_robots=2, sensors=NOISY, observation="sensors")
     session.robots._robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
-    assert session.notices[-1] == "robot 1 fell and starts anew"
+    assert session.notices[-1] == "robot 1 fell and starts again"
     for seen, state in zip(session.robots.seen, session.robots.states, strict=True):
         assert state.tilt < math.radians(5.0)
         assert seen.tilt == pytest.approx(state.tilt, abs=math.radians(2.0))

@@ -118,7 +118,7 @@ def test_after_a_fall_robot_and_setpoint_start_anew():
             assert np.array_equal(session.frame().torques[0], np.zeros(3))
         if session.notices:
             break
-    assert list(session.notices) == ["robot 0 fell and starts anew"]
+    assert list(session.notices) == ["robot 0 fell and starts again"]
     assert session.time == pytest.approx(fell + LIES_FOR, abs=0.05)
     assert np.array_equal(session.setpoint, [0.0, 0.0])
     run(session, 5.0)
@@ -151,7 +151,7 @@ def test_one_robot_of_a_batch_starts_anew_and_the_others_go_on():
     while not session.notices:
         session.step()
         assert session.time < 20.0
-    assert session.notices[-1] == "robot 2 fell and starts anew"
+    assert session.notices[-1] == "robot 2 fell and starts again"
     assert np.array_equal(session.setpoint, [1.0, 0.0])
     run(session, 15.0)
     np.testing.assert_allclose(session.frame().states[:, :2], np.tile([1.0, 0.0], (4, 1)), atol=0.02)

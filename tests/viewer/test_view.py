@@ -109,7 +109,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         assert np.abs(state(view)[7:9]).max() < 1e-6
         click_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, page, button("Push"))
 
-        # The text says what the session does.
+        # The text reports what the session does.
         page.wait_for("/ s\\s*running/.test(document.querySelector('.ballbot-status').innerText)")
 
         # A click on the floor moves the setpoint there, and the page shows it where the click was. The camera,
@@ -196,7 +196,7 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
         mast = page.evaluate(f"(b => [b.x + b.width / 2, b.y + b.height / 2])({scene})")
         page.drag(mast, (mast[0] + 90, mast[1]))
         page.screenshot(tmp_path / "drag.png")
-        # The robot was pulled to the right, then let go; the end of the drag was not taken for a click on the floor.
+        # The robot was pulled to the right, then released; the end of the drag was not taken for a click on the floor.
         wait_until(lambda: pulls and pulls[-1] is None)
         assert max(point[0] for point in pulls if point is not None) > 0.1
         assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])

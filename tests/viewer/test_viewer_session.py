@@ -21,7 +21,7 @@ MODELS = ["planar", "spatial", "contact", "rigid"]
 
 
 class Linear:
-    """A policy that is linear in the observation, or what `choose` says."""
+    """A policy that is linear in the observation, or what `choose` returns."""
 
     def __init__(self, choose=None, **env_options):
         self.env_options = env_options
@@ -251,7 +251,7 @@ def test_a_law_runs_at_its_own_rate(control_dt):
     )
     assert session.driver.sim_dt <= 0.002 + 1e-12
     run(session, 3.0)
-    # As much time has passed for the robot, whose torques alone are those of the law rounded to float32.
+    # As much time has passed for the robot, whose torques differ only by the rounding of the law's torques to float32.
     robot, law = Ballbot(None, "contact", session.driver.sim_dt), Lqr(control_dt=control_dt)
     robot.reset(State.at_rest(robot.params, session.start_tilt))
     while robot.time < session.time - 0.5 * control_dt:

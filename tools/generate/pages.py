@@ -51,7 +51,8 @@ def _command(task: str) -> str:
         return ""
     return f"""## Command
 
-The task draws it. After a reset `env.unwrapped.command = [...]` sets one, which holds to the end of the episode.
+The task samples it. After a reset `env.unwrapped.command = [...]` sets a command that holds to the end of the
+episode.
 
 {tables.markdown(("part", "what", "unit", "bound"), tables.command_rows(task))}
 
@@ -64,8 +65,8 @@ def _metrics(task: str) -> str:
         return ""
     return f"""## Metrics
 
-Of each episode so far: by these names in the info of every step, `env.metrics()`, and a column of `ballbot evaluate`.
-NaN where the episode is too short for one; 0 in infos, which hold numbers alone.
+Values of each episode so far, by these names in the info of every step, in `env.metrics()`, and as columns of
+`ballbot evaluate`. NaN while the episode is too short for a value; 0 in infos, which hold only numbers.
 
 {tables.markdown(("metric", "unit", "what"), tables.metric_rows(task))}
 
@@ -107,7 +108,8 @@ upright is subtracted and the difference divided by its typical magnitude, withi
 
 ## Rewards
 
-The sum of the terms, each times its scale. The option `reward` changes scales; those of costs are given without sign.
+The sum of the terms, each times its scale. The option `reward` changes scales; scales of costs are given without their
+sign.
 
 {tables.markdown(("term", "scale", "formula"), tables.reward_rows(task))}
 
@@ -117,7 +119,7 @@ The sum of the terms, each times its scale. The option `reward` changes scales; 
 
 `termination` in the info has the number, 0 for none, and `metadata["terminations"]` the names.
 
-Success: {described["success"]}. `is_success` in the info tells whether an episode that ended now would be one.
+Success: {described["success"]}. `is_success` in the info tells whether an episode that ended now would be a success.
 
 {_command(task)}{_metrics(task)}## Options
 

@@ -17,7 +17,7 @@ from ballbot_rs._core import (
     Batch,
 )
 
-#: Options that every task has: name, type, unit, limit, description. Defaults are those of a batch.
+#: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
      "The robot: parameters, the name of a preset, or the path of a TOML file."),
@@ -29,27 +29,27 @@ COMMON = (
      "Torque of an action of 1; None follows from the traction of the upright robot."),
     ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
      "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",
-     "The ground; None: that of the task, level for most. Starts touch it and lean as it does; an episode that leaves "
-     "it is truncated. docs/terrain.md."),
+     "The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that "
+     "leaves it is truncated. docs/terrain.md."),
     ("actuators", "Actuators | str | PathLike[str] | None", "", f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf",
-     "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal ones. docs/actuators.md."),
+     "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors. docs/actuators.md."),
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
     ("scan", "Scan | None", "", "options",
      "A height scan of the ground, whose numbers follow the rows of the observation; None: none. docs/perception.md."),
     ("depth", "Depth | None", "", "options",
-     "A depth camera, whose numbers follow those of the scan; None: none. docs/perception.md."),
+     "A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md."),
     ("level", "int | str | None", "", "a level of the terrain, curriculum, or None",
      "Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
      "What policies and controllers observe: the true state, or what follows from the readings of the sensors."),
-    ("history", "int", "", ">= 1 and <= 1000", "How many observations, the last ones, are given together."),
+    ("history", "int", "", ">= 1 and <= 1000", "Number of the last observations that are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
     ("events", "str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None", "",
      f"{', '.join(EVENT_SETS)}, FILE.toml, or a list of dicts",
-     "What is drawn at random of the robots, and pushes; `docs/randomization.md`."),
+     "Random properties of the robots, and pushes; `docs/randomization.md`."),
 )  # fmt: skip
 
 

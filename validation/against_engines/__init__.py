@@ -1,6 +1,6 @@
 """The same robot in Pinocchio, MuJoCo and PyBullet: as they read it, as they move it, and who is right.
 
-Where an engine is not there, it is said what was not run, and why; `--allow-missing` makes that no failure.
+If an engine is missing, the output lists what was not run, and why; with `--allow-missing` this is not a failure.
 """
 
 from validation.against_engines import free_flight, headings, recovery, schedule, urdf, waves

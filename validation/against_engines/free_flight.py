@@ -3,7 +3,7 @@ r"""The bot thrown into the air.
 No contact, no control: the bot alone tumbles for half a second at about 4 rad/s while constant torques spin its
 wheels up to 100 rad/s, so that only inertias, gyroscopic torques and the integrator are left. The reference is
 MuJoCo's Runge-Kutta method on the URDF at steps of 1 ms. Ours step by semi-implicit Euler, whose error is
-proportional to the step $h$: that of $2x_{h/2} - x_h$, extrapolated to no step at all, must be far smaller.
+proportional to the step $h$: the error of $2x_{h/2} - x_h$, extrapolated to a step of zero, must be far smaller.
 """
 
 from typing import TYPE_CHECKING

@@ -6,10 +6,10 @@ Four experiments whose outcome is known, at many headings, since no direction of
   engines with contacts start at $10^{-3}$ rad, where the noise of these matters less, and nonlinearity
   $5\cdot 10^{-5}$;
 - each wheel of the robot at rest carries $M_b g/(3\cos\alpha)$;
-- a wheel driven far beyond its grip pushes with $\mu M_b g/(3\cos\alpha)$, as the load of three wheels that turn
-  the robot on the spot is that at rest;
-- in a fall without torque, from 1 deg and 0.6 s long, no energy is lost. Its change is a share of the kinetic energy at
-  the end; one formula computes the energy of every engine's state. What its weight loses as it sinks into soft
+- a wheel driven far beyond its grip pushes with $\mu M_b g/(3\cos\alpha)$, as the load of three wheels that turn the
+  robot on the spot equals the load at rest;
+- in a fall without torque, from 1 deg and 0.6 s long, no energy is lost. Its change is a fraction of the kinetic energy
+  at the end; one formula computes the energy of every engine's state. What its weight loses as it sinks into soft
   contacts (in `rigid` 15.8 µm, $5.7\cdot 10^{-4}$ J, half as much as the step's own error) is taken off.
 """
 
@@ -159,13 +159,13 @@ def _explain(measured: dict[str, Measured]) -> str:
         )
     if BULLET in measured:
         sentences.append(
-            "Bullet splits a wheel's friction over two rows, both along its drive, each with a limit of its own, so "
+            "Bullet splits a wheel's friction over two rows, both along its drive, each with a separate limit, so "
             "that the grip varies with the heading."
         )
     sentences.append(
-        r"All that step by semi-implicit Euler miss energy alike: their positions are half a step $h$ ahead of their "
-        r"velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. In `contact` and `rigid` it "
-        r"is claimed to be half with half the step; of the other engines it is not tested."
+        r"All engines that step by semi-implicit Euler have the same energy error: their positions are half a step "
+        r"$h$ ahead of their velocities, which is about $\lambda h = 0.006$ of the kinetic energy in a fall. For "
+        r"`contact` and `rigid` a claim tests that half the step halves it; the other engines are not tested for this."
     )
     return " ".join(sentences)
 

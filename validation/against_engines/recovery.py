@@ -1,13 +1,13 @@
 """Recovery from 2 deg in closed loop.
 
 One regulator (`Lqr` at 200 Hz, the same gains everywhere) brings the robot upright from a tilt of 2 deg, at a heading
-of 0.5 rad that is no engine's favorite; 3 s. Each engine has its own state, steps are 1 ms.
+of 0.5 rad, which favors no engine; 3 s. Each engine has its own state, steps are 1 ms.
 
 - `spatial`, `contact` and `rigid` are ours: Kane's equations without slip, our contact solver, and rapier.
 - *MuJoCo, no slip* is MuJoCo's mechanics of the two URDFs, ball and bot as free bodies, under MuJoCo's Runge-Kutta
   method. MuJoCo has no rolling constraint, so a control callback adds the contact forces which keep the ball from
   slipping on the floor and the wheels from slipping along their drive, found from MuJoCo's mass matrix, bias forces and
-  Jacobians alone. It shares no equation of motion with `spatial`, only the geometry of the contacts.
+  Jacobians. It shares no equation of motion with `spatial`, only the geometry of the contacts.
 - *MuJoCo, contacts* is stock MuJoCo with anisotropic elliptic friction cones, solved to a tolerance of $10^{-12}$. It
   lays a contact's friction directions by the world's axes, not by the wheel's. In *turned contacts* they are turned to
   the wheel between the two halves of MuJoCo's step: the best that we could get from contacts in this engine.

@@ -1,11 +1,11 @@
 r"""The same robot from the same file.
 
 `assets/bot.urdf` is loaded, as it is, by Pinocchio, MuJoCo and PyBullet. Each engine's links, joints and joint-space
-mass matrix are turned into the body frame (origin at the ball's center, $z$ along the mast) and compared with what
-Table II says: mass $M_b$, center of mass at $l$, and with the wheels locked the inertia
-$I = \operatorname{diag}(J_b, J_b, J_z) + J_w\sum_i a_i a_i^\top$ about it, where the axles are
-$a_i = -p_i\times d_i$. The bot floats free; with $c = l e_z$, $A = (a_1\ a_2\ a_3)$ and velocities
-$(v, \Omega, \dot\psi)$ in the body frame its mass matrix is
+mass matrix are turned into the body frame (origin at the ball's center, $z$ along the mast) and compared with Table II:
+mass $M_b$, center of mass at $l$, and with the wheels locked the inertia
+$I = \operatorname{diag}(J_b, J_b, J_z) + J_w\sum_i a_i a_i^\top$ about it, where the axles are $a_i = -p_i\times d_i$.
+The bot floats free; with $c = l e_z$, $A = (a_1\ a_2\ a_3)$ and velocities $(v, \Omega, \dot\psi)$ in the body frame
+its mass matrix is
 
 $$M = \begin{pmatrix} M_b & -M_b[c]_\times & 0\cr M_b[c]_\times & I - M_b[c]_\times^2 & J_w A\cr
 0 & J_w A^\top & J_w\end{pmatrix},$$
@@ -38,9 +38,9 @@ _READERS = {
     "PyBullet": ("pybullet", urdf_readers.pybullet),
 }
 _TOLD = (
-    "Two engines need to be told how to read the file. PyBullet by default computes the inertias anew from the "
+    "Two engines need options to read the file. PyBullet by default recomputes the inertias from the "
     "collision shapes. MuJoCo by default welds a URDF's first link to the world and drops its mass (`fusestatic`); "
-    "here it is given a free joint through `MjSpec` with `fusestatic` off, and the file is not touched. All three "
+    "here it is given a free joint through `MjSpec` with `fusestatic` off, and the file is not changed. All three "
     "keep double precision."
 )
 _STATES = 20

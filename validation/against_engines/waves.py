@@ -1,8 +1,9 @@
 """A robot balanced on waves: `contact`, `rigid`, and MuJoCo with a plane that follows the ground under the ball.
 
 The regulator takes the robot to the origin for one second; the waves have 0.8 m and up to 0.08 rad. MuJoCo's plane
-touches the ground where the ball does, anew in each step, so that the engines differ in their contacts alone; its
-contact frames are turned to the wheels. What the same motion on level ground leaves between them is beside it.
+is tangent to the ground under the ball and is updated in each step, so that the engines differ only in their contacts;
+its contact frames are turned to the wheels. Each difference is listed with the difference of the same motion on level
+ground.
 """
 
 from typing import TYPE_CHECKING

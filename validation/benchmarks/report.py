@@ -10,9 +10,9 @@ _METHOD = """\
 ## What is compared
 
 The robot of `Params.paper()` in every engine, at time steps of 2 ms, five of them an action; the task of
-`ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, drawn
-evenly from ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot
-slips from 0.57 N·m if it is driven alone, from 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
+`ballbot/Balance-v0` (16 numbers, reward, fall at 20 deg, 1000 steps, reset within the step); the same actions, uniform
+in ±0.1 N·m unless a table has other sizes; a robot falls about twice a second. A wheel of the upright robot slips above
+0.57 N·m if only this wheel is driven, above 0.20 N·m at the worst signs of all three. Episodes start at yaw 0
 everywhere: there MuJoCo's robot works. Rates are medians over rounds in which all simulators take turns, with the
 smallest and the largest. One core means a process pinned to one core; linear algebra has one thread throughout.
 
@@ -130,7 +130,7 @@ def _actions(rows: Rows) -> str:
             "upright robot slips. "
             for t in sorted(headline)
         )
-        + "Falls are those of one robot in a second, size by size. `spatial` and `planar` do not slip at any size. "
+        + "Falls are per robot and second, size by size. `spatial` and `planar` do not slip at any size. "
         "MuJoCo's slipping wheels hop: fewer contacts, hence more steps.\n\n"
         + _table(["simulator", "robots", *head, "falls (1/s)"], body)
     )
@@ -141,8 +141,9 @@ def _actions(rows: Rows) -> str:
         text += (
             f"\nEverybody fallen: all robots have fallen before the first round, and {r['lying_mean']:.1%} of them "
             f"(never less than {r['lying_min']:.1%}) touch the floor with body or wheels at the end of a step. Through "
-            "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins one, "
-            "outside the time, where the last step ended; it finds the contact forces anew.\n"
+            "`Batch`, without the `VecEnv`. The balance task ends an episode at the fall, so each step begins a new "
+            "episode where the last step ended, which is not timed; it solves the contact forces without a warm "
+            "start.\n"
         )
     return text + "\n" + _absent(rows)
 
@@ -198,17 +199,17 @@ def _accuracy(rows: Rows) -> str:
         text += (
             f"Exact: {exact['exact_wheel_load']:.4f} N a wheel, a small tilt that grows at "
             f"{exact['exact_growth']:.4f} 1/s, direction off by 0, strength and slip limit 1. Ranges run over "
-            "directions of tilt, wheels and, where it says so, headings. Direction and strength are those of the "
-            "ball's motion when one wheel is driven, against `spatial`, which has no slip, hence no limit. Falls are "
-            "those of one robot under the actions of the throughput.\n\n" + _table(head, body)
+            "directions of tilt, wheels and, where stated, headings. Direction and strength are the ball's motion "
+            "when one wheel is driven, compared with `spatial`, which has no slip, hence no limit. Falls are counted "
+            "for one robot under the actions of the throughput.\n\n" + _table(head, body)
         )
     text += (
         "\nStock MuJoCo lays a contact's friction directions by the normal and the world's axes, not by the wheel: "
         "beyond some degrees of yaw the wheels hold where they should roll and roll where they should drive. Bullet "
         "splits a wheel's friction over two rows, both along its drive, which together slip at a limit that varies "
         "with the heading. MuJoCo's convex contacts let the load grow with the slip, so that slipping wheels hop. The "
-        "falls here, and all rates but those of the larger actions, are of at most half of the least torques that "
-        "slip.\n\n"
+        "falls here, and all rates except for the larger actions, are at torques of at most half of the smallest "
+        "torque at which a wheel slips.\n\n"
     )
     return text + note + _absent(rows, "engine")
 

@@ -20,7 +20,7 @@ HEADLINE_TORQUE = 0.1  # default torque limit of the actions, N·m
 MAX_EPISODE_STEPS = 1000
 FALL_TILT = np.radians(20.0)
 RESET_TILT, RESET_SPEED, RESET_RATE = np.radians(5.0), 0.1, 0.2  # rad, m/s, rad/s
-#: Every simulator starts at this yaw, rad, where MuJoCo's friction directions coincide with those of the wheels.
+#: Every simulator starts at this yaw, rad, where MuJoCo's friction directions coincide with the wheels' directions.
 RESET_YAW = 0.0
 SUCCESS_RADIUS = 0.1  # m
 

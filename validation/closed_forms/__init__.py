@@ -1,4 +1,4 @@
-"""This simulator beside what is known of the motion without it: closed forms, conservation laws, promises of theory.
+"""This simulator compared with what is known of the motion independently: closed forms, conservation laws, theory.
 
 Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
 determinism with another run.

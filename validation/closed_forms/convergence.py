@@ -1,11 +1,11 @@
 r"""Order of convergence with the time step.
 
-There is no closed form of this motion: the reference is the same motion at a much finer step. So this section says how
-fast each model approaches its limit; that the limits are right is what the other sections say.
+There is no closed form of this motion: the reference is the same motion at a much finer step. So this section shows how
+fast each model approaches its limit; the other sections show that the limits are right.
 
 From a tilted start the robot topples for 0.4 s under constant torques, with no slip. The error is the distance between
-the masts' tips at unit length, plus that between the balls in radii, from the reference: for `planar` by itself, for
-all others by `spatial`, at 0.1 ms. The classical Runge-Kutta method of `planar` and `spatial` is of order 4, the
+the masts' tips at unit length, plus the distance between the balls in radii, from the reference at 0.1 ms: `planar` for
+`planar`, `spatial` for all others. The classical Runge-Kutta method of `planar` and `spatial` is of order 4, the
 semi-implicit Euler method of `contact` and `rigid` of order 1.
 """
 

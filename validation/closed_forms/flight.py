@@ -1,11 +1,11 @@
 r"""Free fall, touchdown and rest.
 
-Lifted by $h$ and let go, the robot falls as $h - \tfrac12 g t^2$ and touches at $\sqrt{2h/g}$. A step moves by the
+Lifted by $h$ and released, the robot falls as $h - \tfrac12 g t^2$ and touches at $\sqrt{2h/g}$. A step moves by the
 velocity at its end, so the fall runs ahead of the closed form by $\tfrac12 g t\ \Delta t$: 0.7 mm here, half a step in
 time. No contact gives energy back: within a few steps the robot's momentum $M v$ is gone, and it stays. At any time
 the floor must have given $\int F_z\ dt = M g t + p_z$, with $p_z$ the momentum of ball and bot. Over the whole run,
-which ends at rest, that is $M g T$. In the first 10 ms on the floor it is $M v$ and the weight's. What rises again is
-no bounce but overlap that is being removed.
+which ends at rest, that is $M g T$. In the first 10 ms on the floor it is $M v$ plus the impulse of the weight. The
+small rise afterwards is not a bounce; it is the removal of overlap.
 """
 
 from typing import TYPE_CHECKING, NamedTuple
@@ -81,7 +81,7 @@ def run() -> Findings:
             ),
             Claim(f"impulse of the landing less the weight's, `{model}`", landing, fast, limits[4], "N·s"),
             Claim(f"time until 1 % of the momentum is left, `{model}`", lasts, 0.0, limits[5], "s", True),
-            Claim(f"largest speed back up over that of the touchdown, `{model}`", back, 0.0, limits[6], "", True),
+            Claim(f"largest rebound speed over the touchdown speed, `{model}`", back, 0.0, limits[6], "", True),
         ]
 
     def draw(fig: "Figure") -> None:

@@ -45,7 +45,7 @@ def run() -> Findings:
     """Finds the largest tilt from the formula, and by trying in each simulation."""
     claims = [
         Claim(
-            "forces of the closed form apart from those of the balance, over the load at rest",
+            "difference of forces, closed form and balance, over the load at rest",
             _apart(bb.Params.paper()),
             0.0,
             1e-14,

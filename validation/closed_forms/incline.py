@@ -1,6 +1,6 @@
 r"""A ball that rolls under a constant torque, the mast held at a constant tilt.
 
-Leaning at $\theta$ towards the direction of travel without turning, the robot accelerates for ever. Eliminating the
+Leaning at $\theta$ towards the direction of travel without turning, the robot accelerates forever. Eliminating the
 torque from the equations of ball and body,
 
 $$a = \frac{M_b g l \sin\theta}{M_b l\cos\theta + (M_k + M_b) r_k + J_k/r_k - \bar J_w/r_w}, \qquad
@@ -8,7 +8,7 @@ $$a = \frac{M_b g l \sin\theta}{M_b l\cos\theta + (M_k + M_b) r_k + J_k/r_k - \b
 
 with $\bar J_w = \tfrac32\cos^2\alpha\ J_w$ and $\tau$ the virtual torque. The term $\bar J_w/r_w$ is the angular
 momentum that the wheels take up as they spin; the paper's planar model counts their spin relative to the body and has
-no such term. Nothing controls the robot: the torque alone holds the (unstable) balance, so that $v = a t$ is a test
+no such term. Nothing controls the robot: only the torque holds the (unstable) balance, so that $v = a t$ is a test
 of everything at once.
 """
 

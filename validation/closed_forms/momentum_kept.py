@@ -1,11 +1,11 @@
 r"""Momentum with friction off.
 
 On a floor without friction nothing outside the robot acts horizontally: its horizontal momentum, and its angular
-momentum about the vertical, stay what they are while it topples and its motors turn ball and body against each other,
+momentum about the vertical, are constant while it topples and its motors turn ball and body against each other,
 wheels slipping or not. `contact` keeps the horizontal momentum to rounding. `rigid` does not: that is a first-order
 error of rapier's multibody step, not of the reading, since `contact` moves the same way. The angular momentum drifts in
-both by what is of first order in the step; reading the attitude half a step back would take off two thirds of it in
-`contact`. What is of first order must halve with the step.
+both, to first order in the step; reading the attitude half a step back would take off two thirds of it in `contact`.
+Errors of first order must halve with the step.
 """
 
 from typing import TYPE_CHECKING

@@ -3,9 +3,9 @@ r"""What the regulator costs.
 From a deviation $x_0$ the linear-quadratic regulator promises the cost
 $\sum_k x_k^\top Q x_k + u_k^\top R u_k = x_0^\top P x_0$ (twice the cost in the convention that puts ½ before the
 sum), with $P$ from the Riccati equation. Here the sum is taken along the motion of the nonlinear robot, over 20 s: it
-must approach the promise as the deviation becomes small. And no gain nearby may do better: all gains 2 % off, or any
-single one of the 30 by ±2 % of the largest, each from a start that is off in position, heading, tilt and their rates;
-the sum over 5 s, and the promise for what is left then.
+must approach the promise as the deviation becomes small. And no gain nearby may do better: neither all gains off by 2
+%, nor any single gain of the 30 off by ±2 % of the largest, each from a start that is off in position, heading, tilt
+and their rates. There the cost is the sum over 5 s, plus the promised cost of the remaining deviation.
 """
 
 from typing import TYPE_CHECKING

@@ -1,11 +1,11 @@
 r"""A ball that is thrown along the floor: it slides, then rolls.
 
-The bot hangs 15 m up in free fall, so the ball is alone with the floor. It starts at $v_0$ without spin. Coulomb
+The bot hangs 15 m up in free fall, so only the floor acts on the ball. It starts at $v_0$ without spin. Coulomb
 friction slows it and spins it up, $v = v_0 - \mu g t$ and $\omega r_k = \mu g t\ M_k r_k^2 / J_k$, until it rolls at
 
 $$t_r = \frac{v_0}{\mu g\ (1 + M_k r_k^2/J_k)}, \qquad v_r = \frac{v_0}{1 + J_k/(M_k r_k^2)},$$
 
-which is 5/7 of $v_0$ for a homogeneous ball and 0.6167 of it for the ball of Table II. From there it keeps its speed.
+which is 5/7 of $v_0$ for a homogeneous ball and 0.6167 $v_0$ for the ball of Table II. From there it keeps its speed.
 Whatever the direction, friction is $\mu$ times the load.
 """
 

@@ -11,10 +11,10 @@ With $k = J_k / (M_k r_k^2)$, without slip:
   along fixed axes pass on planes and fail here;
 - it leaves a cylinder down which it rolls from rest at $\theta_0$ where
   $\cos\theta = 2\cos\theta_0 / (3 + k)$;
-- ten meters of waves cost it nothing: the limit is a share of $10^{-4}$ of its speed.
+- ten meters of waves cost it nothing: the limit is a fraction of $10^{-4}$ of its speed.
 
-The integrators are of first order, so limits are by the time step, 0.5 ms; the curved surfaces are splines on a grid of
-2.5 to 10 mm. [terrain.md](terrain.md) says how robots stand on them.
+The integrators are of first order, so the limits depend on the time step, 0.5 ms; the curved surfaces are splines on a
+grid of 2.5 to 10 mm. [terrain.md](terrain.md) explains how robots stand on them.
 """
 
 from collections.abc import Iterator

@@ -10,20 +10,22 @@ from validation.topic import Findings, Topic
 
 _HEAD = """# Controllers
 
-`ballbot evaluate`, `compare`, `record`, `plot` and `view` take a controller by its name, a policy's file, or
-`file.py:NAME`. `Controller(name, params, control_dt)` makes one: called with a state and a setpoint it gives the wheel
-torques; a `Batch` runs it on all its robots in Rust. With `observation="sensors"` it gets the state that the
-[estimator](estimator.md) makes of the readings. [Laws](laws.md) has of each the law, a block diagram, responses and a
-basin.
+`ballbot evaluate`, `compare`, `record`, `plot` and `view` accept a controller by its name, the file of a policy, or
+`file.py:NAME`. `Controller(name, params, control_dt)` makes a controller: called with a state and a setpoint, it
+returns the wheel torques. A `Batch` runs it on all its robots in Rust. With `observation="sensors"` a controller gets
+the state estimate of the [estimator](estimator.md). [Laws](laws.md) has the equations of each controller, a block
+diagram, responses and a basin of attraction.
 
-Everything below, text apart, is made by `make controllers`, which fails if a claim does not hold: model `contact`, the
+`make controllers` writes everything below except the text, and fails if a claim does not hold. Model `contact`, the
 paper's robot, 100 Hz.
 """
 
 
 def main() -> int:
     """The command `python -m validation.controllers`."""
-    return page.write("controllers", "validation.controllers", __doc__, [Chapter("What they stand", "", TOPICS)], _head)
+    return page.write(
+        "controllers", "validation.controllers", __doc__, [Chapter("Disturbance limits", "", TOPICS)], _head
+    )
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:

@@ -1,14 +1,15 @@
 r"""The matrix.
 
-All controllers in all [scenarios](scenarios.md), by default options, with the same episodes and the same last stage;
-[other tunings](#default-published-and-tuned) are below. Of
-a map the number is the largest tilt or push up to which all robots recover, in the worst of 12 or 24 directions. Of
-the others it is the error of the worst direction, or, of random episodes, the mean of the worse half (CVaR 0.5). The
-policy is the one that comes with the package; it is asked for no motion, nor is `pid`. `mppi` is asked for what takes
-a few robots: each of its decisions simulates 512 motions.
+All controllers in all [scenarios](scenarios.md), with default options, the same episodes and the same last stage;
+[other tunings](#default-published-and-tuned) are below. In scenarios that search a limit, the number is the largest
+tilt or push up to which all robots recover, in the worst of 12 or 24 directions. In the others it is the error in the
+worst direction or, over random episodes, the mean of the worse half (CVaR 0.5). The policy is the policy for balancing
+that comes with the package; it and `pid` have no scenarios with motions. `mppi` has only the scenarios with few robots,
+because each of its decisions simulates 512 motions.
 
-No number says which controller is best. The figure has, for each, the worst push beside the error on a fast circle;
-below it the tilts from which the robot recovers by direction, and what delay and friction take away.
+No single number ranks the controllers. For each controller the figure shows the worst-case push limit against the error
+on a fast circle; below that, the tilts from which the robot recovers by direction, and the effect of delay and friction
+on them.
 """
 
 from collections.abc import Mapping
@@ -115,7 +116,7 @@ def _tables(found: Found) -> str:
             for name, scenario in scenarios.items()
         ]
         parts.append(table(["scenario", "unit", *(f"`{one}`" for one in some)], rows))
-    return "\n\n".join([*parts, "Random episodes, share of successes with Wilson's 95 % interval:", _random(found)])
+    return "\n\n".join([*parts, "Random episodes, fraction of successes with Wilson's 95 % interval:", _random(found)])
 
 
 def _random(found: Found) -> str:

@@ -1,10 +1,10 @@
 """Other robots.
 
-A tenth of the scenarios on the other presets, with their numbers scaled: tilts by the lean that a robot can hold,
-pushes by the impulse that takes its capture point there, motions by the traction that they take
-([scenarios](scenarios.md)). The friction of the wheels' bearings, which only `asroballet` has, leaves static laws in
-a limit cycle. `rezero` falls from pushes at once that are far below $J_c$, as such a push lifts a wheel off its ball;
-within 0.1 s it stands all of it.
+A tenth of the scenarios on the other presets, with scaled values: tilts relative to the largest lean that the robot can
+hold, pushes relative to the impulse $J_c$ that moves its capture point to this limit, motions relative to the traction
+that they need ([scenarios](scenarios.md)). Bearing friction of the wheels, which only `asroballet` has, leaves static
+controllers in a limit cycle. `rezero` falls after instantaneous pushes far below $J_c$, because such a push lifts a
+wheel off the ball; within 0.1 s it withstands all of $J_c$.
 """
 
 from typing import Final

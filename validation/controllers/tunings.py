@@ -1,29 +1,30 @@
 r"""Default, published and tuned.
 
-The same law with other numbers is another controller. Of each law there are the default options; where a source has all
-numbers of the law and of its robot, the published ones; and those that one search with one budget found.
+The same control law with other parameters is another controller. Each law has its default options; published options,
+where a source has all parameters of the law and of its robot; and options that a search with the same budget for all
+found.
 
-**Published** loops are brought to the paper's robot by their poles, times $\lambda$ of ours by $\lambda$ of theirs. The
-linear regulators `lqr` and `mpc` have weights that follow from poles in closed form: with $w = s^2$ and the
-[plane](laws.md#one-vertical-plane)
+**Published** loops are transferred to the paper's robot through their poles, scaled by the ratio of $\lambda$ of the
+two robots. The linear regulators `lqr` and `mpc` have weights that follow from poles in closed form: with $w = s^2$ and
+the [plane](laws.md#one-vertical-plane)
 
 ```math
 p(s) p(-s) = w^2(w - \lambda^2)^2 + (q_y - q_{\dot y} w)(g_\theta - \ell w)^2 + q_\theta w^2 - q_{\dot\theta} w^3 ,
 ```
 
-one weight more in each coefficient. The weight of the lean of OCS2 would be below zero and is taken as zero, which
+one more weight in each coefficient. OCS2's weight of the lean would be negative and is set to zero, which
 moves its poles by less than 5 %. The numbers are in [`published.toml`](../validation/controllers/published.toml): the
 LQR and the input-output linearization of CMU's ballbot, the weights of OCS2's NMPC, of which `mpc` has the regulator,
-and the calm sliding mode of Kugle, whose aggressive one its firmware forbids under a loop of the velocity; its position
-is held as by default. `pid` has the paper's gains by default.
+and Kugle's calm sliding mode (its firmware forbids the aggressive tuning under a velocity loop), with the default
+position loop. `pid` has the paper's gains by default.
 
-**Tuned** options are those that `bb.tune` found with 2000 evaluations a law, the same seed for all, from the default
-options on; `mppi` takes too long for it. The cost is the mean of a push, a line, a circle and the torque of station
-keeping on noisy sensors, all with a delay of 10 ms, by those of `lqr`; `pid` has the first and the last alone. They are
-in [`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m validation.controllers.tune_all`. No column
-but the cost was searched on: what a search does not see, it may lose. All tunings have the same last stage.
+**Tuned** options were found by `bb.tune` with 2000 evaluations per law and the same seed for all, from the default
+options; `mppi` is too slow for this. The cost is the mean of a push, a line, a circle and the torque of station keeping
+on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid` only of the first and the last. They are in
+[`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m validation.controllers.tune_all`. The search
+optimizes only the cost: other columns may become worse. All tunings have the same last stage.
 
-The figure has default options as full marks, tuned ones as empty marks, published ones as crosses.
+In the figure, full marks are default options, empty marks tuned options, and crosses published options.
 """
 
 from collections.abc import Mapping
@@ -77,7 +78,7 @@ def options(law: str) -> dict[str, Mapping[str, float]]:
 
 
 def measured() -> dict[tuple[str, str, str], Outcome]:
-    """Outcomes of the table; those of the default options and the policy come from the matrix."""
+    """Outcomes of the table; outcomes of the default options and of the policy come from the matrix."""
     found: dict[tuple[str, str, str], Outcome] = {}
     for law in matrix.names():
         for scenario in COLUMNS:

@@ -15,13 +15,13 @@ this project starts: a robot of three omniwheels on a ball, designed in CAD and 
 equations of motion; a PID controller tuned on these and tried on a Simscape model of the CAD robot; and a Gym
 environment on PyBullet, in which training is left as a next step. Here all of it is repeated with this simulator.
 
-Everything on this page, text apart, is made by `make paper`, which fails if a claim does not hold. A *claim* is a
-number of ours that we assert, beside what it must be. What the paper prints is no claim: it stands beside ours, in
-the summary and in each section, as *printed*. Nothing is tuned to match. The figures of the paper are compared by the
-numbers that its text gives; printed values are dashed lines in ours. "Section", "eq.", "Table" and "Fig." mean the
-paper's. Symbols are those of Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$; wheels are
-numbered 0 to 2, which are 1 to 3 in eq. (8). Each section has the command that runs it alone and prints its claims;
-`--figures DIR` draws its figure too.
+`make paper` writes everything on this page except the text, and fails if a claim does not hold. A *claim* is a number
+of this simulator with its expected value and limit. A number that the paper prints is not a claim: the summary and the
+sections list it as *printed*, next to the simulator's. Nothing is tuned to match. The paper's figures are compared
+through the numbers in its text; dashed lines in the figures here are printed values. "Section", "eq.", "Table" and
+"Fig." refer to the paper. Symbols are defined in Table I; tilts $\\theta_x$ and $\\theta_y$ lean towards $+y$ and $+x$;
+wheels are numbered 0 to 2, which are 1 to 3 in eq. (8). Each section has the command that runs only this section and
+prints its claims; `--figures DIR` saves its figure too.
 
 ## Summary
 """

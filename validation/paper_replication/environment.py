@@ -47,7 +47,7 @@ def run() -> Findings:
         "environment",
         "Section IV",
         "`reset`, `step`, `render`, `close`, on PyBullet",
-        "the same, with contacts of our own",
+        "the same, with this simulator's contacts",
         "they do not: the table below has what does the same",
     )
     picture = Comparison(

@@ -3,8 +3,8 @@ r"""Fig. 7: initial inclines of 1°, 2° and 3°.
 The PID at 1 kHz from rest at an incline in $\theta_x$, in `rigid`, with two limits of the wheel torques: what
 traction allows (`Pid`'s default, 0.9 of the torque at which a wheel slips), and the ±5 N·m that the paper shows.
 Within its traction the robot recovers from all three, and from many times more. With ±5 N·m the derivative's answer
-to any tilt beyond a degree or two breaks the wheels loose; wheels that spin up do not push as they are told, and the
-robot falls. More torque makes it worse.
+to any tilt beyond a degree or two breaks the wheels loose; wheels that spin up do not push as commanded, and the robot
+falls. More torque makes it worse.
 
 The table below has the largest incline that each variant recovers from, the worst of four directions of lean, to
 0.1°.
@@ -65,7 +65,7 @@ def run() -> Findings:
         "Section III-B, Fig. 7",
         "all stabilized",
         f"stabilized, up to {capped:.1f}°, with torques that traction allows; with ±5 N·m up to {most:.1f}° at most",
-        "±5 N·m is ten times what a wheel can pass on: they spin up and let the robot fall",
+        "±5 N·m is ten times what a wheel can transmit: the wheels spin up and the robot falls",
     )
 
     def draw(fig: "Figure") -> None:

@@ -18,7 +18,7 @@ states.
 
 In a plane both agree to rounding; without wheel inertia they do everywhere, so that nothing but the wheels'
 constraint tells them apart. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not
-show it: both conserve it. The simulation `contact`, which knows neither (it has free bodies and contact forces),
+show it: both conserve it. The simulation `contact`, which uses neither (it has free bodies and contact forces),
 follows Kane's equations, the closer the smaller its step. The figure: left, the difference over how far the motion is
 from planar, for the paper's wheel energy and that of absolute spins; right, the distance of the ball in each from its
 place in `contact` with steps of 0.1 ms, of a robot that falls while it turns.
@@ -110,7 +110,7 @@ def run() -> Findings:
         f"and {1e3 * ends[1]:.1f} µm at 0.02 ms; "
         f"from the recipe's it is {1e3 * ends[2]:.0f} µm and {1e3 * ends[3]:.0f} µm. At the right end of the left "
         f"figure the term of the formula changes the accelerations by {1e2 * weights[0]:.0f} % (relative spins) or "
-        f"{1e2 * weights[1]:.0f} % (absolute) of what all terms quadratic in the rates make of them."
+        f"{1e2 * weights[1]:.0f} % (absolute) of the contribution of all terms quadratic in the rates."
     )
     drawing = Comparison(
         "planes, angles and wheels of the models",
@@ -133,7 +133,7 @@ def run() -> Findings:
         left, right = fig.subplots(1, 2)
         for values, name, color in zip(apart.values(), ("relative", "absolute"), COLORS, strict=False):
             left.plot(shares, 1e2 * values, color=color, label=f"{name} wheel spin")
-        left.set(xlabel="share of the motion off the plane", ylabel="recipe − Kane, % of the acceleration")
+        left.set(xlabel="fraction of the motion off the plane", ylabel="recipe − Kane, % of the acceleration")
         left.legend()
         for method, color in (("recipe", COLORS[1]), ("Kane", INK)):
             right.semilogy(times[1:], 1e6 * away[method, 1e-4][1:], color=color, label=f"{method} from contact")

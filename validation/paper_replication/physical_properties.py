@@ -3,8 +3,8 @@
 The paper's robot is two URDFs, [bot.urdf](../assets/bot.urdf) and [ball.urdf](../assets/ball.urdf). The paper
 describes its files (Section II-B) but does not print them; ours are written so that their links add up to Table II,
 which holds the robot above the ball as one body: the wheels' masses count, their inertia about their own axles is
-$J_w$ of eq. (2). Found is what `Params.from_urdf` reads, beside the sum of the links that this page computes from the
-XML by itself.
+$J_w$ of eq. (2). The tables compare what `Params.from_urdf` reads with the sum of the links, which this page computes
+separately from the XML.
 """
 
 import math

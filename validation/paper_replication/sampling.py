@@ -3,8 +3,8 @@ r"""How fast the PID must be sampled.
 The paper does not print a sampling rate; its PID runs in Simulink with a derivative filter of $N = 327$ rad/s. Here
 the sampled loop of `Pid` (zero-order hold, filter exact) with the linearized tilt of the robot on which wheels count
 by their absolute spin: the spectral radius of its state matrix over the time between two samples. Above 1 the loop is
-unstable. Eq. (8) as printed makes the tilt torque 1.68 times what the PID asks for, and so has less to spare: with it
-the loop at 100 Hz grows by 30 % a sample, with the consistent map by 1 %. At 500 Hz and 1 kHz both are well damped.
+unstable. Eq. (8) as printed makes the tilt torque 1.68 times what the PID commands, and so leaves less margin: with it
+the loop at 100 Hz grows by 30 % per sample, with the consistent map by 1 %. At 500 Hz and 1 kHz both are well damped.
 The points are growth factors measured in `spatial` from a tilt of $10^{-6}$ rad.
 
 A growing loop need not fall: with the torque capped at what traction allows, its oscillation is bounded by the cap.

@@ -122,8 +122,8 @@ def run() -> Findings:
             "keeps moving; no number",
             f"{1e3 * np.hypot(*r.positions[-1]):.0f} mm away after 5 s, "
             f"at {1e3 * np.hypot(*r.velocities[-1]):.0f} mm/s",
-            "not comparable: the text prints no number. It says that nothing controls the position; in ours the speed "
-            "that remains is left by saturation",
+            "not comparable: the text prints no number. It states that nothing controls the position; here saturation "
+            "leaves the speed that remains",
         ),
         Comparison(
             "wheel torques once balanced",

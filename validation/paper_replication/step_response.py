@@ -3,10 +3,10 @@ r"""Fig. 3: step response of the mathematical model.
 Eqs. (1)-(6) with $B_{vk} = 49.849$ N/(m/s) under the continuous PID ($k_p = 20.39$, $k_i = 56.57$, $k_d = 1.34$,
 $N = 327$), from rest, the reference of the tilt stepped to 57.3° = 1 rad. Integrated by RK4 at 0.2 ms from
 `PlanarModel.accelerations`; checked against the equations written out once more, and the linear case against its
-modes. The printed overshoot and settling time (2 %) are those of neither the nonlinear equations nor their
-linearization; the linearized model gives them at $B_{vk} = 7$, which may be a coincidence. The derivative's kick,
-$(k_p + k_d N) \cdot 1$ rad = 459 N·m of virtual torque in the first instant, is what makes the response that fast; no
-contact could pass it on.
+modes. The printed overshoot and settling time (2 %) match neither the nonlinear equations nor their linearization; the
+linearized model gives them at $B_{vk} = 7$, which may be a coincidence. The derivative's kick, $(k_p + k_d N) \cdot 1$
+rad = 459 N·m of virtual torque in the first instant, is what makes the response that fast; no contact could transmit
+it.
 
 Sampled, as any controller of a simulated robot is, the same PID on `Ballbot(model="planar")` answers with less
 overshoot and more slowly up to 2 ms, and loses its damping above.

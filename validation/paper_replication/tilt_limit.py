@@ -1,13 +1,13 @@
 r"""Section III-A: falling above 30°.
 
-The paper says that the robot "falls immediately" once the tilt exceeds 30°, and gives no reason. Traction gives one.
-To hold a tilt, the ball has to accelerate under the body, and the wheels have to pass on what that takes. The largest
-tilt is where the first wheel's traction reaches $\mu N$; it depends on the direction of the lean, and the worst
-counts. The closed form, and what `contact` and `rigid` do, are on [the other page](verification.md). With the printed
-wheel friction the limit is 29.7° (dynamic, 1.0) to 31.6° (static, 1.1).
+The paper states that the robot "falls immediately" once the tilt exceeds 30°, and gives no reason. Traction is a
+reason. To hold a tilt, the ball has to accelerate under the body, and the wheels have to transmit the force. The
+largest tilt is where the first wheel's traction reaches $\mu N$; it depends on the direction of the lean, and the worst
+direction counts. The closed form, and what `contact` and `rigid` do, are on [the other page](verification.md). With the
+printed wheel friction the limit is 29.7° (dynamic, 1.0) to 31.6° (static, 1.1).
 
-The points are the tilt at which the model without slip, `spatial`, finds the traction to be used up: it holds the tilt
-by torques of its own equations of motion, and has its own loads and tractions (`SpatialModel.contacts`).
+The points are the tilt at which the model without slip, `spatial`, finds the traction to be used up: the torques that
+hold the tilt come from its equations of motion, the loads and tractions from `SpatialModel.contacts`.
 """
 
 from typing import TYPE_CHECKING

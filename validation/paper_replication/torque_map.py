@@ -1,13 +1,13 @@
 r"""Eq. (8): wheel torques.
 
 Eq. (8) takes virtual torques to wheel torques by the inverse of a matrix $A$,
-$[\tau_1\ \tau_2\ \tau_3]^T = A^{-1}[\tau_x\ \tau_y\ \tau_z]^T$. With the rates $\dot\psi$ of the wheels and those of
-the virtual wheels, which the input vector of eq. (6) gives as $\dot y_k/r_w - (r_k/r_w)\ \dot\theta_x$ and so on,
-virtual work asks that $\sum\tau_i\dot\psi_i$ be the power of the virtual torques: the map of torques is the
+$[\tau_1\ \tau_2\ \tau_3]^T = A^{-1}[\tau_x\ \tau_y\ \tau_z]^T$. With the rates $\dot\psi$ of the wheels and the rates
+of the virtual wheels, which the input vector of eq. (6) gives as $\dot y_k/r_w - (r_k/r_w)\ \dot\theta_x$ and so on,
+virtual work requires $\sum\tau_i\dot\psi_i$ to be the power of the virtual torques: the map of torques is the
 transposed inverse of the map of rates. The printed $A^{-1}$ is a map of rates, wheel speeds from the ball's rates
-relative to the body; used for torques it makes tilt torques $\tfrac{3}{2}\ (r_k/r_w)\cos^2\alpha = 1.68$ times and
-the yaw torque $3\ (r_k/r_w)\sin^2\alpha = 3.36$ times too large. No zenith angle makes both 1.
-`virtual_to_wheel_torques` has both maps.
+relative to the body; used for torques it makes tilt torques $\tfrac{3}{2}\ (r_k/r_w)\cos^2\alpha = 1.68$ times and the
+yaw torque $3\ (r_k/r_w)\sin^2\alpha = 3.36$ times too large. No zenith angle makes both 1. `virtual_to_wheel_torques`
+has both maps.
 
 Found are powers: the encoder rates of a moving robot (`SpatialModel.wheel_speeds`) times the wheel torques, over the
 virtual torque times the rate of its virtual wheel.
@@ -47,7 +47,7 @@ def run() -> Findings:
         "eq. (8)",
         "the inverse of the printed matrix",
         f"it makes tilt torques {tilt:.2f} times, the yaw torque {yaw:.2f} times too large",
-        "a map of rates, used for torques; virtual work asks for its transposed inverse",
+        "a map of rates, used for torques; virtual work requires its transposed inverse",
     )
 
     def draw(fig: "Figure") -> None:

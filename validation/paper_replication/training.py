@@ -1,10 +1,10 @@
 """Section IV: training with Stable-Baselines3.
 
-"No RL agent is trained yet", the paper says, and leaves it as a next step. This section takes it: PPO with the
-project's own configuration (`make train`), seed 0, in a temporary folder; the one change is an evaluation every 40
+"No RL agent is trained yet", according to the paper, which leaves training as a next step. Here is this step: PPO with
+the project's own configuration (`make train`), seed 0, in a temporary folder; the only change is an evaluation every 40
 960 steps, for the curve. The best policy is then compared with LQR and the paper's PID (at 500 Hz) on the same 100
 starts, on the model it was trained on. Success means upright for 10 s and, over the last 2 s, tilt within 1° and the
-ball within 0.10 m of where it should be: the PID controls tilt alone, so its ball drifts off.
+ball within 0.10 m of where it should be: the PID controls only the tilt, so its ball drifts off.
 """
 
 import re

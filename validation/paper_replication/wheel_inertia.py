@@ -13,9 +13,8 @@ rate along its axle. So there are three robots:
 Expected are closed forms: $\lambda = \sqrt{M_b g l\ M_{11}/\det M}$ with the $M$ of eq. (2), and eq. (7) written out;
 for absolute spins both with $r_k/r_w + 1$ where it is the body's own rate that turns the wheels.
 
-For the fall of the upright robot the difference is below one per cent. For yaw it is not: the body's inertia about
-the mast is no more than nine times that of the three wheels geared to it, and eq. (7) is 13 % off what rigid bodies
-do.
+For the fall of the upright robot the difference is below one per cent. For yaw it is not: the body's inertia about the
+mast is only nine times the geared inertia of the three wheels, and eq. (7) is off by 13 % from rigid bodies.
 """
 
 import numpy as np

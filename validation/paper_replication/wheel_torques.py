@@ -1,15 +1,15 @@
 r"""Fig. 6c: wheel torques of ±5 N·m.
 
 At rest upright each wheel carries $N = M_b g/(3\cos\alpha) = 10.30$ N. A wheel that does not speed up, under its load
-at rest, passes on $\tau/r_w$, and friction no more than $\mu N$: it slips above $\mu \cdot 0.515$ N·m. A wheel that
-speeds up keeps part of its torque, and the motors' reaction changes the loads; so there is no one torque at which
-wheels slip, but all are of this size (the table below). To pass on a steady 5 N·m a wheel would have to carry 91 N
-($\mu = 1.1$), nine times its share of the weight. What exceeds the bound spins the wheel up, by
+at rest, transmits $\tau/r_w$, and friction no more than $\mu N$: it slips above $\mu \cdot 0.515$ N·m. A wheel that
+speeds up keeps part of its torque, and the motors' reaction changes the loads; so the torque at which a wheel slips
+varies, but it always has this magnitude (the table below). To transmit a steady 5 N·m a wheel would have to carry 91 N
+($\mu = 1.1$), nine times its part of the weight. Torque beyond the bound spins the wheel up, by
 $(\tau - \mu N r_w)/J_w = 30000$ rad/s² for 5 N·m.
 
-The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, beside ± the largest
-bound $\mu_d N r_w$ that any of the wheels has with its load at the time; loads (dashed: at rest); slip speeds. The
-motors' reaction lifts wheel 2 off in the first instant; it comes down again, hard, after 60 ms.
+The figure is the 3° incline of the section above with torques up to ±5 N·m in `rigid`: torques, with ± the largest
+bound $\mu_d N r_w$ of the three wheels under their loads at the time; loads (dashed: at rest); slip speeds. The motors'
+reaction lifts wheel 2 off in the first instant; it comes down again, hard, after 60 ms.
 """
 
 from functools import partial
@@ -58,7 +58,7 @@ def run() -> Findings:
         "Section III-B, Fig. 6c",
         "nearly ±5 N·m",
         f"{steady:.2f} N·m (static friction), {steady / 1.1:.2f} N·m (dynamic)",
-        f"a wheel carries {load:.2f} N; μ N r_w is all that its contact passes on to a wheel that does not speed up",
+        f"a wheel carries {load:.2f} N; μ N r_w is all that its contact transmits to a wheel that does not speed up",
     )
     coefficients = (params.wheel_static_friction, params.wheel_dynamic_friction)
     tilting = [tilt_onset(params, friction) for friction in coefficients]

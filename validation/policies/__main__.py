@@ -14,20 +14,20 @@ FOLDER = Path(__file__).parents[2] / "assets" / "policies"
 
 _HEAD = """# Policies
 
-Of each task a policy comes with the package, `assets/policies/TASK.onnx`; every command takes it:
+The package has a policy for each of these tasks, `assets/policies/TASK.onnx`; every command accepts it:
 
 ```sh
 ballbot view --controller assets/policies/velocity.onnx
 ballbot evaluate --controller assets/policies/path.onnx --controller lqr --episodes 200 --engine mujoco
 ```
 
-Everything below, text apart, is made by `make policies`, which trains three seeds a policy with the configurations in
-`python/ballbot_rs/training/configs/`, ships that of seed 0, and fails if a claim does not hold. The bank of starts and
-commands of an evaluation is that of the seeds from 1000 on, 200 episodes (50 in MuJoCo), which are not among those of
-trainings. Policies are trained on `contact`; `rigid` is the same robot in rapier, MuJoCo a model of the same parameters
-in another engine, with the contact frames turned as [verification](verification.md) does it. The limits of the claims
-were set before the policies were trained. In brackets: 95 % intervals, Wilson's of shares, by bootstrap over episodes
-of means. Metrics are means over the episodes that ran to their end.
+`make policies` trains three seeds per policy with the configurations in `python/ballbot_rs/training/configs/`, ships
+the policy of seed 0, writes everything below except the text, and fails if a claim does not hold. An evaluation has 200
+episodes (50 in MuJoCo), with the starts and commands of seeds 1000 and up, which no training uses. Policies are trained
+on `contact`; `rigid` is the same robot in rapier, MuJoCo a model of the same parameters in another engine, with the
+contact frames turned as in [verification](verification.md). The limits of the claims were set before the policies were
+trained. In brackets: 95 % intervals, Wilson's for fractions, and for means a bootstrap over episodes. Metrics are means
+over the episodes that ran to their end.
 """
 
 

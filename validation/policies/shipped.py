@@ -78,7 +78,7 @@ SHIPPED = (
         _in_engines("episodes without success, starts within 5 deg", "failures", 0.01, ""),
         {
             "S2-rest": ("tilt recovered from, worst of 24 directions", 28.5, "deg"),
-            "S3-at-once": ("push borne, worst of 24 directions", 2.0, "N·s"),
+            "S3-at-once": ("push withstood, worst of 24 directions", 2.0, "N·s"),
         },
     ),
     Shipped(
@@ -95,7 +95,7 @@ SHIPPED = (
         Recipe("goal"),
         [
             *_in_engines("goals not held", "missed_goals", 0.01, ""),
-            *_in_engines("time to a goal over that of the fastest flat move", "time_ratio", 1.5, ""),
+            *_in_engines("time to a goal relative to the fastest flat move", "time_ratio", 1.5, ""),
         ],
     ),
     Shipped(
@@ -110,7 +110,7 @@ SHIPPED = (
         "Push",
         Recipe("push"),
         [],
-        {"S3-at-once": ("push borne, worst of 24 directions", 0.8 * _CAPTURE_IMPULSE, "N·s")},
+        {"S3-at-once": ("push withstood, worst of 24 directions", 0.8 * _CAPTURE_IMPULSE, "N·s")},
     ),
 )
 
@@ -129,12 +129,12 @@ def _topic(one: Shipped, folder: "Path") -> Topic:
     name = one.file.removesuffix(".onnx")
     variant = "" if one.recipe.variant is None else f" --config {one.recipe.variant}"
     text = (
-        f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure has its "
-        "training and that of two more seeds."
+        f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure shows "
+        "its training and the training of two more seeds."
     )
     taught = config.parse(config.default_text(one.recipe.task, one.recipe.variant), one.file).teacher
     if taught is not None:
-        text += f" At 0 steps it has been fitted to `{taught.controller}`, from which PPO goes on."
+        text += f" At step 0 the policy is already fitted to `{taught.controller}`; PPO continues from there."
     return Topic(name, one.title, text, lambda: _run(one, str(folder / one.file)))
 
 

@@ -1,8 +1,8 @@
-"""Policies of all tasks, trained with and without random robots, under judges that they have not seen.
+"""Policies of all tasks, trained with and without random robots, under judges that are not part of the training.
 
 Arms: *none* is the configuration of the package, *mild* and *hard* are the same with the [events](randomization.md) of
-that name. All have as many steps. LQR stands beside them: where it is worse too, the judge is harder; where only the
-policy is, the policy has been fitted to its simulator.
+that name. All have the same number of steps. LQR is the baseline: where it is worse too, the judge is harder; where
+only the policy is worse, the policy has been fitted to its simulator.
 """
 
 import math
@@ -76,7 +76,7 @@ def topics() -> list[Topic]:
     """One topic per task, and one on seeds."""
     found = [Topic(task, task.capitalize(), _about(task), partial(_run, task)) for task in TASKS]
     about = (
-        f"The task {FIVE_SEEDS}, seeds 0 to 4 of each arm: the mean over the seeds of the share of episodes without "
+        f"The task {FIVE_SEEDS}, seeds 0 to 4 of each arm: the mean over the seeds of the fraction of episodes without "
         "success, in percent, and the worst seed."
     )
     return [*found, Topic("seeds", "Five seeds", about, _run_seeds)]

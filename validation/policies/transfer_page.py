@@ -11,18 +11,18 @@ from validation.topic import Findings, Topic
 
 _HEAD = """# Transfer
 
-What policies do on robots and in simulators that they were not trained in. Everything below, text apart, is made by
-`make transfer`, which trains the policies, judges them, and fails if a claim does not hold.
+How policies perform on robots and in simulators on which they were not trained. `make transfer` trains and judges the
+policies, writes everything below except the text, and fails if a claim does not hold.
 
 Judges: `contact` is the simulator of the training; `rigid` is the same robot in rapier, MuJoCo a model of the same
-parameters in another engine, with the contact frames turned as [verification](verification.md) does it. *Sensors* are
-those of Kugle with the estimator, *delay* is of the torques. The others change the robot, of which policies and LQR
-have not been told. 100 episodes each (20 in MuJoCo), the starts and commands of the seeds from 1000 on, the same for
-all; in brackets 95 % intervals. Metrics are of the episodes that ran to their end. The limits were set before the first
-run; random robots of the judges are none of those of the training.
+parameters in another engine, with the contact frames turned as in [verification](verification.md). *Sensors* are
+Kugle's sensors with the estimator; *delay* is a delay of the torques. The others change the robot without informing the
+policies or LQR. 100 episodes each (20 in MuJoCo), with the starts and commands of seeds 1000 and up, the same for all;
+in brackets 95 % intervals. Metrics are means over the episodes that ran to their end. The limits were set before the
+first run; the judges' random robots differ from the training's.
 
-Under `mild` and `hard` an episode of balancing without success says little of the controller: a push in the last 2 s
-denies it to any. [Randomization](randomization.md#sets) has survival and the time to recover.
+Under `mild` and `hard` the success of a balancing episode is not a measure of the controller: no controller succeeds
+after a push in the last 2 s. [Randomization](randomization.md#sets) has survival and the time to recover.
 """
 
 

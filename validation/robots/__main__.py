@@ -8,19 +8,20 @@ from validation.page import Chapter
 from validation.robots import BODY, MOTORS
 from validation.topic import Findings, Topic
 
-_HEAD = """# Robots as they are
+_HEAD = """# Off-nominal robots
 
-What a real robot has and the nominal one lacks: each effect with its closed form, and what it does to controllers that
-were made without it. Everything on this page, text apart, is made by `make robots`, which fails if a claim does not
-hold.
+What a real robot has and the nominal robot lacks: each effect with its closed form, and its consequences for
+controllers that were designed without it. `make robots` writes everything on this page except the text, and fails if a
+claim does not hold.
 
-The tables are of 100 episodes of the [balance task](tasks/balance.md) each: model `contact`, the paper's robot, the
-starts of `ballbot evaluate`. LQR (100 Hz) and the policy that comes with the package are those of the nominal robot
-with ideal motors; "LQR made for it" is designed for the changed robot. *Success* is that of the task: at the end the
-ball is within 0.1 m and the tilt within 1°. *Upright* is the share of episodes without a fall. *Position rms* is the
-distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate --json`. LQR also
-turns the robot to its heading, from up to 180° away, which takes torque and wheel speed; the policy leaves it. Each
-figure has the closed form (lines) with what simulation gives (dots), the share of upright robots, and the position rms.
+Each row of a table summarizes 100 episodes of the [balance task](tasks/balance.md): model `contact`, the paper's robot,
+the starts of `ballbot evaluate`. LQR (100 Hz) and the policy that comes with the package are designed for the nominal
+robot with ideal motors; "LQR made for it" is designed for the changed robot. *Success* is defined by the task: at the
+end the ball is within 0.1 m and the tilt within 1°. *Upright* is the fraction of episodes without a fall. *Position
+rms* is the distance of the ball from the setpoint over all steps up to the fall, `ball_rms` of `ballbot evaluate
+--json`. LQR also turns the robot to its heading, from up to 180° away, which takes torque and wheel speed; the policy
+leaves it. Each figure has the closed form (lines) with the simulation (dots), the fraction of upright robots, and the
+position rms.
 
 `ballbot view` has sliders for most of these effects. Parameters are in [conventions](conventions.md#parameters),
 motors in [actuators](actuators.md), random robots in [randomization](randomization.md).

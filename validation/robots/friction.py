@@ -1,12 +1,12 @@
 r"""Friction of the wheels on the ball.
 
-The torque at which wheels slip is in proportion to the coefficient: three equal torques break loose at
+The torque at which wheels slip is proportional to the coefficient: three equal torques break loose at
 $\tau = \mu N\ (f/\tau)^{-1}$ ([stick and
-slip](verification.md#stick-and-slip-the-torque-at-which-the-wheels-break-loose-whatever-the-heading)). The
-policy limits its torques to 0.9 of what tilts the upright robot without slip at $\mu = 1$, LQR by the loads of the
-wheels as the robot leans ([controllers](controllers.md)), for the same $\mu$. At a lower one the rest of the torque
-spins the wheels up. LQR made for the robot has its limits from this friction. The static coefficient is 1.1 times the
-one in the table.
+slip](verification.md#stick-and-slip-the-torque-at-which-the-wheels-break-loose-whatever-the-heading)). The policy
+limits its torques to 0.9 of the torque that tilts the upright robot without slip at $\mu = 1$; LQR limits them by the
+wheel loads of the leaning robot ([controllers](controllers.md)), for the same $\mu$. At a lower coefficient the rest of
+the torque spins the wheels up. LQR made for the robot uses limits for the actual friction. The static coefficient is
+1.1 times the coefficient in the table.
 
 The friction of the floor matters less: at 0.1 no start falls.
 """
@@ -63,7 +63,7 @@ def claims() -> list[Claim]:
     slippery = drawn("floor_dynamic_friction", "abs", 0.1)
     for name, source in (("LQR", "lqr"), ("policy", POLICY)):
         upright = bb.evaluate(source, episodes=EPISODES, env_options=slippery).survival_rate
-        found.append(Claim(f"share of upright robots, floor μ = 0.1, {name}", upright, 1.0, 0.0))
+        found.append(Claim(f"fraction of upright robots, floor μ = 0.1, {name}", upright, 1.0, 0.0))
     return found
 
 

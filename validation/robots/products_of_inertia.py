@@ -1,10 +1,10 @@
 r"""Products of inertia.
 
 The paper's body has $J_{xx} = J_{yy} = J$. A product $J_{xy} = p$ (`body_products_of_inertia`) turns the principal
-axes by 45°: their moments are $J + p$ about $(1, 1, 0)$ and $J - p$ about $(1, -1, 0)$. A small tilt about one of
-them grows as that of a symmetric robot with this moment ([growth](verification.md#fall-of-the-upright-robot)). A body
-can have $p$ up to $J_{zz}/2 = 0.00685$ kg·m², where the triangle inequality of the moments ends: the growth rate then
-differs by 8 % between the two axes. Neither controller notices.
+axes by 45°: their moments are $J + p$ about $(1, 1, 0)$ and $J - p$ about $(1, -1, 0)$. A small tilt about one of them
+grows as on a symmetric robot with this moment ([growth](verification.md#fall-of-the-upright-robot)). A body can have
+$p$ up to $J_{zz}/2 = 0.00685$ kg·m², where the triangle inequality of the moments ends: the growth rate then differs by
+8 % between the two axes. Neither controller is affected.
 """
 
 from typing import TYPE_CHECKING

@@ -3,10 +3,10 @@ r"""Friction of the rollers.
 The rollers of a wheel drag the ball along the wheel's free direction, with $\mu_0 + \mu_1\lvert h_i\rvert$ times its
 load at the speed $h_i$ ([losses](derivations.md#losses)). Upright at the speed $v$ towards a wheel, with the load $N_0$
 of each wheel, the drag is $2\mu_0 N_0 + \frac32\mu_1 N_0 v$. A public model of an asRoBallet with 36 rollers needs 3.9,
-5.5 and 8.3 N at 0.05, 0.2 and 0.5 m/s; its preset with $\mu_0 = 0.008$ and $\mu_1 = 0.084$ s/m has that drag.
+5.5 and 8.3 N at 0.05, 0.2 and 0.5 m/s; the preset, with $\mu_0 = 0.008$ and $\mu_1 = 0.084$ s/m, has this drag.
 
-Unlike the friction of the floor this one acts between ball and body: it turns the body with the ball. The sweep is over
-$\mu_0$.
+Unlike the friction of the floor, roller friction acts between ball and body: it turns the body with the ball. The sweep
+is over $\mu_0$.
 """
 
 import math

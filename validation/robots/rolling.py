@@ -1,14 +1,15 @@
 r"""Rolling and spinning friction of the floor.
 
-On a floor that gives way the ball has a torque against rolling of $c_r$ times its load, and one about the vertical of
-$c_s$ times its load ([losses](derivations.md#losses)). A robot that rolls has the drag $(c_r/r_k)(M_b + M_k)g$, one
-whose ball spins the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1 mm to 3 mm on a carpet.
+On a compliant floor a torque of $c_r$ times the ball's load opposes rolling, and a torque of $c_s$ times the load
+opposes spinning about the vertical ([losses](derivations.md#losses)). A rolling robot has the drag
+$(c_r/r_k)(M_b + M_k)g$, a spinning ball the torque $c_s(M_b + M_k)g$. $c_r$ is some 0.1 mm to 1 mm on a hard floor, 1
+mm to 3 mm on a carpet.
 
-No robot falls, but near rest they hunt: the ball sticks, the body leans on, and the ball breaks loose. At 2 mm LQR is
-outside of the bounds of success at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
-Friction that holds creeps, by an amount in proportion to the time step: in steps of 0.2 ms in place of 2 ms the
-position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--set sim_dt=0.0002`). LQR made for the robot is the same
-LQR, because dry friction has no derivative at rest.
+No robot falls, but near rest they hunt: the ball sticks, the body continues to lean, and the ball breaks loose. At 2 mm
+LQR misses the success criterion at the end of one episode in eleven. Beyond 3 mm the friction damps the hunting.
+Sticking friction creeps, in proportion to the time step: in steps of 0.2 ms instead of 2 ms the
+position rms of LQR is 0.0298 m at 2 mm, not 0.0271 m (`--set sim_dt=0.0002`). LQR made for the robot is the same LQR,
+because dry friction has no derivative at rest.
 """
 
 import ballbot_rs as bb

@@ -6,13 +6,13 @@ floor's normal the lean is
 
 $$\lambda = \theta + \arcsin\frac{(M_k + M_b) r_k \sin\theta}{M_b l},$$
 
-more than twice the slope. A controller that takes the floor for level asks for $-K x$. At rest this must be the torques
-$\tau$ that hold the robot, so that LQR stands downhill of its setpoint by the $e$ of
+more than twice the slope. A controller that assumes level ground commands $-K x$. At rest this must be the torques
+$\tau$ that hold the robot, so that LQR stands downhill of its setpoint by $e$ from
 
 $$-k_x e = \tau + k_\vartheta \lambda,$$
 
 with the gains of position, $k_x$, and of tilt, $k_\vartheta$, as long as this lean is within LQR's `max_lean`, 10°. On
-steeper slopes, from some 4° on, it rolls downhill, upright. Success ends where $\lambda$ passes 1°, at a slope of
+steeper slopes, above some 4°, it rolls downhill, upright. Success ends where $\lambda$ passes 1°, at a slope of
 0.43°. Tasks start robots along the floor's normal.
 """
 

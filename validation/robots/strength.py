@@ -1,8 +1,8 @@
 r"""Weak motors.
 
-A motor gives the share $s$ of the commanded torque (`actuators={"strength": s}`, or a number each). The gain of the
-loop is then $sK$: with three weak motors the largest eigenvalue of LQR's loop passes 1 at $s = 0.36$. Falls from large
-tilts come before, as the largest torque has become smaller, too.
+Each motor gives the fraction $s$ of the commanded torque (`actuators={"strength": s}`, or a number per motor). The gain
+of the loop is then $sK$: with three weak motors the largest eigenvalue of LQR's loop passes 1 at $s = 0.36$. Falls from
+large tilts occur earlier, because the largest torque is smaller, too.
 """
 
 import numpy as np

@@ -33,7 +33,7 @@ class Sweep:
     label: str
     #: As shown on the page.
     values: Sequence[float]
-    #: Options of the environment; controllers remain those of the nominal robot.
+    #: Options of the environment; controllers remain designed for the nominal robot.
     options: Callable[[float], Options]
     #: Tolerance of the edge.
     to: float
@@ -106,8 +106,8 @@ class Measured:
             edges += ["", self._edge_text(name), ""]
         return (
             f"{table(head, [*rows, edges])}\n\n"
-            "Edge: up to there all 100 starts stay upright, found by bisection; none: beyond the last row.\n"
-            "The second row:\n\n"
+            "Edge: the largest value at which all 100 starts stay upright, by bisection; none: beyond the last row.\n"
+            "Command of the second row:\n\n"
             f"```sh\nballbot evaluate --controller lqr --controller assets/policies/balance.onnx --json \\\n"
             f"  {self.sweep.command}\n```"
         )

@@ -3,11 +3,11 @@ r"""Torque-speed curve of the motors.
 A motor with the stall torque $\tau_s$ and the no-load speed $\omega_0$ gives at most
 $\tau_s(1 - \dot\psi/\omega_0)$ in the direction of motion
 (`actuators={"stall_torque": 0.3, "no_load_speed": 20}`). Three equal torques turn ball and body about the vertical
-against each other. Under full command the wheels come to $\omega_0$ as
+against each other. Under full command the wheels approach $\omega_0$ as
 
 $$\dot\psi(t) = \omega_0(1 - (1 - h/T)^{t/h}),\qquad T = \omega_0/\ddot\psi_0,$$
 
-with $\ddot\psi_0$ the acceleration under $\tau_s$ alone and $h$ the model step, in which the torque holds. The table
+with $\ddot\psi_0$ the acceleration under $\tau_s$ and $h$ the model step, in which the torque is held. The table
 has $\tau_s$ = 0.3 N·m, a little above the largest torque of the policy. LQR falls because it turns the robot to
 its heading, which takes most of the wheel speed: from starts at this heading (`--set reset_yaw=0`) it does not.
 """
@@ -77,7 +77,7 @@ def claims() -> list[Claim]:
             Claim(f"wheel speed after {_SECONDS:g} s, {speed:g} rad/s", speeds[-1], expected[-1], 1e-6, "rad/s"),
         ]
     facing = bb.evaluate("lqr", episodes=EPISODES, env_options={"actuators": motors(5.0), "reset_yaw": 0.0})
-    found.append(Claim("share of upright robots, LQR, 5 rad/s, `reset_yaw` = 0", facing.survival_rate, 1.0, 0.0))
+    found.append(Claim("fraction of upright robots, LQR, 5 rad/s, `reset_yaw` = 0", facing.survival_rate, 1.0, 0.0))
     return found
 
 

@@ -19,7 +19,7 @@ impl fmt::Display for Bytes {
 /// Required bytes below which there is no check.
 const SMALL: u64 = 16 << 20;
 
-/// Checks that `items` of `bytes` each can be allocated; the message starts with `what` they are for.
+/// Checks whether `items` of `bytes` each can be allocated; the message starts with `what` they are for.
 ///
 /// # Errors
 /// [`Error::Memory`] with the required and the available amount.

@@ -23,7 +23,8 @@ ballbot_base::fields! {
         pub lean_bandwidth: f64 = 1.5, "", Limit::from(1e-3).to(1e3);
         /// Damping ratio of the two poles of the lean.
         pub lean_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
-        /// Natural frequency of the two poles of the position, over λ; at most a quarter of that of the lean is usual.
+        /// Natural frequency of the two poles of the position, over λ; at most a quarter of the lean's frequency is
+        /// usual.
         pub position_bandwidth: f64 = 0.25, "", Limit::from(1e-3).to(1e3);
         /// Damping ratio of the two poles of the position.
         pub position_damping: f64 = 0.8, "", Limit::from(1e-3).to(1e3);

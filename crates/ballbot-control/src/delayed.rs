@@ -61,7 +61,7 @@ impl<const N: usize> Delayed<N> {
         let samples = (delay / control_dt).round();
         if (delay / control_dt - samples).abs() > ROUNDING {
             return Err(Error::Inconsistent(format!(
-                "delay = {delay} s is no multiple of control_dt = {control_dt} s"
+                "delay = {delay} s is not a multiple of control_dt = {control_dt} s"
             )));
         }
         let mut power = SMatrix::<f64, N, N>::identity();

@@ -185,8 +185,8 @@ impl Ballbot {
     /// change persists over resets. Returns whether the motion continues.
     ///
     /// # Errors
-    /// Those of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the robot
-    /// is then unchanged.
+    /// The errors of [`Params::validate`], and [`Error::Inconsistent`] if the model cannot simulate such a robot; the
+    /// robot is then unchanged.
     pub fn set_params(&mut self, params: &Params) -> Result<bool> {
         params.validate()?;
         if params == self.params() {

@@ -153,7 +153,7 @@ impl Model for PlanarMotion {
 
     fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
         if ground.is_some() {
-            return Err(Error::Inconsistent("the model 'planar' simulates level ground alone, not a terrain".into()));
+            return Err(Error::Inconsistent("the model 'planar' simulates only level ground, not a terrain".into()));
         }
         self.place(&State::upright(&self.params.clone()));
         Ok(())

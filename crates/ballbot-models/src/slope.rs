@@ -22,7 +22,7 @@ impl Slope {
     /// [`Error::Inconsistent`] for a ground that is not a plane, and for a robot that has a `floor_tilt`.
     pub fn new(ground: &Arc<Ground>, params: &Params) -> Result<Self> {
         let Some([x, y]) = ground.terrain().as_plane() else {
-            return Err(Error::Inconsistent("the model 'spatial' simulates planes alone, not this terrain".into()));
+            return Err(Error::Inconsistent("the model 'spatial' simulates only planes, not this terrain".into()));
         };
         params.require_level("the model 'spatial' on a terrain")?;
         let normal = Vector3::new(-x, -y, 1.0);

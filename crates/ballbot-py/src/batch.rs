@@ -765,7 +765,7 @@ impl PyBatch {
         Ok(PyParams(self.inner.read()?.batch.params(index).map_err(to_python)?.clone()))
     }
 
-    /// Parameters of the robot of environment `index` without events: its initial ones, or those of `set_params`.
+    /// Parameters of the robot of environment `index` without events: initial, or set by `set_params`.
     #[pyo3(signature = (index=0))]
     fn nominal_params(&self, #[pyo3(from_py_with = index)] index: usize) -> PyResult<PyParams> {
         Ok(PyParams(self.inner.read()?.batch.nominal_params(index).map_err(to_python)?.clone()))

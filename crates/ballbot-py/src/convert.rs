@@ -58,7 +58,7 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -
             static MASKED: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
             static AS_ARRAY: PyOnceLock<Py<PyAny>> = PyOnceLock::new();
             if value.is_instance(MASKED.import(py, "numpy.ma", "MaskedArray")?)? {
-                return Err(wrong("a masked one: fill it first".to_owned()));
+                return Err(wrong("a masked array: fill it first".to_owned()));
             }
             let array = AS_ARRAY.import(py, "numpy", "asarray")?.call1((value,)).map_err(|error| {
                 // Rows of different lengths, and objects that raise as they are read.

@@ -30,7 +30,7 @@ task_fields! {
         pub approach_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(100.0);
         /// Time constant of the end of that approach.
         pub approach_time: f64 = 0.25, "s", Limit::above(0.0).to(100.0);
-        /// How long the ball must have been at its goal when the next one is given.
+        /// How long the ball must have been at its goal when the next goal is given.
         pub hold_seconds: f64 = 1.0, "s", Limit::from(0.0).to(1e9);
     }
 }
@@ -159,7 +159,7 @@ impl Task for Goal {
         let excess = [velocity.x - to_goal[0] * pace, velocity.y - to_goal[1] * pace];
         alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost("approach", 0.4, "e² / (e² + (0.3 m/s)²), e the ball velocity off that of the approach"),
+            Term::cost("approach", 0.4, "e² / (e² + (0.3 m/s)²), e the ball velocity minus the approach velocity"),
             bounded_error(squared_norm(excess), 0.3),
         );
         terms.term(Term::cost("distance", 0.2, "d / (d + 0.5 m)"), distance / (distance + 0.5));
@@ -174,11 +174,11 @@ impl Task for Goal {
             self.conclude(&mut ended, control_dt);
         }
         metrics.metric(
-            Metric::new("goals_held", "", "share of the goals at which the ball was when the next one was given"),
+            Metric::new("goals_held", "", "fraction of the goals at which the ball was when the next goal was given"),
             ended[REACHED] / ended[OVER],
         );
         metrics.metric(
-            Metric::new("time_ratio", "", "mean time to these goals, in times of the fastest flat move there"),
+            Metric::new("time_ratio", "", "mean time to these goals, relative to the fastest flat move there"),
             ended[TIMES] / ended[REACHED],
         );
     }

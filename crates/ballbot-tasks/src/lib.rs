@@ -206,7 +206,7 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// The ground of a robot where none is chosen; `None` for level ground.
     ///
     /// # Errors
-    /// Those of [`Terrain::generate`].
+    /// The errors of [`Terrain::generate`].
     fn terrain(&self, params: &Params) -> Result<Option<Arc<Terrain>>> {
         let _ = params;
         Ok(None)

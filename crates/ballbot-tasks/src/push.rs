@@ -18,8 +18,8 @@ task_fields! {
     fall 50.0, tilt 5.0;
     /// Options of the push task. SI units and radians. Tilts are from the equilibrium.
     pub struct Push {
-        /// Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the largest
-        /// one that traction lets the nominal robot bear.
+        /// Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the
+        /// largest impulse that the nominal robot withstands within its traction.
         pub push: [f64; 2] = [0.0, 1.0], "", Limit::from(0.0).to(10.0);
         /// Shortest and longest time from one push to the next, uniform.
         pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::from(0.1).to(1e9);

@@ -22,8 +22,8 @@ macro_rules! task_fields {
             $(#[$meta])*
             pub struct $name {
                 $($fields)*
-                /// Half angle of the cone about the equilibrium from which the first tilt is drawn, evenly over its opening;
-                /// below `fall_tilt`.
+                /// Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+                /// opening; below `fall_tilt`.
                 pub reset_tilt: f64 = f64::to_radians($tilt), "rad", ::ballbot_base::fields::Limit::NOT_NEGATIVE;
                 /// The first yaw is uniform within ± this.
                 pub reset_yaw: f64 = ::std::f64::consts::PI, "rad",

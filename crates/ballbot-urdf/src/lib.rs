@@ -39,7 +39,8 @@ use std::path::Path;
 /// Parameters of the ballbot described by the files `bot` and `ball`.
 ///
 /// # Errors
-/// [`ballbot_base::Error::Io`] for a file that cannot be read; those of [`params_from_urdf_text`], with the name of the file.
+/// [`ballbot_base::Error::Io`] for a file that cannot be read; the errors of [`params_from_urdf_text`], with the name
+/// of the file.
 pub fn params_from_urdf(bot: &Path, ball: &Path) -> Result<Params> {
     read_params((&bot.display().to_string(), &read_file(bot)?), (&ball.display().to_string(), &read_file(ball)?))
 }

@@ -10,7 +10,8 @@ use std::path::Path;
 /// Their `effort` is a parameter, [`ballbot_base::Params::max_wheel_torque`].
 ///
 /// # Errors
-/// [`ballbot_base::Error::Io`] for a file that cannot be read; those of [`motors_from_urdf_text`], with the name of the file.
+/// [`ballbot_base::Error::Io`] for a file that cannot be read; the errors of [`motors_from_urdf_text`], with the name
+/// of the file.
 pub fn motors_from_urdf(bot: &Path) -> Result<MotorOptions> {
     read_motors(&bot.display().to_string(), &read_file(bot)?)
 }

@@ -80,7 +80,7 @@ class PolicyActor:
         """
         if setpoint is not None:
             raise TypeError(
-                f"{self._name} is a policy: it takes no setpoint but that of its task, the option 'setpoint' of "
+                f"{self._name} is a policy: its only setpoint is its task's, the option 'setpoint' of "
                 "env_options where the task has one"
             )
         return _limited(real_array(f"{self._name} gave", self._policy(observations), "actions"))

@@ -28,7 +28,7 @@ class Quantity:
     axes: tuple[str, ...]
     unit: str
     doc: str
-    #: Shape (n, number of axes), or (n, 1) without axes; NaN where there is no number.
+    #: Shape (n, number of axes), or (n, 1) without axes; NaN where a value is missing.
     values: Array
 
     @property

@@ -41,7 +41,7 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
 
 
 def beside(task: str) -> tuple[str, ...]:
-    """Controllers that a policy of the task is compared with: those that can perform the task."""
+    """Controllers that can perform the task, with which a policy is compared."""
     return ("lqr",) if description_of(task)["command"] else ("lqr", "pid")
 
 

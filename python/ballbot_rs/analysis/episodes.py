@@ -152,7 +152,7 @@ def compare(
     options = common_options(found, env_options)
     shared_task = common_task(found, task)
     if engine is not None and "model" in (env_options or {}):
-        raise InvalidInputError(f"engine = '{engine}' takes the place of model = '{options['model']}': leave one out")
+        raise InvalidInputError(f"engine = '{engine}' replaces model = '{options['model']}': leave one out")
     if engine is not None:
         # A policy may have been trained in a model that cannot represent the engine's states.
         options["model"] = "contact"

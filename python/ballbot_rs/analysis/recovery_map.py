@@ -83,7 +83,7 @@ def collect(
     # Episodes never end by time: robots that have fallen restart and are ignored from then on.
     options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
     if options.get("events"):
-        raise ValueError("a recovery map is of one robot: it takes no events")
+        raise ValueError("a recovery map is for one robot: it does not accept events")
     batch = batch_for(
         found,
         rings * sectors,

@@ -95,8 +95,8 @@ def batch_for(
     if abs(control_dt / sim_dt - substeps) > ROUNDING:
         if "sim_dt" in options and "sim_dt" in asked_for:
             raise InvalidInputError(
-                f"{controller.name} has control_dt = {control_dt:g} s, which is no multiple of sim_dt = {sim_dt:g} s: "
-                "leave out sim_dt, or name a control_dt"
+                f"{controller.name} has control_dt = {control_dt:g} s, which is not a multiple of "
+                f"sim_dt = {sim_dt:g} s: leave out sim_dt, or name a control_dt"
             )
         sim_dt = control_dt / substeps
     steps = options.get("max_episode_steps", usual.max_episode_steps)

@@ -237,7 +237,7 @@ def _start(
 ) -> State:
     if start is not None:
         if position is not None or yaw is not None or np.any(np.asarray(tilt)):
-            raise TypeError("start is a whole state: it goes without position, tilt and yaw")
+            raise TypeError("start is a whole state: leave out position, tilt and yaw")
         if not isinstance(start, State):
             raise TypeError(f"start must be a State, not {type(start).__name__}")
         return start

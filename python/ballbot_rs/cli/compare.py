@@ -23,7 +23,7 @@ def add_to(commands: Any) -> None:
         "scenario", nargs="*", metavar="SCENARIO", help="S13-6s, or S13 for all of them (default: all)"
     )
     scenario.add_controller(command, several=True)
-    command.add_argument("--file", type=Path, metavar="FILE.toml", help="scenarios of your own")
+    command.add_argument("--file", type=Path, metavar="FILE.toml", help="custom scenarios")
     command.add_argument("--robot", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)")
     settings.add_to(command, "a parameter of the robot, as params.body_mass=2.5")
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")

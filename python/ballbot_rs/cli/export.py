@@ -60,7 +60,7 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     if (arguments.policy is not None) + (arguments.controller is not None) + arguments.estimator != 1:
-        raise ValueError("export takes a RUN, --controller or --estimator, one of them")
+        raise ValueError("export takes one of RUN, --controller and --estimator")
     if arguments.controller is not None:
         _export_controller(arguments)
         return
@@ -74,9 +74,9 @@ def run(arguments: argparse.Namespace) -> None:
         source = arguments.policy
         target = (source if source.is_dir() else source.parent) / "policy.onnx"
     if target.suffix not in (".onnx", ".h"):
-        raise ValueError(f"{target}: the name of an ONNX file ends in .onnx, that of a header of C in .h")
+        raise ValueError(f"{target}: the name of an ONNX file ends in .onnx, the name of a C header in .h")
     if arguments.policy.suffix == target.suffix == ".onnx":
-        raise ValueError(f"{arguments.policy} is an ONNX file already: it is written as a header of C, -o FILE.h")
+        raise ValueError(f"{arguments.policy} is an ONNX file already: it is written as a C header, -o FILE.h")
     if target.suffix == ".h":
         _export_policy_as_c(arguments, target)
     else:
@@ -123,7 +123,7 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
         raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
     target = arguments.output or Path(f"{arguments.controller or 'estimator'}.h")
     if target.suffix != ".h":
-        raise ValueError(f"{target}: the name of a header of C ends in .h")
+        raise ValueError(f"{target}: the name of a C header ends in .h")
     options = scenario.env_options(arguments)
     if others := sorted(set(options) - set(known)):
         raise ValueError(

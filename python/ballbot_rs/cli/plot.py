@@ -34,12 +34,12 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--figure", action="append", choices=FIGURES, help="which figure; repeat for several (default all that apply)"
     )
-    command.add_argument("--format", choices=("svg", "pdf"), default="svg", help="beside PNG (default svg)")
+    command.add_argument("--format", choices=("svg", "pdf"), default="svg", help="in addition to PNG (default svg)")
     command.add_argument(
         "--width",
         type=real(MM * WIDTHS[0], MM * WIDTHS[1]),
         metavar="MM",
-        help="of the figures in mm, as 89 for one column of a paper (default: as their panels need)",
+        help="of the figures in mm, for example 89 for one column of a paper (default: as their panels need)",
     )
     command.add_argument(
         "--data",
@@ -66,9 +66,9 @@ def run(arguments: argparse.Namespace) -> None:
     unfit = {"learning_curve": not runs, "recovery_map": bool(options.get("events")), "estimates": not measured}
     wanted = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
     if "learning_curve" in wanted and not runs:
-        raise ValueError("a learning curve is of training runs, and none is given")
+        raise ValueError("a learning curve needs training runs, and none is given")
     if "estimates" in wanted and not measured:
-        raise ValueError("estimates are of tasks that observe sensors: add --set observation=sensors")
+        raise ValueError("estimates need a task that observes sensors: add --set observation=sensors")
     files = []
     for drawn in _draw(wanted, arguments, runs):
         for suffix in (arguments.format, "png"):

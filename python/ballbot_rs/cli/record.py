@@ -40,9 +40,9 @@ def add_to(commands: Any) -> None:
         metavar="TIME",
         help="also a picture, FILE.png: at a time, else at the largest tilt",
     )
-    command.add_argument("--no-video", action="store_true", help="the picture alone; needs --still")
+    command.add_argument("--no-video", action="store_true", help="only the picture; needs --still")
     command.add_argument("--forces", action="store_true", help="show the forces at the contacts as arrows")
-    command.add_argument("--no-caption", action="store_true", help="no controller, time and tilt in the corner")
+    command.add_argument("--no-caption", action="store_true", help="without controller, time and tilt in the corner")
     command.add_argument(
         "--schematic", action="store_true", help="plain shapes in place of meshes, which take three times as long"
     )
@@ -57,9 +57,9 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--samples",
         type=whole(1, 4),
-        help="color samples a pixel: 1 with blended edges, 2 or 4 (default 1, of a picture 4)",
+        help="color samples per pixel: 1 with blended edges, 2 or 4 (default 1, for a picture 4)",
     )
-    command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames a second (default 50)")
+    command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames per second (default 50)")
     command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
     command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")
     scenario.add_scenario(command, seconds=5.0)
@@ -70,7 +70,7 @@ def add_to(commands: Any) -> None:
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     if arguments.no_video and arguments.still is None:
-        raise ValueError("--no-video leaves nothing to write: ask for a picture with --still")
+        raise ValueError("--no-video leaves nothing to write: request a picture with --still")
     arguments.controller = arguments.controller or ["lqr"]
     out = arguments.output or Path(f"{'-'.join(Path(name).stem for name in arguments.controller)}.mp4")
     check_suffix(out)

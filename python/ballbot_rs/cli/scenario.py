@@ -141,7 +141,7 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
         "--sensors",
         metavar="NAME|FILE.toml",
         help=f"sensors: {', '.join(SENSORS)}, or a TOML file with a table [sensors]; with --set "
-        f"observation=sensors controllers take what follows from them (default: {otherwise} none)",
+        f"observation=sensors controllers use estimates from them (default: {otherwise} none)",
     )
 
 
@@ -155,7 +155,7 @@ def add_urdf(command: Any) -> None:
 def add_events(command: Any, *others: str) -> None:
     """Adds what is sampled at random for the robots."""
     names = "|".join((*EVENT_SETS, *others, "FILE.toml"))
-    command.add_argument("--events", metavar=names, help="draw robots and pushes at random (default: nominal robots)")
+    command.add_argument("--events", metavar=names, help="sample robots and pushes at random (default: nominal robots)")
 
 
 def add_seed(command: Any, what: str, default: int | None, highest: int) -> None:
@@ -331,7 +331,7 @@ def scenario(arguments: argparse.Namespace) -> Scenario:
 
 
 def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[ResolvedController]]:
-    """The scenario and its controllers, all on the same task and robot: those of the policies, else the default."""
+    """The scenario and its controllers, all on the task and robot of the policies, else on the default."""
     chosen = scenario(arguments)
     found = controllers(arguments)
     chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))

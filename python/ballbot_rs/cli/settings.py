@@ -76,7 +76,7 @@ def apply(
     for name, value in values.items():
         if "." not in name:
             if name in options:
-                raise ValueError(f"{FLAG} {name}={value}: {name} is given by an argument of its own, too")
+                raise ValueError(f"{FLAG} {name}={value}: {name} is also given by a separate argument")
             found[name] = value
     for name, value in values.items():
         head, dot, part = name.partition(".")
@@ -119,7 +119,7 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
 
     Args:
         names: the names; of a name with a dot, the part before it.
-        task: whose options are known; None if a policy decides the task: then only parameters of robots are refused.
+        task: whose options are known; None if a policy decides the task: then only parameters of robots are rejected.
         others: other known names.
 
     Raises:

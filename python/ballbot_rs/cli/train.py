@@ -52,7 +52,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--timesteps",
         type=whole(1, MAX_TIMESTEPS),
-        help="have this many steps in all, whatever the policy reaches with them",
+        help="train for this many steps in total, whatever the policy achieves",
     )
     command.add_argument(
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
@@ -66,7 +66,7 @@ def add_to(commands: Any) -> None:
         "--workers",
         type=whole(1, MAX_WORKERS),
         metavar="N",
-        help="with --on ray: processes that step the robots, which are shared out among them (default 1)",
+        help="with --on ray: processes among which the robots are divided (default 1)",
     )
     command.add_argument(
         "--ray-address",
@@ -108,7 +108,7 @@ def run(arguments: argparse.Namespace) -> None:
         fixed = ("config", "run", "seed", "overwrite")
         given = [name for name in fixed if getattr(arguments, name) is not None]
         if given:
-            raise ValueError(f"--resume continues a run as it was configured: --{given[0]} has no place beside it")
+            raise ValueError(f"--resume continues a run as it was configured: --{given[0]} cannot be combined with it")
         if arguments.set or scenario.named_options(arguments):
             raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
@@ -188,7 +188,7 @@ def _loop(arguments: argparse.Namespace) -> "Learn | None":
         for name in ("workers", "ray_address"):
             if getattr(arguments, name) is not None:
                 option = name.replace("_", "-")
-                raise ValueError(f"--{option} {getattr(arguments, name)} has no place without --on ray")
+                raise ValueError(f"--{option} {getattr(arguments, name)} requires --on ray")
         return None
     where = Ray(1 if arguments.workers is None else arguments.workers, arguments.ray_address)
     with require("training on Ray", "rllib"):

@@ -53,7 +53,7 @@ def add_to(commands: Any) -> None:
         "--jobs", type=whole(1, 1024), default=1, help="trials at once, each a process with one thread (default 1)"
     )
     command.add_argument(
-        "--study", type=Path, help="folder of the search; one that is there goes on (default runs/tune-TASK)"
+        "--study", type=Path, help="folder of the search; an existing search continues (default runs/tune-TASK)"
     )
     command.add_argument(
         "--search",
@@ -138,7 +138,7 @@ def _carry_out(search: "Search", jobs: int, tell: Any) -> None:
             worker.join()
     failed = [worker.exitcode for worker in workers if worker.exitcode]
     if failed:
-        raise RuntimeError(f"{len(failed)} of {jobs} processes ended with exit code {failed[0]}, as they say above")
+        raise RuntimeError(f"{len(failed)} of {jobs} processes ended with exit code {failed[0]}, as printed above")
 
 
 def _work(search: "Search", tell: Any) -> None:

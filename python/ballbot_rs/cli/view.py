@@ -82,7 +82,7 @@ def _start(arguments: argparse.Namespace) -> "View":
     given = scenario.env_options(arguments)
     if "history" in given:
         raise ValueError(
-            "--set history=... has no place here: the page's policies observe with the history of their training"
+            "--set history=... cannot be set here: the page's policies observe with the history of their training"
         )
     options = common_options([controller], given)
     robot, params = _robot(arguments, options.get("params", "paper"))

@@ -120,9 +120,9 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
         try:
             read[field] = json.loads(found[PREFIX + field])
         except (KeyError, ValueError, RecursionError):
-            raise ValueError(f"{file} does not say its {field}: it is no policy of ballbot_rs") from None
+            raise ValueError(f"{file} does not name its {field}: it is not a policy of ballbot_rs") from None
         if not isinstance(read[field], kind):
-            raise ValueError(f"{file}: {field} is {read[field]!r}, which is no {kind.__name__}")
+            raise ValueError(f"{file}: {field} is {read[field]!r}, not a {kind.__name__}")
     return read
 
 

@@ -99,7 +99,7 @@ def find(
     Raises:
         ValueError: an unknown task or controller, or a policy for another task.
         FileNotFoundError: there is no policy at that path.
-        ModuleNotFoundError: an optional dependency is missing; the message says what to install.
+        ModuleNotFoundError: an optional dependency is missing; the message states what to install.
         TypeError: the object cannot be called, or a class needs other arguments.
         ControllerError: a class cannot be instantiated.
     """
@@ -230,7 +230,7 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
     if isinstance(law, type):
         return _from_class(law, name)
     if not callable(law):
-        raise TypeError(f"{law!r} is no controller: expected a name, a path, or an object that maps a state to torques")
+        raise TypeError(f"{law!r} is not a controller: expected a name, a path, or a map from a state to torques")
     own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
     name = str(own) if name is None else name
 
@@ -252,15 +252,13 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
     own = getattr(cls, "name", None)
     name = (own if isinstance(own, str) else cls.__name__.lower()) if name is None else name
     if not any("__call__" in vars(base) for base in cls.__mro__):
-        raise TypeError(f"{name} is no class of controllers: its objects cannot be called")
+        raise TypeError(f"{name} is not a class of controllers: its objects cannot be called")
     parameters = inspect.signature(cls).parameters.values()
     takes = {p.name for p in parameters if p.name in ("params", "control_dt") and p.kind is not p.POSITIONAL_ONLY}
     needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     if set(needed) - takes:
         missing = ", ".join(part for part in needed if part not in takes)
-        raise TypeError(
-            f"{name} cannot be made: {missing} has no default; a class is given params and control_dt alone"
-        )
+        raise TypeError(f"{name} cannot be made: {missing} has no default; a class is given only params and control_dt")
 
     def make(params: Params, control_dt: float) -> Law:
         given = {"params": params, "control_dt": control_dt}

@@ -44,7 +44,7 @@ def read(path: Path) -> dict[str, Any]:
     """
     refusal = f"{path} is not a policy file of Stable-Baselines3"
     if not zipfile.is_zipfile(path):
-        raise ValueError(f"{refusal}: it is no zip file, or it is cut off")
+        raise ValueError(f"{refusal}: it is not a zip file, or it is truncated")
     try:
         with zipfile.ZipFile(path) as archive:
             sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
@@ -63,7 +63,7 @@ def read(path: Path) -> dict[str, Any]:
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
         raise ValueError(f"{refusal}: its 'data' cannot be read: {error}") from error
     if not isinstance(data, dict):
-        raise ValueError(f"{refusal}: its 'data' is no table")
+        raise ValueError(f"{refusal}: its 'data' is not a table")
     return data
 
 
@@ -126,4 +126,4 @@ class _PlainUnpickler(pickle.Unpickler):
             found = super().find_class(module, name)
             if isinstance(found, type) and issubclass(found, (torch.nn.Module, torch.optim.Optimizer)):
                 return found
-        raise pickle.UnpicklingError(f"{module}.{name} is no part of a network")
+        raise pickle.UnpicklingError(f"{module}.{name} is not part of a network")

@@ -103,7 +103,7 @@ def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = Mappin
     Args:
         model: the model.
         file: the file to write.
-        beside: more content of the archive, by name.
+        beside: further content of the archive, by name.
 
     Raises:
         OSError: the file cannot be written.
@@ -152,7 +152,7 @@ def load(
     Args:
         path: the file, or the folder of a training run.
         task: name of the task; None is the task that the file names, or balancing for a file without metadata.
-        env_options: options of the environment, for a file without metadata; None refuses such a file.
+        env_options: options of the environment, for a file without metadata; None rejects such a file.
 
     Raises:
         FileNotFoundError: there is no such file.
@@ -166,16 +166,16 @@ def load(
         return _load_unnamed(path, data, task or DEFAULT_TASK, env_options)
     if not isinstance(found, dict):
         raise ValueError(
-            f"{path} does not say which environment it was trained on: name the task, "
+            f"{path} does not name the environment it was trained on: name the task, "
             f"or save it with ballbot_rs.save; expected {env_id_of(task or DEFAULT_TASK)}"
         )
     if not isinstance(found.get("env_id"), str):
-        raise ValueError(f"{path} does not say its env_id: it is no policy file of ballbot_rs")
+        raise ValueError(f"{path} does not name its env_id: it is not a policy file of ballbot_rs")
     task = policy_file.task_in(path, found["env_id"], task)
     expected = metadata(task, str(found.get("algorithm")), {})
     for field, value in expected.items():
         if not isinstance(found.get(field), type(value)):
-            raise ValueError(f"{path} does not say its {field}: it is no policy file of ballbot_rs")
+            raise ValueError(f"{path} does not name its {field}: it is not a policy file of ballbot_rs")
     if not policy_file.fits(found["observation"], task):
         raise ValueError(
             f"{path} was trained for another environment: "
@@ -257,7 +257,7 @@ def _unpacked(path: Path, algorithm: str, replaced: dict[str, Any]) -> BaseAlgor
     except ModuleNotFoundError as error:
         raise ValueError(
             f"{path} needs {error.name}, which is not installed. Policies that `ballbot train` saved before 0.2.0 "
-            "scale observations with a module of that version: export them as ONNX with it, or train anew"
+            "scale observations with a module of that version: export them as ONNX with it, or train again"
         ) from error
     # The exceptions of a damaged or foreign file have no common base class.
     except Exception as error:

@@ -32,7 +32,7 @@ def number(value: float) -> str:
         ValueError: it is not finite.
     """
     if not np.isfinite(value):
-        raise ValueError(f"a constant is {value}: C takes finite ones")
+        raise ValueError(f"a constant is {value}: it must be finite")
     return repr(float(value))
 
 

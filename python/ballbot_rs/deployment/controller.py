@@ -83,7 +83,7 @@ def controller_header(
 def _least(first: Any, second: Any) -> float:
     if isinstance(second, bool) or not isinstance(second, (int, float)):
         raise ValueError(f"max_wheel_torque is {second!r}, expected a number")
-    # The controller refuses NaN.
+    # The controller rejects NaN.
     return float(first) if first < second else float(second)
 
 

@@ -74,7 +74,7 @@ class _Writer:
         if name in self.vectors:
             return self.vectors[name]
         raise ValueError(
-            f"the operator {node.op_type} of {name!r} cannot be written as C: it is no vector of the network"
+            f"the operator {node.op_type} of {name!r} cannot be written as C: it is not a vector of the network"
         )
 
     def _scalar(self, name: str) -> str | None:

@@ -13,7 +13,7 @@ from ballbot_rs._core import Params
 
 Array = npt.NDArray[np.float64]
 
-#: Ratio of a disc's inertia across its axle to that about it; slightly above 1/2, which MuJoCo's rounding refuses.
+#: Ratio of a disc's inertias across and about its axle; slightly above 1/2, which MuJoCo rejects by rounding.
 _ACROSS = 0.5 * (1.0 + 1e-6)
 
 

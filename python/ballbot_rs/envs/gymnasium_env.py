@@ -90,7 +90,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         Raises:
             ValueError: the action has the wrong shape or is not finite, or the episode is over.
         """
-        # A masked array stays masked, which the batch refuses.
+        # A masked array stays masked, which the batch rejects.
         given = np.asanyarray(action)
         if given.dtype.kind in "biuf" and given.shape != (3,):
             several = ": BallbotVectorEnv takes the actions of several robots" if given.ndim > 1 else ""

@@ -61,7 +61,7 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
         if spec is not None:
             gymnasium.registry[env_id] = spec
         if isinstance(error, gymnasium.error.Error):
-            raise ValueError(f"'{env_id}' is no id of an environment: {error}") from error
+            raise ValueError(f"'{env_id}' is not the id of an environment: {error}") from error
         raise
 
 

@@ -296,5 +296,5 @@ def _checked(first: Any) -> int | str | Functions | None:
 def _functions_alone(functions: Functions, **others: Any) -> Functions:
     for name, value in others.items():
         if value is not None:
-            raise TypeError(f"BallbotVecEnv got functions and {name}={value!r}: the environments that they make say it")
+            raise TypeError(f"BallbotVecEnv got functions and {name}={value!r}: their environments define it")
     return functions

@@ -30,7 +30,7 @@ LIMIT: Final = 1e-4
 
 
 def check_windows(problem: Problem, kept: Mask, log: SensorLog) -> None:
-    """A ValueError says where the log contradicts the model, if too many windows do."""
+    """A ValueError reports where the log contradicts the model, if too many windows do."""
     left_out = int((~kept).sum())
     limit = int(MAX_REJECTED * len(kept))
     if left_out > limit:

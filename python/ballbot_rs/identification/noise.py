@@ -72,8 +72,8 @@ def check_columns(
     expected = f"at least {low:g}" if high == np.inf else f"from {low:g} to {high:g}"
     raise InvalidInputError(
         f"{titles[worst]} contradicts the other columns: it shows {gains[worst]:.2g} times the changes that follow "
-        f"from them, expected {expected}; its sign, unit or axis is wrong, or those of torques or wheel angles, or "
-        "imu_position"
+        f"from them, expected {expected}; the sign, unit or axis of it, of torques or of wheel angles is wrong, "
+        "or imu_position"
     )
 
 

@@ -247,8 +247,8 @@ class Problem:
                 ends.append(neighbor[index])
             if ends[0] == ends[1]:
                 raise InvalidInputError(
-                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the robot would be none; leave "
-                    f"it out of fields"
+                    f"{fitted.names[index]} = {ends[0]:g} cannot be changed either way: the changed robot would be "
+                    "invalid; leave it out of fields"
                 )
             moved.append(index)
             spans.append((ends[0] - ends[1]) / fitted.scales[index])

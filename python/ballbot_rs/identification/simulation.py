@@ -60,7 +60,7 @@ class Simulator:
         Wheel angles count from the start of the window. The specific force in a window's first row is zero.
 
         Raises:
-            ValueError: the model refuses a robot or a start.
+            ValueError: the model rejects a robot or a start.
             KeyboardInterrupt: Ctrl-C.
         """
         count = len(windows)

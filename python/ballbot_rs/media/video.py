@@ -240,7 +240,7 @@ def _end(shown: Sequence[Trajectory]) -> float:
 def check_suffix(path: Path) -> None:
     """Checks that a file's name has the suffix of a video or an animation."""
     if path.suffix not in SUFFIXES:
-        raise ValueError(f"{path}: the name of a video ends in .mp4, that of an animation in .webp")
+        raise ValueError(f"{path}: the name of a video ends in .mp4, the name of an animation in .webp")
 
 
 def _counted(frame: Frames, done: int, total: int, progress: Progress) -> Frames:

@@ -164,7 +164,7 @@ def run_scenarios(
     for what, names in (("scenarios", [one.id for one in chosen]), ("controllers", [one.name for one in found])):
         twice = [name for name in names if names.count(name) > 1]
         if twice:
-            raise ValueError(f"two {what} are named '{twice[0]}': their outcomes could not be told apart")
+            raise ValueError(f"two {what} are named '{twice[0]}': their outcomes could not be distinguished")
     outcomes = []
     for count, (controller, scenario) in enumerate((c, s) for c in found for s in chosen):
         progress(count, len(found) * len(chosen))

@@ -248,7 +248,7 @@ def _parsed(text: str) -> dict[str, Scenario]:
     content = _toml.loads(text)
     tables = content.pop("scenario", [])
     if content:
-        raise ValueError(f"'{next(iter(content))}' is not known, expected tables [[scenario]] alone")
+        raise ValueError(f"'{next(iter(content))}' is not known, expected only tables [[scenario]]")
     if not isinstance(tables, list) or not all(isinstance(table, dict) for table in tables):
         raise ValueError(f"scenario = {reprlib.repr(tables)}, expected tables [[scenario]]")
     if not tables:

@@ -32,15 +32,15 @@ _FEWEST: Final = 50
 
 
 def check_observes_balance(controller: ResolvedController) -> None:
-    """Refuses a policy with other observations than the robots of a scenario have.
+    """Rejects a policy whose observations differ from the observations of a scenario's robots.
 
     Raises:
         ValueError: it was trained for a task whose observations differ from balancing.
     """
     if controller.task is not None and observation_layout(controller.task) != observation_layout(DEFAULT_TASK):
         raise ValueError(
-            f"{controller.name} was trained for the task {controller.task}, whose observations are not those of "
-            f"{DEFAULT_TASK}, as scenarios give them"
+            f"{controller.name} was trained for the task {controller.task}, whose observations differ from the "
+            f"observations of {DEFAULT_TASK}, which scenarios have"
         )
 
 
@@ -48,7 +48,7 @@ class Stage:
     """The robots of a scenario, made once: similar controllers run on them one after another, on the same episodes.
 
     Args:
-        controller: determines rate and options: those of a policy, or of a feedback law.
+        controller: a policy or a feedback law, which determines rate and options.
         scenario: what happens to them.
         params: the robot.
         model: of it.

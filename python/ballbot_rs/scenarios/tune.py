@@ -135,8 +135,8 @@ def tune(
         controller: the name of a controller of the core.
         scenario: ids or `Scenario`s, equally weighted.
         budget: number of evaluations.
-        options: names of the options to search; None are all options above zero by default, except those of the
-            heading, those that trade computing time for accuracy, and those without effect by default.
+        options: names of the options to search; None are all options above zero by default, except for
+            the heading, for trading computing time for accuracy, and without effect by default.
         baseline: the controller of the core whose scores with default options count as 1; None is the controller
             itself. With the same baseline the costs of several controllers can be compared.
         robot: parameters or a preset's name; None is the paper's.
@@ -147,7 +147,7 @@ def tune(
 
     Raises:
         ValueError: an unknown name, no option to search, or a controller that fails the scenarios by default.
-        ModuleNotFoundError: `cmaes` is missing; the message says what to install.
+        ModuleNotFoundError: `cmaes` is missing; the message states what to install.
     """
     with require("tune", "tune"):
         import cmaes

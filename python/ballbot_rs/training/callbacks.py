@@ -104,7 +104,7 @@ class KeepBest:
             try:
                 model, _ = sb3_policy.load(path, task)
             except ValueError as error:
-                raise ValueError(f"{error}; delete the file to go on without it") from error
+                raise ValueError(f"{error}; delete the file to continue without it") from error
             known = [] if past is None else past.returns[past.timesteps == model.num_timesteps]
             # A run killed between the two files has a best policy without its evaluation. If it is the policy of the
             # checkpoint, it is evaluated at once.

@@ -61,7 +61,7 @@ class Teacher:
     def __post_init__(self) -> None:
         if not isinstance(self.controller, str) or self.controller not in CONTROLLERS:
             known = ", ".join(CONTROLLERS)
-            raise ValueError(f"teacher.controller = {self.controller!r} is no law: expected one of {known}")
+            raise ValueError(f"teacher.controller = {self.controller!r} is not a controller: expected one of {known}")
         if not isinstance(self.options, dict):
             raise ValueError(f"teacher.options = {self.options!r} must be a table")
         if not isinstance(self.follows_position, bool):

@@ -57,7 +57,7 @@ def export(source: Path, target: Path, task: str | None = None, env_options: Map
         source: a file of Stable-Baselines3, or a training run.
         target: the ONNX file.
         task: name of the task; None is the task that the policy names.
-        env_options: options of the environment, for a file without metadata; None refuses such a file.
+        env_options: options of the environment, for a file without metadata; None rejects such a file.
 
     Raises:
         FileNotFoundError: there is no policy.

@@ -111,7 +111,7 @@ def dimension_of(name: str, text: str) -> Dimension:
 
 
 def _refuse(constant: str) -> None:
-    raise ValueError(f"{constant} is no number that is finite")
+    raise ValueError(f"{constant} is not a finite number")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -162,7 +162,7 @@ class Search:
                 load_if_exists=True,
             )
         except (json.JSONDecodeError, KeyError) as error:
-            raise ValueError(f"{path} is no journal of a search ({error}): name another folder with --study") from error
+            raise ValueError(f"{path} is not a search's journal ({error}): name another folder with --study") from error
         mine = {"configuration": self.text, "space": {name: str(one) for name, one in self.space.items()}}
         theirs = study.user_attrs
         for name, value in mine.items():

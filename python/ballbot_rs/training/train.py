@@ -63,7 +63,7 @@ class Learn(Protocol):
     """A training loop."""
 
     def check(self, config: TrainConfig) -> None:
-        """Refuses a configuration that the loop does not support, before anything is written.
+        """Rejects a configuration that the loop does not support, before anything is written.
 
         Raises:
             ValueError: the loop does not support it.
@@ -110,7 +110,7 @@ def train(
     torch.set_num_threads(config.torch_threads)
     if learn is not None:
         learn.check(config)
-    # Before anything is deleted or written: this refuses an invalid configuration.
+    # Before anything is deleted or written: this rejects an invalid configuration.
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
         teacher.law_of(model, config.teacher)
@@ -226,7 +226,7 @@ def steps_alone(config: TrainConfig, timesteps: int) -> dict[str, int]:
 
 
 def check_folder(folder: Path, overwrite: bool) -> None:
-    """Refuses a folder in which a run must not begin.
+    """Rejects a folder in which a run must not begin.
 
     Raises:
         FileExistsError: it has an earlier run that must not be overwritten, or other files.
@@ -397,7 +397,7 @@ def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
             (learn or _with_sb3)(session)
             ended = True
         except ValueError as error:
-            # Torch refuses an invalid action distribution, and prints the whole batch.
+            # Torch rejects an invalid action distribution, and prints the whole batch.
             reason, diverged, _ = str(error).partition(" (Tensor of shape")
             if not diverged:
                 raise

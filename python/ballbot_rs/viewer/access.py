@@ -8,7 +8,7 @@ from websockets.datastructures import Headers
 AUTHORITY = re.compile(r"(?:127\.0\.0\.1|localhost|\[::1\])(?::(\d{1,5}))?", re.ASCII | re.IGNORECASE)
 ORIGIN = re.compile(r"https?://(.*)", re.ASCII | re.IGNORECASE | re.DOTALL)
 
-ELSEWHERE = "this server is for this machine alone"
+ELSEWHERE = "this server is only for this machine"
 
 
 def refusal(path: str, headers: Headers) -> str | None:

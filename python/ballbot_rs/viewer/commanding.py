@@ -144,7 +144,7 @@ class Commanding:
         """As `Objective`: the goal, limited to the distance from the ball at which the task samples goals."""
         goal = np.array([check_bounded(n, v, -MAX_CLICK, MAX_CLICK) for n, v in (("x", x), ("y", y))])
         if not self.takes_clicks:
-            raise ValueError(f"a click is no command of the task {self.task}")
+            raise ValueError(f"a click is not a command of the task {self.task}")
         self._hand = goal
         self._give(robots, self._goals(robots))
 

@@ -73,7 +73,7 @@ def restore(session: Session, query: str) -> None:
     """Applies the choices of a link.
 
     Raises:
-        ValueError: as `parts_of`, or the session refuses a choice; earlier choices stay.
+        ValueError: as `parts_of`, or the session rejects a choice; earlier choices stay.
     """
     parts = parts_of(query)
     choices: dict[str, Any] = {name: parts[name] for name in CHOICES if name in parts}

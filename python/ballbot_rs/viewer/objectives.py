@@ -22,6 +22,6 @@ def objective_of(
     if task == DEFAULT_TASK:
         for name in ("scan", "depth"):
             if controller.env_options.get(name) is not None:
-                raise ValueError(f"{controller.name} was trained with {name}, which the page has not for {task}")
+                raise ValueError(f"{controller.name} was trained with {name}, which the page does not have for {task}")
         return Balancing(controller, params, num_robots)
     return Commanding(controller, params, num_robots, task, options)

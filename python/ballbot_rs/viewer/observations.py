@@ -2,7 +2,7 @@
 
 from ballbot_rs._core import OBSERVATIONS
 
-#: Default sensors by the initial input of controllers: those of environments, and published sensors to choose.
+#: Default sensors by the initial input of controllers: default sensors of environments, and published sensors.
 DEFAULT_SENSORS = {"sensors": "exact", "ground_truth": "kugle"}
 
 

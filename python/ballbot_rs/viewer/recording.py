@@ -32,7 +32,7 @@ class Frame:
     torques: FloatArray
     #: Components about inertial x and y of the tilt of robot 0 from its equilibrium, rad.
     tilt: FloatArray
-    #: The same of the state that its controller takes; None where that is the true state.
+    #: These columns of the state that its controller gets; None where it gets the true state.
     estimated_tilt: FloatArray | None
     #: Forces of the last time step on robot 0, and its parameters after changes and events.
     contacts: Contacts

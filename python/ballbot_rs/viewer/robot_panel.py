@@ -20,7 +20,7 @@ SEES = {"ground_truth": "true state", "sensors": "estimate"}
 
 
 class RobotPanel:
-    """Choices, which are corrected if the session refuses them.
+    """Choices, which are corrected if the session rejects them.
 
     Args:
         server: shows them.
@@ -93,7 +93,7 @@ class RobotPanel:
         self._submit(command)
 
     def correct(self, session: Session) -> None:
-        """Shows the actual choice where a choice was refused."""
+        """Shows the actual choice where a choice was rejected."""
         chosen = session.controller if session.controller in NAMES else POLICY
         put(self.model, value=session.robots.model)
         put(self.task, value=session.task)

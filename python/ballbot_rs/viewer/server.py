@@ -1,4 +1,4 @@
-"""A viser server for this machine only: requests from elsewhere, or for other files, are refused."""
+"""A viser server for this machine only: requests from elsewhere, or for other files, are rejected."""
 
 import asyncio
 import contextlib
@@ -65,7 +65,7 @@ class LocalServer(viser.ViserServer):
             raise RuntimeError(f"viser {viser.__version__} serves its page in another way: it cannot be restricted")
 
     def request_share_url(self, verbose: bool = True) -> str | None:  # noqa: ARG002
-        """Refuses: a page must not open this machine to others."""
+        """Rejects them: a page must not open this machine to others."""
         return None
 
     async def serve(self, handler: Callable[[Any], Awaitable[None]], connection: ServerConnection) -> None:

@@ -284,7 +284,7 @@ class Session(Player):
     def change(self, /, **values: float) -> None:
         """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; others remain.
 
-        The robots continue. Controllers and estimator remain those of the unchanged robot.
+        The robots continue. Controllers and estimator remain designed for the unchanged robot.
 
         Raises:
             ValueError: an unknown name, a number out of range, or invalid parameters or motors; then nothing has
@@ -355,7 +355,7 @@ class Session(Player):
         """
         objective = self._objective
         if not isinstance(objective, Balancing):
-            raise ValueError(f"the task {self.task} has commands of its own: choose the task {DEFAULT_TASK}")
+            raise ValueError(f"the task {self.task} generates its commands: choose the task {DEFAULT_TASK}")
         self._watched(self._controller, lambda: objective.follow(route), MAX_LOAD)
 
     @shared
@@ -396,7 +396,7 @@ class Session(Player):
             robots.pull(self.pull_point, driver.control_dt)
         lost = robots.step(torques, self._substeps)
         for index, reason in lost.items():
-            self.notices.append(f"robot {index} {reason} and starts anew")
+            self.notices.append(f"robot {index} {reason} and starts again")
         self._restart_fallen()
         for index in lost:
             self._objective.restarted(self.robots, index)
@@ -413,7 +413,7 @@ class Session(Player):
         if self.controller != "zero":
             fallen = np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist()
             for index in fallen:
-                self.notices.append(f"robot {index} fell and starts anew")
+                self.notices.append(f"robot {index} fell and starts again")
             self.start_anew(fallen)
 
     def start_anew(self, indices: Iterable[int]) -> None:

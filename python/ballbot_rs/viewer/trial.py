@@ -21,7 +21,7 @@ WITHOUT_PUSHES: Mapping[str, Any] = {"push": (0.0, 0.0)}
 
 
 def check_balances(controller: ResolvedController, objective: Objective, setup: Setup) -> None:
-    """Refuses a policy on a robot on which it falls, unless it was trained on that robot.
+    """Rejects a policy on a robot on which it falls, unless it was trained on that robot.
 
     Args:
         controller: the policy; a law is not tried.

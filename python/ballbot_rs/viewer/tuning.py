@@ -73,7 +73,7 @@ class Tuning:
             self._correct(session)
 
     def _correct(self, session: Session) -> None:
-        """Shows the actual values where a change was refused or reverted; a waiting slider stays."""
+        """Shows the actual values where a change was rejected or reverted; a waiting slider stays."""
         changes = session.changes
         for name, value in changes.items():
             if name not in self._wanted:

@@ -29,7 +29,7 @@ class View:
             raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
         self._urdfs = {**urdf.URDFS, **(urdfs or {})}
         self._params = {name: session.params_of(name) for name in session.robot_names}
-        # Invalid files are refused here, not by the display thread.
+        # Invalid files are rejected here, not by the display thread.
         self._look(session.robots.name)
         self.runner = Runner(session, self._show)
         self._driving = Driving(self._submit)

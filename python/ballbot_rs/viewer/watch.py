@@ -91,7 +91,7 @@ class Watch:
             job.done.wait(GRACE)
 
     def cancel(self) -> None:
-        """Ends the wait for the current call and refuses all others. From any thread."""
+        """Ends the wait for the current call and rejects all others. From any thread."""
         self._canceled = True
         job = self._current
         if job is not None:

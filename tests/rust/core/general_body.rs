@@ -225,7 +225,7 @@ fn a_symmetric_robot_balances_upright_to_the_last_bit() {
     }
 }
 
-/// The general formulas reduce to those of the symmetric robot.
+/// The general formulas reduce to the formulas of the symmetric robot.
 #[test]
 fn a_robot_that_is_hardly_crooked_is_the_symmetric_one() {
     let paper = Params::paper();

@@ -207,7 +207,8 @@ fn a_unit_quaternion_keeps_its_bits() {
 }
 
 /// A reset to the robot's own state continues from there: to the last bit where the model keeps nothing else, within
-/// rounding where it keeps other coordinates, and within the first step's forces where it keeps those of its contacts.
+/// rounding where it keeps other coordinates, and within the first step's forces where it keeps the forces of its
+/// contacts.
 #[test]
 fn a_robot_goes_on_from_its_own_state() {
     for (model, tolerance) in

@@ -14,7 +14,7 @@ fn damped(friction: f64) -> Params {
     Params { ball_viscous_friction: friction, ..Params::paper() }
 }
 
-/// Wheels away from 45 deg, where sine and cosine are told apart.
+/// Wheels away from 45 deg, where sine and cosine differ.
 fn high_wheels() -> Params {
     Params { wheel_zenith: 0.6, ball_viscous_friction: 2.0, ..Params::paper() }
 }

@@ -48,7 +48,7 @@ fn reset_to(run: &mut Run, starts: &[Option<State>]) {
     run.batch.reset_with(&request, &mut run.observations).unwrap();
 }
 
-/// Robot `i` by itself in an episode, counted from 0, whose random numbers of the stages are those of a batch.
+/// Robot `i` by itself in an episode, counted from 0, whose random numbers of the stages are the same as in a batch.
 fn alone(config: &BalanceConfig, i: usize, episode: usize, start: &Option<State>) -> Run {
     let mut alone = started(config, 1, Autoreset::Disabled, SEED + i as u64);
     (0..episode).for_each(|_| alone.reset(&[true]));

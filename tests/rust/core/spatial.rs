@@ -198,7 +198,7 @@ fn integration_is_of_fourth_order() {
 
 #[test]
 fn massless_wheels_leave_the_momenta_of_translation_and_rotation() {
-    // Without wheel inertia the constraints are those of a ball rolling on the floor: translations along it and turns
+    // Without wheel inertia the only constraint is a ball that rolls on the floor: translations along it and turns
     // about the vertical are symmetries, whose momenta count the ball's rolling inertia as mass.
     let params = Params { wheel_inertia: 1e-300, ..Params::paper() };
     let rolling_mass = params.ball_mass + params.ball_inertia / params.ball_radius.powi(2);

@@ -28,7 +28,7 @@ impl Batch {
     /// before its next step.
     ///
     /// # Errors
-    /// As [`Batch::state`]; those of [`Params::validate`]; [`crate::Error::OutOfRange`] or
+    /// As [`Batch::state`]; the errors of [`Params::validate`]; [`crate::Error::OutOfRange`] or
     /// [`crate::Error::Inconsistent`] if the task, its actions or its events do not fit the robot. The robot is then
     /// unchanged.
     pub fn set_params(&mut self, index: usize, params: &Params) -> Result<()> {
@@ -36,7 +36,8 @@ impl Batch {
         self.chunks[chunk].set_params(i, params)
     }
 
-    /// Parameters of one robot without events: its initial ones, or those of the last [`Batch::set_params`].
+    /// Parameters of one robot without events: its initial parameters, or the parameters of the last
+    /// [`Batch::set_params`].
     ///
     /// # Errors
     /// As [`Batch::state`].

@@ -125,7 +125,7 @@ impl<T: Task> EnvConfig<T> {
     /// The stage between actions and torques.
     ///
     /// # Errors
-    /// Those of [`Motors::new`] and [`EnvConfig::validate`].
+    /// The errors of [`Motors::new`] and [`EnvConfig::validate`].
     pub(super) fn drive(&self) -> Result<Drive> {
         if let Some(plan) = self.plan()?.filter(|plan| plan.individual_motors) {
             let largest = plan.largest_options(&self.setup(&self.params)).actuators;
@@ -146,7 +146,7 @@ impl<T: Task> EnvConfig<T> {
     /// The motors of [`EnvConfig::actuators`] in the time steps of this environment.
     ///
     /// # Errors
-    /// Those of [`Motors::new`] and [`EnvConfig::substeps`].
+    /// The errors of [`Motors::new`] and [`EnvConfig::substeps`].
     pub fn motors(&self) -> Result<Motors> {
         Motors::new(&self.actuators, &self.params, self.action_torque(), self.sim_dt, self.substeps()?)
     }
@@ -155,7 +155,8 @@ impl<T: Task> EnvConfig<T> {
     /// `None` if there are none. With events on sensors, each robot has its own.
     ///
     /// # Errors
-    /// Those of [`EnvConfig::substeps`] and [`Onboard::new`]; [`Error::Inconsistent`] for events on sensors that are not given.
+    /// The errors of [`EnvConfig::substeps`] and [`Onboard::new`]; [`Error::Inconsistent`] for events on sensors that
+    /// are not given.
     pub fn onboard(&self) -> Result<Option<Onboard>> {
         let estimated = self.observation == Observation::Sensors;
         let plan = self.plan()?.filter(|plan| plan.individual_sensors);
@@ -179,7 +180,7 @@ impl<T: Task> EnvConfig<T> {
     /// The instruments that observe the ground, if there are any.
     ///
     /// # Errors
-    /// Those of [`Perception::new`].
+    /// The errors of [`Perception::new`].
     pub fn perception(&self) -> Result<Option<Perception>> {
         let (scan, depth) = (self.scan.as_ref(), self.depth.as_ref());
         Perception::new(scan, depth, &self.params, self.control_dt, self.scale_observations)
@@ -301,7 +302,7 @@ impl<T: Task> EnvConfig<T> {
     /// The same configuration, with the task's ground where none is chosen.
     ///
     /// # Errors
-    /// Those of [`Task::terrain`].
+    /// The errors of [`Task::terrain`].
     pub(super) fn with_terrain(&self) -> Result<Self> {
         let mut config = self.clone();
         if config.terrain.is_none() {
@@ -315,7 +316,7 @@ impl<T: Task> EnvConfig<T> {
     /// The ground of the robots.
     ///
     /// # Errors
-    /// Those of [`Ground::new`].
+    /// The errors of [`Ground::new`].
     pub(super) fn ground(&self) -> Result<Option<Arc<Ground>>> {
         self.terrain.as_ref().map(|terrain| Ground::shared(terrain, self.params.ball_radius)).transpose()
     }

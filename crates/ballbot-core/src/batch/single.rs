@@ -52,7 +52,7 @@ impl<T: Task> Environment<T> {
     /// An environment that must be reset before its first step.
     ///
     /// # Errors
-    /// Those of [`EnvConfig::validate`] and [`Ballbot::new`].
+    /// The errors of [`EnvConfig::validate`] and [`Ballbot::new`].
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         let config = &config.with_terrain()?;
         config.validate()?;
@@ -98,7 +98,7 @@ impl<T: Task> Environment<T> {
     /// Begins an episode from a given state instead of a random start; a command of the task is still sampled.
     ///
     /// # Errors
-    /// Those of [`Ballbot::reset`].
+    /// The errors of [`Ballbot::reset`].
     pub fn reset_to(&mut self, start: &State, observation: &mut [f32]) -> Result<()> {
         self.inner.reset(0, Some(start), observation)
     }

@@ -61,7 +61,7 @@ impl Ballbot {
     /// stands still on the slope there.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; those of [`Ballbot::reset`].
+    /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; the errors of [`Ballbot::reset`].
     pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
         for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
             check(name, value, "finite", |_| true)?;

@@ -7,7 +7,7 @@ use ballbot_base::lanes::{Cell, Lane, Memory, philox};
 /// Maximum number of model steps of a dead time.
 const MAX_STEPS: f64 = 10_000.0;
 
-/// Separates these random numbers from those of other stages under the same key.
+/// Separates these random numbers from the numbers of other stages under the same key.
 const STREAM: u32 = u32::from_le_bytes(*b"wait");
 
 /// Dead time of a command and the largest random addition to it, model steps.

@@ -46,8 +46,8 @@ impl Motors {
     /// is `action_torque` (N·m).
     ///
     /// # Errors
-    /// Those of [`MotorOptions::validate`]; [`ballbot_base::Error::OutOfRange`] for a delay that is not a whole number of
-    /// model steps, and for motors that [`Motors::check_robot`] rejects.
+    /// The errors of [`MotorOptions::validate`]; [`ballbot_base::Error::OutOfRange`] for a delay that is not a whole
+    /// number of model steps, and for motors that [`Motors::check_robot`] rejects.
     pub fn new(
         options: &MotorOptions,
         params: &Params,

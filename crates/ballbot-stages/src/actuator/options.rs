@@ -31,7 +31,7 @@ fields! {
         pub no_load_speed: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
         /// Wheel speed above which no torque acts in the direction of motion; it fades over the last tenth. 0: no limit.
         pub speed_limit: f64 = 0.0, "rad/s", Limit::NOT_NEGATIVE.to(1e6);
-        /// Largest torque, that of the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
+        /// Largest torque, at the current limit; 0: `params.max_wheel_torque`, which it may not exceed.
         pub peak_torque: f64 = 0.0, "N·m", Limit::NOT_NEGATIVE.to(1e9);
         /// Longest dead time that is added to `delay` at random, a whole number of model steps, sampled for each command.
         pub delay_jitter: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(1.0);
@@ -42,7 +42,7 @@ impl MotorOptions {
     /// Options from named numbers, the others at their defaults. A single `strength` applies to all three motors.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; those of [`MotorOptions::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`MotorOptions::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut options = Self::default();
         for (name, values) in fields {
@@ -64,7 +64,7 @@ impl MotorOptions {
         Ok(options)
     }
 
-    /// Motors by name: `ideal`, or those of a published robot.
+    /// Motors by name: `ideal`, or a robot with published motors.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for a name that is not in [`MotorOptions::preset_names`].
@@ -100,7 +100,7 @@ impl MotorOptions {
     /// Motors from the table `[actuators]` of TOML text.
     ///
     /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; those of
+    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
     /// [`MotorOptions::from_fields`].
     pub fn from_toml(text: &str) -> Result<Self> {
         match RobotFile::parse(text)?.actuators {

@@ -44,8 +44,8 @@ impl Perception {
     /// in m. `None` without instruments.
     ///
     /// # Errors
-    /// Those of [`Instrument::validate`] and [`Instrument::clock`]; [`ballbot_base::Error::OutOfRange`] for a camera inside
-    /// the ball.
+    /// The errors of [`Instrument::validate`] and [`Instrument::clock`]; [`ballbot_base::Error::OutOfRange`] for a
+    /// camera inside the ball.
     pub fn new(
         scan: Option<&ScanOptions>,
         depth: Option<&DepthOptions>,

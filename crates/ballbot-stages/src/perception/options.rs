@@ -24,7 +24,7 @@ fields! {
         pub spacing: f64 = 0.1, "m", Limit::from(1e-3).to(10.0);
         /// Middle of the grid from the ball's center, heading x and y.
         pub offset: [f64; 2] = [0.0; 2], "m", Limit::from(-10.0).to(10.0);
-        /// Scans in a second, held in between; 0: one at each control step, and no more at rates above.
+        /// Scans in a second, held in between; 0: one at each control step, which is also the maximum.
         pub rate: f64 = 25.0, "Hz", Limit::from(0.0).to(1e6);
         /// Age of a scan when it is read, a whole number of control steps; at most 100 of them.
         pub latency: f64 = 0.0, "s", Limit::from(0.0).to(100.0);
@@ -47,15 +47,15 @@ fields! {
         pub field_of_view: f64 = 1.0, "rad", Limit::above(0.0).below(PI);
         /// The camera in the body frame, whose origin is the ball's center; outside of the ball.
         pub position: [f64; 3] = [0.2, 0.0, 0.3], "m", Limit::from(-10.0).to(10.0);
-        /// Angle by which it looks down from the horizontal plane of the body.
+        /// Angle of the optical axis below the horizontal plane of the body.
         pub pitch: f64 = 0.6, "rad", Limit::from(-FRAC_PI_2).to(FRAC_PI_2);
-        /// Angle from body x towards body y in which it looks.
+        /// Angle of the optical axis from body x towards body y.
         pub yaw: f64 = 0.0, "rad", Limit::from(-PI).to(PI);
-        /// What is nearer reads as this.
+        /// Smaller depths read as this value.
         pub near: f64 = 0.05, "m", Limit::from(1e-3).to(100.0);
-        /// What is farther, and where there is nothing, reads as this.
+        /// Larger depths, and pixels without a surface, read as this value.
         pub far: f64 = 3.0, "m", Limit::from(1e-2).to(100.0);
-        /// Pictures in a second, held in between; 0: one at each control step, and no more at rates above.
+        /// Pictures in a second, held in between; 0: one at each control step, which is also the maximum.
         pub rate: f64 = 25.0, "Hz", Limit::from(0.0).to(1e6);
         /// Age of a picture when it is read, a whole number of control steps; at most 100 of them.
         pub latency: f64 = 0.0, "s", Limit::from(0.0).to(100.0);
@@ -63,10 +63,9 @@ fields! {
         pub noise: [f64; 2] = [0.0; 2], "", Limit::from(0.0).to(10.0);
         /// Fraction of the pixels that are holes, which read as `far`.
         pub dropout: f64 = 0.0, "", Limit::from(0.0).to(1.0);
-        /// Fraction of the pictures that do not come; the one before stays.
+        /// Fraction of the pictures that are dropped; the previous picture stays.
         pub freeze: f64 = 0.0, "", Limit::from(0.0).to(1.0);
-        /// Standard deviation of the angle about each body axis by which the camera is mounted wrongly, sampled for each
-        /// episode.
+        /// Standard deviation of the camera's mounting error about each body axis, sampled for each episode.
         pub misalignment: f64 = 0.0, "rad", Limit::from(0.0).to(0.5);
     }
 }

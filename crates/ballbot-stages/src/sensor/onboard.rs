@@ -80,7 +80,7 @@ impl Onboard {
     /// through its estimator; else they observe the true state.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::check`] and [`Estimator::new`].
+    /// The errors of [`SensorOptions::check`] and [`Estimator::new`].
     pub fn new(options: &SensorOptions, control_dt: f64, observed: Option<&Params>) -> Result<Self> {
         Self::of(options, options, false, control_dt, observed)
     }

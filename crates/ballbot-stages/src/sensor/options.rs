@@ -44,15 +44,16 @@ fields! {
         pub accelerometer_range: f64 = 0.0, "m/s²", Limit::NOT_NEGATIVE.to(1e6);
         /// Where gyroscope and accelerometer are, in the body frame, whose origin is the ball's center.
         pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
-        /// Standard deviation of the angle about each body axis by which gyroscope and accelerometer are mounted wrongly,
-        /// sampled for each episode.
+        /// Standard deviation of the mounting error of gyroscope and accelerometer about each body axis, sampled for
+        /// each episode.
         pub imu_misalignment: f64 = 0.0, "rad", Limit::NOT_NEGATIVE.to(0.1);
-        /// Samples of gyroscope and accelerometer in a second, held in between; 0: one at each control step, and no more at
-        /// rates above.
+        /// Samples of gyroscope and accelerometer in a second, held in between; 0: one sample at each control step,
+        /// which is also the maximum.
         pub imu_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Ticks of an encoder in one turn of its wheel, gear included; 0: exact angles.
         pub encoder_ticks: f64 = 0.0, "", Limit::NOT_NEGATIVE.to(1e9);
-        /// Samples of the encoders in a second, held in between; 0: one at each control step, and no more at rates above.
+        /// Samples of the encoders in a second, held in between; 0: one sample at each control step, which is also the
+        /// maximum.
         pub encoder_rate: f64 = 0.0, "Hz", Limit::NOT_NEGATIVE.to(1e6);
         /// Age of the readings of all sensors, a whole number of control steps; at most 100 of them.
         pub latency: f64 = 0.0, "s", Limit::NOT_NEGATIVE.to(100.0);
@@ -63,14 +64,14 @@ impl SensorOptions {
     /// Options from named numbers, the others at their defaults.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; those of [`SensorOptions::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`SensorOptions::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let options = Self::with_fields("option of sensors", KIND, fields)?;
         options.validate()?;
         Ok(options)
     }
 
-    /// Sensors by name: `exact`, or those of a published robot.
+    /// Sensors by name: `exact`, or a robot with published sensors.
     ///
     /// # Errors
     /// [`Error::UnknownName`] for a name that is not in [`SensorOptions::preset_names`].
@@ -106,7 +107,7 @@ impl SensorOptions {
     /// Sensors from the table `[sensors]` of TOML text.
     ///
     /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; those of
+    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
     /// [`SensorOptions::from_fields`].
     pub fn from_toml(text: &str) -> Result<Self> {
         match RobotFile::parse(text)?.sensors {
@@ -122,8 +123,8 @@ impl SensorOptions {
     /// Checks the options of sensors that are read every `control_dt` (s), with an estimator if `estimated`.
     ///
     /// # Errors
-    /// Those of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator [`Error::OutOfRange`] for
-    /// `control_dt` above 1 s, and unless every sensor is sampled in every control step.
+    /// The errors of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator
+    /// [`Error::OutOfRange`] for `control_dt` above 1 s, and unless every sensor is sampled in every control step.
     pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
         self.validate()?;
         self.latency_steps(control_dt)?;

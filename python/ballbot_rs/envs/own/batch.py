@@ -62,7 +62,7 @@ class OwnBatch:
         inner_reset = "next_step" if autoreset == "next_step" else "disabled"
         self._inner: Any = Batch(num_envs, BARE, autoreset=inner_reset, num_threads=num_threads, seed=seed, **options)
         if fall_tilt not in (None, self._inner.options["fall_tilt"]):
-            raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python says what a fall is")
+            raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python defines a fall")
         self._own_options = dict(own_options)
         self.task = task
         self.made = made

@@ -14,8 +14,8 @@ from ballbot_rs.envs.own.robots import Robots
 class Task:
     """A task in Python: three functions of arrays over all robots, called once per control step.
 
-    Episodes start as in `ballbot/Balance-v0` (options `reset_tilt` and so on). They end if `terminated` says so, when
-    the body or a wheel touches the floor, when the simulation diverges, and after `max_episode_steps`. Keyword
+    Episodes start as in `ballbot/Balance-v0` (options `reset_tilt` and so on). They end if `terminated` returns True,
+    when the body or a wheel touches the floor, when the simulation diverges, and after `max_episode_steps`. Keyword
     arguments that the environment does not have go to the constructor, whose arguments must have other names.
 
     ```python

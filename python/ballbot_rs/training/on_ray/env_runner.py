@@ -34,7 +34,7 @@ def setup(
         span: number of seeds of the run.
         steps: of all robots before this training.
         reward_scale: scale of the rewards that the learner sees.
-        autoreset_mode: of the environments; any but next_step is refused.
+        autoreset_mode: of the environments; any but next_step is rejected.
     """
     return {
         "env_id": env_id,

@@ -38,7 +38,7 @@ class OnRay:
     where: Ray
 
     def check(self, config: TrainConfig) -> None:
-        """Refuses a configuration.
+        """Rejects a configuration.
 
         Raises:
             ValueError: a setting that RLlib's PPO does not have, or robots that cannot be divided evenly.

@@ -83,7 +83,7 @@ def host_and_port(address: str) -> tuple[str, int]:
     """
     host, _, port = address.rpartition(":")
     if not host or "/" in host or not port.isdecimal() or not 1 <= int(port) <= 65535:
-        raise ValueError(f"--ray-address {address} is no address: expected HOST:PORT with a port from 1 to 65535")
+        raise ValueError(f"--ray-address {address} is not an address: expected HOST:PORT with a port from 1 to 65535")
     return host, int(port)
 
 

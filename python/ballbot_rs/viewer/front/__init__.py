@@ -28,7 +28,7 @@ def head() -> bytes:
 
 
 def complete(page: bytes) -> bytes:
-    """Viser's page with these elements in place of its own."""
+    """Viser's page with these elements in place of the default elements."""
     start, end, rest = page.partition(b"</head>")
     # Its scripts are long, and come after the searched text.
     own, mark, scripts = start.partition(b"<script")

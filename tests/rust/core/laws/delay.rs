@@ -98,7 +98,7 @@ fn delays_are_checked() {
     for name in ["lqr", "lqi", "lqr_pi"] {
         let kind = controller_kind(name).unwrap();
         for (delay, expected) in [
-            (0.015, "delay = 0.015 s is no multiple of control_dt = 0.01 s"),
+            (0.015, "delay = 0.015 s is not a multiple of control_dt = 0.01 s"),
             (0.2, "delay = 0.2 is out of range: it must be from 0 to 10 control_dt = 0.1 s"),
             (-0.01, "delay"),
         ] {

@@ -270,7 +270,7 @@ fn errors_have_the_statistics_asked_for() {
     }
 }
 
-/// Before the first reset the readings are those of the robots at rest, and do not affect the readings of episodes.
+/// Before the first reset the readings are for robots at rest, and do not affect the readings of episodes.
 #[test]
 fn robots_that_were_never_reset_read_and_are_estimated_at_rest() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {

@@ -100,7 +100,7 @@ fn motion_under_slip_converges_to_first_order() {
     }
 }
 
-/// Loads, tractions and floor force of the first step are those of the closed form at the start.
+/// Loads, tractions and floor force of the first step agree with the closed form at the start.
 #[test]
 fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
     let params = Params::paper();

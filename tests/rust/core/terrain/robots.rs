@@ -301,8 +301,8 @@ fn models_refuse_ground_that_they_do_not_simulate() {
         assert!(message.contains(words), "{message}");
         assert!(robot.terrain().is_none());
     };
-    refused(ModelKind::Planar, &slope, "'planar' simulates level ground alone");
-    refused(ModelKind::Spatial, &hills, "'spatial' simulates planes alone");
+    refused(ModelKind::Planar, &slope, "'planar' simulates only level ground");
+    refused(ModelKind::Spatial, &hills, "'spatial' simulates only planes");
     let mut robot = on(&hills, ModelKind::Contact, &params, 1e-3);
     let below = State::upright(&params);
     let height = hills.height(0.0, 0.0);

@@ -30,7 +30,7 @@ pub trait Chunk: Send + Sync {
     /// Begins an episode from a given or random state, and writes its first observation.
     ///
     /// # Errors
-    /// Those of [`crate::Ballbot::reset`].
+    /// The errors of [`crate::Ballbot::reset`].
     fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()>;
 
     /// Checks that a reset, after a new seed if there is one, would accept a state.

@@ -10,7 +10,7 @@ use crate::task::Task;
 use ballbot_base::lanes::Cell;
 use std::sync::Arc;
 
-/// Separates the random numbers of instruments from those of events and sensors under the same seed.
+/// Separates the random numbers of instruments from the numbers of events and sensors under the same seed.
 const KEY: u32 = 0x5CA9_0001;
 
 fn key(seed: [u8; 32]) -> [u32; 2] {

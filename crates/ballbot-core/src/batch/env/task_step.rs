@@ -30,7 +30,7 @@ pub struct TaskStep<T, S> {
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// # Errors
-    /// Those of [`EnvConfig::perception`].
+    /// The errors of [`EnvConfig::perception`].
     pub fn new(
         actuator: &impl Actuator,
         sensor: S,

@@ -222,7 +222,7 @@ impl Event {
         if term != PUSH
             && let Some(key) = ["direction", "height"].into_iter().find(|key| value(key).is_some())
         {
-            return Err(refuse(&format!("{key} is for the term '{PUSH}' alone")));
+            return Err(refuse(&format!("{key} is only for the term '{PUSH}'")));
         }
         event.direction = match value("direction") {
             None => Direction::Uniform,

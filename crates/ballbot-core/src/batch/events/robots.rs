@@ -340,7 +340,7 @@ impl Randomized {
         let nominal = self.nominal_with(i, &nominal);
         self.plan.apply(&nominal, &saved.drawn.draws, &mut self.robot);
         if self.robot.params != *params {
-            return Err(refused("its robot is not that of its draws".into()));
+            return Err(refused("its robot does not match its draws".into()));
         }
         judge(&self.robot)?;
         self.drawn[i] = saved.drawn.clone();

@@ -22,7 +22,7 @@ pub fn event_sets() -> [&'static str; SETS.len()] {
 /// The events of a set by its name, or of a TOML file by its path, which ends in `.toml`.
 ///
 /// # Errors
-/// [`Error::UnknownName`] for an unknown name; [`Error::Io`] for a file that cannot be read; those of
+/// [`Error::UnknownName`] for an unknown name; [`Error::Io`] for a file that cannot be read; the errors of
 /// [`events_from_toml`].
 pub fn load_events(name_or_path: &str) -> Result<Vec<Event>> {
     if let Some((_, text)) = SETS.iter().find(|(name, _)| *name == name_or_path) {

@@ -70,7 +70,7 @@ impl Table {
     /// The table and index of a term.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] with all terms, those of `others` first.
+    /// [`Error::UnknownName`] with all terms, first the terms of `others`.
     pub fn find(term: &str, others: &[&str]) -> Result<(Self, usize)> {
         let place = |table: Self| {
             let name = term.strip_prefix(table.prefix())?;

@@ -3,8 +3,8 @@
 use ballbot_base::fields::Limit;
 
 ballbot_base::fields! {
-    /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are those of one reading.
-    /// The defaults are those of a robot with an IMU for hobbyists, read at 100 Hz.
+    /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are per reading.
+    /// The defaults are for a robot with a hobbyist IMU, read at 100 Hz.
     #[derive(Copy)]
     pub struct EstimatorOptions {
         /// Position of the IMU, body frame.
@@ -19,7 +19,8 @@ ballbot_base::fields! {
         pub accelerometer_noise: f64 = 0.03, "m/s²", Limit::from(1e-7).to(100.0);
         /// Error of a wheel angle, sd; of an encoder the angle of a tick divided by the root of 12.
         pub encoder_noise: f64 = 3e-5, "rad", Limit::from(1e-9).to(1.0);
-        /// Constant relative error of the wheel rates by the ball's rolling, sd: that of the wheels' radii and angles.
+        /// Constant relative error of the wheel rates by the ball's rolling, sd: the error of the wheels' radii and
+        /// angles.
         pub rolling_error: f64 = 0.006, "", Limit::NOT_NEGATIVE.to(0.5);
         /// Error of the attitude at the start, sd about each axis.
         pub start_attitude: f64 = 0.01, "rad", Limit::NOT_NEGATIVE.to(1.0);
