@@ -7,11 +7,11 @@ import pytest
 
 from ballbot_rs import Batch, Params, State
 from ballbot_rs._state_rows import tilt_components_of, tilt_of
-from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
-from ballbot_rs.viewer.history import SERIES
-from ballbot_rs.viewer.robot import seed_of
-from ballbot_rs.viewer.robots import FALLEN_TILT
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.recording import SERIES
+from ballbot_rs.viewer.session.robot import seed_of
+from ballbot_rs.viewer.session.robots import FALLEN_TILT
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL
 from tests.viewer.test_viewer_session import MODELS, run
 
 PAPER = Params.paper()

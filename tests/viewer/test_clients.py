@@ -19,10 +19,10 @@ import zstandard  # noqa: E402
 from websockets.datastructures import Headers  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 
-from ballbot_rs.viewer import messages, server  # noqa: E402
-from ballbot_rs.viewer.access import is_own, refusal  # noqa: E402
-from ballbot_rs.viewer.changes import CHANGES, NEUTRAL  # noqa: E402
+from ballbot_rs.viewer.server import messages, server  # noqa: E402
+from ballbot_rs.viewer.server.server import is_own, refusal  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
+from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import CAMERA, CLICK, DRAG, ask, connect, packed  # noqa: E402
 from tests.support.waiting import wait_until  # noqa: E402

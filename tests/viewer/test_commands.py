@@ -8,8 +8,8 @@ import pytest
 
 from ballbot_rs import Controller, Params
 from ballbot_rs.control.resolve import find
-from ballbot_rs.viewer.commanding import ACCELERATION, YAW_ACCELERATION
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.commands import ACCELERATION, YAW_ACCELERATION
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.onnx_policies import SHIPPED
 
 TASKS = ("velocity", "goal", "path", "push")
@@ -256,7 +256,7 @@ def test_after_a_fall_a_robot_that_is_commanded_by_hand_rests(task):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_shown_curve_is_that_of_the_moving_point(seed):
     pytest.importorskip("viser", reason="needs 'ballbot-rs[view]'")
-    from ballbot_rs.viewer.command_nodes import path_of
+    from ballbot_rs.viewer.scene.commands import path_of
 
     session = Session(task="path", seed=seed)
     run(session, 2.0)

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Terrain
-from ballbot_rs.viewer.effects import FORCE_LENGTH, force_arrows
-from ballbot_rs.viewer.ground import ray_meets
-from ballbot_rs.viewer.ground_nodes import HALF, patch
+from ballbot_rs.viewer.scene.arrows import FORCE_LENGTH, force_arrows
+from ballbot_rs.viewer.scene.ground import HALF, patch, ray_meets
 from ballbot_rs.viewer.session import Session
 
 HILLS = {"kind": "noise", "slope": 0.1, "seed": 3}

@@ -15,9 +15,9 @@ pytest.importorskip("onnx", reason="policies that loop are made with onnx: insta
 import numpy as np
 
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.viewer.session import MAX_CALL, Session
+from ballbot_rs.viewer.session.foreign import Interrupted, Watch, is_any_left
+from ballbot_rs.viewer.session.session import MAX_CALL, Session
 from ballbot_rs.viewer.view import View
-from ballbot_rs.viewer.watch import Interrupted, Watch, is_any_left
 from tests.support.onnx_policies import SHIPPED, looping_policy
 from tests.support.view import ask
 from tests.support.waiting import wait_until
@@ -65,7 +65,7 @@ def test_the_page_goes_on_without_a_policy_that_loops(looping):
 
 
 def test_a_policy_that_loops_is_refused_on_another_robot(looping, monkeypatch):
-    monkeypatch.setattr("ballbot_rs.viewer.session.MAX_LOAD", 0.2)
+    monkeypatch.setattr("ballbot_rs.viewer.session.session.MAX_LOAD", 0.2)
     with pytest.raises(TimeoutError, match=r"took longer than 0\.2 s"):
         Session(robot="kugle", controller=str(looping))
 

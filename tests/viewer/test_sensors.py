@@ -8,10 +8,10 @@ import pytest
 from ballbot_rs import BalanceEnv, Batch, Lqr, Params, State, load_sensors
 from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.viewer.history import SERIES
-from ballbot_rs.viewer.robot import seed_of
-from ballbot_rs.viewer.session import LIES_FOR, Session
-from ballbot_rs.viewer.tuning import table_of
+from ballbot_rs.viewer.panels.robot import table_of
+from ballbot_rs.viewer.session.recording import SERIES
+from ballbot_rs.viewer.session.robot import seed_of
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.viewer.test_viewer_session import MODELS, Linear, run
 
 PAPER = Params.paper()

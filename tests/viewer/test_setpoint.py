@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Params
-from ballbot_rs.viewer.robots import FALLEN_TILT
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.robots import FALLEN_TILT
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.paths import ASSETS
 from tests.viewer.test_viewer_session import Linear, run
 

@@ -10,11 +10,10 @@ import pytest
 
 from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params, State
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.viewer.drivers import LawDriver, PolicyDriver
-from ballbot_rs.viewer.history import SERIES, SPAN
-from ballbot_rs.viewer.recording import CAPACITY, Recording
-from ballbot_rs.viewer.runner import MAX_COMMANDS, Runner
 from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.session.drivers import LawDriver, PolicyDriver
+from ballbot_rs.viewer.session.recording import CAPACITY, SERIES, SPAN, Recording
+from ballbot_rs.viewer.session.runner import MAX_COMMANDS, Runner
 from tests.support.waiting import wait_until
 
 MODELS = ["planar", "spatial", "contact", "rigid"]
