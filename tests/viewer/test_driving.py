@@ -35,11 +35,11 @@ def page(view, **headers):
 
 
 def command(view):
-    return ask(view, lambda session: session.frame().asked.commands[0])
+    return ask(view, lambda session: session.frame().commands.values[0])
 
 
 def is_by_hand(view):
-    return ask(view, lambda session: session.frame().asked.by_hand)
+    return ask(view, lambda session: session.frame().commands.by_hand)
 
 
 def drive_until(condition, connection, *shares):

@@ -12,8 +12,8 @@ import viser
 from ballbot_rs.viewer.panels.controls import add_button, on_client
 from ballbot_rs.viewer.panels.plots import Plots
 from ballbot_rs.viewer.panels.record import RecordPanel
-from ballbot_rs.viewer.panels.robot import RobotPanel, Tuning, chosen
-from ballbot_rs.viewer.panels.run import CommandPanel, RunPanel
+from ballbot_rs.viewer.panels.robot import ParameterPanel, RobotPanel, chosen
+from ballbot_rs.viewer.panels.run import RunPanel
 from ballbot_rs.viewer.panels.status import Status
 from ballbot_rs.viewer.scene.robot import URDFS, Look, from_params, from_urdf
 from ballbot_rs.viewer.scene.scene import Scene, frame_robots, screen_ray
@@ -56,14 +56,13 @@ class Page:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         self._status = Status(server)
-        self._commands = CommandPanel(server, submit)
         tabs = server.gui.add_tab_group()
         with tabs.add_tab("Run"):
-            self.run = RunPanel(server, submit, session, self._commands)
+            self.run = RunPanel(server, submit, session)
         with tabs.add_tab("Robot"):
             self.robot = RobotPanel(server, submit, session, self.run.task)
         with tabs.add_tab("Parameters"):
-            self._tuning = Tuning(server, submit, session)
+            self._parameters = ParameterPanel(server, submit, session)
         with tabs.add_tab("Plots"):
             self._plots = Plots(server)
         with tabs.add_tab("Record"):
@@ -140,7 +139,7 @@ class Page:
             if now >= self._next_status:
                 self._next_status = now + STATUS_PERIOD
                 self._status.show(session, frame)
-                for panel in (self._commands, self.run, self.robot, self._tuning, self._record):
+                for panel in (self.run, self.robot, self._parameters, self._record):
                     panel.show(session)
             if now >= self._next_plot and self._server.get_clients():
                 self._next_plot = now + PLOT_PERIOD

@@ -1,6 +1,5 @@
 """Shared by the panels of the page: callbacks that put commands into the queue, and notes."""
 
-import functools
 import html
 from collections.abc import Callable, Coroutine
 from typing import Any
@@ -36,7 +35,7 @@ def add_button(
 ) -> viser.GuiButtonHandle:
     """A button that always submits the same command."""
     button = gui.add_button(label, hint=hint, **look)
-    button.on_click(on_client(submit, functools.partial(_same, command)))
+    button.on_click(on_client(submit, lambda: command))
     return button
 
 
@@ -55,7 +54,3 @@ def put(handle: Any, **values: Any) -> None:
     for name, value in values.items():
         if getattr(handle, name) != value:
             setattr(handle, name, value)
-
-
-def _same(command: Command) -> Command:
-    return command

@@ -8,6 +8,7 @@ import numpy.typing as npt
 import viser
 from viser import uplot
 
+from ballbot_rs.viewer.panels.controls import put
 from ballbot_rs.viewer.session.recording import SERIES, History
 
 FloatArray = npt.NDArray[np.float64]
@@ -103,9 +104,7 @@ class _Chart:
             has_other = bool(np.isfinite(others).any())
             # Without an estimate its curve is hidden by the true curve.
             curves += list(np.where(np.isfinite(others), others, values))
-            text = legend_of(plot, has_other)
-            if self._legend.content != text:
-                self._legend.content = text
+            put(self._legend, content=legend_of(plot, has_other))
         if plot.limit is not None:
             curves.append(np.full_like(series[0], plot.limit[0]))
         self._handle.data = (np.round(series[0], 3), *(np.round(curve, 5) for curve in curves))

@@ -8,7 +8,7 @@ import viser
 
 from ballbot_rs._core import MODELS
 from ballbot_rs.control.resolve import NAMES
-from ballbot_rs.viewer.panels.controls import on_client, put
+from ballbot_rs.viewer.panels.controls import add_button, on_client, put
 from ballbot_rs.viewer.session.runner import Submit
 from ballbot_rs.viewer.session.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL
@@ -24,7 +24,7 @@ SEES = {"ground_truth": "true state", "sensors": "estimate"}
 
 
 class RobotPanel:
-    """Choices, which are corrected if the session refuses them.
+    """Choices, which are corrected if the session rejects them.
 
     Args:
         server: shows them.
@@ -97,7 +97,7 @@ class RobotPanel:
         self._submit(command)
 
     def correct(self, session: Session) -> None:
-        """Shows the actual choice where a choice was refused."""
+        """Shows the actual choice where a choice was rejected."""
         chosen = session.controller if session.controller in NAMES else POLICY
         put(self.model, value=session.robots.model)
         put(self.task, value=session.task)
@@ -125,7 +125,7 @@ def chosen(session: Session) -> dict[str, str]:
     }
 
 
-class Tuning:
+class ParameterPanel:
     """Sliders, a button to restore the nominal robot, and a table.
 
     Args:
@@ -151,8 +151,7 @@ class Tuning:
             )
             slider.on_update(functools.partial(self._moved, name))
             self._sliders[name] = slider
-        back = gui.add_button("Nominal robot", hint="takes all changes back")
-        back.on_click(self._pressed)
+        add_button(gui, submit, "Nominal robot", self._restore, hint="takes all changes back")
         self._table = gui.add_markdown("")
 
     async def _moved(self, name: str, event: viser.GuiEvent[Any]) -> None:
@@ -174,18 +173,14 @@ class Tuning:
             self._wanted.pop(name, None)
             self._shown = {}
 
-    def _pressed(self, event: viser.GuiEvent[Any]) -> None:
-        if event.client_id is not None:
-            self._submit(self._take_back)
-
-    def _take_back(self, session: Session) -> None:
+    def _restore(self, session: Session) -> None:
         try:
             session.change(**NEUTRAL)
         finally:
             self._correct(session)
 
     def _correct(self, session: Session) -> None:
-        """Shows the actual values where a change was refused or reverted; a waiting slider stays."""
+        """Shows the actual values where a change was rejected or reverted; a waiting slider stays."""
         changes = session.changes
         for name, value in changes.items():
             if name not in self._wanted:
@@ -196,17 +191,15 @@ class Tuning:
         """Shows robot 0, and changes made elsewhere."""
         if session.changes != self._shown:
             self._correct(session)
-        text = table_of(session)
-        if self._table.content != text:
-            self._table.content = text
+        put(self._table, content=table_of(session))
 
 
 def table_of(session: Session) -> str:
     """Differences of robot 0 from the nominal robot, and its samples, as a Markdown table in SI units."""
     robots = session.robots
-    nominal, params = robots.params, robots.params_of(0)
+    nominal, params = robots.setup.nominal, robots[0].params
     # A push at the center of mass has no separate height.
-    draws = {name: draw[np.isfinite(draw)] for name, draw in robots.draws_of(0).items() if np.isfinite(draw).any()}
+    draws = {name: draw[np.isfinite(draw)] for name, draw in robots[0].draws.items() if np.isfinite(draw).any()}
     # A term may occur several times, with an id.
     terms = [name.partition(":")[0] for name in draws]
     now = params.to_dict()
@@ -217,7 +210,7 @@ def table_of(session: Session) -> str:
     ]
     rows += [f"| {name} | | | {_text(draw)} |" for name, draw in draws.items() if name.partition(":")[0] not in now]
     sensors = {name: value for name, value in (robots.setup.changed_sensors or {}).items() if np.any(value)}
-    rows += [f"| {name} | | {_text(value)} | |" for name, value in (robots.motors_of(0) | sensors).items()]
+    rows += [f"| {name} | | {_text(value)} | |" for name, value in (robots[0].motors | sensors).items()]
     if not rows:
         return "Robot 0 is the nominal one, with ideal motors."
     return "\n".join(["| robot 0, SI units | nominal | now | drawn |", "|---|---|---|---|", *rows])

@@ -17,54 +17,6 @@ PAUSE, CONTINUE, STEP, RESET = "Pause", "Continue", "Step", "Reset"
 CIRCLE, EIGHT, ORIGIN = "Circle", "Figure eight", "Origin"
 
 
-class CommandPanel:
-    """How to command a task by hand, and a button to undo it; `add_controls` adds it to the page.
-
-    Args:
-        server: shows it.
-        submit: puts a command into the queue.
-    """
-
-    def __init__(self, server: viser.ViserServer, submit: Submit) -> None:
-        self._gui, self._submit = server.gui, submit
-
-    def add_controls(self) -> None:
-        """Adds the help, and the button."""
-        self._help = self._gui.add_markdown("")
-        self._draw = add_button(
-            self._gui,
-            self._submit,
-            "New command of the task",
-            Session.draw_commands,
-            hint="the task draws the commands again, from where the robots are",
-        )
-
-    def show(self, session: Session) -> None:
-        """Shows the controls that fit the task."""
-        commanding = session.commanding
-        text = "" if commanding is None else help_of(commanding)
-        put(self._help, visible=bool(text), content=text)
-        put(self._draw, visible=commanding is not None and bool(TASKS[session.task]["command"]))
-
-
-def help_of(commanding: Commanding) -> str:
-    """How to command a task by hand, and the limits of its commands."""
-    if commanding.geometry == DRIVEN:
-        turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
-        limits = f"{commanding.max_speed:g} m/s and {turns}"
-        return (
-            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
-            f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
-            f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
-        )
-    if commanding.geometry == CLICKED:
-        return (
-            f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
-            "draws; a farther click is brought nearer."
-        )
-    return ""
-
-
 class RunPanel:
     """Controls of the simulation.
 
@@ -72,16 +24,22 @@ class RunPanel:
         server: shows them.
         submit: puts a command into the queue.
         session: only read here, before the runner starts.
-        commands: controls that tasks add.
     """
 
-    def __init__(self, server: viser.ViserServer, submit: Submit, session: Session, commands: CommandPanel) -> None:
+    def __init__(self, server: viser.ViserServer, submit: Submit, session: Session) -> None:
         self._gui, self._submit = server.gui, submit
         self.task = server.gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
         self._add_time(session)
         server.gui.add_divider()
-        commands.add_controls()
-        self._add_ways()
+        self._help = server.gui.add_markdown("")
+        self._sample = add_button(
+            server.gui,
+            submit,
+            "New command of the task",
+            Session.sample_commands,
+            hint="the task draws the commands again, from where the robots are",
+        )
+        self._add_routes()
         server.gui.add_divider()
         self._add_push()
 
@@ -109,16 +67,16 @@ class RunPanel:
             return bound(Session.reset, [math.radians(slider.value) for slider in self._tilts])
         return bound(_set_paused, self._time.value == PAUSE)
 
-    def _add_ways(self) -> None:
+    def _add_routes(self) -> None:
         gui, submit = self._gui, self._submit
-        self._ways = gui.add_button_group("Go along", (CIRCLE, EIGHT, ORIGIN), hint="the setpoint moves there")
-        self._ways.on_click(on_client(submit, self._of_ways))
+        self._routes = gui.add_button_group("Go along", (CIRCLE, EIGHT, ORIGIN), hint="the setpoint moves there")
+        self._routes.on_click(on_client(submit, self._of_routes))
         self.clicks = gui.add_checkbox("Click to go", True, hint="a click on the floor is the setpoint, or the goal")
 
-    def _of_ways(self) -> Command:
-        if self._ways.value == ORIGIN:
+    def _of_routes(self) -> Command:
+        if self._routes.value == ORIGIN:
             return bound(Session.move_setpoint, 0.0, 0.0)
-        return bound(Session.follow, "circle" if self._ways.value == CIRCLE else "eight")
+        return bound(Session.follow, "circle" if self._routes.value == CIRCLE else "eight")
 
     def _add_push(self) -> None:
         gui = self._gui
@@ -137,12 +95,32 @@ class RunPanel:
         if session.speed != self._shown_speed:
             self._shown_speed = session.speed
             put(self._speed, value=session.speed)
+        commanding = session.commanding
+        text = "" if commanding is None else help_of(commanding)
+        put(self._help, visible=bool(text), content=text)
+        put(self._sample, visible=commanding is not None and bool(TASKS[session.task]["command"]))
         # A route belongs to the task balance, a goal may be clicked.
-        put(self._ways, visible=session.takes_clicks, options=self._ways_in(session))
+        routes = (CIRCLE, EIGHT, ORIGIN) if commanding is None else (ORIGIN,)
+        put(self._routes, visible=session.takes_clicks, options=routes)
         put(self.clicks, visible=session.takes_clicks)
 
-    def _ways_in(self, session: Session) -> tuple[str, ...]:
-        return (CIRCLE, EIGHT, ORIGIN) if session.commanding is None else (ORIGIN,)
+
+def help_of(commanding: Commanding) -> str:
+    """How to command a task by hand, and the limits of its commands."""
+    if commanding.geometry == DRIVEN:
+        turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
+        limits = f"{commanding.max_speed:g} m/s and {turns}"
+        return (
+            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
+            f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
+            f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
+        )
+    if commanding.geometry == CLICKED:
+        return (
+            f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
+            "draws; a farther click is brought nearer."
+        )
+    return ""
 
 
 def _set_paused(session: Session, value: Any) -> None:

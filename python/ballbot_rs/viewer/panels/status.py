@@ -10,9 +10,10 @@ import viser
 from ballbot_rs._core import TASKS
 from ballbot_rs._state_rows import BALL_POSITION, BALL_VELOCITY
 from ballbot_rs.envs.registration import geometry_of
+from ballbot_rs.viewer.panels.controls import put
 from ballbot_rs.viewer.scene.commands import heading_of
 from ballbot_rs.viewer.session.commands import CLICKED, DRIVEN
-from ballbot_rs.viewer.session.recording import Asked, Frame
+from ballbot_rs.viewer.session.recording import Commands, Frame
 from ballbot_rs.viewer.session.session import Session
 
 #: Slip speed above which a wheel counts as slipping, m/s.
@@ -27,17 +28,15 @@ class Status:
 
     def __init__(self, server: viser.ViserServer) -> None:
         self._html = server.gui.add_html("")
-        self._said, self._since = 0, -math.inf
+        self._total, self._since = 0, -math.inf
 
     def show(self, session: Session, frame: Frame) -> None:
         """Shows robot 0 of a frame, and the newest message for a while."""
         now = time.monotonic()
-        if session.notices.said != self._said:
-            self._said, self._since = session.notices.said, now
+        if session.notices.total != self._total:
+            self._total, self._since = session.notices.total, now
         is_new = bool(session.notices) and now - self._since < MESSAGE_SECONDS
-        text = html_of(session, frame, session.notices[-1] if is_new else "")
-        if self._html.content != text:
-            self._html.content = text
+        put(self._html, content=html_of(session, frame, session.notices[-1] if is_new else ""))
 
 
 def html_of(session: Session, frame: Frame, message: str) -> str:
@@ -78,13 +77,13 @@ def rows_of(session: Session, frame: Frame) -> list[tuple[str, str, str]]:
         ("Heading", f"{_text((heading + 180.0) % 360.0 - 180.0, 0)} deg", "of the body, from x, seen from above"),
         ("Traction", traction_of(frame), "share of the friction limit in use"),
     ]
-    if frame.asked is None:
+    if frame.commands is None:
         rows.append(("Setpoint", _goal_of(session, frame), "green: where the robot is sent; orange: the way there"))
     else:
-        if command := command_of(frame.asked):
+        if command := command_of(frame.commands):
             rows.append(("Command", command, "of robot 0; velocities are in its heading frame"))
         above = {label for label, _, _ in rows}
-        for label, value in metrics_of(frame.asked).items():
+        for label, value in metrics_of(frame.commands).items():
             rows.append((f"{label} so far" if label in above else label, value, "of the episode so far"))
     return rows
 
@@ -115,11 +114,11 @@ def _text(value: float, digits: int = 2) -> str:
     return f"{round(value, digits) + 0.0:.{digits}f}"
 
 
-def command_of(asked: Asked) -> str:
+def command_of(commands: Commands) -> str:
     """The command of robot 0, and its source; empty for a task without commands."""
-    command, geometry = asked.commands[0].tolist(), geometry_of(asked.task)
+    command, geometry = commands.values[0].tolist(), geometry_of(commands.task)
     if geometry == "impulse":
-        impulse, azimuth = asked.pushes[0, :2].tolist()
+        impulse, azimuth = commands.pushes[0, :2].tolist()
         return (
             "no push yet" if math.isnan(impulse) else f"pushed by {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
         )
@@ -133,15 +132,15 @@ def command_of(asked: Asked) -> str:
     elif not command:
         return ""
     else:
-        rows = TASKS[asked.task]["command"]
+        rows = TASKS[commands.task]["command"]
         text = ", ".join(f"{row['name']} {value:.3g}" for row, value in zip(rows, command, strict=True))
-    return f"{text}; {'by hand' if asked.by_hand else 'by the task'}"
+    return f"{text}; {'by hand' if commands.by_hand else 'by the task'}"
 
 
-def metrics_of(asked: Asked) -> dict[str, str]:
+def metrics_of(commands: Commands) -> dict[str, str]:
     """The metrics of robot 0 so far, by label."""
-    units = {metric["name"]: metric["unit"] for metric in TASKS[asked.task]["metrics"]}
+    units = {metric["name"]: metric["unit"] for metric in TASKS[commands.task]["metrics"]}
     return {
         name.replace("_", " ").capitalize(): "not yet" if math.isnan(value) else f"{value:.3f} {units[name]}".rstrip()
-        for name, value in asked.metrics.items()
+        for name, value in commands.metrics.items()
     }

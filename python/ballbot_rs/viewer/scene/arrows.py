@@ -7,11 +7,12 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ballbot_rs._core import Params
 from ballbot_rs._state_rows import BALL_POSITION, BODY_POSITION, body_axes_of
+from ballbot_rs.viewer.scene.robot import contact_directions
 from ballbot_rs.viewer.session.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
+Place = tuple[float, float, float]
 
 #: Half widths of shaft and head, and largest length of the head, m.
 SHAFT, HEAD, HEAD_LENGTH = 0.012, 0.035, 0.07
@@ -44,7 +45,7 @@ FORCE_LENGTH, PUSH_LENGTH, SHORTEST = 0.012, 0.35, 0.004
 TRAIL_POINTS, TRAIL_STEP, TRAIL_PERIOD = 400, 0.01, 0.1
 
 #: Above the floor, m.
-TRAIL_HEIGHT, ROUTE_HEIGHT = 0.003, 0.004
+TRAIL_HEIGHT, LINE_HEIGHT = 0.003, 0.004
 
 #: Thickness of lines on the floor, m.
 THICKNESS = 0.008
@@ -72,6 +73,17 @@ def _outline(length: float, head_length: float) -> tuple[FloatArray, FloatArray]
 
 def _on_floor(x: FloatArray, y: FloatArray) -> FloatArray:
     return np.stack([x, y, np.full_like(x, HEIGHT)], axis=1)
+
+
+def closed_line(points: FloatArray, heights: npt.ArrayLike = 0.0) -> FloatArray:
+    """The segments of a closed line on the ground, shape (n, 2, 3)."""
+    lifted = np.column_stack([points, np.broadcast_to(np.asarray(heights) + LINE_HEIGHT, len(points))])
+    return np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1)
+
+
+def on_ground(frame: Frame, point: FloatArray) -> Place:
+    """A point (x, y) at the height of the ground there, m."""
+    return float(point[0]), float(point[1]), float(frame.heights(point))
 
 
 class Trail:
@@ -165,8 +177,7 @@ class RouteLine:
         _set_visible(self._line, frame.route is not None)
         if frame.route is not None and (self._shown is None or not np.array_equal(frame.route, self._shown)):
             self._shown = frame.route
-            lifted = np.column_stack([frame.route, frame.heights(frame.route) + ROUTE_HEIGHT])
-            self._line.points = np.float32(np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1))
+            self._line.points = np.float32(closed_line(frame.route, frame.heights(frame.route)))
 
 
 def force_arrows(frame: Frame) -> FloatArray:
@@ -202,15 +213,6 @@ def _normal_at_contact(frame: Frame, radius: float) -> FloatArray:
         for _ in range(8):
             normal = frame.terrain.normal(*(ball - radius * normal[:2]))
     return normal
-
-
-def contact_directions(params: Params) -> tuple[FloatArray, FloatArray]:
-    """Directions from the ball's center to each wheel, and drive directions, body frame, shape (3, 3)."""
-    zeniths, azimuths = np.asarray(params.wheel_zeniths), np.asarray(params.wheel_azimuths)
-    sin, cos = np.sin(zeniths), np.cos(zeniths)
-    outwards = np.stack([sin * np.cos(azimuths), sin * np.sin(azimuths), cos], axis=1)
-    drives = np.stack([-np.sin(azimuths), np.cos(azimuths), np.zeros(3)], axis=1)
-    return outwards, drives
 
 
 def _set_visible(node: viser.SceneNodeHandle, is_visible: bool) -> None:

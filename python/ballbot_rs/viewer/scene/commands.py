@@ -8,11 +8,13 @@ import viser
 
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.envs.registration import geometry_of
+from ballbot_rs.media.arrows import path_of
 from ballbot_rs.viewer.scene import arrows
-from ballbot_rs.viewer.session.recording import Asked, Frame
+from ballbot_rs.viewer.scene.arrows import Place, on_ground
+from ballbot_rs.viewer.session.recording import Commands, Frame
+from ballbot_rs.viewer.session.session import PUSH_SECONDS
 
 FloatArray = npt.NDArray[np.float64]
-Place = tuple[float, float, float]
 
 COMMAND_COLOR, TURN_COLOR, PUSH_COLOR = (30, 160, 60), (240, 140, 26), (204, 56, 46)
 
@@ -22,14 +24,11 @@ AHEAD = 1.0
 #: Arrows begin outside the ball, m: the largest radius among the presets, and a gap.
 CLEAR, TURN_CLEAR = 0.16, 0.22
 
-#: Length of a push arrow, m/(N·s), and how long it is shown, s.
-PUSH_LENGTH, PUSH_SECONDS = 0.25, 0.7
+#: Length of a push arrow, m/(N·s).
+PUSH_LENGTH = 0.25
 
 #: Points of a path.
 SAMPLES = 128
-
-#: Height of a path above the floor, m.
-PATH_HEIGHT = 0.004
 
 
 class CommandNodes:
@@ -41,9 +40,9 @@ class CommandNodes:
 
     def show(self, frame: Frame) -> None:
         """Moves everything to its place in a frame."""
-        assert frame.asked is not None
+        assert frame.commands is not None
         for index, node in enumerate(self._nodes):
-            node.show(frame, frame.asked, index)
+            node.show(frame, frame.commands, index)
 
     def remove(self) -> None:
         """Removes everything."""
@@ -64,12 +63,12 @@ class _Nodes:
         return self._scene.add_mesh_simple(path, corners, arrows.FACES, color=color, side="double", visible=False)
 
     def _line(self, name: str, points: FloatArray, color: tuple[int, int, int]) -> viser.LineSegmentsHandle:
-        return self._scene.add_line_segments(f"{self._name}/{name}", _closed(points), color, thickness=0.006)
+        return self._scene.add_line_segments(f"{self._name}/{name}", arrows.closed_line(points), color, thickness=0.006)
 
     def _point(self, name: str, radius: float, color: tuple[int, int, int]) -> viser.SceneNodeHandle:
         return self._scene.add_icosphere(f"{self._name}/{name}", radius, color, subdivisions=2)
 
-    def show(self, frame: Frame, asked: Asked, index: int) -> None:
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """Shows the command of robot `index`."""
         raise NotImplementedError
 
@@ -87,17 +86,17 @@ class _Velocity(_Nodes):
         self._turn = self._arrow("turn", TURN_COLOR)
         self._shown: FloatArray | None = None
 
-    def show(self, frame: Frame, asked: Asked, index: int) -> None:
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """As `_Nodes`."""
-        x, y, rate = asked.commands[index].tolist()
+        x, y, rate = commands.values[index].tolist()
         speed = math.hypot(x, y)
         yaw = heading_of(frame.states[index])
         for arrow, angle in ((self._way, yaw + math.atan2(y, x)), (self._turn, yaw)):
             arrow.position = on_ground(frame, frame.states[index, BALL_POSITION])
             arrow.wxyz = about_z(angle)
-        if self._shown is not None and np.array_equal(self._shown, asked.commands[index]):
+        if self._shown is not None and np.array_equal(self._shown, commands.values[index]):
             return
-        self._shown = asked.commands[index].copy()
+        self._shown = commands.values[index].copy()
         self._way.visible, self._turn.visible = speed > 0.0, rate != 0.0
         if speed > 0.0:
             self._way.vertices = np.float32(arrows.straight(CLEAR, AHEAD * speed))
@@ -113,9 +112,9 @@ class _Goal(_Nodes):
         self._ring = self._line("ring", CLEAR * _circle(48), COMMAND_COLOR)
         self._goal = self._point("goal", 0.03, COMMAND_COLOR)
 
-    def show(self, frame: Frame, asked: Asked, index: int) -> None:
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """As `_Nodes`."""
-        self._goal.position = self._ring.position = on_ground(frame, asked.points[index])
+        self._goal.position = self._ring.position = on_ground(frame, commands.points[index])
 
 
 class _Path(_Nodes):
@@ -128,14 +127,14 @@ class _Path(_Nodes):
         self._moving = self._point("moving", 0.025, TURN_COLOR)
         self._shown: FloatArray | None = None
 
-    def show(self, frame: Frame, asked: Asked, index: int) -> None:
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """As `_Nodes`."""
-        self._moving.position = self._ring.position = on_ground(frame, asked.points[index])
-        wanted = np.append(asked.commands[index], asked.begins[index])
+        self._moving.position = self._ring.position = on_ground(frame, commands.points[index])
+        wanted = np.append(commands.values[index], commands.begins[index])
         if self._shown is None or not np.array_equal(self._shown, wanted):
             self._shown = wanted
-            points = path_of(asked.commands[index], asked.begins[index])
-            self._curve.points = np.float32(_closed(points, frame.heights(points)))
+            points = path_of(commands.values[index], commands.begins[index], SAMPLES)
+            self._curve.points = np.float32(arrows.closed_line(points, frame.heights(points)))
 
 
 class _Push(_Goal):
@@ -146,10 +145,10 @@ class _Push(_Goal):
         self._push = self._arrow("push", PUSH_COLOR)
         self._last, self._since = np.full(3, np.nan), -math.inf
 
-    def show(self, frame: Frame, asked: Asked, index: int) -> None:
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """As `_Nodes`."""
-        super().show(frame, asked, index)
-        push = asked.pushes[index]
+        super().show(frame, commands, index)
+        push = commands.pushes[index]
         if not np.array_equal(push, self._last, equal_nan=True):
             self._last, self._since = push.copy(), frame.time
             if np.isfinite(push[0]):
@@ -168,22 +167,6 @@ KINDS: dict[str, type[_Nodes]] = {
 }
 
 
-def path_of(command: FloatArray, begin: FloatArray) -> FloatArray:
-    """Points of the closed curve commanded by the task path, from its start, m, shape (n, 2)."""
-    phases = 2.0 * np.pi * np.arange(SAMPLES) / SAMPLES
-    coefficients = command[1:].reshape(2, -1, 2)
-    orders = np.arange(1, coefficients.shape[1] + 1)[:, np.newaxis]
-    waves = np.stack([np.cos(orders * phases), np.sin(orders * phases)], axis=1)
-    curve = np.einsum("akp,kpt->ta", coefficients, waves)
-    path: FloatArray = begin + curve - curve[0]
-    return path
-
-
-def on_ground(frame: Frame, point: FloatArray) -> Place:
-    """A point (x, y) at the height of the ground there, m."""
-    return float(point[0]), float(point[1]), float(frame.heights(point))
-
-
 def heading_of(state: FloatArray) -> float:
     """The yaw of the heading frame, rad."""
     w, _, _, z = state[BODY_QUATERNION].tolist()
@@ -198,9 +181,3 @@ def about_z(angle: float) -> tuple[float, float, float, float]:
 def _circle(count: int) -> FloatArray:
     angles = 2.0 * np.pi * np.arange(count) / count
     return np.stack([np.cos(angles), np.sin(angles)], axis=1)
-
-
-def _closed(points: FloatArray, heights: npt.ArrayLike = 0.0) -> FloatArray:
-    """The segments of a closed line on the ground, shape (n, 2, 3)."""
-    lifted = np.column_stack([points, np.broadcast_to(np.asarray(heights) + PATH_HEIGHT, len(points))])
-    return np.stack([lifted, np.roll(lifted, -1, axis=0)], axis=1)

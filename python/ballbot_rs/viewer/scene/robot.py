@@ -115,10 +115,8 @@ def from_params(params: Params) -> Look:
         _cylinder(0.8 * width, 0.5 * (deck + top), 0.5 * (deck + top) + 0.02, PLATE),
         _cylinder(0.6 * width, top - 0.02, top, HUB),
     ]
-    places = zip(params.wheel_zeniths, params.wheel_azimuths, strict=True)
-    return Look(
-        ball_of(params.ball_radius), by_color(body), [_wheel(params, zenith, azimuth) for zenith, azimuth in places]
-    )
+    wheels = [_wheel(params, outwards, drive) for outwards, drive in zip(*contact_directions(params), strict=True)]
+    return Look(ball_of(params.ball_radius), by_color(body), wheels)
 
 
 def wheel_heights(params: Params) -> list[float]:
@@ -126,7 +124,16 @@ def wheel_heights(params: Params) -> list[float]:
     return [(params.ball_radius + params.wheel_radius) * math.cos(zenith) for zenith in params.wheel_zeniths]
 
 
-def _wheel(params: Params, zenith: float, azimuth: float) -> Wheel:
+def contact_directions(params: Params) -> tuple[FloatArray, FloatArray]:
+    """Directions from the ball's center to each wheel, and drive directions, body frame, shape (3, 3)."""
+    zeniths, azimuths = np.asarray(params.wheel_zeniths), np.asarray(params.wheel_azimuths)
+    sin, cos = np.sin(zeniths), np.cos(zeniths)
+    outwards = np.stack([sin * np.cos(azimuths), sin * np.sin(azimuths), cos], axis=1)
+    drives = np.stack([-np.sin(azimuths), np.cos(azimuths), np.zeros(3)], axis=1)
+    return outwards, drives
+
+
+def _wheel(params: Params, outwards: FloatArray, drive: FloatArray) -> Wheel:
     radius, half_width = params.wheel_radius, 0.24 * params.wheel_radius
     spoke = np.array([1.6 * radius, 0.2 * radius, 2.2 * half_width])
     pieces = [
@@ -134,10 +141,6 @@ def _wheel(params: Params, zenith: float, azimuth: float) -> Wheel:
         _cylinder(0.35 * radius, -1.3 * half_width, 1.3 * half_width, MAST),
         piece(trimesh.creation.box(spoke), HUB),
     ]
-    sin_zenith, cos_zenith = math.sin(zenith), math.cos(zenith)
-    sin_azimuth, cos_azimuth = math.sin(azimuth), math.cos(azimuth)
-    outwards = np.array([sin_zenith * cos_azimuth, sin_zenith * sin_azimuth, cos_zenith])
-    drive = np.array([-sin_azimuth, cos_azimuth, 0.0])
     mount = np.eye(4)
     mount[:3, :3] = np.stack([-outwards, drive, np.cross(-outwards, drive)], axis=1)
     mount[:3, 3] = (params.ball_radius + params.wheel_radius) * outwards

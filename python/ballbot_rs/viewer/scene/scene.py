@@ -10,7 +10,7 @@ import viser
 
 from ballbot_rs._core import Terrain
 from ballbot_rs._state_rows import BALL_POSITION
-from ballbot_rs.viewer.scene.arrows import Forces, Push, RouteLine, Trail
+from ballbot_rs.viewer.scene.arrows import Forces, Push, RouteLine, Trail, on_ground
 from ballbot_rs.viewer.scene.commands import CommandNodes
 from ballbot_rs.viewer.scene.ground import HALF, GroundNodes, ray_meets
 from ballbot_rs.viewer.scene.robot import Look, RobotNodes
@@ -104,7 +104,7 @@ class Scene:
     def show(self, frame: Frame) -> None:
         """Moves everything to its place in a frame."""
         wanted = (frame.robot, len(frame.states))
-        task = None if frame.asked is None else frame.asked.task
+        task = None if frame.commands is None else frame.commands.task
         if (*wanted, task) != (*self._shown, self._task):
             self._rebuild_commands(task, len(frame.states))
         if wanted != self._shown:
@@ -115,7 +115,7 @@ class Scene:
         for node, place in ((self._setpoint, frame.setpoint), (self._target, frame.target)):
             node.visible = place is not None
             if place is not None:
-                node.position = (float(place[0]), float(place[1]), float(frame.heights(place)))
+                node.position = on_ground(frame, place)
         for nodes, state in zip(self._robots, frame.states, strict=True):
             nodes.show(state)
         self._show_ghost(frame)

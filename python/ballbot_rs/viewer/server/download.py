@@ -47,11 +47,11 @@ class Downloads:
         self._thread.start()
 
     def _write(self, frames: list[Frame], names: tuple[str, str], kind: str, client: viser.ClientHandle) -> None:
-        def told(done: int, total: int) -> None:
+        def report(done: int, total: int) -> None:
             self.progress = f"{kind}: frame {done} of {total}"
 
         try:
-            content = file_of(trajectory_of(frames, *names), kind, told)
+            content = file_of(trajectory_of(frames, *names), kind, report)
             client.send_file_download(f"ballbot{KINDS[kind]}", content, save_immediately=True)
             self.progress = ""
         except Exception as error:  # A page shows why; the simulation continues.

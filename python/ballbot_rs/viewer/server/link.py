@@ -5,9 +5,8 @@ from typing import Any, Final
 from urllib.parse import parse_qsl, urlencode
 
 from ballbot_rs import _assets
-from ballbot_rs._checks import check_bounded
 from ballbot_rs.control.resolve import NAMES
-from ballbot_rs.viewer.session.session import MAX_SPEED, MIN_SPEED, Session
+from ballbot_rs.viewer.session.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL, checked
 
 #: Choices in a link, as parameters of `Session.choose`, in addition to the names of `changes.CHANGES`.
@@ -88,4 +87,4 @@ def restore(session: Session, query: str) -> None:
     if "compare" in parts:
         session.compare_with(parts["compare"])
     if "speed" in parts:
-        session.set_speed(check_bounded("speed", float(parts["speed"]), MIN_SPEED, MAX_SPEED))
+        session.set_speed(float(parts["speed"]))

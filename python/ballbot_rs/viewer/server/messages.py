@@ -1,4 +1,4 @@
-"""Messages that a client may send. All others are dropped before viser, which trusts and shares its input.
+"""Messages that a client may send. All others are dropped before viser, which trusts and fractions its input.
 
 Otherwise a value that is not finite, or that a control cannot have, would go to all pages, including pages opened
 later.
@@ -18,11 +18,11 @@ MAX_TEXT = 1024
 MAX_MESSAGE = 16_384
 
 Number = Annotated[float, msgspec.Meta(ge=-MAX_COORDINATE, le=MAX_COORDINATE)]
-Share = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
+Fraction = Annotated[float, msgspec.Meta(ge=0.0, le=1.0)]
 Name = Annotated[str, msgspec.Meta(max_length=256)]
 Vector = tuple[Number, Number, Number]
 Quaternion = tuple[Number, Number, Number, Number]
-Place = tuple[Share, Share]
+Place = tuple[Fraction, Fraction]
 Index = Annotated[int, msgspec.Meta(ge=0, le=1_000_000)]
 Pixels = Annotated[int, msgspec.Meta(ge=1, le=100_000)]
 

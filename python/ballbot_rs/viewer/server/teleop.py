@@ -29,7 +29,7 @@ LEAST_PERIOD: Final = 0.005
 #: Invalid messages that a page may send before it is disconnected.
 MAX_REFUSED: Final = 100
 
-Share = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
+Fraction = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 
 
 class Restore(msgspec.Struct, forbid_unknown_fields=True):
@@ -38,7 +38,7 @@ class Restore(msgspec.Struct, forbid_unknown_fields=True):
     restore: Annotated[str, msgspec.Meta(max_length=link.MAX_QUERY)]
 
 
-_DECODER = msgspec.json.Decoder(tuple[Share, Share, Share] | Restore)
+_DECODER = msgspec.json.Decoder(tuple[Fraction, Fraction, Fraction] | Restore)
 
 
 def message_of(raw: str | bytes) -> tuple[float, float, float] | Restore | None:
@@ -94,12 +94,12 @@ class Teleop:
             self.connections.discard(connection)
             self._submit(self._leave(connection))
 
-    def _drive(self, connection: ServerConnection, shares: tuple[float, float, float]) -> Command:
+    def _drive(self, connection: ServerConnection, fractions: tuple[float, float, float]) -> Command:
         def command(session: Session) -> None:
             # Messages sent before the task changed, or the replay began, are not errors.
             if is_driven(session):
-                session.drive(*shares)
-                self._driver, self._heard = (connection if any(shares) else None), time.monotonic()
+                session.drive(*fractions)
+                self._driver, self._heard = (connection if any(fractions) else None), time.monotonic()
 
         return command
 
@@ -123,9 +123,9 @@ class Teleop:
         if is_driven(session) != self._is_on:
             self._is_on = not self._is_on
             if self._loop is not None and self._loop.is_running():
-                self._loop.call_soon_threadsafe(self._say, self._is_on)
+                self._loop.call_soon_threadsafe(self._send, self._is_on)
 
-    def _say(self, is_on: bool) -> None:
+    def _send(self, is_on: bool) -> None:
         for connection in list(self.connections):
             task = asyncio.ensure_future(connection.send(_text(is_on)))
             # The loop itself does not keep references to tasks.

@@ -27,7 +27,7 @@ from ballbot_rs.viewer.session.drivers import (
     lead_of,
     make_driver,
 )
-from ballbot_rs.viewer.session.recording import Asked
+from ballbot_rs.viewer.session.recording import Commands
 from ballbot_rs.viewer.session.robots import Robots
 from ballbot_rs.viewer.session.setup import DECIDED
 
@@ -84,7 +84,7 @@ class Objective(Protocol):
     def restarted(self, robots: Robots, index: int) -> None:
         """One robot has restarted."""
 
-    def go_on(self, robots: Robots, before: "Objective") -> None:
+    def continue_from(self, robots: Robots, before: "Objective") -> None:
         """The robots were replaced, with the new robots at the places of the old."""
 
     def click(self, robots: Robots, x: float, y: float) -> None:
@@ -180,7 +180,7 @@ class Balancing:
         if index == 0:
             self._move_to(np.zeros(2))
 
-    def go_on(self, robots: Robots, before: Objective) -> None:  # noqa: ARG002
+    def continue_from(self, robots: Robots, before: Objective) -> None:  # noqa: ARG002
         """As `Objective`."""
         if isinstance(before, Balancing):
             self._move_to(before.setpoint)
@@ -277,7 +277,7 @@ class Commanding:
             policy, observations = self._policy, robots.observations
             return call(lambda: policy.torques(observations))
         states = robots.seen
-        setpoints = [Setpoint(**{part: asked[part] for part in PARTS}) for asked in robots.setpoints]
+        setpoints = [Setpoint(**{part: parts[part] for part in PARTS}) for parts in robots.setpoints]
         return call(lambda: self._law.follow(states, setpoints))
 
     def reset(self) -> None:
@@ -291,12 +291,12 @@ class Commanding:
         self.driver.reset(index)
         if self._hand is not None:
             rest = np.zeros_like(self._hand)
-            robots.set_command(index, rest)
+            robots[index].set_command(rest)
             self._given[index] = rest
             if index == 0 and self.geometry == DRIVEN:
                 self._hand = rest
 
-    def go_on(self, robots: Robots, before: Objective) -> None:
+    def continue_from(self, robots: Robots, before: Objective) -> None:
         """As `Objective`."""
         if isinstance(before, Commanding) and before.task == self.task and before._hand is not None:
             # A driving command continues from its present value: a jump topples the robot.
@@ -312,12 +312,12 @@ class Commanding:
             ValueError: a number out of range, or another task.
         """
         names = ("forward", "left", "turn")
-        shares = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
+        fractions = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
         if self.geometry != DRIVEN:
             raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
         # On the diagonal two keys command more than the task samples.
-        speed = self.max_speed / max(1.0, math.hypot(*shares[:2]))
-        self._hand = np.array([speed * shares[0], speed * shares[1], self.max_yaw_rate * shares[2]])
+        speed = self.max_speed / max(1.0, math.hypot(*fractions[:2]))
+        self._hand = np.array([speed * fractions[0], speed * fractions[1], self.max_yaw_rate * fractions[2]])
 
     def _towards_hand(self, now: FloatArray) -> FloatArray:
         """The command of a robot one control step later, moving towards the manual command."""
@@ -352,16 +352,16 @@ class Commanding:
         for index, (now, wanted) in enumerate(zip(robots.commands, commands, strict=True)):
             # Giving the same command again would restart its error metrics.
             if not np.array_equal(now, wanted):
-                robots.set_command(index, wanted)
+                robots[index].set_command(wanted)
             self._given[index] = wanted
 
     def shown(self, robots: Robots) -> dict[str, Any]:
         """As `Objective`: the task's commands."""
-        points = np.array([asked["position"] for asked in robots.setpoints])
-        asked = Asked(
-            self.task, robots.commands, robots.begins, points, robots.task_pushes, robots.metrics, self.by_hand
+        points = np.array([parts["position"] for parts in robots.setpoints])
+        commands = Commands(
+            self.task, robots.commands, robots.begins, points, robots.task_pushes, robots[0].metrics, self.by_hand
         )
-        return {"asked": asked}
+        return {"commands": commands}
 
 
 def objective_of(

@@ -32,7 +32,7 @@ WITHOUT_PUSHES: Mapping[str, Any] = {"push": (0.0, 0.0)}
 
 
 class Interrupted(Exception):
-    """The wait for a call was ended by `Watch.cancel`."""
+    """The wait for a call was ended by `Watchdog.cancel`."""
 
 
 class _Job:
@@ -52,7 +52,7 @@ class _Job:
         self.wake.set()
 
 
-class Watch:
+class Watchdog:
     """One thread for calls, one at a time; a new thread after a call that did not return."""
 
     def __init__(self) -> None:

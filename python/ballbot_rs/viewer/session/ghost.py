@@ -27,10 +27,10 @@ def keep_up(session: "Session") -> None:
     ghost = session.ghost
     if ghost is None:
         return
-    ghost.robots.anew_in = session.robots.episodes[:1]
+    ghost.robots.restart_episodes = session.robots.episodes[:1]
     try:
         if ghost.robots.episodes[0] < session.robots.episodes[0]:
-            ghost.start_anew([0])
+            ghost.restart([0])
             ghost.time = session.time
         while ghost.time < session.time - 1e-9:
             ghost.step()

@@ -39,13 +39,13 @@ ROWS = 21
 
 
 @dataclasses.dataclass(frozen=True)
-class Asked:
+class Commands:
     """The commands of all robots, and the metrics of robot 0 so far."""
 
     #: Name of the task.
     task: str
-    #: Shape (n, k), parts as in `TASKS[task]["command"]`.
-    commands: FloatArray
+    #: Shape (n, k), columns as in `TASKS[task]["command"]`.
+    values: FloatArray
     #: Position of each ball when its command was given, m, shape (n, 2): a path begins there.
     begins: FloatArray
     #: Desired position of each ball now, m, shape (n, 2).
@@ -88,7 +88,7 @@ class Frame:
     #: Intermediate target of robot 0's controller on the way to the goal, m.
     target: FloatArray | None
     #: Commands of a task other than balance.
-    asked: Asked | None = None
+    commands: Commands | None = None
     #: The curve along which the setpoint moves, m, shape (k, 2).
     route: FloatArray | None = None
     #: State of the ghost, as a row of `states`.

@@ -21,7 +21,7 @@ LEFT, DIVERGED = "left its ground", "left the range of the simulation"
 
 
 class Robot:
-    """Robot `index` of a setup; call `start` or `go_on_from` first.
+    """Robot `index` of a setup; call `start` or `continue_from` first.
 
     Raises:
         ValueError: invalid robot, motors, sensors or events.
@@ -47,12 +47,12 @@ class Robot:
         before = self._batch.snapshot(0)
         self._batch.reset(seeds=[seed_of(self._seed, self.episode + 1)])
         try:
-            start = self._start_of_draws(tilt)
+            start = self._sampled_start(tilt)
         finally:
             self._batch.restore(0, before)
         self._begin(start)
 
-    def _start_of_draws(self, tilt: npt.ArrayLike) -> State:
+    def _sampled_start(self, tilt: npt.ArrayLike) -> State:
         """The sampled robot at rest; on uneven ground on the sampled tile."""
         start = State.at_equilibrium(self._batch.params(0), tilt)
         if self._setup.terrain is None:
@@ -74,7 +74,7 @@ class Robot:
     def _note_begin(self) -> None:
         self.begin = self._batch.state(0).ball_position[:2].copy()
 
-    def start_anew(self, tilt: npt.ArrayLike, episode: int | None = None) -> None:
+    def restart(self, tilt: npt.ArrayLike, episode: int | None = None) -> None:
         """The same with the tilt of another robot; a robot that cannot have it begins in equilibrium.
 
         Args:
@@ -88,7 +88,7 @@ class Robot:
         except ValueError:
             self.start((0.0, 0.0))
 
-    def go_on_from(self, other: "Robot", tilt: npt.ArrayLike) -> None:
+    def continue_from(self, other: "Robot", tilt: npt.ArrayLike) -> None:
         """Begins another robot's episode, with its samples, at that robot's state.
 
         Slip is removed if the model has none; if the model cannot have the state at all, the robot restarts with a
@@ -96,13 +96,13 @@ class Robot:
         """
         self.episode = other.episode - 1
         if not self._begin_at(other.params, other.state):
-            self.start_anew(tilt)
+            self.restart(tilt)
 
     def _begin_at(self, params: Params, state: State) -> bool:
         """Begins the next episode in a state of a robot, without slip where the model has none; or not at all."""
         terrain = self._setup.terrain
         can_roll = terrain is None or math.isinf(terrain.size[0])
-        for candidate in (state, *([rolling(params, state, terrain)] if can_roll else [])):
+        for candidate in (state, *([without_slip(params, state, terrain)] if can_roll else [])):
             with contextlib.suppress(ValueError):
                 self._begin(candidate)
                 return True
@@ -259,7 +259,7 @@ def seed_of(seed: int, episode: int) -> int:
     return int(np.random.SeedSequence([seed, episode]).generate_state(1, np.uint64)[0])
 
 
-def rolling(params: Params, state: State, plane: Terrain | None) -> State:
+def without_slip(params: Params, state: State, plane: Terrain | None) -> State:
     """The ball rolls with its velocity, attitude and rate of the body remain, and all parts are in contact.
 
     Args:

@@ -1,14 +1,15 @@
 """The simulated robots of a session."""
 
 import math
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params, State
+from ballbot_rs._core import State
 from ballbot_rs._state_rows import body_axes_of, tilt_components_of, tilt_of
-from ballbot_rs.viewer.session.recording import Asked, Frame
+from ballbot_rs.viewer.session.recording import Commands, Frame
 from ballbot_rs.viewer.session.robot import Robot
 from ballbot_rs.viewer.session.setup import Setup
 
@@ -40,7 +41,7 @@ class Robots:
         self._robots = [Robot(setup, index) for index in range(num_robots)]
         self._start = np.zeros(2)
         #: Numbers of the episodes that individually restarted robots begin; None: their next episodes.
-        self.anew_in: list[int] | None = None
+        self.restart_episodes: list[int] | None = None
         self.applied = np.zeros((num_robots, 3))
         #: For how long each robot has been down, s; its motors are off.
         self.down_for = np.zeros(num_robots)
@@ -48,15 +49,16 @@ class Robots:
     def __len__(self) -> int:
         return len(self._robots)
 
+    def __getitem__(self, index: int) -> Robot:
+        return self._robots[index]
+
+    def __iter__(self) -> Iterator[Robot]:
+        return iter(self._robots)
+
     @property
     def name(self) -> str:
         """Name of the robot."""
         return self.setup.name
-
-    @property
-    def params(self) -> Params:
-        """The robot that controllers are made for."""
-        return self.setup.nominal
 
     @property
     def model(self) -> str:
@@ -66,64 +68,38 @@ class Robots:
     @property
     def states(self) -> list[State]:
         """States of all robots."""
-        return [robot.state for robot in self._robots]
+        return [robot.state for robot in self]
 
     @property
     def seen(self) -> list[State]:
         """The states for controllers: estimates with sensors, else the true states."""
-        return [robot.seen for robot in self._robots]
+        return [robot.seen for robot in self]
 
     @property
     def observations(self) -> npt.NDArray[np.float32]:
         """The task's observation of each robot, shape (n, m)."""
-        return np.array([robot.observation for robot in self._robots])
+        return np.array([robot.observation for robot in self])
 
     @property
     def commands(self) -> FloatArray:
         """The task's command for each robot, shape (n, k)."""
-        return np.array([robot.command for robot in self._robots])
+        return np.array([robot.command for robot in self])
 
     @property
     def begins(self) -> FloatArray:
         """Position of each ball when its command was given, m, shape (n, 2)."""
-        return np.array([robot.begin for robot in self._robots])
+        return np.array([robot.begin for robot in self])
 
     @property
     def setpoints(self) -> list[dict[str, Any]]:
         """The task's setpoint for a law on each robot, by part."""
-        return [robot.setpoint for robot in self._robots]
+        return [robot.setpoint for robot in self]
 
     @property
     def task_pushes(self) -> FloatArray:
         """Last push of the task on each robot, shape (n, 3): impulse (N·s), azimuth (rad), height; NaN without one."""
         none = np.full(3, np.nan)
-        return np.array([robot.draws.get(TASK_PUSH, none) for robot in self._robots])
-
-    @property
-    def metrics(self) -> dict[str, float]:
-        """The task's metrics of robot 0 so far."""
-        return self._robots[0].metrics
-
-    def set_command(self, index: int, command: npt.ArrayLike) -> None:
-        """Gives one robot a command, as `Robot.set_command`."""
-        self._robots[index].set_command(command)
-
-    def begin_episodes(self) -> None:
-        """Begins the next episodes of all robots at their present positions, with new commands."""
-        for robot in self._robots:
-            robot.begin_episode()
-
-    def params_of(self, index: int) -> Params:
-        """Parameters of one robot after changes and events."""
-        return self._robots[index].params
-
-    def draws_of(self, index: int) -> dict[str, FloatArray]:
-        """Samples of the events for one robot, by term; NaN where nothing was sampled."""
-        return self._robots[index].draws
-
-    def motors_of(self, index: int) -> dict[str, Any]:
-        """The options of one robot's motors that differ from ideal motors."""
-        return self._robots[index].motors
+        return np.array([robot.draws.get(TASK_PUSH, none) for robot in self])
 
     def reset(self, tilt: npt.ArrayLike) -> None:
         """All robots at rest at the origin. Raises ValueError for a tilt that a robot cannot have."""
@@ -131,7 +107,7 @@ class Robots:
         if start.shape != (2,) or not np.isfinite(start).all():
             raise ValueError(f"tilt = {tilt!r}: expected two finite angles")
         for index in range(len(self)):
-            self._robots[index].start(self._turned(start, index))
+            self[index].start(self._turned(start, index))
             self.down_for[index] = 0.0
         self._start = start
         # A frame may hold the old arrays.
@@ -145,12 +121,12 @@ class Robots:
     @property
     def episodes(self) -> list[int]:
         """Numbers of the robots' episodes, from 1."""
-        return [robot.episode for robot in self._robots]
+        return [robot.episode for robot in self]
 
     def restart(self, index: int) -> None:
         """One robot at rest at the start of its episode, tilted as at the last reset if possible."""
-        episode = None if self.anew_in is None else self.anew_in[index]
-        self._robots[index].start_anew(self._turned(self._start, index), episode)
+        episode = None if self.restart_episodes is None else self.restart_episodes[index]
+        self[index].restart(self._turned(self._start, index), episode)
         self.down_for[index] = 0.0
 
     def _turned(self, start: FloatArray, index: int) -> FloatArray:
@@ -166,43 +142,38 @@ class Robots:
         """
         if self.setup.differs_in_numbers_alone(setup):
             try:
-                for robot in self._robots:
+                for robot in self:
                     robot.set_params(setup.params)
             except ValueError:
-                for robot in self._robots:
+                for robot in self:
                     robot.set_params(self.setup.params)
                 raise
             self.setup = setup
             return self
         others = Robots(setup, len(self))
         others._start = self._start
-        others.go_on_from(self)
+        others.continue_from(self)
         return others
 
-    def go_on_from(self, others: "Robots") -> None:
+    def continue_from(self, others: "Robots") -> None:
         """Puts each robot into the episode and state of the other batch's robot with the same number."""
-        for index, robot in enumerate(self._robots):
-            robot.go_on_from(others._robots[index], self._turned(self._start, index))
+        for index, robot in enumerate(self):
+            robot.continue_from(others[index], self._turned(self._start, index))
             self.down_for[index] = others.down_for[index]
-
-    def push(self, impulse: npt.ArrayLike) -> None:
-        """Gives every robot an impulse (inertial frame, N·s) at its center of mass."""
-        for robot in self._robots:
-            robot.push(impulse)
 
     def pull(self, towards: FloatArray, seconds: float) -> None:
         """Pulls robot 0 at its center of mass towards a point, for a time, with a limited force."""
-        params = self.params_of(0)
+        params = self[0].params
         weight = params.body_mass * params.gravity
         force = weight * PULL_LIMIT * (towards - self.com) / PULL_DISTANCE
         force *= min(1.0, weight * PULL_LIMIT / max(float(np.linalg.norm(force)), 1e-12))
-        self._robots[0].push(force * seconds)
+        self[0].push(force * seconds)
 
     @property
     def com(self) -> FloatArray:
         """Center of mass of robot 0's body, m."""
-        state = self._robots[0].state
-        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self.params_of(0).body_com)
+        state = self[0].state
+        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self[0].params.body_com)
         return com
 
     def step(self, torques: FloatArray, steps: int) -> dict[int, str]:
@@ -210,34 +181,34 @@ class Robots:
         limit = self.setup.max_torque
         self.applied = np.where(self.fallen[:, np.newaxis], 0.0, np.clip(torques, -limit, limit))
         lost = {}
-        for index, robot in enumerate(self._robots):
+        for index, robot in enumerate(self):
             reason = robot.step(self.applied[index], steps)
             if reason is not None:
                 self.restart(index)
                 lost[index] = reason
-        tilts = tilt_of(self._rows(), [robot.params.body_com for robot in self._robots])
-        down = self.fallen | (tilts > FALLEN_TILT) | [robot.is_down for robot in self._robots]
+        tilts = tilt_of(self._rows(), [robot.params.body_com for robot in self])
+        down = self.fallen | (tilts > FALLEN_TILT) | [robot.is_down for robot in self]
         self.down_for[down] += steps * self.setup.sim_dt
         return lost
 
     def _rows(self) -> FloatArray:
-        return np.array([robot.state.to_array() for robot in self._robots])
+        return np.array([robot.state.to_array() for robot in self])
 
     def frame(
         self,
         time: float,
         setpoint: FloatArray | None = None,
         target: FloatArray | None = None,
-        asked: Asked | None = None,
+        commands: Commands | None = None,
         route: FloatArray | None = None,
         ghost: FloatArray | None = None,
         push: FloatArray | None = None,
     ) -> Frame:
         """The frame to show."""
         states = self._rows()
-        contacts = self._robots[0].contacts
-        com = self.params_of(0).body_com
-        seen = None if self.setup.sensors is None else self._robots[0].seen
+        contacts = self[0].contacts
+        com = self[0].params.body_com
+        seen = None if self.setup.sensors is None else self[0].seen
         return Frame(
             robot=self.name,
             time=time,
@@ -250,11 +221,11 @@ class Robots:
             utilization=contacts.friction_utilization,
             setpoint=setpoint,
             target=target,
-            asked=asked,
+            commands=commands,
             route=route,
             ghost=ghost,
             push=push,
             terrain=self.setup.terrain,
             contacts=contacts,
-            params=self.params_of(0),
+            params=self[0].params,
         )

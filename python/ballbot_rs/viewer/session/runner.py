@@ -60,7 +60,7 @@ class Runner:
     def stop(self) -> None:
         """Ends; a running call of a policy is interrupted."""
         self._stop.set()
-        self._session.watch.cancel()
+        self._session.watchdog.cancel()
         self._thread.join(STOP_TIMEOUT)
 
     @property

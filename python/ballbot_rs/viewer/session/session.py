@@ -16,7 +16,7 @@ from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.registration import DEFAULT_TASK
 from ballbot_rs.viewer.session.commands import Balancing, Commanding, Objective, objective_of
 from ballbot_rs.viewer.session.drivers import Driver
-from ballbot_rs.viewer.session.foreign import Watch, check_balances
+from ballbot_rs.viewer.session.foreign import Watchdog, check_balances
 from ballbot_rs.viewer.session.ghost import keep_up, shared
 from ballbot_rs.viewer.session.recording import Frame, Player
 from ballbot_rs.viewer.session.robots import Robots
@@ -60,12 +60,12 @@ class Notices(deque[str]):
 
     def __init__(self) -> None:
         super().__init__(maxlen=KEPT)
-        self.said = 0
+        self.total = 0
 
     def append(self, text: str) -> None:
         """Adds a message."""
         super().append(text)
-        self.said += 1
+        self.total += 1
 
 
 class Session(Player):
@@ -126,7 +126,7 @@ class Session(Player):
         #: Last manual push: time, s, and impulse (x, y), N·s.
         self.pushed: tuple[float, npt.NDArray[np.float64]] | None = None
         self.pull_point: npt.NDArray[np.float64] | None = None
-        self.watch = Watch()
+        self.watchdog = Watchdog()
         self._ahead = 0.0
         self._task_options = dict(task_options or {})
         self._grounds = Grounds()
@@ -237,11 +237,11 @@ class Session(Player):
         """A page may name any controller or ONNX file: these have no pickled code."""
         if not isinstance(controller, str) or controller in NAMES:
             return find(controller, trusted=False)
-        return self.watch.call(f"loading {controller}", lambda: find(controller, trusted=False), MAX_LOAD)
+        return self.watchdog.call(f"loading {controller}", lambda: find(controller, trusted=False), MAX_LOAD)
 
     def _watched(self, controller: ResolvedController, function: Callable[[], T], seconds: float) -> T:
         """The result of a function that calls a controller, with a time limit."""
-        return self.watch.call(controller.name, function, seconds, controller.interrupt)
+        return self.watchdog.call(controller.name, function, seconds, controller.interrupt)
 
     def params_of(self, robot: str) -> Params:
         """Parameters of a robot by name. Raises ValueError for an unknown name."""
@@ -288,13 +288,13 @@ class Session(Player):
             self._options_of(task),
         )
         is_elsewhere = setup.terrain != old.setup.terrain
-        starts_anew = (setup.name, count) != (old.name, len(old)) or is_elsewhere
-        self.robots = Robots(setup, count) if starts_anew else old if setup == old.setup else old.become(setup)
+        restarts = (setup.name, count) != (old.name, len(old)) or is_elsewhere
+        self.robots = Robots(setup, count) if restarts else old if setup == old.setup else old.become(setup)
         before, self._controller, self._objective = self._objective, chosen, objective
-        if starts_anew:
+        if restarts:
             self.reset()
         else:
-            objective.go_on(self.robots, before)
+            objective.continue_from(self.robots, before)
         self.replay_time = None
         self._compare_again()
 
@@ -313,7 +313,7 @@ class Session(Player):
             before = self.robots
             self.robots = before.become(dataclasses.replace(before.setup, changes=changes))
             if self.robots is not before:
-                self._objective.go_on(self.robots, self._objective)
+                self._objective.continue_from(self.robots, self._objective)
 
     @shared
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
@@ -342,7 +342,8 @@ class Session(Player):
         direction = check_bounded("direction", direction, -1e3, 1e3)
         impulse = check_bounded("impulse", impulse, 0.0, MAX_IMPULSE)
         x, y = impulse * math.cos(direction), impulse * math.sin(direction)
-        self.robots.push([x, y, 0.0])
+        for robot in self.robots:
+            robot.push([x, y, 0.0])
         self.pushed = (self.time, np.array([x, y]))
 
     @shared
@@ -388,7 +389,7 @@ class Session(Player):
         self.commanding.drive(forward, left, turn)
 
     @shared
-    def draw_commands(self) -> None:
+    def sample_commands(self) -> None:
         """Returns the commands to the task: its next episodes begin at the robots' present positions.
 
         Raises:
@@ -396,7 +397,8 @@ class Session(Player):
         """
         if not TASKS[self.task]["command"]:
             raise ValueError(f"the task {self.task} has no commands")
-        self.robots.begin_episodes()
+        for robot in self.robots:
+            robot.begin_episode()
         self._objective.reset()
 
     def set_speed(self, speed: float) -> None:
@@ -432,9 +434,9 @@ class Session(Player):
             fallen = np.flatnonzero(self.robots.down_for >= LIES_FOR).tolist()
             for index in fallen:
                 self.notices.append(f"robot {index} fell and starts anew")
-            self.start_anew(fallen)
+            self.restart(fallen)
 
-    def start_anew(self, indices: Iterable[int]) -> None:
+    def restart(self, indices: Iterable[int]) -> None:
         """Restarts individual robots, as at the last reset."""
         for index in indices:
             self.robots.restart(index)
@@ -491,8 +493,8 @@ class Session(Player):
             {**self._options_of(self.task), "terrain": robots.setup.terrain},
         )
         ghost.change(**self.changes)
-        ghost.robots.go_on_from(robots)
-        ghost._objective.go_on(ghost.robots, self._objective)
+        ghost.robots.continue_from(robots)
+        ghost._objective.continue_from(ghost.robots, self._objective)
         ghost.start_tilt, ghost.time = self.start_tilt, self.time
         self.ghost = ghost
 
