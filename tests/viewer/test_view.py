@@ -332,10 +332,11 @@ def test_a_viser_that_cannot_be_restricted_is_not_used(monkeypatch):
     import viser
 
     from ballbot_rs.viewer.server.server import LocalServer
+    from ballbot_rs.viewer.server.teleop import Teleop
 
     stopped = []
     monkeypatch.setattr(viser.ViserServer, "__init__", lambda *_, **__: None)
     monkeypatch.setattr(viser.ViserServer, "stop", lambda _: stopped.append(True))
     with pytest.raises(RuntimeError, match="it cannot be restricted"):
-        LocalServer(18770)
+        LocalServer(18770, Teleop(lambda _: True))
     assert stopped == [True]

@@ -90,11 +90,11 @@ def rows_of(session: Session, frame: Frame) -> list[tuple[str, str, str]]:
 
 def traction_of(frame: Frame) -> str:
     """How close the wheels are to slipping."""
-    used = float(max(frame.utilization[:3]))
+    used = float(max(frame.contacts.friction_utilization[:3]))
     if math.isinf(used):
         return "a wheel has no load"
     text = f"{100.0 * used:.0f} % of the limit"
-    slip = float(np.abs(frame.slip).max())
+    slip = float(np.abs(frame.contacts.wheel_slip_speeds).max())
     if slip > SLIPS:
         return f"{text}, slips at {slip:.2f} m/s"
     # Static friction may be a little above the limit of sliding friction; models without slip have no limit.

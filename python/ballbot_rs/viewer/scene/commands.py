@@ -7,7 +7,6 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
-from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.media.arrows import path_of
 from ballbot_rs.viewer.scene import arrows
 from ballbot_rs.viewer.scene.arrows import Place, on_ground
@@ -32,26 +31,7 @@ SAMPLES = 128
 
 
 class CommandNodes:
-    """A task's command to each robot, in the frames in which the robots start."""
-
-    def __init__(self, server: viser.ViserServer, name: str, task: str, places: list[Place]) -> None:
-        kind = KINDS.get(geometry_of(task) or "")
-        self._nodes = [] if kind is None else [kind(server, f"{name}_{i}", place) for i, place in enumerate(places)]
-
-    def show(self, frame: Frame) -> None:
-        """Moves everything to its place in a frame."""
-        assert frame.commands is not None
-        for index, node in enumerate(self._nodes):
-            node.show(frame, frame.commands, index)
-
-    def remove(self) -> None:
-        """Removes everything."""
-        for node in self._nodes:
-            node.remove()
-
-
-class _Nodes:
-    """The nodes of one robot."""
+    """A task's command to one robot, in the frame in which the robot starts."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         self._scene, self._name = server.scene, name
@@ -77,7 +57,7 @@ class _Nodes:
         self._root.remove()
 
 
-class _Velocity(_Nodes):
+class _Velocity(CommandNodes):
     """An arrow at the ball in the heading frame, and an arrow around it for the yaw rate."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
@@ -87,7 +67,7 @@ class _Velocity(_Nodes):
         self._shown: FloatArray | None = None
 
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
-        """As `_Nodes`."""
+        """As `CommandNodes`."""
         x, y, rate = commands.values[index].tolist()
         speed = math.hypot(x, y)
         yaw = heading_of(frame.states[index])
@@ -104,7 +84,7 @@ class _Velocity(_Nodes):
             self._turn.vertices = np.float32(arrows.arc(TURN_CLEAR, AHEAD * rate))
 
 
-class _Goal(_Nodes):
+class _Goal(CommandNodes):
     """A point in a ring, which is visible around the ball."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
@@ -113,11 +93,11 @@ class _Goal(_Nodes):
         self._goal = self._point("goal", 0.03, COMMAND_COLOR)
 
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
-        """As `_Nodes`."""
+        """As `CommandNodes`."""
         self._goal.position = self._ring.position = on_ground(frame, commands.points[index])
 
 
-class _Path(_Nodes):
+class _Path(CommandNodes):
     """The whole curve, and the point that moves along it, in a ring."""
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
@@ -128,7 +108,7 @@ class _Path(_Nodes):
         self._shown: FloatArray | None = None
 
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
-        """As `_Nodes`."""
+        """As `CommandNodes`."""
         self._moving.position = self._ring.position = on_ground(frame, commands.points[index])
         wanted = np.append(commands.values[index], commands.begins[index])
         if self._shown is None or not np.array_equal(self._shown, wanted):
@@ -146,7 +126,7 @@ class _Push(_Goal):
         self._last, self._since = np.full(3, np.nan), -math.inf
 
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
-        """As `_Nodes`."""
+        """As `CommandNodes`."""
         super().show(frame, commands, index)
         push = commands.pushes[index]
         if not np.array_equal(push, self._last, equal_nan=True):
@@ -159,7 +139,7 @@ class _Push(_Goal):
 
 
 #: By the geometry of a command.
-KINDS: dict[str, type[_Nodes]] = {
+KINDS: dict[str, type[CommandNodes]] = {
     "velocity": _Velocity,
     "point": _Goal,
     "curve": _Path,

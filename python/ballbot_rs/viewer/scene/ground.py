@@ -1,5 +1,6 @@
-"""Uneven ground in the scene: a patch around robot 0 that moves along with it; intersections with rays."""
+"""The ground: a level floor, or a patch of uneven ground that moves along with robot 0; its intersections with rays."""
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -10,6 +11,9 @@ import viser
 from ballbot_rs._core import Terrain
 
 FloatArray = npt.NDArray[np.float64]
+
+#: Size of the level floor and of its squares, m, and darkness of shadows on it.
+FLOOR_SIZE, SECTION, SHADOW = 20.0, 1.0, 0.3
 
 COLOR, LINE_COLOR = (214, 220, 227), (150, 160, 172)
 
@@ -26,39 +30,63 @@ _EVERY = round(LINES / CELL)
 WAYS = np.concatenate([np.arange(0.0, 10.0, 0.02), np.geomspace(10.0, 1000.0, 2304)])
 
 
-class GroundNodes:
-    """The patch; `clicked` is called with a click on it."""
+class Ground:
+    """The level floor or the patch; `clicked` is called with a click on it."""
 
     def __init__(
         self, server: viser.ViserServer, name: str, clicked: Callable[[viser.SceneNodePointerEvent[Any]], None]
     ) -> None:
+        self._grid = server.scene.add_grid(
+            "/floor",
+            width=FLOOR_SIZE,
+            height=FLOOR_SIZE,
+            cell_size=0.1,
+            cell_color=(214, 219, 226),
+            section_color=(172, 180, 190),
+            section_size=SECTION,
+            plane_color=(246, 248, 250),
+            plane_opacity=1.0,
+            shadow_opacity=SHADOW,
+            fade_distance=FLOOR_SIZE,
+        )
+        # Clicks go to a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
+        half = 0.5 * FLOOR_SIZE
+        corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
+        self._floor = server.scene.add_mesh_simple(
+            "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
+        )
+        self._floor.on_click(clicked)
         flat = np.zeros((_COUNT * _COUNT, 3), dtype=np.float32)
-        self._sheet = server.scene.add_mesh_simple(
+        self._patch = server.scene.add_mesh_simple(
             f"{name}/sheet", flat, _faces(), color=COLOR, flat_shading=False, visible=False, cast_shadow=False
         )
-        self._sheet.on_click(clicked)
+        self._patch.on_click(clicked)
         self._lines = server.scene.add_line_segments(
             f"{name}/lines", np.zeros((1, 2, 3)), LINE_COLOR, thickness=0.004, visible=False
         )
-        self._shown: Terrain | None = None
+        #: The ground shown; None is level.
+        self.terrain: Terrain | None = None
         self._middle = np.zeros(2)
 
     def show(self, terrain: Terrain | None, around: FloatArray) -> None:
-        """Shows the ground around a point (x, y), m; level ground has other nodes."""
-        if terrain is None:
-            if self._shown is not None:
-                self._shown = None
-                self._sheet.visible = self._lines.visible = False
-            return
-        if self._shown is terrain and np.abs(around - self._middle).max() < AWAY:
+        """Shows the ground around a point (x, y), m."""
+        is_new = terrain is not self.terrain
+        self.terrain = terrain
+        if is_new:
+            self._grid.visible = self._floor.visible = terrain is None
+            self._patch.visible = self._lines.visible = terrain is not None
+        if terrain is None or (not is_new and np.abs(around - self._middle).max() < AWAY):
             return
         # Lines do not move when the patch moves.
         self._middle = np.round(around / LINES) * LINES
         points = patch(terrain, self._middle)
-        self._sheet.vertices = np.float32(points.reshape(-1, 3))
+        self._patch.vertices = np.float32(points.reshape(-1, 3))
         self._lines.points = np.float32(_lines(points))
-        self._sheet.visible = self._lines.visible = True
-        self._shown = terrain
+
+    def move_floor(self, x: float, y: float) -> None:
+        """Puts a point of the level floor, m, in the middle."""
+        # The grid repeats after a section, so that it seems endless.
+        self._grid.position = (-math.fmod(x, SECTION), -math.fmod(y, SECTION), 0.0)
 
 
 def patch(terrain: Terrain, middle: FloatArray) -> FloatArray:

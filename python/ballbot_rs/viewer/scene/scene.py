@@ -8,11 +8,11 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ballbot_rs._core import Terrain
 from ballbot_rs._state_rows import BALL_POSITION
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.scene.arrows import Forces, Push, RouteLine, Trail, on_ground
-from ballbot_rs.viewer.scene.commands import CommandNodes
-from ballbot_rs.viewer.scene.ground import HALF, GroundNodes, ray_meets
+from ballbot_rs.viewer.scene.commands import KINDS, CommandNodes
+from ballbot_rs.viewer.scene.ground import HALF, Ground, ray_meets
 from ballbot_rs.viewer.scene.robot import Look, RobotNodes
 from ballbot_rs.viewer.session.recording import Frame
 
@@ -24,11 +24,8 @@ WORLD = "/world"
 #: Distance between two robots of a batch, m.
 SPACING = 1.0
 
-#: Size of the floor and of its squares, m.
-FLOOR_SIZE, SECTION = 20.0, 1.0
-
-#: Darkness of shadows, and opacity of the ghost.
-SHADOW, GHOST_OPACITY = 0.3, 0.35
+#: Opacity of the ghost.
+GHOST_OPACITY = 0.35
 
 GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
 
@@ -64,7 +61,6 @@ class Scene:
         self._casts_shadow = True
         #: The point of the ground in the middle, m.
         self.middle = np.zeros(3)
-        self._terrain: Terrain | None = None
         self._shown: tuple[str, int] = ("", 0)
         self._robots: list[RobotNodes] = []
         # Removals of old nodes may reach a client after new nodes of the same name.
@@ -72,31 +68,11 @@ class Scene:
         server.scene.set_up_direction("+z")
         server.scene.world_axes.visible = False
         self._world = server.scene.add_frame(WORLD, show_axes=False)
-        self._grid = server.scene.add_grid(
-            "/floor",
-            width=FLOOR_SIZE,
-            height=FLOOR_SIZE,
-            cell_size=0.1,
-            cell_color=(214, 219, 226),
-            section_color=(172, 180, 190),
-            section_size=SECTION,
-            plane_color=(246, 248, 250),
-            plane_opacity=1.0,
-            shadow_opacity=SHADOW,
-            fade_distance=FLOOR_SIZE,
-        )
-        # Clicks go to a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
-        half = 0.5 * FLOOR_SIZE
-        corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
-        self._sheet = server.scene.add_mesh_simple(
-            "/sheet", corners, np.array([(0, 1, 2), (0, 2, 3)]), opacity=0.01, position=(0.0, 0.0, -0.002)
-        )
-        self._sheet.on_click(clicked)
-        self._ground = GroundNodes(server, f"{WORLD}/ground", clicked)
+        self._ground = Ground(server, f"{WORLD}/ground", clicked)
         self._trail, self._forces = Trail(server, f"{WORLD}/trail"), Forces(server, f"{WORLD}/forces")
         self._push, self._route = Push(server, f"{WORLD}/push"), RouteLine(server, f"{WORLD}/route")
         self._ghost: RobotNodes | None = None
-        self._commands: CommandNodes | None = None
+        self._commands: list[CommandNodes] = []
         self._task: str | None = None
         self._setpoint = server.scene.add_icosphere(f"{WORLD}/setpoint", 0.03, GOAL_COLOR, subdivisions=2)
         self._target = server.scene.add_icosphere(f"{WORLD}/target", 0.015, TARGET_COLOR, subdivisions=2)
@@ -109,8 +85,9 @@ class Scene:
             self._rebuild_commands(task, len(frame.states))
         if wanted != self._shown:
             self._rebuild(*wanted)
-        if self._commands is not None:
-            self._commands.show(frame)
+        if frame.commands is not None:
+            for index, command in enumerate(self._commands):
+                command.show(frame, frame.commands, index)
         self._show_ground(frame)
         for node, place in ((self._setpoint, frame.setpoint), (self._target, frame.target)):
             node.visible = place is not None
@@ -151,14 +128,11 @@ class Scene:
 
     def point_at(self, origin: FloatArray, direction: FloatArray) -> tuple[float, float] | None:
         """Intersection of a camera ray with the ground, m; None if there is none."""
-        return ray_meets(self._terrain, origin + self.middle, direction)
+        return ray_meets(self._ground.terrain, origin + self.middle, direction)
 
     def _show_ground(self, frame: Frame) -> None:
         ball = frame.states[0, BALL_POSITION][:2]
         self._ground.show(frame.terrain, ball)
-        if frame.terrain is not self._terrain:
-            self._terrain = frame.terrain
-            self._grid.visible = self._sheet.visible = frame.terrain is None
         level = np.zeros(2) if frame.terrain is None else self.middle[:2]
         # A robot on another tile is outside the former patch.
         is_away = frame.terrain is not None and np.abs(ball - level).max() > HALF
@@ -171,16 +145,18 @@ class Scene:
         self.middle = middle.copy()
         x, y, z = middle.tolist()
         self._world.position = (-x, -y, -z)
-        # The grid repeats after a section, so that it seems endless.
-        self._grid.position = (-math.fmod(x, SECTION), -math.fmod(y, SECTION), 0.0)
+        self._ground.move_floor(x, y)
 
     def _rebuild_commands(self, task: str | None, num_robots: int) -> None:
-        if self._commands is not None:
-            self._commands.remove()
-        self._commands, self._task = None, task
-        if task is not None:
-            self._commands = CommandNodes(self._server, f"{WORLD}/command_{self._generation}", task, places(num_robots))
-            self._generation += 1
+        for command in self._commands:
+            command.remove()
+        self._task = task
+        kind = None if task is None else KINDS.get(geometry_of(task) or "")
+        name = f"{WORLD}/command_{self._generation}"
+        self._commands = (
+            [] if kind is None else [kind(self._server, f"{name}_{i}", at) for i, at in enumerate(places(num_robots))]
+        )
+        self._generation += 1
 
     def _rebuild(self, robot: str, num_robots: int) -> None:
         for nodes in self._robots:

@@ -9,7 +9,7 @@ from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.session.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL, checked
 
-#: Choices in a link, as parameters of `Session.choose`, in addition to the names of `changes.CHANGES`.
+#: Choices in a link, as parameters of `Session.choose`, in addition to the names of `setup.CHANGES`.
 CHOICES: Final = ("robot", "model", "controller", "task", "observation", "num_robots")
 
 #: Longest query that is read.

@@ -99,10 +99,10 @@ class LocalServer(viser.ViserServer):
 
     Args:
         port: where it listens.
-        pages: the connections of the pages that drive; without it none can.
+        pages: the connections of the pages that drive.
     """
 
-    def __init__(self, port: int, pages: teleop.Teleop | None = None) -> None:
+    def __init__(self, port: int, pages: teleop.Teleop) -> None:
         self._clients: set[ServerConnection] = set()
         self._teleop = pages
         self._gives_back = False
@@ -123,7 +123,6 @@ class LocalServer(viser.ViserServer):
         A driving connection does not go to viser.
         """
         if self.is_for_driving(connection.request):
-            assert self._teleop is not None
             await self._teleop.serve(connection)
             return
         if self.is_full:
@@ -150,12 +149,12 @@ class LocalServer(viser.ViserServer):
 
     def is_for_driving(self, request: Request | None) -> bool:
         """Whether a request is for a driving connection."""
-        return self._teleop is not None and request is not None and request.path == teleop.PATH
+        return request is not None and request.path == teleop.PATH
 
     def is_full_for(self, request: Request) -> bool:
         """Whether the limit for this kind of request is reached."""
         if self.is_for_driving(request):
-            return self._teleop is not None and len(self._teleop) >= MAX_CLIENTS
+            return len(self._teleop) >= MAX_CLIENTS
         return self.is_full
 
     @property
@@ -169,8 +168,7 @@ class LocalServer(viser.ViserServer):
         return self.gui._gui_input_handle_from_uuid if hasattr(self, "gui") else {}
 
     def _abort(self) -> None:
-        driving = () if self._teleop is None else self._teleop.connections
-        for connection in (*self._clients, *driving):
+        for connection in (*self._clients, *self._teleop.connections):
             connection.transport.abort()
 
     def stop(self) -> None:

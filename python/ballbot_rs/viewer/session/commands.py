@@ -59,6 +59,9 @@ DRIVEN, CLICKED = "velocity", "point"
 #: a robot can follow.
 ACCELERATION, YAW_ACCELERATION = 0.6, 2.0
 
+#: The term of the samples with the pushes of a task.
+TASK_PUSH = "push:task"
+
 #: Largest coordinate of a click, m; the goal is nearer.
 MAX_CLICK = 1e3
 
@@ -70,6 +73,8 @@ class Objective(Protocol):
     task: str
     #: Whether a click on the floor is a command.
     takes_clicks: bool
+    #: Options of a `Setup`.
+    task_options: Mapping[str, Any]
 
     @property
     def driver(self) -> Driver:
@@ -138,6 +143,7 @@ class Balancing:
     """
 
     task, takes_clicks = DEFAULT_TASK, True
+    task_options: Mapping[str, Any] = {}
 
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         self.driver: BalancingDriver = make_driver(controller, params, num_robots)
@@ -250,8 +256,7 @@ class Commanding:
         own = option_names(task)
         # A law has the options with which the robots were made, possibly of another task.
         given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
-        #: Options of a `Setup`.
-        self.task_options = {name: value for name, value in given.items() if name not in DECIDED}
+        self.task_options: Mapping[str, Any] = {name: value for name, value in given.items() if name not in DECIDED}
         on_ground = {**self.task_options, "params": params, "terrain": options.get("terrain")}
         made = new_batch(1, task=task, num_threads=1, options=on_ground).options
         #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
@@ -263,11 +268,6 @@ class Commanding:
         self._hand: FloatArray | None = None
         #: Present manual commands of the robots; for driving they move towards `_hand`.
         self._given: dict[int, FloatArray] = {}
-
-    @property
-    def by_hand(self) -> bool:
-        """Whether the command came from the page."""
-        return self._hand is not None
 
     def torques(self, robots: Robots, call: Call) -> Torques:
         """As `Objective`. The controller's inputs are read before the call, which may be in another thread."""
@@ -358,9 +358,10 @@ class Commanding:
     def shown(self, robots: Robots) -> dict[str, Any]:
         """As `Objective`: the task's commands."""
         points = np.array([parts["position"] for parts in robots.setpoints])
-        commands = Commands(
-            self.task, robots.commands, robots.begins, points, robots.task_pushes, robots[0].metrics, self.by_hand
-        )
+        begins = np.array([robot.begin for robot in robots])
+        pushes = np.array([robot.draws.get(TASK_PUSH, np.full(3, np.nan)) for robot in robots])
+        by_hand = self._hand is not None
+        commands = Commands(self.task, robots.commands, begins, points, pushes, robots[0].metrics, by_hand)
         return {"commands": commands}
 
 

@@ -77,16 +77,10 @@ class Frame:
     #: Forces of the last time step on robot 0, and its parameters after changes and events.
     contacts: Contacts
     params: Params
-    #: Loads of the wheels of robot 0, N.
-    loads: FloatArray
-    #: Slip speeds of the wheels of robot 0, m/s.
-    slip: FloatArray
-    #: Fraction of the dynamic friction limit in use, three wheels and floor of robot 0.
-    utilization: FloatArray
     #: Setpoint of the robots, m; None if the controller does not follow a position, and in tasks other than balance.
-    setpoint: FloatArray | None
+    setpoint: FloatArray | None = None
     #: Intermediate target of robot 0's controller on the way to the goal, m.
-    target: FloatArray | None
+    target: FloatArray | None = None
     #: Commands of a task other than balance.
     commands: Commands | None = None
     #: The curve along which the setpoint moves, m, shape (k, 2).
@@ -152,8 +146,9 @@ class History:
                 return
         estimated = np.full(2, np.nan) if frame.estimated_tilt is None else frame.estimated_tilt
         position, speed = frame.states[0, BALL_POSITION][:2], np.hypot(*frame.states[0, BALL_VELOCITY][:2])
-        forces = (frame.torques[0], frame.loads, frame.slip, frame.utilization)
-        parts = ([frame.time], frame.tilt, *forces, estimated, position, [speed])
+        contacts = frame.contacts
+        forces = (contacts.wheel_normal_forces, contacts.wheel_slip_speeds, contacts.friction_utilization)
+        parts = ([frame.time], frame.tilt, frame.torques[0], *forces, estimated, position, [speed])
         self._samples.append(np.concatenate(parts))
 
     def clear(self) -> None:

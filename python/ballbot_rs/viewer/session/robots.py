@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import State
 from ballbot_rs._state_rows import body_axes_of, tilt_components_of, tilt_of
-from ballbot_rs.viewer.session.recording import Commands, Frame
+from ballbot_rs.viewer.session.recording import Frame
 from ballbot_rs.viewer.session.robot import Robot
 from ballbot_rs.viewer.session.setup import Setup
 
@@ -22,9 +22,6 @@ PULL_DISTANCE = 0.4
 #: Tilt from the equilibrium beyond which a robot has fallen, rad, in addition to touching the floor; models without
 #: slip have no floor.
 FALLEN_TILT = math.radians(60.0)
-
-#: The term of the draws with the pushes of a task.
-TASK_PUSH = "push:task"
 
 
 class Robots:
@@ -86,20 +83,9 @@ class Robots:
         return np.array([robot.command for robot in self])
 
     @property
-    def begins(self) -> FloatArray:
-        """Position of each ball when its command was given, m, shape (n, 2)."""
-        return np.array([robot.begin for robot in self])
-
-    @property
     def setpoints(self) -> list[dict[str, Any]]:
         """The task's setpoint for a law on each robot, by part."""
         return [robot.setpoint for robot in self]
-
-    @property
-    def task_pushes(self) -> FloatArray:
-        """Last push of the task on each robot, shape (n, 3): impulse (N·s), azimuth (rad), height; NaN without one."""
-        none = np.full(3, np.nan)
-        return np.array([robot.draws.get(TASK_PUSH, none) for robot in self])
 
     def reset(self, tilt: npt.ArrayLike) -> None:
         """All robots at rest at the origin. Raises ValueError for a tilt that a robot cannot have."""
@@ -194,38 +180,19 @@ class Robots:
     def _rows(self) -> FloatArray:
         return np.array([robot.state.to_array() for robot in self])
 
-    def frame(
-        self,
-        time: float,
-        setpoint: FloatArray | None = None,
-        target: FloatArray | None = None,
-        commands: Commands | None = None,
-        route: FloatArray | None = None,
-        ghost: FloatArray | None = None,
-        push: FloatArray | None = None,
-    ) -> Frame:
-        """The frame to show."""
-        states = self._rows()
-        contacts = self[0].contacts
-        com = self[0].params.body_com
+    def frame(self, time: float, **shown: Any) -> Frame:
+        """The frame to show, with the fields in `shown`."""
+        states, params = self._rows(), self[0].params
         seen = None if self.setup.sensors is None else self[0].seen
         return Frame(
             robot=self.name,
             time=time,
             states=states,
             torques=self.applied,
-            tilt=tilt_components_of(states[0], com),
-            estimated_tilt=None if seen is None else tilt_components_of(seen.to_array(), com),
-            loads=contacts.wheel_normal_forces,
-            slip=contacts.wheel_slip_speeds,
-            utilization=contacts.friction_utilization,
-            setpoint=setpoint,
-            target=target,
-            commands=commands,
-            route=route,
-            ghost=ghost,
-            push=push,
+            tilt=tilt_components_of(states[0], params.body_com),
+            estimated_tilt=None if seen is None else tilt_components_of(seen.to_array(), params.body_com),
+            contacts=self[0].contacts,
+            params=params,
             terrain=self.setup.terrain,
-            contacts=contacts,
-            params=self[0].params,
+            **shown,
         )

@@ -177,7 +177,7 @@ class Session(Player):
 
     @property
     def changes(self) -> dict[str, float]:
-        """Changes of the robots, by the names of `changes.CHANGES`."""
+        """Changes of the robots, by the names of `setup.CHANGES`."""
         return dict(self.robots.setup.changes)
 
     @property
@@ -225,7 +225,7 @@ class Session(Player):
             sensors,
             1 if steps_alone else round(driver.control_dt / driver.sim_dt),
             task,
-            objective.task_options if isinstance(objective, Commanding) else {},
+            objective.task_options,
             terrain,
         )
         if controller.policy is not None:
@@ -287,8 +287,7 @@ class Session(Player):
             task,
             self._options_of(task),
         )
-        is_elsewhere = setup.terrain != old.setup.terrain
-        restarts = (setup.name, count) != (old.name, len(old)) or is_elsewhere
+        restarts = (setup.name, count, setup.terrain) != (old.name, len(old), old.setup.terrain)
         self.robots = Robots(setup, count) if restarts else old if setup == old.setup else old.become(setup)
         before, self._controller, self._objective = self._objective, chosen, objective
         if restarts:
@@ -300,7 +299,7 @@ class Session(Player):
 
     @shared
     def change(self, /, **values: float) -> None:
-        """Changes parameters, motors and sensors of all robots, by the names of `changes.CHANGES`; others remain.
+        """Changes parameters, motors and sensors of all robots, by the names of `setup.CHANGES`; others remain.
 
         The robots continue. Controllers and estimator remain those of the unchanged robot.
 
@@ -367,7 +366,7 @@ class Session(Player):
 
     @shared
     def follow(self, route: str) -> None:
-        """Moves the setpoint along a closed curve from its present position, one of `route.ROUTES`.
+        """Moves the setpoint along a closed curve from its present position, one of `commands.ROUTES`.
 
         Raises:
             ValueError: an unknown curve, a task other than balance, or a controller that does not follow a position.

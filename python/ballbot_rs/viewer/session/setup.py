@@ -175,7 +175,7 @@ class Setup:
     events: Events = None
     #: Seed of robot 0; robot i has `seed + i`.
     seed: int = 0
-    #: As in `changes.CHANGES`.
+    #: As in `setup.CHANGES`.
     changes: Mapping[str, float] = dataclasses.field(default_factory=lambda: NEUTRAL)
     #: Sensors whose readings give the estimated states for controllers; None: controllers take the true states.
     sensors: Sensors = None
