@@ -50,6 +50,17 @@ def check_real(name: str, value: float) -> float:
         return math.copysign(math.inf, value > 0 or -1)
 
 
+def check_bounded(name: str, value: float, low: float, high: float) -> float:
+    """The value as a float. Raises ValueError unless it is a number within the bounds."""
+    try:
+        number = check_real(name, value)
+    except TypeError as error:
+        raise ValueError(str(error)) from error
+    if not low <= number <= high:
+        raise ValueError(f"{name} = {value} is out of range: expected {low:g} to {high:g}")
+    return number
+
+
 def real_array(what: str, value: npt.ArrayLike, wanted: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     """An array-like as an array of the type that NumPy gives it, as the core takes arrays.
 

@@ -6,7 +6,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs.control.laws import Laws, followed_parts
 from ballbot_rs.control.resolve import find
-from ballbot_rs.viewer.drivers import LawDriver
+from ballbot_rs.viewer.session.drivers import LawDriver
 
 PARAMS = bb.Params.paper()
 SHORT = {"model": "spatial", "max_episode_steps": 60, "setpoint": (0.05, -0.02)}

@@ -75,7 +75,10 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
         (["runs/mine", "--controller-option", "position=1"], "--controller-option position=1 needs --controller"),
         (["--estimator"], "--estimator needs the sensors of the robot"),
         (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
-        (["--estimator", "--sensors", "kugle", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
+        (
+            ["--estimator", "--sensors", "kugle", "--controller", "lqr"],
+            "takes one of RUN, --controller and --estimator",
+        ),
         (["--controller", "lqr", "--set", "control_dt=0"], "control_dt = 0 is out of range"),
     ],
 )

@@ -14,7 +14,7 @@ import ballbot_rs as bb
 from ballbot_rs import _core
 from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import find
-from ballbot_rs.viewer.drivers import PolicyDriver
+from ballbot_rs.viewer.session.drivers import PolicyDriver
 from tests.envs.test_actuators import ACTIONS, front_ends
 from tests.support.names import BALANCE
 

@@ -8,19 +8,19 @@ import numpy as np
 import pytest
 
 from ballbot_rs._progress import no_progress
-from ballbot_rs.viewer import link
-from ballbot_rs.viewer.route import MAX_SPEED, Route
+from ballbot_rs.viewer.server import link
 from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.session.commands import ROUTE_SPEED, Route
 from tests.support.paths import ASSETS
 
 
 @pytest.mark.parametrize("name", ["circle", "eight"])
 def test_a_route_is_closed_begins_at_its_point_and_keeps_to_its_speed(name):
-    route = Route(name, (0.3, -0.2), MAX_SPEED)
+    route = Route(name, (0.3, -0.2), ROUTE_SPEED)
     np.testing.assert_allclose(route.at(0.0), (0.3, -0.2), atol=1e-12)
     times = np.linspace(0.0, 30.0, 3001)
     speeds = np.linalg.norm(np.diff([route.at(t) for t in times], axis=0), axis=1) / 0.01
-    assert 0.95 * MAX_SPEED < speeds.max() <= MAX_SPEED * (1.0 + 1e-9)
+    assert 0.95 * ROUTE_SPEED < speeds.max() <= ROUTE_SPEED * (1.0 + 1e-9)
 
 
 @pytest.mark.slow("a long drive")
@@ -90,7 +90,7 @@ def test_a_link_that_is_not_ours_is_refused(query):
 
 def test_a_recording_becomes_a_table():
     pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
-    from ballbot_rs.viewer.download import file_of, trajectory_of
+    from ballbot_rs.viewer.server.download import file_of, trajectory_of
 
     session = Session()
     session.start_recording()

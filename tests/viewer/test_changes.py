@@ -7,11 +7,11 @@ import pytest
 
 from ballbot_rs import Batch, Params, State
 from ballbot_rs._state_rows import tilt_components_of, tilt_of
-from ballbot_rs.viewer.changes import CHANGES, NEUTRAL
-from ballbot_rs.viewer.history import SERIES
-from ballbot_rs.viewer.robot import seed_of
-from ballbot_rs.viewer.robots import FALLEN_TILT
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.recording import SERIES
+from ballbot_rs.viewer.session.robot import seed_of
+from ballbot_rs.viewer.session.robots import FALLEN_TILT
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL
 from tests.viewer.test_viewer_session import MODELS, run
 
 PAPER = Params.paper()
@@ -40,18 +40,18 @@ def test_a_change_is_what_it_says_and_the_motion_goes_on(name):
     session.change(**{name: value})
     np.testing.assert_allclose(session.frame().states, before, rtol=0.0, atol=1e-12)
     for robot in range(2):
-        now = {**session.robots.params_of(robot).to_dict(), **session.robots.motors_of(robot)}
+        now = {**session.robots[robot].params.to_dict(), **session.robots[robot].motors}
         differs = {key for key in now if now[key] != PAPER.to_dict().get(key)}
         assert differs == set(expected)
         for key, number in expected.items():
             np.testing.assert_allclose(now[key], number, rtol=1e-12, err_msg=key)
     assert session.changes == {**NEUTRAL, name: value}
     # Controllers are designed for the nominal robot.
-    assert session.robots.params == PAPER
+    assert session.robots.setup.nominal == PAPER
     run(session, 0.1)
     session.change(**NEUTRAL)
-    assert session.robots.params_of(0) == PAPER
-    assert session.robots.motors_of(0) == {}
+    assert session.robots[0].params == PAPER
+    assert session.robots[0].motors == {}
     run(session, 4.0)
     assert math.hypot(*session.frame().tilt) < math.radians(0.2)
 
@@ -61,7 +61,7 @@ def test_inertia_and_friction_change_in_proportion():
     params = PAPER.replace(body_products_of_inertia=products, wheel_static_friction=2.0)
     session = Session(robot="mine", params=params)
     session.change(body_mass=0.5, wheel_friction=0.1)
-    now = session.robots.params_of(0)
+    now = session.robots[0].params
     np.testing.assert_allclose(now.body_products_of_inertia, 0.5 * np.array(products))
     assert (now.wheel_static_friction, now.wheel_dynamic_friction) == pytest.approx((0.2, 0.1))
 
@@ -75,7 +75,7 @@ def test_what_is_no_value_of_a_change_changes_nothing(name, value):
     with pytest.raises(ValueError, match=f"{name} = "):
         session.change(**{"body_mass": 1.1, "com_height": 1.1, name: value})
     assert session.changes == dict(NEUTRAL)
-    assert session.robots.params_of(0) == PAPER
+    assert session.robots[0].params == PAPER
     assert np.array_equal(session.frame().states, before)
 
 
@@ -103,11 +103,11 @@ def test_a_change_that_one_drawn_robot_of_several_refuses_changes_none():
     """Half of the robots are sampled at a mass whose tenth is less than the mass of the wheels."""
     events = [{"term": "body_mass", "op": "scale", "mode": "startup", "range": [0.2, 1.5]}]
     session = Session(num_robots=6, events=events)
-    before = [session.robots.params_of(i) for i in range(6)]
+    before = [session.robots[i].params for i in range(6)]
     states = session.frame().states
     with pytest.raises(ValueError, match="body_mass"):
         session.change(body_mass=0.1)
-    assert [session.robots.params_of(i) for i in range(6)] == before
+    assert [session.robots[i].params for i in range(6)] == before
     assert session.changes == dict(NEUTRAL)
     assert np.array_equal(session.frame().states, states)
 
@@ -125,7 +125,7 @@ def test_planar_refuses_a_center_of_mass_off_the_mast():
     # Another robot, another model and another controller have the changes, too.
     for choice in ({"robot": "kugle"}, {"model": "rigid"}, {"controller": "pid"}, {"num_robots": 4}):
         session.choose(**choice)
-        assert session.robots.params_of(0).body_com_offset == (0.005, 0.0)
+        assert session.robots[0].params.body_com_offset == (0.005, 0.0)
         run(session, 0.05)
 
 
@@ -217,10 +217,10 @@ def test_each_reset_draws_the_robot_of_the_environment():
             session.reset()
         batch.reset(seeds=[seed_of(7 + robot, episode + 1) for robot in range(3)])
         for robot in range(3):
-            params = session.robots.params_of(robot)
+            params = session.robots[robot].params
             assert params == batch.params(robot)
             seen.append(params.body_mass)
-            draws = session.robots.draws_of(robot)
+            draws = session.robots[robot].draws
             assert draws["body_mass"] == pytest.approx(params.body_mass / PAPER.body_mass)
         np.testing.assert_allclose(np.hypot(*session.frame().tilt), math.radians(3.0), atol=1e-12)
     assert len(set(seen)) == 12
@@ -233,19 +233,19 @@ def test_each_reset_draws_the_robot_of_the_environment():
     ):
         action()
         for robot in range(3):
-            assert session.robots.params_of(robot).body_mass == batch.params(robot).body_mass
+            assert session.robots[robot].params.body_mass == batch.params(robot).body_mass
     session.reset()
     batch.reset(seeds=[None, None, seed_of(9, 5)])
-    assert session.robots.params_of(2).body_mass == batch.params(2).body_mass
+    assert session.robots[2].params.body_mass == batch.params(2).body_mass
 
 
 def test_the_robot_that_falls_is_drawn_anew_and_the_others_remain():
     session = Session(num_robots=3, events=EVENTS)
-    before = [session.robots.params_of(i) for i in range(3)]
-    session.robots._robots[1].push([20.0, 0.0, 0.0])
+    before = [session.robots[i].params for i in range(3)]
+    session.robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
     assert session.notices[-1] == "robot 1 fell and starts again"
-    after = [session.robots.params_of(i) for i in range(3)]
+    after = [session.robots[i].params for i in range(3)]
     assert [a == b for a, b in zip(after, before, strict=True)] == [True, False, True]
 
 
@@ -258,12 +258,12 @@ def test_pushes_and_intervals_of_events_act():
     session.reset((0.0, 0.0))
     run(session, 0.49)
     assert np.abs(session.frame().states[0, 7:9]).max() < 1e-6
-    friction = {session.robots.params_of(0).wheel_dynamic_friction}
+    friction = {session.robots[0].params.wheel_dynamic_friction}
     run(session, 0.5)
     assert session.frame().states[0, 7] > 0.01
-    friction.add(session.robots.params_of(0).wheel_dynamic_friction)
+    friction.add(session.robots[0].params.wheel_dynamic_friction)
     assert len(friction) == 2
-    np.testing.assert_allclose(session.robots.draws_of(0)["push"][:1], [0.3])
+    np.testing.assert_allclose(session.robots[0].draws["push"][:1], [0.3])
 
 
 @pytest.mark.parametrize(
@@ -296,10 +296,10 @@ def test_a_robot_that_cannot_have_the_tilt_begins_anew_in_equilibrium():
     session = Session(num_robots=2)
     session.change(com_x=10.0)
     run(session, 0.1)
-    robot = session.robots._robots[0]
+    robot = session.robots[0]
     before = robot.state
     with pytest.raises(ValueError, match="floor"):
         robot.start((1.5, 0.0))
     assert robot.state == before
-    robot.start_anew((1.5, 0.0))
+    robot.restart((1.5, 0.0))
     assert np.abs(session.frame().tilt).max() < 1e-12

@@ -19,10 +19,10 @@ import zstandard  # noqa: E402
 from websockets.datastructures import Headers  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 
-from ballbot_rs.viewer import messages, server  # noqa: E402
-from ballbot_rs.viewer.access import is_own, refusal  # noqa: E402
-from ballbot_rs.viewer.changes import CHANGES, NEUTRAL  # noqa: E402
+from ballbot_rs.viewer.server import messages, server  # noqa: E402
+from ballbot_rs.viewer.server.server import is_own, refusal  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
+from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import CAMERA, CLICK, DRAG, ask, connect, packed  # noqa: E402
 from tests.support.waiting import wait_until  # noqa: E402
@@ -136,15 +136,15 @@ def test_sliders_change_the_running_robot_and_a_button_takes_it_back(view):
         for name, value in (("body_mass", 1.3), ("com_x", -4.0), ("motor_delay", 20.0), ("wheel_friction", 0.8)):
             wanted[name] = value
             assert moved(view, sender, name, value) == wanted
-        params = ask(view, lambda session: session.robots.params_of(0))
+        params = ask(view, lambda session: session.robots[0].params)
         assert params.body_mass == pytest.approx(1.3 * params.paper().body_mass)
         # The table follows each change with the next frame.
-        wait_until(lambda: "| delay | | 0.02 | |" in view._page._tuning._table.content)
-        assert "| body_mass | 2.228 | 2.896 |  |" in view._page._tuning._table.content
+        wait_until(lambda: "| delay | | 0.02 | |" in view._page._parameters._table.content)
+        assert "| body_mass | 2.228 | 2.896 |  |" in view._page._parameters._table.content
         sender.send(update(control(view, "Nominal robot"), True))
         wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
         wait_until(lambda: all(control(view, CHANGES[name].label).value == NEUTRAL[name] for name in CHANGES))
-        assert ask(view, lambda session: session.robots.params_of(0)) == params.paper()
+        assert ask(view, lambda session: session.robots[0].params) == params.paper()
 
 
 def test_what_the_controller_sees_is_chosen_and_plotted(view):
@@ -153,7 +153,7 @@ def test_what_the_controller_sees_is_chosen_and_plotted(view):
         sender.send(update(control(view, "Controller sees"), "estimate"))
         wait_until(lambda: ask(view, lambda session: session.observation) == "sensors")
         assert moved(view, sender, "sensor_noise", 5.0)["sensor_noise"] == 5.0
-        wait_until(lambda: "| encoder_ticks | | 7.1e+04 | |" in view._page._tuning._table.content)
+        wait_until(lambda: "| encoder_ticks | | 7.1e+04 | |" in view._page._parameters._table.content)
         chart = next(chart for chart in view._page._plots._charts if chart._plot.row == "tilt")
         wait_until(lambda: "estimate" in chart._legend.content)
         wait_until(lambda: (np.array(chart._handle.data[1:3]) != np.array(chart._handle.data[3:5])).any())
@@ -191,7 +191,7 @@ def test_a_slider_that_moves_stays_while_another_change_is_shown(view):
     def busy(session):
         session.change(body_mass=1.2)
         wait_until(lambda: com_height.value == 0.5)
-        view._page._tuning.show(session)
+        view._page._parameters.show(session)
         return com_height.value
 
     with client(view) as sender:

@@ -8,8 +8,8 @@ import pytest
 
 from ballbot_rs import Controller, Params
 from ballbot_rs.control.resolve import find
-from ballbot_rs.viewer.commanding import ACCELERATION, YAW_ACCELERATION
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.commands import ACCELERATION, YAW_ACCELERATION
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.onnx_policies import SHIPPED
 
 TASKS = ("velocity", "goal", "path", "push")
@@ -21,7 +21,7 @@ def run(session, seconds):
 
 
 def command(session, robot=0):
-    return session.frame().asked.commands[robot]
+    return session.frame().commands.values[robot]
 
 
 @pytest.mark.parametrize("model", ["contact", "spatial"])
@@ -40,7 +40,7 @@ def test_a_law_does_what_it_does_in_the_batch(task, model):
         np.testing.assert_array_equal(command(session), batch.command(0))
     # Actions of a batch are of single precision.
     np.testing.assert_allclose(session.frame().states[0], batch.states()[0], atol=1e-3)
-    assert session.frame().asked.metrics == pytest.approx(batch.metrics(0), abs=1e-3, nan_ok=True)
+    assert session.frame().commands.metrics == pytest.approx(batch.metrics(0), abs=1e-3, nan_ok=True)
     if task == "velocity":
         # Within 7 s they have been drawn more than once.
         assert len(set(commands)) > 1
@@ -85,7 +85,7 @@ def test_a_policy_of_another_task_is_refused(tmp_path):
     assert session.task == "goal"
     session.choose(controller=str(SHIPPED))
     assert session.task == "balance"
-    assert session.frame().asked is None
+    assert session.frame().commands is None
 
 
 @pytest.mark.parametrize("controller", ["lqr", "cascade_pid", "pd_inverse_dynamics"])
@@ -100,7 +100,7 @@ def test_driving_is_followed_and_limited(controller):
     assert abs(change[2]) == pytest.approx(YAW_ACCELERATION * dt)
     run(session, 3.0)
     np.testing.assert_allclose(command(session), [0.5 / math.sqrt(2), 0.5 / math.sqrt(2), -1.0], rtol=1e-12)
-    assert session.frame().asked.by_hand
+    assert session.frame().commands.by_hand
     session.drive(1.0, 0.0, 0.0)
     run(session, 10.0)
     assert not session.robots.fallen.any()
@@ -150,7 +150,7 @@ def test_a_clicked_goal_is_reached_in_a_batch():
     for i, state in enumerate(session.robots.states):
         np.testing.assert_array_equal(command(session, i), [1.2, -0.7])
         np.testing.assert_allclose(state.ball_position[:2], [1.2, -0.7], atol=0.02)
-    assert session.frame().asked.metrics["goals_held"] == 1.0
+    assert session.frame().commands.metrics["goals_held"] == 1.0
 
 
 @pytest.mark.parametrize("change", [lambda s: s.change(motor_lag=5.0), lambda s: s.choose(controller="lqi")])
@@ -215,13 +215,13 @@ def test_commands_by_hand_hold_until_the_task_has_them_again():
     session.change(com_height=1.1)
     np.testing.assert_array_equal(command(session), [0.25, 0.0, 0.0])
     where = session.robots.states[0].to_array()
-    session.draw_commands()
+    session.sample_commands()
     np.testing.assert_array_equal(session.robots.states[0].to_array(), where)
     assert not np.array_equal(command(session), [0.25, 0.0, 0.0])
-    assert not session.frame().asked.by_hand
+    assert not session.frame().commands.by_hand
     session.drive(0.5, 0.0, 0.0)
     session.reset()
-    assert not session.frame().asked.by_hand
+    assert not session.frame().commands.by_hand
 
 
 def test_the_same_command_again_counts_no_error_anew():
@@ -232,8 +232,8 @@ def test_the_same_command_again_counts_no_error_anew():
         session.drive(1.0, 0.0, 0.0)
         session.step()
         other.step()
-    assert session.frame().asked.metrics == other.frame().asked.metrics
-    assert math.isfinite(session.frame().asked.metrics["velocity_error"])
+    assert session.frame().commands.metrics == other.frame().commands.metrics
+    assert math.isfinite(session.frame().commands.metrics["velocity_error"])
 
 
 @pytest.mark.parametrize("task", ["velocity", "goal"])
@@ -256,26 +256,29 @@ def test_after_a_fall_a_robot_that_is_commanded_by_hand_rests(task):
 @pytest.mark.parametrize("seed", range(4))
 def test_the_shown_curve_is_that_of_the_moving_point(seed):
     pytest.importorskip("viser", reason="needs 'ballbot-rs[view]'")
-    from ballbot_rs.viewer.command_nodes import path_of
+    from ballbot_rs.media.arrows import path_of
+    from ballbot_rs.viewer.scene.commands import SAMPLES
 
     session = Session(task="path", seed=seed)
     run(session, 2.0)
     # The center of the next curve is elsewhere.
-    session.draw_commands()
+    session.sample_commands()
     for _ in range(40):
         run(session, 0.25)
-        asked = session.frame().asked
-        curve = path_of(asked.commands[0], asked.begins[0])
+        commands = session.frame().commands
+        curve = path_of(commands.values[0], commands.begins[0], SAMPLES)
         way = np.linalg.norm(np.diff(curve, axis=0), axis=1).max()
-        assert np.linalg.norm(curve - asked.points[0], axis=1).min() < 0.55 * way
-    np.testing.assert_allclose(session.robots.states[0].ball_position[:2], session.frame().asked.points[0], atol=0.15)
+        assert np.linalg.norm(curve - commands.points[0], axis=1).min() < 0.55 * way
+    np.testing.assert_allclose(
+        session.robots.states[0].ball_position[:2], session.frame().commands.points[0], atol=0.15
+    )
 
 
 def test_a_push_of_the_task_is_shown():
     session = Session(task="push", task_options={"push": [0.3, 0.4]})
-    assert np.isnan(session.frame().asked.pushes).all()
+    assert np.isnan(session.frame().commands.pushes).all()
     run(session, 6.0)
-    impulse, azimuth = session.frame().asked.pushes[0, :2]
+    impulse, azimuth = session.frame().commands.pushes[0, :2]
     assert 0.0 < impulse < 2.0
     assert -math.pi <= azimuth <= 2.0 * math.pi
 
@@ -289,7 +292,7 @@ def test_a_replay_shows_what_was_asked():
     run(session, 0.5)
     session.replay()
     np.testing.assert_array_equal(command(session), drawn)
-    assert not session.frame().asked.by_hand
+    assert not session.frame().commands.by_hand
     session.replay(0.9)
     np.testing.assert_array_equal(command(session), [1.0, 1.0])
 
@@ -304,8 +307,8 @@ def test_a_replay_shows_what_was_asked():
         ("velocity", lambda s: s.drive(0.0, 0.0, "1"), "turn = '1' is not a number"),
         ("velocity", lambda s: s.move_setpoint(1.0, 0.0), "a click is not a command of the task velocity"),
         ("goal", lambda s: s.move_setpoint(math.inf, 0.0), "x = inf is out of range"),
-        ("push", lambda s: s.draw_commands(), "the task push has no commands"),
-        ("balance", lambda s: s.draw_commands(), "the task balance has no commands"),
+        ("push", lambda s: s.sample_commands(), "the task push has no commands"),
+        ("balance", lambda s: s.sample_commands(), "the task balance has no commands"),
         ("goal", lambda s: s.choose(task="dance"), "unknown task 'dance'"),
     ],
 )
@@ -324,6 +327,6 @@ def test_sensors_and_events_go_with_tasks():
     run(session, 5.0)
     assert not session.robots.fallen.any()
     session.drive(0.4, 0.0, 0.0)
-    session.draw_commands()
+    session.sample_commands()
     run(session, 2.0)
     assert session.frame().estimated_tilt is not None

@@ -9,10 +9,10 @@ import pytest
 
 pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
 
-from ballbot_rs.viewer.changes import CHANGES
-from ballbot_rs.viewer.download import KINDS
-from ballbot_rs.viewer.plots import PLOTS
+from ballbot_rs.viewer.panels.plots import PLOTS
+from ballbot_rs.viewer.server.download import KINDS
 from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.session.setup import CHANGES
 from ballbot_rs.viewer.view import View
 from tests.support.chromium import Chromium, find_browser
 from tests.support.view import ask

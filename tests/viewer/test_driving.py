@@ -14,7 +14,7 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-from ballbot_rs.viewer import driving, front, server  # noqa: E402
+from ballbot_rs.viewer.server import server, teleop  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import ask  # noqa: E402
@@ -30,16 +30,16 @@ def view():
 
 
 def page(view, **headers):
-    address = view.url.replace("http", "ws") + driving.PATH
+    address = view.url.replace("http", "ws") + teleop.PATH
     return connect(address, close_timeout=0.1, additional_headers=headers)
 
 
 def command(view):
-    return ask(view, lambda session: session.frame().asked.commands[0])
+    return ask(view, lambda session: session.frame().commands.values[0])
 
 
 def is_by_hand(view):
-    return ask(view, lambda session: session.frame().asked.by_hand)
+    return ask(view, lambda session: session.frame().commands.by_hand)
 
 
 def drive_until(condition, connection, *shares):
@@ -67,7 +67,7 @@ def test_a_page_drives_while_it_sends(view):
 
 @pytest.mark.slow("real time")
 def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeypatch):
-    monkeypatch.setattr(driving, "HOLD", 1e6)
+    monkeypatch.setattr(teleop, "HOLD", 1e6)
     with page(view) as first, page(view) as second:
         drive_until(lambda: command(view)[0] == 0.5, first, 1.0, 0.0, 0.0)
         drive_until(lambda: command(view)[1] == 0.5, second, 0.0, 1.0, 0.0)
@@ -111,13 +111,13 @@ WRONG = [
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda raw: repr(raw)[:20])
 def test_what_is_no_command_is_dropped(wrong):
-    assert driving.message_of(wrong) is None
-    assert driving.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
+    assert teleop.message_of(wrong) is None
+    assert teleop.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
 
 
 def test_a_page_that_sends_nonsense_is_closed_and_drives_nothing(view):
     with page(view) as connection, contextlib.suppress(ConnectionClosed):
-        for _ in range(driving.MAX_REFUSED + 10):
+        for _ in range(teleop.MAX_REFUSED + 10):
             connection.send("[2, 0, 0]")
         while True:
             connection.recv(timeout=LIMIT)
@@ -147,10 +147,10 @@ def test_there_is_room_for_as_many_as_there_are_pages(view, monkeypatch):
 def test_the_page_has_our_head_once_and_whole_and_calls_nobody(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read()
-    own = front.head()
+    own = server.head()
     assert page.count(own) == 1
     assert page.rstrip().endswith(b"</html>")
     assert page.count(b"<title>") == own.count(b"<title>") == 1
-    assert own.count(b"<script>") == own.count(b"</script>") == len(front.SCRIPTS)
+    assert own.count(b"<script>") == own.count(b"</script>") == len(server.SCRIPTS)
     assert b"https://" not in own
     assert re.findall(rb"http://[^'\"]*", own) == [b"http://www.w3.org/2000/svg"]

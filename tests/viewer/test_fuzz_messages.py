@@ -13,9 +13,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from viser._messages import Message
 
-from ballbot_rs.viewer import messages
-from ballbot_rs.viewer.changes import CHANGES
+from ballbot_rs.viewer.server import messages
 from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.session.setup import CHANGES
 from ballbot_rs.viewer.view import View
 from tests.support.fuzzing import budget, numbers, values
 from tests.support.view import CAMERA, CLICK, DRAG, ask, connect, packed

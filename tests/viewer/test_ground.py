@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Terrain
-from ballbot_rs.viewer.effects import FORCE_LENGTH, force_arrows
-from ballbot_rs.viewer.ground import ray_meets
-from ballbot_rs.viewer.ground_nodes import HALF, patch
+from ballbot_rs.viewer.scene.arrows import FORCE_LENGTH, force_arrows
+from ballbot_rs.viewer.scene.ground import HALF, patch, ray_meets
 from ballbot_rs.viewer.session import Session
 
 HILLS = {"kind": "noise", "slope": 0.1, "seed": 3}
@@ -14,7 +13,7 @@ HILLS = {"kind": "noise", "slope": 0.1, "seed": 3}
 
 def gap_of(session):
     """From the ground to the ball along the vertical, less what that is on a slope, m."""
-    state, params = session.robots.states[0], session.robots.params_of(0)
+    state, params = session.robots.states[0], session.robots[0].params
     x, y, z = state.ball_position
     below = np.array([x, y]) - params.ball_radius * session.robots.setup.terrain.normal(x, y)[:2]
     return z - params.ball_radius * session.robots.setup.terrain.normal(*below)[2] - session.frame().heights(below)
@@ -60,7 +59,7 @@ def drive_along_x(session, until):
 
 def test_who_reaches_the_edge_of_a_tile_goes_on_with_its_command_and_of_the_terrain_starts_anew():
     session = Session(task="terrain", robot="kugle", task_options={"terrain": SMALL}, seed=1)
-    session.robots._robots[0].start((0.0, 0.0))
+    session.robots[0].start((0.0, 0.0))
     while session.robots.states[0].ball_position[0] > 0.0:
         session.reset()
     along = [session.robots.states[0].ball_position[0]]
@@ -141,16 +140,16 @@ def test_a_ghost_begins_the_episodes_of_the_robot(task):
     session.advance(1.0)
     same(session)
     if task != "balance":
-        session.draw_commands()
+        session.sample_commands()
         session.advance(0.5)
         same(session)
     # One falls alone and begins its episode again; when the robot falls, both begin the next one.
-    session.ghost.robots._robots[0].push([20.0, 0.0, 0.0])
+    session.ghost.robots[0].push([20.0, 0.0, 0.0])
     session.advance(4.0)
     assert session.ghost.robots.episodes == session.robots.episodes
     session.reset()
     same(session)
-    session.robots._robots[0].push([20.0, 0.0, 0.0])
+    session.robots[0].push([20.0, 0.0, 0.0])
     before = session.robots.episodes[0]
     while session.robots.episodes[0] == before and session.time < 10.0:
         session.advance(0.02)

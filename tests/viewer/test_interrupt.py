@@ -15,9 +15,9 @@ pytest.importorskip("onnx", reason="policies that loop are made with onnx: insta
 import numpy as np
 
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.viewer.session import MAX_CALL, Session
+from ballbot_rs.viewer.session.foreign import Interrupted, Watchdog, is_any_left
+from ballbot_rs.viewer.session.session import MAX_CALL, Session
 from ballbot_rs.viewer.view import View
-from ballbot_rs.viewer.watch import Interrupted, Watch, is_any_left
 from tests.support.onnx_policies import SHIPPED, looping_policy
 from tests.support.view import ask
 from tests.support.waiting import wait_until
@@ -65,13 +65,13 @@ def test_the_page_goes_on_without_a_policy_that_loops(looping):
 
 
 def test_a_policy_that_loops_is_refused_on_another_robot(looping, monkeypatch):
-    monkeypatch.setattr("ballbot_rs.viewer.session.MAX_LOAD", 0.2)
+    monkeypatch.setattr("ballbot_rs.viewer.session.session.MAX_LOAD", 0.2)
     with pytest.raises(TimeoutError, match=r"took longer than 0\.2 s"):
         Session(robot="kugle", controller=str(looping))
 
 
 def test_a_call_that_is_waited_for_is_canceled():
-    watch, ends = Watch(), threading.Event()
+    watch, ends = Watchdog(), threading.Event()
     threading.Timer(0.1, watch.cancel).start()
     with pytest.raises(Interrupted, match="sleep was interrupted"):
         watch.call("sleep", lambda: ends.wait(30.0), 30.0)
@@ -83,7 +83,7 @@ def test_a_call_that_is_waited_for_is_canceled():
 
 
 def test_results_and_errors_of_calls_are_passed_on():
-    watch, threads = Watch(), set()
+    watch, threads = Watchdog(), set()
     for i in range(100):
         assert watch.call("add", lambda i=i: (threads.add(threading.get_ident()), i + 1)[1], 5.0) == i + 1
     with pytest.raises(ZeroDivisionError):

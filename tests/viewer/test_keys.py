@@ -53,7 +53,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
     page = Chromium(find_browser(), tmp_path)
 
     def command():
-        return ask(view, lambda session: session.frame().asked.commands[0])
+        return ask(view, lambda session: session.frame().commands.values[0])
 
     def ball():
         return ask(view, lambda session: session.robots.states[0].ball_position[:2])
@@ -76,7 +76,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         # A key drives while it is down, two together go across, and opposite ones cancel.
         down(page, "KeyW")
         becomes(0.5, 0.0, 0.0)
-        assert ask(view, lambda session: session.frame().asked.by_hand)
+        assert ask(view, lambda session: session.frame().commands.by_hand)
         page.wait_for("/0.50, 0.00\\) m.s.*by hand/.test(document.querySelector('.ballbot-status').innerText)")
         wait_until(lambda: np.linalg.norm(ball()) > 3.2)
         page.screenshot(tmp_path / "drive.png")
@@ -141,7 +141,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         where = ball()
         # Next to the robot, which is pulled by a drag and takes no click.
         page.click(250, 520)
-        wait_until(lambda: ask(view, lambda session: session.frame().asked.by_hand))
+        wait_until(lambda: ask(view, lambda session: session.frame().commands.by_hand))
         assert np.linalg.norm(command() - where) < 1.5
         view.runner.submit(lambda session: setattr(session, "paused", False))
 

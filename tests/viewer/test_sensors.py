@@ -8,10 +8,10 @@ import pytest
 from ballbot_rs import BalanceEnv, Batch, Lqr, Params, State, load_sensors
 from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.viewer.history import SERIES
-from ballbot_rs.viewer.robot import seed_of
-from ballbot_rs.viewer.session import LIES_FOR, Session
-from ballbot_rs.viewer.tuning import table_of
+from ballbot_rs.viewer.panels.robot import table_of
+from ballbot_rs.viewer.session.recording import SERIES
+from ballbot_rs.viewer.session.robot import seed_of
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.viewer.test_viewer_session import MODELS, Linear, run
 
 PAPER = Params.paper()
@@ -118,7 +118,7 @@ def test_what_controllers_see_is_chosen_while_the_robot_moves(controller):
 def test_the_slider_is_a_factor_on_the_errors():
     session = Session(sensors={**NOISY, "latency": 0.02, "encoder_ticks": 4096.0}, observation="sensors")
     run(session, 0.1)
-    before, params = session.frame().states, session.robots.params_of(0)
+    before, params = session.frame().states, session.robots[0].params
     session.change(sensor_noise=2.0)
     assert session.robots.setup.changed_sensors == {
         **{name: 2.0 * value for name, value in NOISY.items()},
@@ -126,7 +126,7 @@ def test_the_slider_is_a_factor_on_the_errors():
         "encoder_ticks": 4096.0,
     }
     np.testing.assert_allclose(session.frame().states, before, rtol=0.0, atol=1e-12)
-    assert session.robots.params_of(0) == params
+    assert session.robots[0].params == params
     assert "| gyro_bias | | 0.04 | |" in table_of(session)
     errors = {}
     for factor in (0.0, 1.0, 4.0):
@@ -147,7 +147,7 @@ def test_the_estimator_is_that_of_the_robot_without_changes():
     for session in (before, after):
         session.reset((0.02, 0.0))
         run(session, 0.5)
-    assert before.robots.params_of(0) == after.robots.params_of(0)
+    assert before.robots[0].params == after.robots[0].params
     assert before.robots.seen == after.robots.seen
     assert np.array_equal(before.frame().states, after.frame().states)
 
@@ -168,7 +168,7 @@ def test_robots_on_estimates_fall_and_start_anew_for_a_long_time(model):
 @pytest.mark.parametrize("robot", ["paper", "kugle"])
 def test_lqr_balances_on_estimates_after_a_push_and_a_reset(robot):
     session = Session(robot=robot, num_robots=3, sensors="kugle", observation="sensors")
-    params = session.robots.params
+    params = session.robots.setup.nominal
     impulse = 0.02 * (params.body_mass + params.ball_mass)
 
     def stands(seconds):
@@ -193,7 +193,7 @@ def test_lqr_balances_on_estimates_after_a_push_and_a_reset(robot):
 
 def test_a_robot_that_fell_starts_anew_with_a_new_estimate():
     session = Session(num_robots=2, sensors=NOISY, observation="sensors")
-    session.robots._robots[1].push([20.0, 0.0, 0.0])
+    session.robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
     assert session.notices[-1] == "robot 1 fell and starts again"
     for seen, state in zip(session.robots.seen, session.robots.states, strict=True):
@@ -250,11 +250,11 @@ def test_drawn_motors_move_the_robots_of_the_page():
             session.reset()
         batch.reset(seeds=[seed_of(7 + robot, episode + 1) for robot in range(3)])
         for robot in range(3):
-            motors = session.robots.motors_of(robot)
+            motors = session.robots[robot].motors
             assert motors == {name: batch.actuators(robot)[name] for name in motors}
             assert set(motors) == {"strength", "lag"}
             strengths.add(tuple(motors["strength"]))
-            np.testing.assert_array_equal(session.robots.draws_of(robot)["actuators.lag"], [motors["lag"]])
+            np.testing.assert_array_equal(session.robots[robot].draws["actuators.lag"], [motors["lag"]])
         assert "actuators.lag" in table_of(session)
         run(session, 0.2)
     assert len(strengths) == 9

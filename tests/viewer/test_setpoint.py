@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Params
-from ballbot_rs.viewer.robots import FALLEN_TILT
-from ballbot_rs.viewer.session import LIES_FOR, Session
+from ballbot_rs.viewer.session.robots import FALLEN_TILT
+from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.paths import ASSETS
 from tests.viewer.test_viewer_session import Linear, run
 
@@ -147,7 +147,7 @@ def test_one_robot_of_a_batch_starts_anew_and_the_others_go_on():
     session = Session("contact", num_robots=4)
     session.move_setpoint(1.0, 0.0)
     run(session, 0.5)
-    session.robots._robots[2].push([20.0, 0.0, 0.0])
+    session.robots[2].push([20.0, 0.0, 0.0])
     while not session.notices:
         session.step()
         assert session.time < 20.0

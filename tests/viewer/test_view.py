@@ -19,9 +19,9 @@ from PIL import Image  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
 
 from ballbot_rs import Params  # noqa: E402
-from ballbot_rs.viewer import shapes, urdf  # noqa: E402
-from ballbot_rs.viewer.plots import PLOTS  # noqa: E402
-from ballbot_rs.viewer.server import free_port  # noqa: E402
+from ballbot_rs.viewer.panels.plots import PLOTS  # noqa: E402
+from ballbot_rs.viewer.scene import robot  # noqa: E402
+from ballbot_rs.viewer.server.server import free_port  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
@@ -208,13 +208,13 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
 
 def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
     params = Params.paper()
-    described, made = urdf.from_urdf(params, *urdf.URDFS["paper"]), shapes.from_params(params)
+    described, made = robot.from_urdf(params, *robot.URDFS["paper"]), robot.from_params(params)
     for one, other in zip(described.wheels, made.wheels, strict=True):
         np.testing.assert_allclose(one.mount, other.mount, atol=1e-12)
         np.testing.assert_allclose(one.axle, other.axle, atol=1e-12)
         # Where the rim is nearest to the ball center, it touches the ball.
         for wheel in (one, other):
-            tyre = next(piece for piece in wheel.pieces if piece.color == shapes.TYRE)
+            tyre = next(piece for piece in wheel.pieces if piece.color == robot.TYRE)
             points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
             assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
     # Its own colors, one a material, and a mast that stands well above the wheels.
@@ -226,7 +226,7 @@ def test_uneven_wheels_are_shown_where_they_are():
     params = Params.paper().replace(wheel_azimuths=[0.3, 2.0, 4.0], wheel_zenith_offsets=[0.0, 0.15, -0.1])
     reach = params.ball_radius + params.wheel_radius
     for wheel, zenith, azimuth in zip(
-        shapes.from_params(params).wheels, params.wheel_zeniths, params.wheel_azimuths, strict=True
+        robot.from_params(params).wheels, params.wheel_zeniths, params.wheel_azimuths, strict=True
     ):
         sin, cos = np.sin(zenith), np.cos(zenith)
         contact = np.array([sin * np.cos(azimuth), sin * np.sin(azimuth), cos])
@@ -331,11 +331,12 @@ def test_choices_that_are_not_offered_are_refused(view):
 def test_a_viser_that_cannot_be_restricted_is_not_used(monkeypatch):
     import viser
 
-    from ballbot_rs.viewer.server import LocalServer
+    from ballbot_rs.viewer.server.server import LocalServer
+    from ballbot_rs.viewer.server.teleop import Teleop
 
     stopped = []
     monkeypatch.setattr(viser.ViserServer, "__init__", lambda *_, **__: None)
     monkeypatch.setattr(viser.ViserServer, "stop", lambda _: stopped.append(True))
     with pytest.raises(RuntimeError, match="it cannot be restricted"):
-        LocalServer(18770)
+        LocalServer(18770, Teleop(lambda _: True))
     assert stopped == [True]

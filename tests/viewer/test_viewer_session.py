@@ -10,11 +10,10 @@ import pytest
 
 from ballbot_rs import BalanceEnv, Ballbot, Lqr, Params, State
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.viewer.drivers import LawDriver, PolicyDriver
-from ballbot_rs.viewer.history import SERIES, SPAN
-from ballbot_rs.viewer.recording import CAPACITY, Recording
-from ballbot_rs.viewer.runner import MAX_COMMANDS, Runner
 from ballbot_rs.viewer.session import Session
+from ballbot_rs.viewer.session.drivers import LawDriver, PolicyDriver
+from ballbot_rs.viewer.session.recording import CAPACITY, SERIES, SPAN, Recording
+from ballbot_rs.viewer.session.runner import MAX_COMMANDS, Runner
 from tests.support.waiting import wait_until
 
 MODELS = ["planar", "spatial", "contact", "rigid"]
@@ -339,7 +338,7 @@ def test_history_holds_the_last_seconds_of_what_the_models_say():
     time_ = series[SERIES["time"]][0]
     assert time_[-1] - time_[0] == pytest.approx(SPAN, abs=0.05)
     assert np.all(np.diff(time_) > 0.0)
-    params = session.robots.params
+    params = session.robots.setup.nominal
     height = sum(math.cos(params.wheel_zenith) * load for load in series[SERIES["loads"]][:, -1])
     assert height == pytest.approx(params.body_mass * params.gravity, rel=1e-3)
     assert series[SERIES["utilization"]][:, -1].max() < 0.01
@@ -417,10 +416,10 @@ def test_a_command_that_fails_and_a_flood_of_commands_do_no_harm():
 def test_own_parameters_are_a_robot_beside_the_presets():
     params = Params.paper().replace(body_mass=3.0)
     session = Session(robot="mine", params=params)
-    assert session.robots.params == params
+    assert session.robots.setup.nominal == params
     assert session.robot_names == ["mine", *Params.preset_names()]
     session.choose(robot="paper")
     session.choose(robot="mine")
-    assert session.robots.params == params
+    assert session.robots.setup.nominal == params
     torques = Lqr(params, 0.01)(session.robots.states[0])
     assert np.array_equal(session.driver.torques(session.robots.states, (0.0, 0.0))[0], torques)

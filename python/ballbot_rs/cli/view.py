@@ -19,9 +19,7 @@ from ballbot_rs.cli import scenario
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.envs._batch_env import option_names
-from ballbot_rs.viewer.session import MAX_ROBOTS, Session
-from ballbot_rs.viewer.setup import DECIDED
-from ballbot_rs.viewer.watch import is_any_left
+from ballbot_rs.viewer.session import DECIDED, MAX_ROBOTS, Session, is_any_left
 
 if TYPE_CHECKING:
     from ballbot_rs.viewer.view import View

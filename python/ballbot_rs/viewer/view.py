@@ -1,14 +1,149 @@
-"""Session, runner, server and page put together."""
+"""The page in the browser: session, runner, server, scene and panels put together."""
 
+import functools
+import time
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
-from ballbot_rs.viewer import shapes, urdf
-from ballbot_rs.viewer.driving import Driving
-from ballbot_rs.viewer.page import Page
-from ballbot_rs.viewer.recording import Frame
-from ballbot_rs.viewer.runner import Command, Runner
-from ballbot_rs.viewer.server import HOST, LocalServer, free_port
-from ballbot_rs.viewer.session import Session
+import numpy as np
+import viser
+
+from ballbot_rs.viewer.panels.controls import add_button, on_client
+from ballbot_rs.viewer.panels.plots import Plots
+from ballbot_rs.viewer.panels.record import RecordPanel
+from ballbot_rs.viewer.panels.robot import ParameterPanel, RobotPanel, chosen
+from ballbot_rs.viewer.panels.run import RunPanel
+from ballbot_rs.viewer.panels.status import Status
+from ballbot_rs.viewer.scene.robot import URDFS, Look, from_params, from_urdf
+from ballbot_rs.viewer.scene.scene import Scene, frame_robots, screen_ray
+from ballbot_rs.viewer.server.server import HOST, LocalServer, free_port, unheard
+from ballbot_rs.viewer.server.teleop import Teleop
+from ballbot_rs.viewer.session.recording import Frame
+from ballbot_rs.viewer.session.runner import Command, Runner, Submit
+from ballbot_rs.viewer.session.session import Session
+
+#: Time between two updates of the numbers, and of the plots, s.
+STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
+
+#: Width of the panel, px.
+PANEL_WIDTH = 400
+
+#: Color of buttons and selections: white text on it has a contrast of 8.
+BRAND = (26, 76, 140)
+
+
+class Page:
+    """Controls and display of a session on a server.
+
+    Args:
+        server: shows it.
+        submit: puts a command into the queue; commands run in the thread that calls `show`.
+        session: only read here, before the runner starts.
+        look: makes a robot's look from its name.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, submit: Submit, session: Session, look: Callable[[str], Look]
+    ) -> None:
+        self._server, self._submit = server, submit
+        self._scene = Scene(server, look, self._dragged, self._floor_clicked)
+        self._next_status = self._next_plot = 0.0
+        self._last_choice: dict[str, str] = {}
+        self._framed = (session.robots.name, len(session.robots))
+        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BRAND)
+        # Next to the scene, so that no robot is behind it.
+        server.gui.main_panel.dock_right()
+        server.gui.main_panel.set_width(PANEL_WIDTH)
+        self._status = Status(server)
+        tabs = server.gui.add_tab_group()
+        with tabs.add_tab("Run"):
+            self.run = RunPanel(server, submit, session)
+        with tabs.add_tab("Robot"):
+            self.robot = RobotPanel(server, submit, session, self.run.task)
+        with tabs.add_tab("Parameters"):
+            self._parameters = ParameterPanel(server, submit, session)
+        with tabs.add_tab("Plots"):
+            self._plots = Plots(server)
+        with tabs.add_tab("Record"):
+            self._record = RecordPanel(server, submit)
+        with tabs.add_tab("View"):
+            self._add_display_options()
+        server.on_client_connect(self._frame)
+
+    def _add_display_options(self) -> None:
+        gui = self._server.gui
+        switches = (
+            ("follows", "Camera follows", "robot 0 stays in the middle"),
+            ("shows_trail", "Trail", "where the ball of robot 0 has been"),
+            ("shows_forces", "Forces", "on robot 0: loads blue, tractions green, force along the ground red"),
+            ("shows_shadow", "Shadow", "of the robots on the floor"),
+        )
+        for name, label, hint in switches:
+            box = gui.add_checkbox(label, getattr(self._scene, name), hint=hint)
+            box.on_update(on_client(self._submit, functools.partial(self._switch, name, box)))
+        add_button(gui, self._submit, "Look at all robots", lambda _: self._frame_all())
+
+    def _switch(self, name: str, box: viser.GuiCheckboxHandle) -> Command:
+        return lambda _: setattr(self._scene, name, box.value)
+
+    def _frame(self, client: viser.ClientHandle) -> None:
+        # The page may close in the meantime.
+        with unheard(client._websock_connection):
+            frame_robots(client, *self._scene.extent(*self._framed))
+
+    def _frame_all(self) -> None:
+        for client in self._server.get_clients().values():
+            self._frame(client)
+
+    def _floor_clicked(self, event: viser.SceneNodePointerEvent[Any]) -> None:
+        camera = event.client.camera
+        ray = screen_ray(camera.wxyz, camera.fov, camera.aspect, event.screen_pos)
+        goal = self._scene.point_at(camera.position, ray)
+        if not self.run.clicks.value or goal is None:
+            return
+        x, y = goal
+
+        def command(session: Session) -> None:
+            if session.takes_clicks:
+                session.move_setpoint(x, y)
+
+        self._submit(command)
+
+    def _dragged(self, event: viser.SceneNodeDragEvent[Any]) -> None:
+        """Pulls robot 0: dragging stretches a spring from its center of mass to the pointer."""
+        stretch = np.subtract(event.end_position, event.start_position)
+        ends = event.phase == "end"
+
+        def command(session: Session) -> None:
+            if ends:
+                session.pull(None)
+            elif session.replay_time is None:
+                session.pull(session.robots.com + stretch)
+
+        self._submit(command)
+
+    def show(self, session: Session, frame: Frame) -> None:
+        """Shows a frame; the numbers and plots less often."""
+        now = time.perf_counter()
+        with self._server.atomic():
+            self._scene.show(frame)
+            choice = chosen(session)
+            if choice != self._last_choice:
+                self._last_choice = choice
+                self.robot.correct(session)
+            shown = (frame.robot, len(frame.states))
+            if shown != self._framed:
+                self._framed = shown
+                self._frame_all()
+            if now >= self._next_status:
+                self._next_status = now + STATUS_PERIOD
+                self._status.show(session, frame)
+                for panel in (self.run, self.robot, self._parameters, self._record):
+                    panel.show(session)
+            if now >= self._next_plot and self._server.get_clients():
+                self._next_plot = now + PLOT_PERIOD
+                self._plots.show(session.history)
 
 
 class View:
@@ -27,29 +162,26 @@ class View:
     def __init__(self, session: Session, port: int = 8080, urdfs: dict[str, tuple[Path, Path]] | None = None) -> None:
         if not 1 <= port <= 65535:
             raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
-        self._urdfs = {**urdf.URDFS, **(urdfs or {})}
+        self._urdfs = {**URDFS, **(urdfs or {})}
         self._params = {name: session.params_of(name) for name in session.robot_names}
         # Invalid files are rejected here, not by the display thread.
         self._look(session.robots.name)
         self.runner = Runner(session, self._show)
-        self._driving = Driving(self._submit)
-        self.server = LocalServer(free_port(port), self._driving)
-        self._page = Page(self.server, self._submit, session, self._look)
+        self._teleop = Teleop(self.runner.submit)
+        self.server = LocalServer(free_port(port), self._teleop)
+        self._page = Page(self.server, self.runner.submit, session, self._look)
         self.runner.start()
 
-    def _submit(self, command: Command) -> bool:
-        return self.runner.submit(command)
-
     def _show(self, session: Session, frame: Frame) -> None:
-        self._driving.show(session)
+        self._teleop.show(session)
         self._page.show(session, frame)
 
-    def _look(self, name: str) -> shapes.Look:
+    def _look(self, name: str) -> Look:
         params = self._params[name]
         files = self._urdfs.get(name)
         if files is None or not all(path.is_file() for path in files):
-            return shapes.from_params(params)
-        return urdf.from_urdf(params, *files)
+            return from_params(params)
+        return from_urdf(params, *files)
 
     @property
     def url(self) -> str:

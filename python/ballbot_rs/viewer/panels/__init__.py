@@ -1,0 +1,1 @@
+"""The controls of the page, a module for each tab, and its numbers."""

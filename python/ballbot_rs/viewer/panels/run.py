@@ -1,0 +1,132 @@
+"""The tab Run: time, setpoints, pushes, and how to command a task by hand."""
+
+import math
+from typing import Any
+
+import viser
+
+from ballbot_rs._core import TASKS
+from ballbot_rs.viewer.panels.controls import add_button, add_note, bound, on_client, put
+from ballbot_rs.viewer.server.teleop import HOLD
+from ballbot_rs.viewer.session.commands import ACCELERATION, CLICKED, DRIVEN, Commanding
+from ballbot_rs.viewer.session.runner import Command, Submit
+from ballbot_rs.viewer.session.session import MAX_SPEED, MIN_SPEED, Session
+
+#: Buttons.
+PAUSE, CONTINUE, STEP, RESET = "Pause", "Continue", "Step", "Reset"
+CIRCLE, EIGHT, ORIGIN = "Circle", "Figure eight", "Origin"
+
+
+class RunPanel:
+    """Controls of the simulation.
+
+    Args:
+        server: shows them.
+        submit: puts a command into the queue.
+        session: only read here, before the runner starts.
+    """
+
+    def __init__(self, server: viser.ViserServer, submit: Submit, session: Session) -> None:
+        self._gui, self._submit = server.gui, submit
+        self.task = server.gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
+        self._add_time(session)
+        server.gui.add_divider()
+        self._help = server.gui.add_markdown("")
+        self._sample = add_button(
+            server.gui,
+            submit,
+            "New command of the task",
+            Session.sample_commands,
+            hint="the task draws the commands again, from where the robots are",
+        )
+        self._add_routes()
+        server.gui.add_divider()
+        self._add_push()
+
+    def _add_time(self, session: Session) -> None:
+        gui, submit = self._gui, self._submit
+        self._time = gui.add_button_group("Time", (PAUSE, STEP, RESET), hint="Step: pauses, then one control step")
+        self._time.on_click(on_client(submit, self._of_time))
+        speed = self._speed = gui.add_slider(
+            "Speed (×)", min=MIN_SPEED, max=MAX_SPEED, step=0.01, initial_value=1.0, hint="1: real time; above: fast"
+        )
+        self._shown_speed = session.speed
+        speed.on_update(on_client(submit, lambda: bound(Session.set_speed, speed.value)))
+        degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
+        self._tilts = [
+            gui.add_slider(
+                f"Tilt {axis} (deg)", min=-20.0, max=20.0, step=0.5, initial_value=value, hint="from the next reset on"
+            )
+            for axis, value in zip("xy", degrees, strict=True)
+        ]
+
+    def _of_time(self) -> Command:
+        if self._time.value == STEP:
+            return _single_step
+        if self._time.value == RESET:
+            return bound(Session.reset, [math.radians(slider.value) for slider in self._tilts])
+        return bound(_set_paused, self._time.value == PAUSE)
+
+    def _add_routes(self) -> None:
+        gui, submit = self._gui, self._submit
+        self._routes = gui.add_button_group("Go along", (CIRCLE, EIGHT, ORIGIN), hint="the setpoint moves there")
+        self._routes.on_click(on_client(submit, self._of_routes))
+        self.clicks = gui.add_checkbox("Click to go", True, hint="a click on the floor is the setpoint, or the goal")
+
+    def _of_routes(self) -> Command:
+        if self._routes.value == ORIGIN:
+            return bound(Session.move_setpoint, 0.0, 0.0)
+        return bound(Session.follow, "circle" if self._routes.value == CIRCLE else "eight")
+
+    def _add_push(self) -> None:
+        gui = self._gui
+        azimuth = gui.add_slider(
+            "Azimuth (deg)", min=0, max=355, step=5, initial_value=0, hint="of the push, from x, seen from above"
+        )
+        impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
+        push = gui.add_button("Push")
+        push.on_click(on_client(self._submit, lambda: bound(Session.push, math.radians(azimuth.value), impulse.value)))
+        add_note(gui, "Drag the robot with the mouse to pull it.")
+
+    def show(self, session: Session) -> None:
+        """Shows the state of the session."""
+        put(self._time, options=(CONTINUE if session.paused else PAUSE, STEP, RESET))
+        put(self.task, value=session.task)
+        if session.speed != self._shown_speed:
+            self._shown_speed = session.speed
+            put(self._speed, value=session.speed)
+        commanding = session.commanding
+        text = "" if commanding is None else help_of(commanding)
+        put(self._help, visible=bool(text), content=text)
+        put(self._sample, visible=commanding is not None and bool(TASKS[session.task]["command"]))
+        # A route belongs to the task balance, a goal may be clicked.
+        routes = (CIRCLE, EIGHT, ORIGIN) if commanding is None else (ORIGIN,)
+        put(self._routes, visible=session.takes_clicks, options=routes)
+        put(self.clicks, visible=session.takes_clicks)
+
+
+def help_of(commanding: Commanding) -> str:
+    """How to command a task by hand, and the limits of its commands."""
+    if commanding.geometry == DRIVEN:
+        turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
+        limits = f"{commanding.max_speed:g} m/s and {turns}"
+        return (
+            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
+            f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
+            f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
+        )
+    if commanding.geometry == CLICKED:
+        return (
+            f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
+            "draws; a farther click is brought nearer."
+        )
+    return ""
+
+
+def _set_paused(session: Session, value: Any) -> None:
+    session.paused = bool(value)
+
+
+def _single_step(session: Session) -> None:
+    session.paused = True
+    session.step()
