@@ -363,11 +363,11 @@ def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
         page = ["--seconds", 0.1, "--no-open", "--port", 18765]
         code, _, err = run(capsys, "view", *given, "--seed", seed, *page)
         assert (code, err) == (0, "")
-    drawn = [[one.robots.params_of(robot).body_mass for robot in range(2)] for one in sessions]
+    drawn = [[one.robots[robot].params.body_mass for robot in range(2)] for one in sessions]
     assert drawn[0] == drawn[1]
     assert drawn[0][1] == drawn[2][0]
     assert all(2.5 <= mass <= 2.6 for masses in drawn for mass in masses)
-    assert sessions[0].robots.motors_of(1) == {"delay": 0.004}
+    assert sessions[0].robots[1].motors == {"delay": 0.004}
 
 
 def test_the_table_fits_100_columns(capsys, tiny_run):

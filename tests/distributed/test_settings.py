@@ -113,7 +113,7 @@ def test_an_address_where_nothing_listens_is_refused_at_once():
     [
         (["--workers", "2"], "--workers 2 requires --on ray"),
         (["--ray-address", "here:1"], "--ray-address here:1 requires --on ray"),
-        (["--on", "ray", "--ray-address", "here"], "--ray-address here is no address"),
+        (["--on", "ray", "--ray-address", "here"], "--ray-address here is not an address"),
     ],
 )
 def test_the_command_refuses_what_has_no_place(given, message, capsys, tmp_path, monkeypatch):

@@ -106,7 +106,7 @@ def edited(source, target, edit):
         ),
         (lambda f: f.update({PREFIX + "observation": '["tilt"]'}), r"observation is \['tilt'\], expected"),
         (lambda f: f.pop(PREFIX + "env_options"), "does not name its env_options"),
-        (lambda f: f.update({PREFIX + "env_options": "[1]"}), r"env_options is \[1\], which is no dict"),
+        (lambda f: f.update({PREFIX + "env_options": "[1]"}), r"env_options is \[1\], not a dict"),
         (lambda f: f.update({PREFIX + "control_dt": "fast"}), "does not name its control_dt"),
         (lambda f: f.clear(), "does not name its env_id"),
     ],

@@ -199,7 +199,7 @@ class TestMistakes:
             ("[teacher]\nrounds = 3", r"\[teacher\]: it has no controller, expected one of lqr, "),
             ("[teacher]\nlaw = 'lqr'", r"\[teacher\]: unknown key 'law': expected one of controller, options, "),
             ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is not a controller: expected one of lqr, "),
-            ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is no law"),
+            ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is not a controller"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),
             ("[teacher]\ncontroller = 'lqr'\nsteps = 1.5", "teacher.steps = 1.5 is out of range"),
