@@ -9,6 +9,7 @@ import numpy.typing as npt
 from typing_extensions import Self, Unpack, disjoint_base
 
 from ballbot_rs.envs.options import Actuators, Sensors, TaskOptions
+from ballbot_rs.envs.own.stage import Stage
 
 __all__ = [
     "ACTUATORS",
@@ -1212,6 +1213,7 @@ class Batch:
         autoreset: "same_step", "next_step" or "disabled": when an environment is reset after its episode has ended.
         num_threads: threads that step the robots, at most 256; None takes all cores.
         seed: seed of the first environment.
+        stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
             None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
@@ -1234,6 +1236,7 @@ class Batch:
         autoreset: Literal["same_step", "next_step", "disabled"] | str = "same_step",
         num_threads: int | None = None,
         seed: int = 0,
+        stage: Stage | None = None,
         **options: Unpack[TaskOptions],
     ) -> Self: ...
     @property
@@ -1242,6 +1245,15 @@ class Batch:
     @property
     def num_threads(self) -> int:
         """Number of threads that step the environments."""
+    @property
+    def stage(self) -> Stage | None:
+        """The object that the keyword argument `stage` was; None without it."""
+    @property
+    def terminations(self) -> list[str]:
+        """Names of the reasons for termination: of the task, then of the stage."""
+    @property
+    def observation_bounds(self) -> npt.NDArray[np.float32]:
+        """Bound of the magnitude of each row of an observation, shape (rows,), float32."""
     @property
     def task(self) -> str:
         """Name of the task."""

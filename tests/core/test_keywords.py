@@ -16,6 +16,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs._core import ACTUATOR_OPTIONS, CONTROLLERS, SENSOR_OPTIONS, TASKS
+from ballbot_rs.envs.own.stage import Stage
 from tests.support.keywords import PAPER, START, Refused, Same, With, changes
 from tests.support.paths import ASSETS
 
@@ -559,7 +560,14 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "Batch": (
         lambda num_envs=2, task="balance", **given: episodes_of(num_envs, task, **given),
         {},
-        {"num_envs": 3, "task": "velocity", "autoreset": "next_step", "num_threads": Same(2), "seed": 4},
+        {
+            "num_envs": 3,
+            "task": "velocity",
+            "autoreset": "next_step",
+            "num_threads": Same(2),
+            "seed": 4,
+            "stage": Stage(bb.Batch(1), 2, functions={"reward": {"heading": lambda robots: robots.yaw}}),
+        },
     ),
     "Reference.hold": (bb.Reference.hold, {"position": (0.1, 0.0)}, {"position": (0.2, 0.0)}),
     "Reference.line": (

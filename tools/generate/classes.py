@@ -39,7 +39,8 @@ def options() -> str:
         "from collections.abc import Mapping, Sequence\nfrom os import PathLike",
         "from typing import TYPE_CHECKING, Any, Literal\n",
         "import numpy.typing as npt\nfrom typing_extensions import TypedDict\n",
-        "if TYPE_CHECKING:\n    from ballbot_rs._core import Params, Terrain\n",
+        "if TYPE_CHECKING:\n    from ballbot_rs._core import Params, Terrain",
+        "    from ballbot_rs.envs.own.stage import Function\n",
         f"Model = Literal[{_names(MODELS)}]",
         f"Observed = Literal[{_names(OBSERVATIONS)}]\n\n",
         _options_of("Actuators", "motors; docs/actuators.md", ACTUATOR_OPTIONS),
@@ -78,7 +79,7 @@ def _options_of(name: str, what: str, options: Iterable[Any]) -> str:
 
 
 def _quoted(kind: str) -> str:
-    return f'"{kind}"' if "Params" in kind or "Terrain" in kind else kind
+    return f'"{kind}"' if any(name in kind for name in ("Params", "Terrain", "Function")) else kind
 
 
 def tasks() -> str:

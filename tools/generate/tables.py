@@ -46,7 +46,13 @@ COMMON = (
     ("history", "int", "", ">= 1 and <= 1000", "Number of the last observations that are given together."),
     ("scale_observations", "bool", "", "",
      f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
-    ("reward", "Mapping[str, float]", "", "finite", "Scales of reward terms, by name."),
+    ("reward", "Mapping[str, float | Function | str]", "",
+     "finite scales, functions, or their names as module:function",
+     "Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md."),
+    ("rows", "Mapping[str, Function | str] | None", "", "functions, or their names as module:function",
+     "Functions of further rows of the observation, by name; docs/own_tasks.md."),
+    ("terminations", "Mapping[str, Function | str] | None", "", "functions, or their names as module:function",
+     "Functions of further reasons for termination, by name; docs/own_tasks.md."),
     ("events", "str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None", "",
      f"{', '.join(EVENT_SETS)}, FILE.toml, or a list of dicts",
      "Random properties of the robots, and pushes; `docs/randomization.md`."),
@@ -73,7 +79,7 @@ def class_name(task: str) -> str:
 def option_rows(task: str) -> list[list[str]]:
     """Name, unit, default, limit and meaning of every option of a task."""
     defaults = Batch(1, task, num_threads=1).options | {"params": ROBOTS[0], "model": Batch(1, task).model}
-    defaults |= {"max_wheel_torque": None, "reward": "see above", "events": None}
+    defaults |= {"max_wheel_torque": None, "reward": "see above", "events": None, "rows": None, "terminations": None}
     rows = []
     for name, _, unit, limit, doc in COMMON:
         default = defaults[name]

@@ -15,12 +15,13 @@ use crate::perception::{missing, perceived};
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets, record_names};
 use crate::sensors::readings;
 use crate::signals::interruptible;
+use crate::stage::PyStage;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::PyTerrain;
 use ballbot_core::batch::{Autoreset, Batch, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
-use ballbot_core::task::ACTION_LEN;
+use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
 use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::intern;
@@ -39,6 +40,7 @@ use std::sync::Arc;
 ///     autoreset: "same_step", "next_step" or "disabled": when an environment is reset after its episode has ended.
 ///     num_threads: threads that step the robots, at most 256; None takes all cores.
 ///     seed: seed of the first environment.
+///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
 ///         None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
@@ -55,6 +57,7 @@ use std::sync::Arc;
 pub(crate) struct PyBatch {
     inner: Exclusive<Inner>,
     options: Py<PyDict>,
+    stage: Option<Arc<PyStage>>,
 }
 
 /// State that only one thread at a time may change.
@@ -157,16 +160,25 @@ impl PyBatch {
                 final_observations,
                 outcomes,
             };
-            step(batch, values, &mut buffers)?;
+            self.or_raised(step(batch, values, &mut buffers))?;
         }
         Ok((observations, rewards, terminated, truncated))
+    }
+
+    /// A result, with the exception of the stage in place of the error that it caused.
+    fn or_raised<T>(&self, result: PyResult<T>) -> PyResult<T> {
+        result.map_err(|error| match &self.stage {
+            Some(stage) => stage.error(error),
+            None => error,
+        })
     }
 }
 
 #[pymethods]
 impl PyBatch {
     #[new]
-    #[pyo3(signature = (num_envs, task="balance", *, autoreset="same_step", num_threads=None, seed=0, **options))]
+    #[pyo3(signature = (num_envs, task="balance", *, autoreset="same_step", num_threads=None, seed=0, stage=None, **options))]
+    #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         py: Python<'_>,
         #[pyo3(from_py_with = whole)] num_envs: i64,
@@ -174,6 +186,7 @@ impl PyBatch {
         autoreset: &str,
         #[pyo3(from_py_with = optional_whole)] num_threads: Option<i64>,
         #[pyo3(from_py_with = seed)] seed: u64,
+        stage: Option<&Bound<'_, PyAny>>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let num_envs = count("num_envs", num_envs, 1)?;
@@ -182,6 +195,8 @@ impl PyBatch {
         for (name, value) in options.into_iter().flatten() {
             configure(config.as_mut(), &name.extract::<String>()?, &value)?;
         }
+        let stage = stage.map(PyStage::new).transpose()?;
+        config.set_stage(stage.as_ref().map(PyStage::shared));
         let autoreset: Autoreset = autoreset.parse().map_err(to_python)?;
         let (config, batch) = interruptible(py, move || {
             let batch = config.batch(num_envs, autoreset, num_threads, seed)?;
@@ -195,11 +210,14 @@ impl PyBatch {
             infos: StepInfos::default(),
             batch,
         };
-        Ok(Self { inner: Exclusive::new("environment", inner), options })
+        Ok(Self { inner: Exclusive::new("environment", inner), options, stage })
     }
 
     fn __traverse__(&self, visit: PyVisit<'_>) -> Result<(), PyTraverseError> {
         visit.call(&self.options)?;
+        if let Some(stage) = &self.stage {
+            stage.traverse(&visit)?;
+        }
         // An environment in use is not garbage.
         self.inner.read().map_or(Ok(()), |inner| inner.infos.traverse(&visit))
     }
@@ -310,6 +328,27 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.scale_observations())
     }
 
+    /// Bound of the magnitude of each row of an observation, shape (rows,), float32.
+    #[getter]
+    fn observation_bounds<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py, f32>> {
+        let inner = self.inner.read()?;
+        let scaled = inner.batch.scale_observations();
+        let bound = |row: &Row| if scaled { SCALED_BOUND } else { row.bound };
+        Ok(PyArray1::from_iter(py, inner.batch.task().rows.iter().map(bound)))
+    }
+
+    /// The object that the keyword argument `stage` was; None without it.
+    #[getter]
+    fn stage(&self, py: Python<'_>) -> Option<Py<PyAny>> {
+        self.stage.as_ref().map(|stage| stage.object(py))
+    }
+
+    /// Names of the reasons for termination: of the task, then of the stage.
+    #[getter]
+    fn terminations(&self) -> PyResult<Vec<&'static str>> {
+        Ok(self.inner.read()?.batch.task().terminations.iter().map(|(name, _)| *name).collect())
+    }
+
     /// Begins episodes and returns the observations of all environments, shape (num_envs, observation_len), float32.
     ///
     /// Everything is checked before anything changes.
@@ -338,7 +377,7 @@ impl PyBatch {
         let observations = PyArray2::zeros(py, [batch.len(), batch.observation_len()], false);
         let mut writable = observations.readwrite();
         let rows = writable.as_slice_mut()?;
-        interruptible(py, || batch.reset_with(&request, rows))?;
+        self.or_raised(interruptible(py, || batch.reset_with(&request, rows)))?;
         drop(writable);
         for (i, outcome) in outcomes.iter_mut().enumerate() {
             if request.mask.is_none_or(|mask| mask[i]) {
@@ -599,11 +638,12 @@ impl PyBatch {
         let batch = &mut self.inner.write()?.batch;
         let (n, width) = (batch.len(), batch.privileged_observation_len());
         let Some(index) = index else {
-            let read = |i, row: &mut [f32]| batch.privileged_observation(i, row).map_err(to_python);
-            return Ok(rows(py, n, width, read)?.into_any());
+            let array = rows(py, n, width, |_, _: &mut [f32]| Ok(()))?;
+            self.or_raised(batch.privileged_observations(array.readwrite().as_slice_mut()?).map_err(to_python))?;
+            return Ok(array.into_any());
         };
         let mut row = vec![0.0; width];
-        batch.privileged_observation(index, &mut row).map_err(to_python)?;
+        self.or_raised(batch.privileged_observation(index, &mut row).map_err(to_python))?;
         Ok(PyArray1::from_vec(py, row).into_any())
     }
 
@@ -963,7 +1003,8 @@ impl PyBatch {
                 .map(|()| start_time)
                 .map_err(to_python)?,
         };
-        Stepped { batch, outcomes, final_observations }.rollout(py, &closed_loop, steps, &record)
+        let result = Stepped { batch, outcomes, final_observations }.rollout(py, &closed_loop, steps, &record);
+        self.or_raised(result)
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

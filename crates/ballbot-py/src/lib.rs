@@ -25,6 +25,7 @@ mod rollout;
 mod sensors;
 mod short;
 mod signals;
+mod stage;
 mod state;
 mod tasks;
 mod terrain;

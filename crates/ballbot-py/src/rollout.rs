@@ -319,8 +319,8 @@ impl Stepped<'_> {
         let mut actions = vec![0.0; n * ACTION_LEN];
         let mut observations = vec![0.0; n * width];
         let (mut rewards, mut terminated, mut truncated) = (vec![0.0; n], vec![false; n], vec![false; n]);
-        for (i, row) in observations.chunks_exact_mut(width).enumerate() {
-            self.batch.observation(i, row).map_err(to_python)?;
+        for i in 0..n {
+            self.batch.observation(i, &mut observations[i * width..][..width]).map_err(to_python)?;
         }
         let mut moving = match closed_loop.targets {
             Targets::References(_) => vec![Setpoint::default(); n],

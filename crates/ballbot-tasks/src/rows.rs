@@ -133,18 +133,31 @@ pub struct WriteRows<'a, L: Lane> {
     pub next: usize,
 }
 
-impl<L: Lane> Rows<L> for WriteRows<'_, L> {
+impl<L: Lane> WriteRows<'_, L> {
+    /// Writes one row; `scaling` is the value at rest and the gain.
     #[inline(always)]
-    fn row(&mut self, row: Row, value: L) {
+    pub fn write(row: Row, value: L, scaling: Option<(f64, f64)>, cell: &mut L::Cell) {
         let zero = value.zero();
         let bound = value.splat(f64::from(row.bound));
         let number = value.le(value);
         let mut value = L::select(number, value.min(bound).max(-bound), zero);
-        if let Some(scaling) = self.scaling {
+        if let Some((rest, gain)) = scaling {
             let bound = value.splat(f64::from(SCALED_BOUND));
-            value = ((value - scaling.rest[self.next]) * scaling.gain[self.next]).min(bound).max(-bound);
+            value = ((value - rest) * gain).min(bound).max(-bound);
         }
-        value.store(&mut self.cells[self.next]);
+        value.store(cell);
+    }
+}
+
+impl<L: Lane> Rows<L> for WriteRows<'_, L> {
+    #[inline(always)]
+    fn row(&mut self, row: Row, value: L) {
+        // Not by `map`, whose closure may not be inlined.
+        let scaling = match self.scaling {
+            Some(scaling) => Some((scaling.rest[self.next], scaling.gain[self.next])),
+            None => None,
+        };
+        Self::write(row, value, scaling, &mut self.cells[self.next]);
         self.next += 1;
     }
 }

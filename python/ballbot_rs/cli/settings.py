@@ -9,6 +9,7 @@ from typing import Any, Final
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import Params, load_actuators, load_sensors
 from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
 FLAG: Final = "--set"
@@ -54,7 +55,7 @@ _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
     "terrain": lambda terrain: {"kind": terrain} if isinstance(terrain, str) else dict(terrain or {}),
     "scan": lambda scan: dict(scan or {}),
     "depth": lambda depth: dict(depth or {}),
-    "reward": lambda scales: dict(scales or {}),
+    **{option: lambda functions: dict(functions or {}) for option in FUNCTION_OPTIONS},
 }
 
 

@@ -1,11 +1,13 @@
 """The training environment as policy files describe it."""
 
+import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.own.stage import split
 from ballbot_rs.envs.registration import description_of, env_id_of, task_of
 
 #: Options of policies from before 0.2.0: these had no scaling, and this torque per unit of action.
@@ -58,6 +60,12 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
         value = options.get(name)
         if isinstance(value, str) and value not in known:
             raise ValueError(f"{name} = {value!r}: a policy file has one of {', '.join(known)}, or all numbers")
+    for option, functions in split(options)[1].items():
+        for of, name in functions.items():
+            module = str(name).partition(":")[0]
+            if module not in sys.modules:
+                # A file must not import what its reader does not know.
+                raise ValueError(f"{option}.{of} = {name!r}: import {module} before the policy is loaded")
     before = {} if "scale_observations" in options else BEFORE_SCALING
     # Where Gymnasium, not the environment, ended the episodes, the task's number of steps holds.
     given = {**before, **{name: value for name, value in options.items() if value is not None}}

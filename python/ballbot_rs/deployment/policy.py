@@ -38,9 +38,9 @@ def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
     file = Path(fspath(path))
     policy = OnnxPolicy(file, task)
     options = policy.env_options
-    for instrument in ("scan", "depth"):
-        if options[instrument] is not None:
-            raise ValueError(f"{file}: a policy with {instrument} is not written as C: it has no {instrument}")
+    for part in ("scan", "depth", "rows"):
+        if options.get(part) is not None:
+            raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
     rows = [dict(row) for row in TASKS[policy.task]["observation"]]
     try:
         weights, act = network(file.read_bytes(), len(rows) * options["history"])

@@ -10,7 +10,6 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import Batch, Params, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
-from ballbot_rs.envs.own.batch import OwnBatch
 
 Array = npt.NDArray[np.float64]
 
@@ -124,9 +123,6 @@ def in_engine(batch: Batch, engine: str) -> Batch:
 
     Raises as `EngineBatch`.
     """
-    if isinstance(batch, OwnBatch):
-        batch.replace_robots(lambda robots: EngineBatch(robots, engine))
-        return batch
     return cast("Batch", EngineBatch(batch, engine))
 
 

@@ -3,7 +3,7 @@
 import functools
 import secrets
 from collections.abc import Iterable, Mapping
-from typing import Any, cast
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +12,8 @@ from ballbot_rs._checks import check_count, check_options, check_seed, real_arra
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own import registry
-from ballbot_rs.envs.own.batch import BARE, NO_TIME_LIMIT, OwnBatch
+from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
+from ballbot_rs.envs.own.task import BARE, NO_TIME_LIMIT, Task
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, name_of
 
 
@@ -24,38 +25,49 @@ def new_batch(
     num_threads: int | None = None,
     seed: int = 0,
     options: Mapping[str, Any] | None = None,
+    stage: Stage | None = None,
 ) -> Batch:
-    """A batch of a task.
+    """A batch of a task of the core or in Python.
 
-    `params` may also be a dict of parameters, and `max_episode_steps` None.
+    Args:
+        num_envs: as for `Batch`, as `autoreset`, `num_threads` and `seed`.
+        task: its name.
+        autoreset: see above.
+        num_threads: see above.
+        seed: see above.
+        options: of its environments. `params` may also be a dict of parameters, `max_episode_steps` None, and the
+            values of `FUNCTION_OPTIONS` functions.
+        stage: the stage of a batch with the same task and options; None makes a new stage.
     """
     env_id_of(task)
-    if (own := registry.find(task)) is not None:
-        # It has the interface of a `Batch`.
-        made = new_own_batch(own, num_envs, task, autoreset, num_threads, seed, options or {})
-        return cast("Batch", made)
-    options = dict(options or {})
-    if options:
-        check_options(f"the environment of {task}", options, option_names(task))
-    options = _plain(options)
-    return Batch(num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, **options)
+    own = registry.find(task)
+    given = dict(options or {}) if own is None else {**own.options, **(options or {})}
+    if given:
+        check_options(f"the environment of {task}", given, option_names(task))
+    given, functions = split(given)
+    arguments = {} if own is None else {name: given.pop(name) for name in own.parameters() if name in given}
+    made = None if own is None else own.made_by(**arguments)
+    core = _plain(given) if made is None else _of_own_task(made, _plain(given))
+    name = task if made is None else BARE
+    if stage is None and (made is not None or functions):
+        stage = Stage(
+            Batch(1, name, num_threads=1, **core),
+            num_envs,
+            task=made,
+            name=None if made is None else task,
+            options=arguments,
+            functions=functions,
+        )
+    return Batch(num_envs, name, autoreset=autoreset, num_threads=num_threads, seed=seed, stage=stage, **core)
 
 
-def new_own_batch(
-    own: registry.Registered,
-    num_envs: int,
-    task: str,
-    autoreset: str = "disabled",
-    num_threads: int | None = 1,
-    seed: int = 0,
-    options: Mapping[str, Any] | None = None,
-) -> OwnBatch:
-    """A batch of a task in Python."""
-    given = {**own.options, **(options or {})}
-    check_options(f"the environment of {task}", given, (*options_of_own_tasks(), *own.parameters()))
-    return registry.new_batch(
-        own, num_envs, task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=_plain(given)
-    )
+def _of_own_task(made: Task, options: dict[str, Any]) -> dict[str, Any]:
+    """Options for the core of a task in Python."""
+    steps = NO_TIME_LIMIT if made.max_episode_steps is None else made.max_episode_steps
+    options = {"max_episode_steps": steps, "scale_observations": False, **options}
+    if options.pop("fall_tilt", None) not in (None, Batch(1, BARE, num_threads=1).options["fall_tilt"]):
+        raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python defines a fall")
+    return options
 
 
 def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -81,7 +93,7 @@ def options_of_own_tasks() -> tuple[str, ...]:
 
 @functools.cache
 def _option_names(task: str) -> tuple[str, ...]:
-    return ("params", "model", *Batch(1, task, num_threads=1).options)
+    return tuple(dict.fromkeys(("params", "model", *Batch(1, task, num_threads=1).options, *FUNCTION_OPTIONS)))
 
 
 def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -92,7 +104,7 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     if "params" in given:
         params = given["params"]
         options["params"] = params.to_dict() if isinstance(params, Params) else params
-    return options
+    return options if batch.stage is None else batch.stage.options(options)
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -352,15 +364,15 @@ class BatchEnv(SharedAttributes):
         batch = state.pop("_batch")
         state.pop("_renderer", None)
         state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
-        state["_memory"] = batch.memory() if isinstance(batch, OwnBatch) else None
+        state["_stage"] = batch.stage
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        snapshots, memory = state.pop("_snapshots"), state.pop("_memory")
+        snapshots, stage = state.pop("_snapshots"), state.pop("_stage")
         self.__dict__.update(state)
         num_envs, task, autoreset, num_threads, options = self._batch_arguments
-        self._batch = new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, options=options)
-        if isinstance(self._batch, OwnBatch):
-            self._batch.remember(memory)
+        self._batch = new_batch(
+            num_envs, task=task, autoreset=autoreset, num_threads=num_threads, options=options, stage=stage
+        )
         for i, snapshot in enumerate(snapshots):
             self._batch.restore(i, snapshot)

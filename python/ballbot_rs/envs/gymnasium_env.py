@@ -9,7 +9,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_reset_options, check_seed
 from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of, termination_names
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 
@@ -58,7 +58,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
         self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
         rate = round(1.0 / self.control_dt)
-        self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": termination_names(self.task)}
+        self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": ["none", *self._batch.terminations]}
 
     def _hint(self, name: str) -> str:
         if name in ("num_envs", "num_threads", "autoreset", "autoreset_mode"):

@@ -12,6 +12,7 @@ from typing_extensions import TypedDict
 
 if TYPE_CHECKING:
     from ballbot_rs._core import Params, Terrain
+    from ballbot_rs.envs.own.stage import Function
 
 Model = Literal["planar", "spatial", "contact", "rigid"]
 Observed = Literal["ground_truth", "sensors"]
@@ -182,8 +183,15 @@ class CommonOptions(TypedDict, total=False):
     history: int
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
-    #: Scales of reward terms, by name. (finite)
-    reward: Mapping[str, float]
+    #: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (finite scales,
+    #: functions, or their names as module:function)
+    reward: "Mapping[str, float | Function | str]"
+    #: Functions of further rows of the observation, by name; docs/own_tasks.md. (functions, or their names as
+    #: module:function)
+    rows: "Mapping[str, Function | str] | None"
+    #: Functions of further reasons for termination, by name; docs/own_tasks.md. (functions, or their names as
+    #: module:function)
+    terminations: "Mapping[str, Function | str] | None"
     #: Random properties of the robots, and pushes; `docs/randomization.md`. (mild, hard, FILE.toml, or a list of dicts)
     events: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
 

@@ -49,11 +49,11 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
         ValueError: the id belongs to a task of the core, or Gymnasium does not accept it; an argument of the
             constructor of `task` has the name of an option of environments.
     """
-    from ballbot_rs.envs._batch_env import new_own_batch, options_of_own_tasks
+    from ballbot_rs.envs._batch_env import new_batch, options_of_own_tasks
 
     before, spec = registry.find(env_id), gymnasium.registry.get(env_id)
     try:
-        registry.add(env_id, task, options, options_of_own_tasks(), lambda found: new_own_batch(found, 1, env_id))
+        registry.add(env_id, task, options, options_of_own_tasks(), lambda: new_batch(1, task=env_id, num_threads=1))
         gymnasium.registry.pop(env_id, None)
         _register(env_id, env_id, registry.description_of(env_id))
     except BaseException as error:
@@ -74,11 +74,6 @@ def geometry_of(task: str) -> str | None:
     """What the command of a task is in space: "velocity", "point" or "curve"; "impulse" for pushes; None otherwise."""
     geometry: str | None = description_of(task)["geometry"]
     return geometry
-
-
-def termination_names(task: str) -> list[str]:
-    """Names for the numbers of `termination` in infos; the first is "none"."""
-    return ["none", *(name for name, _ in description_of(task)["terminations"])]
 
 
 def class_of(task: str, front_end: str) -> type[Any] | None:

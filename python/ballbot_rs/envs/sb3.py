@@ -22,7 +22,7 @@ from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, OneRobot, fixed_opt
 from ballbot_rs.envs._render import Rendered
 from ballbot_rs.envs._sb3_functions import Episodes, Functions, Made
 from ballbot_rs.envs.options import TaskOptions
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, termination_names
+from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, observation_space_of
 
 
@@ -198,7 +198,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         super().__init__(num_envs, observation_space_of(self._batch), action_space())
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = round(1.0 / self.control_dt)
-        metadata["terminations"] = termination_names(self.task)
+        metadata["terminations"] = ["none", *self._batch.terminations]
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins episodes in all environments, with the seeds and options set since the last reset.

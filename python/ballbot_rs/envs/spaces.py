@@ -9,7 +9,6 @@ import numpy.typing as npt
 from gymnasium import spaces
 
 from ballbot_rs._core import DEPTH_OPTIONS, SCALED_BOUND, SCAN_OPTIONS, TASKS, Batch
-from ballbot_rs.envs.own.batch import OwnBatch
 from ballbot_rs.envs.registration import description_of
 
 FloatArray = npt.NDArray[np.float32]
@@ -21,21 +20,26 @@ SCAN_BOUND: Final = 1.0
 def observation_space(task: str, options: Mapping[str, Any] | None = None) -> spaces.Space[FloatArray]:
     """Space of one observation of a task: float32, finite bounds; `options` are the options of its environments."""
     options = options or {}
-    # Tasks in Python scale by themselves.
-    scaled = options.get("scale_observations", True) and task in TASKS
+    if task not in TASKS or options.get("rows"):
+        from ballbot_rs.envs._batch_env import new_batch
+
+        return observation_space_of(new_batch(1, task=task, num_threads=1, options=options))
+    scaled = options.get("scale_observations", True)
     bounds = [SCALED_BOUND if scaled else row["bound"] for row in description_of(task)["observation"]]
-    state = np.array(bounds * options.get("history", 1), dtype=np.float32)
-    (scan_low, scan_high), (near, far) = _perceived(options, scaled)
-    low = np.concatenate((-state, scan_low, near))
-    high = np.concatenate((state, scan_high, far))
-    return cast("spaces.Space[FloatArray]", spaces.Box(low, high, dtype=np.float32))
+    return _space(np.array(bounds, dtype=np.float32), options, scaled)
 
 
 def observation_space_of(batch: Batch) -> spaces.Space[FloatArray]:
     """Space of one observation of a batch."""
-    if isinstance(batch, OwnBatch):
-        return cast("spaces.Space[FloatArray]", spaces.Box(-batch.bound, batch.bound, dtype=np.float32))
-    return observation_space(batch.task, batch.options)
+    return _space(batch.observation_bounds, batch.options, batch.scale_observations)
+
+
+def _space(bounds: FloatArray, options: Mapping[str, Any], scaled: bool) -> spaces.Space[FloatArray]:
+    state = np.tile(bounds, options.get("history", 1))
+    (scan_low, scan_high), (near, far) = _perceived(options, scaled)
+    low = np.concatenate((-state, scan_low, near))
+    high = np.concatenate((state, scan_high, far))
+    return cast("spaces.Space[FloatArray]", spaces.Box(low, high, dtype=np.float32))
 
 
 def observation_width(task: str, options: Mapping[str, Any]) -> int:

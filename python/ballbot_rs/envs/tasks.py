@@ -111,7 +111,12 @@ class BalanceEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
@@ -296,7 +301,12 @@ class VelocityEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <= 10)
@@ -485,7 +495,12 @@ class GoalEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `goal_distance`: Smallest and largest distance of a goal from the ball, uniform, in any direction. (default (0.5,
@@ -688,7 +703,12 @@ class PathEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `path_speed`: Smallest and largest speed along the path, uniform. (default (0.2, 0.5) m/s; >= 0 and <= 10)
@@ -862,7 +882,12 @@ class PushEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `push`: Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the
@@ -1053,7 +1078,12 @@ class TerrainEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `speed_range`: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (default
@@ -1225,7 +1255,12 @@ class OpenBallBotEnv(BallbotEnv):
     - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `reward`: Scales of reward terms, by name. (default see above; finite)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `speed`: Speed in the direction of travel that a classical controller is to keep. (default 0.5 m/s; >= 0 and <=

@@ -12,7 +12,7 @@ from ballbot_rs._checks import check_named, check_reset_options, check_seed
 from ballbot_rs._core import State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of, termination_names
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 BoolArray = npt.NDArray[np.bool_]
@@ -91,7 +91,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             **type(self).metadata,
             "render_fps": rate,
             "autoreset_mode": self.autoreset_mode,
-            "terminations": termination_names(self.task),
+            "terminations": ["none", *self._batch.terminations],
         }
         self.single_observation_space = observation_space_of(self._batch)
         self.single_action_space = action_space()

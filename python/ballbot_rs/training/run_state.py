@@ -17,7 +17,6 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
-from ballbot_rs.envs.own.batch import OwnBatch
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 
 #: Name within a checkpoint.
@@ -27,14 +26,14 @@ State = Mapping[str, npt.NDArray[Any]]
 
 
 def taken(model: BaseAlgorithm, is_due: bool) -> bytes | None:
-    """The state of a model between two rollouts; None for a task in Python, whose memory may be anything.
+    """The state of a model between two rollouts; None for tasks and functions in Python that have a memory.
 
     Args:
         model: a model that learns.
         is_due: whether an evaluation follows.
     """
     environment = _robots_of(model)
-    if isinstance(environment._batch, OwnBatch):
+    if (stage := environment._batch.stage) is not None and stage.has_memory:
         return None
     snapshots = [environment._batch.snapshot(i) for i in range(environment.num_envs)]
     monitor = _monitor_of(model)

@@ -18,7 +18,6 @@ from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs._core import Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
-from ballbot_rs.envs.own.batch import OwnBatch
 from ballbot_rs.training.config import Teacher
 
 #: In the first rounds the law drives some robots: a new policy visits little except falls.
@@ -51,7 +50,7 @@ def law_of(model: BaseAlgorithm, teacher: Teacher) -> Controller:
         ValueError: an unknown law, an option that it does not have, or a task that it cannot perform.
     """
     batch = _batch(model)
-    if isinstance(batch, OwnBatch):
+    if batch.stage is not None and batch.stage.task is not None:
         raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
     try:
         return Controller(teacher.controller, batch.nominal_params(0), batch.control_dt, **teacher.options)

@@ -28,6 +28,7 @@ mod robot;
 mod run;
 mod simulation;
 mod spatial;
+mod stage;
 #[path = "../support/mod.rs"]
 mod support;
 mod tasks;

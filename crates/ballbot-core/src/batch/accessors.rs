@@ -263,12 +263,13 @@ impl Batch {
     /// The rows of the observation of one environment, computed from the true state, with the same scaling.
     ///
     /// # Errors
-    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::privileged_observation_len`] elements.
+    /// As [`Batch::state`]; [`Error::Length`] unless `out` has [`Batch::privileged_observation_len`] elements; errors of a
+    /// [`super::BatchStage`].
     pub fn privileged_observation(&mut self, index: usize, out: &mut [f32]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         check_len(out.len(), self.privileged_observation_len())?;
         self.chunks[chunk].privileged_observation(i, out);
-        Ok(())
+        self.observe_staged(out, |chosen| chosen == index)
     }
 }
 

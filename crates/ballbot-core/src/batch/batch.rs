@@ -9,6 +9,7 @@ use super::env::robots::Single;
 use super::env::task_step::TaskStep;
 use super::events::{Plan, Stages};
 use super::pieces::pieces;
+use super::stage::Staged;
 use crate::actuator::Actuator;
 use crate::perception::Perception;
 use crate::robot::{Ballbot, ModelKind, check_restored};
@@ -70,6 +71,8 @@ pub struct Batch {
     threads: usize,
     /// Worker threads.
     pub(super) helpers: WorkerThreads,
+    /// The stage of the caller, if there is one.
+    pub(super) staged: Option<Box<Staged>>,
     /// Whether a step was interrupted: some robots have moved, others have not.
     pub(super) interrupted: bool,
 }
@@ -148,7 +151,7 @@ impl Batch {
     ) -> Result<Self> {
         let threads = thread_count(num_threads)?;
         let config = Arc::new(config.clone());
-        let description = TaskDescription::of::<T>();
+        let description = config.description();
         let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config)?);
         let plan = config.plan()?;
         let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
@@ -190,6 +193,10 @@ impl Batch {
         let substeps = config.substeps()?;
         let seconds = (num_envs * substeps) as f64 * config.model.step_seconds();
         let helpers = (threads - 1).min((seconds / WORK_PER_THREAD) as usize);
+        let staged = config
+            .stage
+            .as_ref()
+            .map(|stage| Box::new(Staged::new(stage, &description, num_envs, width, step.sensor.is_exact())));
         Ok(Self {
             description,
             model: config.model,
@@ -210,6 +217,7 @@ impl Batch {
             autoreset,
             threads,
             helpers: WorkerThreads::new(helpers),
+            staged,
             interrupted: false,
         })
     }
@@ -393,21 +401,48 @@ impl Batch {
         self.check_running()?;
         let (autoreset, width) = (self.autoreset, self.width);
         let stop = self.stop()?;
+        let of_chunk = |c: usize| {
+            let rest = &actions[c * width * ACTION_LEN..];
+            &rest[..rest.len().min(width * ACTION_LEN)]
+        };
+        if self.staged.is_some() {
+            self.sweep(buffers.reborrow(), &stop, |chunk, c, _| chunk.advance(autoreset, of_chunk(c)))?;
+            self.finish(&stop)?;
+            return self.conclude_staged(buffers, &stop);
+        }
+        self.sweep(buffers.reborrow(), &stop, |chunk, c, share| chunk.step(autoreset, of_chunk(c), share))?;
+        self.finish(&stop)
+    }
+
+    /// Does `work` on every chunk, with its index and its part of the buffers, on all threads.
+    pub(super) fn sweep(
+        &mut self,
+        buffers: StepBuffers<'_>,
+        stop: &Stop,
+        work: impl Fn(&mut dyn Chunk, usize, StepBuffers<'_>) + Sync,
+    ) -> Result<()> {
+        let width = self.width;
+        let sweep = |chunks: &mut [Box<dyn Chunk>], first: usize, buffers: StepBuffers<'_>| {
+            let mut watch = Watch::new();
+            for (k, (chunk, share)) in pieces(chunks, 1, width, buffers).enumerate() {
+                if stop.look(&mut watch) {
+                    return;
+                }
+                work(&mut *chunk[0], first + k, share);
+            }
+        };
         if self.helpers.count() == 0 {
-            step_chunks(&mut self.chunks, width, autoreset, actions, buffers.reborrow(), &stop);
-            return self.finish(&stop);
+            sweep(&mut self.chunks, 0, buffers);
+            return Ok(());
         }
         let per_piece = self.chunks_per_piece();
-        let shares = pieces(&mut self.chunks, per_piece, width, buffers.reborrow());
-        let work = Mutex::new(shares.zip(actions.chunks(per_piece * width * ACTION_LEN)));
+        let shares = Mutex::new(pieces(&mut self.chunks, per_piece, width, buffers).enumerate());
         self.helpers.share(|| {
-            let next = || work.lock().unwrap_or_else(PoisonError::into_inner).next();
-            while let Some(((chunks, share), actions)) = next() {
-                step_chunks(chunks, width, autoreset, actions, share, &stop);
+            let next = || shares.lock().unwrap_or_else(PoisonError::into_inner).next();
+            while let Some((k, (chunks, share))) = next() {
+                sweep(chunks, k * per_piece, share);
             }
-        })?;
-        drop(work);
-        self.finish(&stop)
+        })
     }
 
     /// How the caller may stop a step that is about to begin.
@@ -478,23 +513,5 @@ impl Batch {
 
     pub(super) fn expect_len(&self, name: &str, found: usize, expected: usize) -> Result<()> {
         if found == expected { Ok(()) } else { Err(Error::Length { name: name.into(), found, expected }) }
-    }
-}
-
-fn step_chunks(
-    chunks: &mut [Box<dyn Chunk>],
-    width: usize,
-    autoreset: Autoreset,
-    actions: &[f32],
-    buffers: StepBuffers<'_>,
-    stop: &Stop,
-) {
-    let mut watch = Watch::new();
-    let shares = pieces(chunks, 1, width, buffers);
-    for ((chunk, share), actions) in shares.zip(actions.chunks(width * ACTION_LEN)) {
-        if stop.look(&mut watch) {
-            return;
-        }
-        chunk[0].step(autoreset, actions, share);
     }
 }

@@ -64,6 +64,11 @@ impl Batch {
         self.check_control(under, actions.len())?;
         self.check_buffers(buffers)?;
         self.check_running()?;
+        if self.staged.is_some() {
+            self.control(under, actions)?;
+            zero_where_not_finite(actions);
+            return self.step(actions, buffers);
+        }
         let Under { controller, setpoints, privileged } = *under;
         let setpoints = setpoints.unwrap_or_default();
         let (autoreset, width) = (self.autoreset, self.width);
@@ -78,8 +83,7 @@ impl Batch {
                 let n = actions.len() / ACTION_LEN;
                 let from = first + k * width;
                 chunk.control(controller, setpoints.get(from..from + n).unwrap_or_default(), privileged, actions);
-                // For a diverged robot a controller may return no finite number; the robot is reset, not stepped.
-                actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
+                zero_where_not_finite(actions);
                 let (now, later) = rest.split(n);
                 rest = later;
                 chunk.step(autoreset, actions, now);
@@ -118,4 +122,9 @@ impl Batch {
         )?;
         Ok(())
     }
+}
+
+/// For a diverged robot a controller may return no finite number; the robot is reset, not stepped.
+fn zero_where_not_finite(actions: &mut [f32]) {
+    actions.iter_mut().filter(|a| !a.is_finite()).for_each(|a| *a = 0.0);
 }

@@ -3,6 +3,7 @@
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
 use super::levels::Levels;
 use super::observation_source::Observation;
+use super::stage::CustomStage;
 use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};
@@ -62,6 +63,8 @@ pub struct EnvConfig<T> {
     pub task: T,
     /// Randomization of the robots and pushes, in addition to random starts.
     pub events: Vec<Event>,
+    /// Reward terms, observation rows and terminations that the caller computes.
+    pub stage: Option<CustomStage>,
 }
 
 /// [`EnvConfig`] of the balance task.
@@ -88,11 +91,21 @@ impl<T: Task> Default for EnvConfig<T> {
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
             task: T::default(),
             events: Vec::new(),
+            stage: None,
         }
     }
 }
 
 impl<T: Task> EnvConfig<T> {
+    /// The task with what the stage of the caller adds.
+    pub(super) fn description(&self) -> TaskDescription {
+        let mut description = TaskDescription::of::<T>();
+        if let Some(stage) = &self.stage {
+            stage.extend(&mut description);
+        }
+        description
+    }
+
     /// Torque of an action of 1, N·m.
     pub fn action_torque(&self) -> f64 {
         self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
@@ -119,7 +132,8 @@ impl<T: Task> EnvConfig<T> {
         let seen = scan.chain(self.depth.iter().flat_map(Instrument::numbers)).chain([self.levels.number()]);
         let seen: Vec<_> = seen.collect();
         let numbers = numbers.chain(seen);
-        numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).collect()
+        let added = self.stage.iter().flat_map(|stage| &stage.0.layout().terms).map(|term| term.scale);
+        numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).chain(added).collect()
     }
 
     /// The stage between actions and torques.
@@ -235,6 +249,7 @@ impl<T: Task> EnvConfig<T> {
         self.onboard()?;
         self.validate_robot(&self.params)?;
         self.reward.validate()?;
+        self.stage.as_ref().map_or(Ok(()), |stage| stage.check(&TaskDescription::of::<T>()))?;
         self.check_terrain()?;
         self.perception()?;
         let Some(plan) = self.plan()? else { return Ok(()) };

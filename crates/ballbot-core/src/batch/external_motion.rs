@@ -6,6 +6,7 @@ use super::pieces::pieces;
 use crate::robot::ModelKind;
 use crate::task::ACTION_LEN;
 use ballbot_base::error::{Error, check};
+use ballbot_base::interrupt::Stop;
 use ballbot_base::state::State;
 
 /// Input of an external engine, as [`Batch::step_with`] provides it.
@@ -60,11 +61,15 @@ impl Batch {
                 }
             }
         }
-        let shares = pieces(&mut self.chunks, 1, width, buffers.reborrow());
-        for (((chunk, share), actions), states) in
-            shares.zip(actions.chunks(width * ACTION_LEN)).zip(after.chunks(width))
-        {
-            chunk[0].step_to(autoreset, actions, states, share);
+        let actions = actions.chunks(width * ACTION_LEN);
+        for ((chunk, actions), states) in self.chunks.iter_mut().zip(actions).zip(after.chunks(width)) {
+            chunk.advance_to(autoreset, actions, states);
+        }
+        if self.staged.is_some() {
+            return Ok(self.conclude_staged(buffers, &Stop::default())?);
+        }
+        for (chunk, share) in pieces(&mut self.chunks, 1, width, buffers.reborrow()) {
+            chunk[0].finish(autoreset, None, share);
         }
         self.interrupted = false;
         Ok(())

@@ -19,6 +19,7 @@ mod pieces;
 mod registry;
 mod reset;
 mod single;
+mod stage;
 
 pub use autoreset::Autoreset;
 pub use batch::Batch;
@@ -34,3 +35,4 @@ pub use observation_source::Observation;
 pub use registry::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
 pub use reset::ResetRequest;
 pub use single::Environment;
+pub use stage::{BatchStage, CustomStage, ROBOT_ROW_LEN, RobotRows, StageLayout, StageResults};

@@ -6,6 +6,7 @@ use super::config::EnvConfig;
 use super::events::Event;
 use super::levels::Levels;
 use super::observation_source::Observation;
+use super::stage::CustomStage;
 use crate::actuator::MotorOptions;
 use crate::perception::{DepthOptions, ScanOptions};
 use crate::robot::ModelKind;
@@ -69,6 +70,8 @@ pub trait TaskConfig: Send {
     fn set_events(&mut self, events: Vec<Event>);
     /// The events.
     fn events(&self) -> &[Event];
+    /// Replaces the stage of the caller.
+    fn set_stage(&mut self, stage: Option<CustomStage>);
     /// The environments.
     ///
     /// # Errors
@@ -273,6 +276,10 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn events(&self) -> &[Event] {
         &self.events
+    }
+
+    fn set_stage(&mut self, stage: Option<CustomStage>) {
+        self.stage = stage;
     }
 
     fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {

@@ -73,8 +73,9 @@ impl Batch {
         if let Some(seeds) = request.seeds {
             self.seed(seeds)?;
         }
-        let rows = observations.chunks_exact_mut(self.observation_len());
-        for (index, ((chunk, i), row)) in self.places().zip(rows).enumerate() {
+        let len = self.observation_len();
+        for (index, (chunk, i)) in self.places().enumerate() {
+            let row = &mut observations[index * len..][..len];
             if let Err(stop) = watch.check() {
                 self.interrupted = true;
                 return Err(stop);
@@ -88,6 +89,6 @@ impl Batch {
         if (0..n).all(masked) {
             self.interrupted = false;
         }
-        Ok(())
+        self.begin_staged(observations, masked)
     }
 }

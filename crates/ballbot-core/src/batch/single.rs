@@ -11,7 +11,7 @@ use crate::actuator::{Actuator, MotorOptions};
 use crate::robot::{Ballbot, check_restored};
 use crate::sensor::{Readings, Sensor};
 use crate::task::{ACTION_LEN, Balance, Task, TaskDescription};
-use ballbot_base::error::Result;
+use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use std::sync::Arc;
@@ -56,6 +56,9 @@ impl<T: Task> Environment<T> {
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
         let config = &config.with_terrain()?;
         config.validate()?;
+        if config.stage.is_some() {
+            return Err(Error::Inconsistent("a stage needs a Batch: an Environment does not call it".into()));
+        }
         let actuator = config.drive()?;
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();

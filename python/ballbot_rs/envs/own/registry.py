@@ -5,10 +5,17 @@ import inspect
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
-from ballbot_rs._core import TASKS
+from ballbot_rs._core import TASKS, Batch
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.batch import NO_TIME_LIMIT, REASONS, OwnBatch
-from ballbot_rs.envs.own.task import Task
+from ballbot_rs.envs.own.task import NO_TIME_LIMIT, Task
+
+#: Reasons for the end of an episode with their conditions: of the core, and of the task.
+REASONS: Final = (
+    ("tilt", "never"),
+    ("bot_on_floor", "the body or a wheel touches the floor"),
+    ("diverged", "the state left the bounds of the simulation"),
+    ("task", "the method `terminated` of the task returns True"),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -42,9 +49,9 @@ def add(
     made_by: type[Task],
     options: Mapping[str, Any],
     of_environments: Sequence[str],
-    make: Callable[[Registered], OwnBatch],
+    make: Callable[[], Batch],
 ) -> None:
-    """Makes a task known by an id; `make` makes one robot with it.
+    """Makes a task known by an id; `make` then makes one robot with it.
 
     Raises:
         TypeError: it is not a subclass of `Task`.
@@ -64,26 +71,28 @@ def add(
                 f"{made_by.__name__} has an argument '{name}', which is an option of every environment: give it "
                 "another name (a task reads the duration of a control step from robots.control_dt)"
             )
-    _REGISTERED[env_id] = dataclasses.replace(found, description=_describe(found, env_id, make))
+    _REGISTERED[env_id] = found
+    _REGISTERED[env_id] = dataclasses.replace(found, description=_describe(found, env_id, make()))
 
 
-def _describe(found: Registered, env_id: str, make: Callable[[Registered], OwnBatch]) -> dict[str, Any]:
-    batch = make(found)
+def _describe(found: Registered, env_id: str, batch: Batch) -> dict[str, Any]:
+    stage = batch.stage
+    assert stage is not None
     rows = [
-        {"name": f"observation {i}", "unit": "", "bound": bound, "rest": 0.0, "typical": 1.0}
-        for i, bound in enumerate(batch.bound.tolist())
+        {"name": name, "unit": unit, "bound": bound, "rest": 0.0, "typical": typical}
+        for name, unit, bound, typical in stage.rows
     ]
     # Not an inherited docstring: the base class describes tasks in general.
     summary = next(iter((found.made_by.__doc__ or "").strip().splitlines()), found.made_by.__name__)
     return {
         "id": env_id,
         "summary": summary,
-        "success": "the method `success` of the task says so",
+        "success": "the method `success` of the task returns True",
         "max_episode_steps": None if batch.max_episode_steps == NO_TIME_LIMIT else batch.max_episode_steps,
         "reward_threshold": None,
         "options": [],
         "observation": rows,
-        "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "that of the task"}],
+        "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "computed by the task"}],
         "terminations": list(REASONS),
         "command": [],
         "geometry": None,
@@ -111,23 +120,3 @@ def find(task: str) -> Registered | None:
 def ids() -> tuple[str, ...]:
     """Ids of the tasks in Python."""
     return tuple(_REGISTERED)
-
-
-def new_batch(
-    found: Registered,
-    num_envs: int,
-    task: str,
-    *,
-    autoreset: str,
-    num_threads: int | None,
-    seed: int,
-    options: Mapping[str, Any],
-) -> OwnBatch:
-    """Robots with a task in Python; `options` includes the options of its registration."""
-    names = found.parameters()
-    own = {name: value for name, value in options.items() if name in names}
-    rest = {name: value for name, value in options.items() if name not in names}
-    made = found.made_by(**own)
-    return OwnBatch(
-        num_envs, task, made, autoreset=autoreset, num_threads=num_threads, seed=seed, options=rest, own_options=own
-    )

@@ -1,4 +1,4 @@
-"""All robots of a batch as arrays: the input of a task in Python."""
+"""All robots of a batch as arrays: the input of tasks and functions in Python."""
 
 from functools import cached_property
 from typing import Final
@@ -10,7 +10,7 @@ from ballbot_rs._arrays import read_only
 
 FloatArray = npt.NDArray[np.float32]
 
-#: Columns of the observations of `bare` robots by name.
+#: Columns of the core's rows of robots by name.
 COLUMNS: Final = {
     "gravity": slice(0, 3),
     "body_rate": slice(3, 6),
@@ -21,7 +21,11 @@ COLUMNS: Final = {
     "ball_rate": slice(18, 21),
     "body_quaternion": slice(21, 25),
     "last_action": slice(25, 28),
+    "body_com": slice(28, 31),
 }
+
+#: How many columns there are.
+WIDTH: Final = 31
 
 
 class Robots:
@@ -35,13 +39,14 @@ class Robots:
     def __init__(
         self,
         rows: FloatArray,
-        com: npt.NDArray[np.float64],
+        command: npt.NDArray[np.float64],
         steps: npt.NDArray[np.int64],
         numbers: npt.NDArray[np.intp],
         control_dt: float,
     ) -> None:
         self._rows = read_only(rows)
-        self._com = com
+        #: The present command of the task, shape (n, k), its parts as in `TASKS[task]["command"]`.
+        self.command = read_only(command)
         #: Numbers of the robots in the batch, shape (n,).
         self.numbers = read_only(numbers)
         #: Control steps since the start of the episode, shape (n,), int64.
@@ -54,10 +59,11 @@ class Robots:
 
     def __getitem__(self, chosen: npt.NDArray[np.intp]) -> "Robots":
         """Some of the robots, by their numbers."""
-        return Robots(self._rows[chosen], self._com[chosen], self.steps[chosen], self.numbers[chosen], self.control_dt)
+        rest = (self.command[chosen], self.steps[chosen], self.numbers[chosen])
+        return Robots(self._rows[chosen], *rest, self.control_dt)
 
     def __repr__(self) -> str:
-        return f"Robots({len(self)}: {', '.join(COLUMNS)}, tilt, yaw, yaw_rate, velocity, time)"
+        return f"Robots({len(self)}: {', '.join(COLUMNS)}, tilt, yaw, yaw_rate, velocity, command, steps, time)"
 
     @property
     def gravity(self) -> FloatArray:
@@ -104,11 +110,16 @@ class Robots:
         """The last action, clipped to ±1, shape (n, 3); zeros at the start of an episode."""
         return self._rows[:, COLUMNS["last_action"]]
 
+    @property
+    def body_com(self) -> FloatArray:
+        """Center of mass of the body, body frame, whose origin is the ball's center, shape (n, 3), m."""
+        return self._rows[:, COLUMNS["body_com"]]
+
     @cached_property
     def tilt(self) -> FloatArray:
         """Tilt from the equilibrium, shape (n,), rad: of the line from the ball's center to the CoM."""
-        cosine = -np.einsum("ij,ij->i", self.gravity, self._com)
-        across = np.linalg.norm(np.cross(self.gravity, self._com), axis=1)
+        cosine = -np.einsum("ij,ij->i", self.gravity, self.body_com)
+        across = np.linalg.norm(np.cross(self.gravity, self.body_com), axis=1)
         tilt: FloatArray = np.arctan2(across, cosine).astype(np.float32)
         return read_only(tilt)
 

@@ -1,14 +1,18 @@
 """The base class of tasks in Python."""
 
 from collections.abc import Sequence
-from typing import Any, ClassVar
+from typing import ClassVar, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import real_array
-from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own.robots import Robots
+
+#: The task of the core below a task in Python: no rows, no rewards.
+BARE: Final = "bare"
+
+#: More steps than an episode can have: 248 days at the default control rate.
+NO_TIME_LIMIT: Final = 2**31
 
 
 class Task:
@@ -61,25 +65,3 @@ class Task:
         Reset the task's memory of each robot (commands, counters) here. `rngs` are random number generators, one for
         each of these robots, seeded by the environments.
         """
-
-
-def checked(
-    task: Task, method: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type | None
-) -> npt.NDArray[Any]:
-    """The result of a method of a task, as an array of `kind`; None leaves numbers as they are.
-
-    Raises:
-        ValueError: a wrong shape, or numbers that are not finite; the message names class and method.
-        TypeError: another kind, or a masked array.
-    """
-    name = f"{type(task).__name__}.{method}"
-    kinds, wanted = ("b", "bool") if kind is np.bool_ else ("biuf", "numbers")
-    array = real_array(f"{name} returned", value, wanted, kinds)
-    if array.shape != shape:
-        raise InvalidInputError(f"{name} returned shape {array.shape}, expected {shape} for {shape[0]} robots")
-    if kind is not np.bool_ and not np.isfinite(array).all():
-        bad = np.argwhere(~np.isfinite(array))[0]
-        raise InvalidInputError(
-            f"{name} returned {array[tuple(bad)]} at {tuple(bad.tolist())}, expected finite numbers"
-        )
-    return array if kind is None else array.astype(kind, copy=False)

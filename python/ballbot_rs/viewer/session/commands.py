@@ -374,7 +374,7 @@ def objective_of(
         ValueError: a controller that does not fit the robot or the task.
     """
     if task == DEFAULT_TASK:
-        for name in ("scan", "depth"):
+        for name in ("scan", "depth", "rows"):
             if controller.env_options.get(name) is not None:
                 raise ValueError(f"{controller.name} was trained with {name}, which the page does not have for {task}")
         return Balancing(controller, params, num_robots)

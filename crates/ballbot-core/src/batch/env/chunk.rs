@@ -3,6 +3,7 @@
 use crate::batch::autoreset::Autoreset;
 use crate::batch::buffers::StepBuffers;
 use crate::batch::events::Stages;
+use crate::batch::stage::ChunkResults;
 use crate::control::Controller;
 use crate::sensor::Readings;
 use ballbot_base::error::Result;
@@ -13,15 +14,40 @@ use nalgebra::Vector3;
 
 /// Environments of any one task. Indices count within the chunk.
 pub trait Chunk: Send + Sync {
-    /// Steps all of them; the caller has checked actions and buffers.
-    fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>);
+    /// How many environments there are.
+    fn len(&self) -> usize;
 
-    /// Fires the events that are due, before [`Chunk::step_to`].
+    /// Steps all of them; the caller has checked actions and buffers.
+    fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>) {
+        self.advance(autoreset, actions);
+        self.finish(autoreset, None, buffers);
+    }
+
+    /// The first part of a step: events, motion, and the task's reward, termination and observation.
+    fn advance(&mut self, autoreset: Autoreset, actions: &[f32]);
+
+    /// Fires the events that are due, before [`Chunk::advance_to`].
     fn begin_step(&mut self, autoreset: Autoreset);
 
-    /// A step after [`Chunk::begin_step`] whose motion is not simulated here: `states` holds the final state of each
-    /// environment.
-    fn step_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State], buffers: StepBuffers<'_>);
+    /// As [`Chunk::advance`] after [`Chunk::begin_step`], if the motion is not simulated here: `states` holds the final
+    /// state of each environment.
+    fn advance_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State]);
+
+    /// The second part of a step: applies the results of a stage, if there is one, writes all results, and begins
+    /// episodes.
+    fn finish(&mut self, autoreset: Autoreset, results: Option<ChunkResults<'_>>, buffers: StepBuffers<'_>);
+
+    /// Writes the rows of [`crate::batch::RobotRows::truth`], or as the task observes them.
+    fn robot_rows(&mut self, observed: bool, out: &mut [f32]);
+
+    /// Completes the first observation of an episode by the rows of a stage.
+    fn begin_rows(&mut self, i: usize, values: &[f64], observation: &mut [f32]);
+
+    /// Steps since the start of the episode.
+    fn steps(&self, i: usize) -> i64;
+
+    /// As [`crate::batch::RobotRows::keys`].
+    fn key(&self, i: usize) -> [u32; 3];
 
     /// Writes the actions of a controller, from the true states if `privileged`, else from the states that the task
     /// observes; `setpoints` has one per environment, or is empty for the task's own.

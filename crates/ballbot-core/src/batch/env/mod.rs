@@ -10,6 +10,7 @@ mod perceive;
 mod randomize;
 pub mod robots;
 mod snapshot;
+mod staged;
 pub mod task_step;
 
 use self::chunk::Chunk;
@@ -22,9 +23,10 @@ use crate::batch::autoreset::Autoreset;
 use crate::batch::buffers::{Outcome, StepBuffers};
 use crate::batch::config::EnvConfig;
 use crate::batch::events::{Plan, Randomized, Setup, Source, Stages, key_of};
+use crate::batch::stage::ChunkResults;
 use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
-use crate::task::{ACTION_LEN, DIVERGED, Task};
+use crate::task::{ACTION_LEN, Task};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::StateCells;
 use ballbot_base::lanes::Cell;
@@ -209,7 +211,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Whether an episode begins in place of the step of robot `i`.
-    fn is_reset_instead(&self, autoreset: Autoreset, i: usize) -> bool {
+    pub fn is_reset_instead(&self, autoreset: Autoreset, i: usize) -> bool {
         autoreset == Autoreset::NextStep && self.over[i]
     }
 
@@ -246,7 +248,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let episode = &self.ledger.episode;
         let terminated = match episode.termination.get(i) as usize {
             0 => None,
-            reason => Some(T::TERMINATIONS.get(reason - 1).map_or(DIVERGED, |(name, _)| *name)),
+            reason => Some(self.step.termination(reason - 1)),
         };
         Outcome {
             reward: episode.reward.get(i),
@@ -269,7 +271,11 @@ fn commands<C: Cell>(actions: &[f32]) -> [C; ACTION_LEN] {
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
-    fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>) {
+    fn len(&self) -> usize {
+        self.used
+    }
+
+    fn advance(&mut self, autoreset: Autoreset, actions: &[f32]) {
         self.fire_events(autoreset);
         // A single robot whose episode is over is not simulated; in lanes its neighbors are.
         if R::Cell::WIDTH > 1 || !self.is_reset_instead(autoreset, 0) {
@@ -279,14 +285,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.robots.drive(&self.actuator, &commands, memory, one, self.substeps);
             self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
         }
-        self.write_step(autoreset, buffers);
     }
 
     fn begin_step(&mut self, autoreset: Autoreset) {
         self.fire_events(autoreset);
     }
 
-    fn step_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State], buffers: StepBuffers<'_>) {
+    fn advance_to(&mut self, autoreset: Autoreset, actions: &[f32], states: &[State]) {
         for (i, state) in states.iter().enumerate() {
             if !self.is_reset_instead(autoreset, i) {
                 self.robots.place(i, state);
@@ -294,7 +299,32 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         }
         let commands = commands(actions);
         self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
+    }
+
+    fn finish(&mut self, autoreset: Autoreset, results: Option<ChunkResults<'_>>, buffers: StepBuffers<'_>) {
+        if let Some(results) = results {
+            self.apply(autoreset, &results);
+        }
         self.write_step(autoreset, buffers);
+    }
+
+    fn robot_rows(&mut self, observed: bool, out: &mut [f32]) {
+        self.write_robot_rows(observed, out);
+    }
+
+    fn begin_rows(&mut self, i: usize, values: &[f64], observation: &mut [f32]) {
+        self.put_rows(i, values);
+        self.repeat_rows(i);
+        self.write_observation(i, observation);
+    }
+
+    fn steps(&self, i: usize) -> i64 {
+        self.ledger.episode.steps.get(i) as i64
+    }
+
+    fn key(&self, i: usize) -> [u32; 3] {
+        let [a, b] = key_of(self.rngs[i].get_seed());
+        [a, b, self.episodes[i]]
     }
 
     fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]) {

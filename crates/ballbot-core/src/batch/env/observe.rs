@@ -78,7 +78,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub fn repeat_rows(&mut self, i: usize) -> bool {
         let rows = self.step.rows();
         let (newest, older) = self.ledger.observation.split_at_mut(rows);
-        for observation in older.chunks_exact_mut(rows) {
+        for observation in older.chunks_exact_mut(rows.max(1)) {
             observation.iter_mut().zip(&*newest).for_each(|(cell, first)| cell.set(i, first.get(i)));
         }
         !older.is_empty()
@@ -103,7 +103,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let (row, perceived) = row.split_at_mut(self.ledger.observation.len());
         self.write_perceived(i, perceived);
         // The newest comes last.
-        for (out, cells) in row.chunks_exact_mut(rows).rev().zip(self.ledger.observation.chunks_exact(rows)) {
+        for (out, cells) in
+            row.chunks_exact_mut(rows.max(1)).rev().zip(self.ledger.observation.chunks_exact(rows.max(1)))
+        {
             for (out, cell) in out.iter_mut().zip(cells) {
                 *out = cell.get(i) as f32;
             }

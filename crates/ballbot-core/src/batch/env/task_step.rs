@@ -4,9 +4,10 @@ use super::ledger::{Ledger, Sizes};
 use super::measure::Measured;
 use crate::actuator::Actuator;
 use crate::batch::config::EnvConfig;
+use crate::batch::stage::CustomStage;
 use crate::perception::Perception;
 use crate::sensor::Sensor;
-use crate::task::{ACTION_LEN, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+use crate::task::{ACTION_LEN, DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::{LaneRobot, LaneState, StateCells};
 use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
@@ -22,6 +23,8 @@ pub struct TaskStep<T, S> {
     /// Half lengths of the terrain, or of a terrain tile, along x and y, m.
     half_size: Option<[f64; 2]>,
     pub perception: Option<Arc<Perception>>,
+    /// The stage of the caller, if there is one.
+    pub stage: Option<CustomStage>,
     /// Rows of one observation; the rows of a history are in the ledger, newest first.
     rows: usize,
     metrics: usize,
@@ -48,6 +51,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
                 .as_ref()
                 .map(|terrain| terrain.tiles().map_or_else(|| terrain.half_size(), |tiles| [0.5 * tiles.side; 2])),
             perception: config.perception()?.map(Arc::new),
+            stage: config.stage.clone(),
             rows,
             metrics: description.metrics.len(),
             sizes: Sizes {
@@ -68,6 +72,20 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// How many metrics an episode has.
     pub fn metrics(&self) -> usize {
         self.metrics
+    }
+
+    /// Name of a reason for termination.
+    pub fn termination(&self, index: usize) -> &'static str {
+        let reasons = T::TERMINATIONS;
+        let added = self.stage.iter().flat_map(|stage| &stage.0.layout().terminations);
+        let diverged = (DIVERGED, "");
+        let mut all = reasons.iter().chain([&diverged]).chain(added);
+        all.nth(index).map_or(DIVERGED, |(name, _)| *name)
+    }
+
+    /// Value at rest and gain of a row, if rows are scaled.
+    pub fn scaling_of(&self, row: usize) -> Option<(f64, f64)> {
+        self.scaling.as_ref().map(|scaling| (scaling.rest[row], scaling.gain[row]))
     }
 
     /// How many rows an observation has.

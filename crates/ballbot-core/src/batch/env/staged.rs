@@ -1,0 +1,96 @@
+//! The part of a control step that a stage of the caller takes.
+
+use super::Environments;
+use super::robots::Robots;
+use crate::actuator::Actuator;
+use crate::batch::autoreset::Autoreset;
+use crate::batch::stage::{ChunkResults, ROBOT_ROW_LEN};
+use crate::sensor::Sensor;
+use crate::task::{Task, WriteRows};
+use ballbot_base::lane_state::StateCells;
+use ballbot_base::lanes::{Cell, Quat, Vec3, run_one};
+
+/// Bound of the numbers of a row: all are finite in the observations of learners, too.
+const BOUND: f64 = 1e9;
+
+impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
+    /// Applies the results of a stage to all robots that have been stepped.
+    pub fn apply(&mut self, autoreset: Autoreset, results: &ChunkResults<'_>) {
+        let step = std::sync::Arc::clone(&self.step);
+        let Some(stage) = &step.stage else { return };
+        let layout = stage.0.layout();
+        let (terms, rows) = (layout.terms.len(), layout.rows.len());
+        let own_terms = self.ledger.terms.len() - terms;
+        for i in 0..self.used {
+            if self.is_reset_instead(autoreset, i) {
+                continue;
+            }
+            let episode = &mut self.ledger.episode;
+            let reason = episode.termination.get(i) as usize;
+            // As for terms of the task: the terms of a diverged robot are zero.
+            let has_diverged = reason == T::TERMINATIONS.len() + 1;
+            let mut reward = episode.reward.get(i);
+            for (k, term) in layout.terms.iter().enumerate() {
+                let scale = if term.cost { -term.scale } else { term.scale };
+                let value = if has_diverged { 0.0 } else { scale * results.terms[i * terms + k] };
+                self.ledger.terms[own_terms + k].set(i, value);
+                reward += value;
+            }
+            episode.reward.set(i, reward);
+            let added = results.terminations[i] as usize;
+            if reason == 0 && added > 0 {
+                episode.termination.set(i, (T::TERMINATIONS.len() + 1 + added) as f64);
+                episode.truncated.set(i, 0.0);
+                episode.success.set(i, 0.0);
+            }
+            if layout.decides_success {
+                episode.success.set(i, f64::from(u8::from(results.success[i] && reason == 0)));
+            }
+            self.put_rows(i, &results.rows[i * rows..][..rows]);
+        }
+    }
+
+    /// Writes the rows of a stage into the newest observation of robot `i`.
+    pub fn put_rows(&mut self, i: usize, values: &[f64]) {
+        let Some(stage) = &self.step.stage else { return };
+        let rows = &stage.0.layout().rows;
+        let first = self.step.rows() - rows.len();
+        for (k, (row, value)) in rows.iter().zip(values).enumerate() {
+            let mut cell = [0.0];
+            WriteRows::<f64>::write(*row, *value, self.step.scaling_of(first + k), &mut cell[0]);
+            self.ledger.observation[first + k].set(i, cell[0]);
+        }
+    }
+
+    /// As [`super::chunk::Chunk::robot_rows`].
+    pub fn write_robot_rows(&mut self, observed: bool, out: &mut [f32]) {
+        let mut states = StateCells::<R::Cell>::default();
+        if observed {
+            self.read_measured(&mut states);
+        } else {
+            self.robots.read(&mut states);
+        }
+        for (i, row) in out.chunks_exact_mut(ROBOT_ROW_LEN).take(self.used).enumerate() {
+            let [w, x, y, z] = states.body_quaternion.map(|cell| cell.get(i));
+            let up = run_one(
+                #[inline(always)]
+                || Quat { w, v: Vec3::new(x, y, z) }.rotation().rows[2],
+            );
+            let com = self.robots.params(i).body_com();
+            let numbers = [-up.x, -up.y, -up.z]
+                .into_iter()
+                .chain(states.body_angular_velocity.map(|cell| cell.get(i)))
+                .chain(states.wheel_speeds.map(|cell| cell.get(i)))
+                .chain(states.wheel_angles.map(|cell| cell.get(i)))
+                .chain(states.ball_position.map(|cell| cell.get(i)))
+                .chain(states.ball_velocity.map(|cell| cell.get(i)))
+                .chain(states.ball_angular_velocity.map(|cell| cell.get(i)))
+                .chain([w, x, y, z])
+                .chain(self.ledger.episode.last_action.map(|cell| cell.get(i)))
+                .chain([com.x, com.y, com.z]);
+            for (out, number) in row.iter_mut().zip(numbers) {
+                *out = if number.is_nan() { 0.0 } else { number.clamp(-BOUND, BOUND) as f32 };
+            }
+        }
+    }
+}
