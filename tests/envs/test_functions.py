@@ -1,6 +1,9 @@
 """Functions on tasks of the core: reward terms, rows and terminations, with all that a task has."""
 
+import importlib
 import pickle
+import subprocess
+import sys
 
 import gymnasium
 import numpy as np
@@ -285,3 +288,123 @@ def test_policies_keep_their_functions(tmp_path):
     bb.save(model, tmp_path / "policy.zip")
     (result,) = bb.compare([tmp_path / "policy.zip"], task=TASK, episodes=2)
     assert result.episodes == 2
+
+
+@pytest.mark.parametrize("options", [{}, {"history": 2}, {"observation": "sensors", "sensors": {"gyro_noise": 0.01}}])
+@pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
+def test_rows_show_the_command_as_the_rows_of_the_task_do(mode, options):
+    made = {"command_seconds": [0.05, 0.05], "settling": 0.02, "scale_observations": False, **options}
+    rows = {"command": lambda robots: robots.command}
+    env = new_batch(5, task="velocity", autoreset=mode, options={**made, "rows": rows})
+    plain = new_batch(5, task="velocity", autoreset=mode, options=made)
+    names = [row["name"] for row in TASKS["velocity"]["observation"]]
+    of_task = [i for i, name in enumerate(names) if name.startswith("command")]
+    width, commands = len(names) + 3, set()
+    assert len(of_task) == 3
+
+    def check(observations, expected):
+        for k in range(env.history):
+            part = observations[:, k * width : (k + 1) * width]
+            np.testing.assert_array_equal(part[:, of_task], part[:, -3:])
+            before = expected[:, k * len(names) : (k + 1) * len(names)]
+            np.testing.assert_array_equal(part[:, :-3], before)
+        commands.update(observations[:, -3].tolist())
+
+    check(env.reset(), plain.reset())
+    for step in range(60):
+        over = env.step(actions(step, 5)), plain.step(actions(step, 5))
+        check(over[0][0], over[1][0])
+        check(env.observations(), plain.observations())
+        if step % 9 == 8:
+            for batch in (env, plain):
+                batch.set_command(2, [0.1, 0.02 * step / 60, 0.3])
+            check(env.observations(), plain.observations())
+        if mode == "disabled" and (ended := over[0][2] | over[0][3]).any():
+            check(env.reset(ended), plain.reset(ended))
+    assert len(commands) > 20
+
+
+def test_what_rebuilds_another_function_is_an_error():
+    class Holder:
+        def term(self, robots):
+            return np.zeros(len(robots))
+
+    for function in (lambda robots: robots.yaw, Holder().term):
+        options = bb.BalanceEnv(reward={"odd": function}).task_options
+        with pytest.raises(ValueError, match=r"reward\.odd"):
+            bb.BalanceEnv(**options)
+
+
+def test_memory_in_rows_and_huge_terms_are_rejected():
+    with pytest.raises(ValueError, match=r"rows\.smooth has a memory"):
+        bb.BalanceEnv(rows={"smooth": Smooth})
+    env = bb.BalanceEnv(reward={"huge": lambda robots: np.full(len(robots), -1e10)})
+    env.reset(seed=0)
+    with pytest.raises(ValueError, match=r"reward.huge returned -1e\+10, expected numbers within ±1e\+09"):
+        env.step(np.zeros(3))
+
+
+def test_an_added_termination_is_a_failure():
+    class Won(bb.Task):
+        def observe(self, robots):
+            return robots.gravity
+
+        def reward(self, robots):
+            return np.zeros(len(robots))
+
+        def success(self, robots):
+            return np.ones(len(robots), bool)
+
+    bb.register("me/Won-v0", Won)
+    env = bb.BallbotEnv("me/Won-v0", terminations={"third": lambda robots: robots.steps >= 3})
+    env.reset(seed=0)
+    ends = [env.step(np.zeros(3))[2:] for _ in range(3)]
+    assert [end[0] for end in ends] == [False, False, True]
+    assert [end[2]["is_success"] for end in ends] == [True, True, False]
+
+
+def test_policies_with_rows_in_another_order_are_not_compared(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    rows = {"speed": f"{__name__}:speed", "energy": f"{__name__}:energy"}
+    files = []
+    for i, order in enumerate((rows, dict(reversed(rows.items())))):
+        env = bb.BallbotVecEnv(TASK, num_envs=2, rows=order, seed=0)
+        files.append(tmp_path / f"{i}.zip")
+        bb.save(sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu"), files[-1])
+    with pytest.raises(ValueError, match="not one task"):
+        bb.compare(files, episodes=1)
+
+
+def test_policy_files_choose_no_code(tmp_path):
+    sb3 = pytest.importorskip("stable_baselines3")
+    env = bb.BallbotVecEnv(TASK, num_envs=2, reward={"energy": f"{__name__}:energy"})
+    bb.save(sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu"), tmp_path / "policy.zip")
+    policy_file = importlib.import_module("ballbot_rs.control.policy_file")
+    for name, message in [
+        ("builtins:input", "is not a function of robots"),
+        ("os.path:join", "is not a function of robots"),
+        ("nowhere:f", "import nowhere before the policy is loaded"),
+        (f"{__name__}:np.sum", "is not of the module"),
+    ]:
+        with pytest.raises(ValueError, match=message):
+            policy_file.completed(TASK, {"reward": {"energy": name}})
+
+
+@pytest.mark.slow("trains in another process")
+def test_the_command_line_imports_what_a_policy_needs(tmp_path):
+    pytest.importorskip("stable_baselines3")
+    (tmp_path / "my_terms.py").write_text("def none(robots):\n    return 0.0 * robots.yaw\n")
+
+    def ballbot(*words):
+        ran = subprocess.run(
+            [sys.executable, "-m", "ballbot_rs", *words], cwd=tmp_path, capture_output=True, check=False
+        )
+        return ran.returncode, ran.stderr.decode()
+
+    train = ("train", TASK, "--timesteps", "64", "--set", "rows.none=my_terms:none", "--run", "run")
+    # So short a training fails, with a policy.
+    assert "succeeds in" in ballbot("--import", "my_terms", *train)[1]
+    evaluate = ("evaluate", "run", "--episodes", "1")
+    assert "import my_terms before the policy is loaded (--import)" in ballbot(*evaluate)[1]
+    assert ballbot("--import", "my_terms", *evaluate)[0] == 0
+    assert "No module named 'nowhere'" in ballbot("--import", "nowhere", "info")[1]

@@ -1,12 +1,14 @@
 """The `ballbot` command."""
 
 import argparse
+import importlib
 import os
 import re
 import signal
 import sys
 import warnings
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any, NoReturn
 
 from ballbot_rs import __version__, _interrupts
@@ -80,6 +82,15 @@ class Parser(argparse.ArgumentParser):
             raise argparse.ArgumentError(action, f"{expected}{did_you_mean(str(value), choices)}")
 
 
+class _Import(argparse.Action):
+    """Imports a module, also from the current folder."""
+
+    def __call__(self, _parser: argparse.ArgumentParser, _namespace: object, module: Any, _flag: object = None) -> None:
+        if (folder := str(Path.cwd())) not in sys.path:
+            sys.path.insert(0, folder)
+        importlib.import_module(module)
+
+
 class _MissingCompletion(argparse.Action):
     def __call__(self, *_: Any, **__: Any) -> NoReturn:
         raise ModuleNotFoundError(f"{COMPLETION} needs shtab: install it with `{install_hint('completion')}`")
@@ -89,6 +100,12 @@ def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
     parser = Parser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG)
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
+    parser.add_argument(
+        "--import",
+        metavar="MODULE",
+        action=_Import,
+        help="import a module first: it has tasks in Python, or functions that policies were trained with",
+    )
     what = "print a script of completions for a shell"
     try:
         import shtab

@@ -7,7 +7,7 @@ from typing import Any, Final
 
 from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
-from ballbot_rs.envs.own.stage import split
+from ballbot_rs.envs.own.stage import imported, split
 from ballbot_rs.envs.registration import description_of, env_id_of, task_of
 
 #: Options of policies from before 0.2.0: these had no scaling, and this torque per unit of action.
@@ -63,9 +63,13 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
     for option, functions in split(options)[1].items():
         for of, name in functions.items():
             module = str(name).partition(":")[0]
+            # A file must not choose which code runs: only what its reader has imported, and made for this.
+            if module.partition(".")[0] in sys.stdlib_module_names and module != "__main__":
+                raise ValueError(f"{option}.{of} = {name!r} is not a function of robots")
             if module not in sys.modules:
-                # A file must not import what its reader does not know.
-                raise ValueError(f"{option}.{of} = {name!r}: import {module} before the policy is loaded")
+                raise ValueError(f"{option}.{of} = {name!r}: import {module} before the policy is loaded (--import)")
+            if getattr(imported(f"{option}.{of}", str(name)), "__module__", None) != module:
+                raise ValueError(f"{option}.{of} = {name!r} is not of the module {module}")
     before = {} if "scale_observations" in options else BEFORE_SCALING
     # Where Gymnasium, not the environment, ended the episodes, the task's number of steps holds.
     given = {**before, **{name: value for name, value in options.items() if value is not None}}

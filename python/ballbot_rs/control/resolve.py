@@ -186,7 +186,7 @@ def common_options(
     policies = [controller for controller in controllers if controller.policy is not None or controller.env_options]
     options: Mapping[str, Any] = policies[0].env_options if policies else {}
     for controller in policies:
-        if controller.env_options != options:
+        if controller.env_options != options or _rows(controller.env_options) != _rows(options):
             raise ValueError(
                 f"{controller.name} was trained with {dict(controller.env_options)}, "
                 f"{policies[0].name} with {dict(options)}: not one task"
@@ -198,6 +198,11 @@ def common_options(
             raise ValueError(f"events = '{TRAINED}': the controllers have no policy, or policies with different events")
         given["events"] = found[0]
     return {**without_curriculum(options), **given}
+
+
+def _rows(options: Mapping[str, Any]) -> list[str]:
+    """Names of added rows in the order in which they are observed."""
+    return list(options.get("rows") or ())
 
 
 def options_of(

@@ -145,7 +145,7 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands, and before the first reset;
-    /// [`Error::OutOfRange`] for a number beyond its bound.
+    /// [`Error::OutOfRange`] for a number beyond its bound; errors of a [`super::BatchStage`].
     pub fn set_command(&mut self, index: usize, command: &[f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         let parts = self.description.command;
@@ -157,7 +157,8 @@ impl Batch {
             let bound = f64::from(part.bound);
             check(part.name, *value, format_args!("within ±{bound} {}", part.unit), |v| v.abs() <= bound)?;
         }
-        self.chunks[chunk].set_command(i, command)
+        self.chunks[chunk].set_command(i, command)?;
+        self.renew_staged(index)
     }
 
     /// The current setpoint of the task for a controller of one robot; it follows the command, if there is one.

@@ -79,7 +79,8 @@ pub trait BatchStage: Send + Sync {
     /// As [`BatchStage::begin`].
     fn step(&self, robots: &RobotRows<'_>, results: &mut StageResults<'_>) -> Result<()>;
 
-    /// Writes the rows of the observation that follow from [`RobotRows::truth`].
+    /// Writes the rows of the observation that follow from [`RobotRows::truth`], any number of times in a step: where a
+    /// command has changed, for privileged observations.
     ///
     /// # Errors
     /// As [`BatchStage::begin`].
@@ -166,6 +167,9 @@ pub(super) struct Staged {
     truth: Vec<f32>,
     observed: Vec<f32>,
     commands: Vec<f64>,
+    commands_before: Vec<f64>,
+    /// Of one robot.
+    command: Vec<f64>,
     steps: Vec<i64>,
     keys: Vec<[u32; 3]>,
     terms: Vec<f64>,
@@ -187,6 +191,8 @@ impl Staged {
             truth: Vec::with_capacity(num_envs * ROBOT_ROW_LEN),
             observed: Vec::with_capacity(if is_exact { 0 } else { num_envs * ROBOT_ROW_LEN }),
             commands: Vec::with_capacity(num_envs * task.command.len()),
+            commands_before: Vec::with_capacity(num_envs * task.command.len()),
+            command: vec![0.0; task.command.len()],
             steps: Vec::with_capacity(num_envs),
             keys: Vec::with_capacity(num_envs),
             terms: vec![0.0; num_envs * layout.terms.len()],
@@ -198,7 +204,12 @@ impl Staged {
     }
 
     /// Reads the robots for which `chosen` holds.
-    fn read(&mut self, chunks: &mut [Box<dyn Chunk>], width: usize, chosen: impl Fn(&dyn Chunk, usize, usize) -> bool) {
+    fn read(
+        &mut self,
+        chunks: &mut [Box<dyn Chunk>],
+        width: usize,
+        mut chosen: impl FnMut(&mut dyn Chunk, usize, usize) -> bool,
+    ) {
         self.indices.clear();
         self.truth.clear();
         self.observed.clear();
@@ -207,8 +218,11 @@ impl Staged {
         self.keys.clear();
         for (c, chunk) in chunks.iter_mut().enumerate() {
             let first = self.indices.len();
-            self.indices
-                .extend((0..chunk.len()).filter(|i| chosen(&**chunk, c * width + i, *i)).map(|i| c * width + i));
+            for i in 0..chunk.len() {
+                if chosen(&mut **chunk, c * width + i, i) {
+                    self.indices.push(c * width + i);
+                }
+            }
             if self.indices.len() == first {
                 continue;
             }
@@ -294,42 +308,70 @@ impl Batch {
         if stop.is_set() {
             return Ok(());
         }
-        let len = self.observation_len();
-        self.begin_staged_with(staged, buffers.observations, len, |chunk, _, i| chunk.steps(i) == 0)
+        if staged.command_len > 0 {
+            let (len, before) = (staged.command_len, std::mem::take(&mut staged.commands));
+            staged.commands = std::mem::take(&mut staged.commands_before);
+            let mut now = std::mem::take(&mut staged.command);
+            let result = self.write_rows(staged, Some(&mut *buffers.observations), false, |chunk, index, i| {
+                chunk.command(i, &mut now);
+                chunk.steps(i) != 0 && now != before[index * len..][..len]
+            });
+            (staged.commands_before, staged.command) = (before, now);
+            result?;
+        }
+        self.write_rows(staged, Some(&mut *buffers.observations), true, |chunk, _, i| chunk.steps(i) == 0)
+    }
+
+    /// Computes the rows of one robot again, whose command has changed.
+    pub(super) fn renew_staged(&mut self, index: usize) -> Result<()> {
+        let Some(mut staged) = self.staged.take() else { return Ok(()) };
+        let result = self.write_rows(&mut staged, None, false, |_, chosen, _| chosen == index);
+        self.staged = Some(staged);
+        result
     }
 
     /// Begins the episodes of the chosen robots for the stage, and completes their first observations.
     pub(super) fn begin_staged(&mut self, observations: &mut [f32], chosen: impl Fn(usize) -> bool) -> Result<()> {
         let Some(mut staged) = self.staged.take() else { return Ok(()) };
         let before = std::mem::replace(&mut self.interrupted, true);
-        let len = self.observation_len();
-        let result = self.begin_staged_with(&mut staged, observations, len, |_, index, _| chosen(index));
+        let result = self.write_rows(&mut staged, Some(observations), true, |_, index, _| chosen(index));
         self.staged = Some(staged);
         result?;
         self.interrupted = before;
         Ok(())
     }
 
-    fn begin_staged_with(
+    /// Writes the rows of the chosen robots, whose episodes begin or whose commands have changed.
+    fn write_rows(
         &mut self,
         staged: &mut Staged,
-        observations: &mut [f32],
-        len: usize,
-        chosen: impl Fn(&dyn Chunk, usize, usize) -> bool,
+        observations: Option<&mut [f32]>,
+        begins: bool,
+        chosen: impl FnMut(&mut dyn Chunk, usize, usize) -> bool,
     ) -> Result<()> {
-        let width = self.width;
+        let (width, len, rows) = (self.width, self.observation_len(), staged.width());
         staged.read(&mut self.chunks, width, chosen);
-        let rows = staged.width();
-        if staged.indices.is_empty() {
+        if staged.indices.is_empty() || (rows == 0 && !begins) {
             return Ok(());
         }
         let mut values = std::mem::take(&mut staged.rows);
-        let begun = staged.indices.len() * rows;
-        let result = staged.stage.begin(&staged.robots(), &mut values[..begun]);
+        let robots = staged.robots();
+        let written = &mut values[..staged.indices.len() * rows];
+        let result = if begins {
+            staged.stage.begin(&robots, written)
+        } else if robots.observed.is_empty() {
+            staged.stage.observe(&robots, written)
+        } else {
+            staged.stage.observe(&RobotRows { truth: robots.observed, ..robots }, written)
+        };
         if result.is_ok() && rows > 0 {
             for (index, values) in staged.indices.iter().zip(values.chunks_exact(rows)) {
-                let observation = &mut observations[index * len..][..len];
-                self.chunks[index / width].begin_rows(index % width, values, observation);
+                self.chunks[index / width].put_rows(index % width, values);
+            }
+            if let Some(observations) = observations {
+                for index in &staged.indices {
+                    self.chunks[index / width].observation(index % width, &mut observations[index * len..][..len]);
+                }
             }
         }
         staged.rows = values;

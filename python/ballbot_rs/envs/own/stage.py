@@ -25,6 +25,9 @@ Reset = Callable[[Robots, npt.NDArray[np.intp], list[np.random.Generator]], obje
 #: Options whose values may be functions, by name.
 FUNCTION_OPTIONS: Final = ("reward", "rows", "terminations")
 
+#: Largest magnitude of a term of the reward, so that its sums are finite.
+MOST: Final = 1e9
+
 #: Bound of the magnitude of rows that functions compute.
 BOUND: Final = 1e3
 
@@ -100,6 +103,11 @@ class Stage:
                 found[option].append((of, Part(label, call)))
                 self._texts.setdefault(option, {})[of] = text
                 if callable(reset := getattr(call, "reset", None)):
+                    if option == "rows":
+                        # They are also computed for privileged observations, and again where a command changes.
+                        raise InvalidInputError(
+                            f"{label} has a memory: rows follow from the robots of the present step"
+                        )
                     self._resets.append(reset)
         self._rewards = [part for _, part in found["reward"]]
         self._ends = [part for _, part in found["terminations"]]
@@ -153,7 +161,9 @@ class Stage:
         n = len(true)
         terms = np.empty((n, len(self._rewards)))
         for i, part in enumerate(self._rewards):
-            terms[:, i] = checked(part.label, part.call(true), (n,), np.float64)
+            terms[:, i] = term = checked(part.label, part.call(true), (n,), np.float64)
+            if (large := np.abs(term) > MOST).any():
+                raise InvalidInputError(f"{part.label} returned {term[large][0]:g}, expected numbers within ±{MOST:g}")
         codes = np.zeros(n, dtype=np.int64)
         for code, part in enumerate(self._ends, start=1):
             ended = checked(part.label, part.call(true), (n,), np.bool_)
@@ -161,7 +171,8 @@ class Stage:
         rows = self._observe(seen)
         success = self._success
         won = np.zeros(n, bool) if success is None else checked(success.label, success.call(true), (n,), np.bool_)
-        return terms, codes, won, rows
+        # The task's own termination may be a success; a function that is added to it is a failure.
+        return terms, codes, won & (codes <= 1), rows
 
     def observe(self, *arrays: npt.NDArray[Any]) -> FloatArray:
         """Rows from the true states."""
@@ -233,16 +244,27 @@ def _function(label: str, given: object) -> tuple[Function, str]:
     """A function, or an object of a class that is callable; with its name."""
     text = None
     if is_name(given):
-        text, given = str(given), _imported(label, str(given))
+        text, given = str(given), imported(label, str(given))
     if not callable(given):
         raise TypeError(f"{label} = {given!r}: expected a function of robots, or its name as 'module:function'")
     if text is None:
-        text = f"{getattr(given, '__module__', None)}:{getattr(given, '__qualname__', repr(given))}"
+        text = f"{getattr(given, '__module__', None)}:{getattr(given, '__qualname__', '')}"
+        try:
+            is_named = imported(label, text) is given
+        except InvalidInputError:
+            is_named = False
+        # A lambda, a method, a wrapper: in a file this gives an error, not another function.
+        text = text if is_named else f"{given!r}, which has no name in a module"
     # A class has its own memory in each batch.
     return (given() if isinstance(given, type) else given), text
 
 
-def _imported(label: str, name: str) -> object:
+def imported(label: str, name: str) -> object:
+    """The function of a name, as "module:function".
+
+    Raises:
+        ValueError: there is none.
+    """
     module, _, path = name.partition(":")
     if not (module and path):
         raise InvalidInputError(f"{label} = {name!r}: expected a function of robots, or its name as 'module:function'")

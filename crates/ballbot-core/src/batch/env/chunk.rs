@@ -40,8 +40,8 @@ pub trait Chunk: Send + Sync {
     /// Writes the rows of [`crate::batch::RobotRows::truth`], or as the task observes them.
     fn robot_rows(&mut self, observed: bool, out: &mut [f32]);
 
-    /// Completes the first observation of an episode by the rows of a stage.
-    fn begin_rows(&mut self, i: usize, values: &[f64], observation: &mut [f32]);
+    /// Writes the rows of a stage into the newest observation; at the start of an episode, into all of them.
+    fn put_rows(&mut self, i: usize, values: &[f64]);
 
     /// Steps since the start of the episode.
     fn steps(&self, i: usize) -> i64;

@@ -312,10 +312,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.write_robot_rows(observed, out);
     }
 
-    fn begin_rows(&mut self, i: usize, values: &[f64], observation: &mut [f32]) {
-        self.put_rows(i, values);
-        self.repeat_rows(i);
-        self.write_observation(i, observation);
+    fn put_rows(&mut self, i: usize, values: &[f64]) {
+        self.put_newest_rows(i, values);
+        if self.ledger.episode.steps.get(i) == 0.0 {
+            self.repeat_rows(i);
+        }
     }
 
     fn steps(&self, i: usize) -> i64 {

@@ -46,12 +46,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             if layout.decides_success {
                 episode.success.set(i, f64::from(u8::from(results.success[i] && reason == 0)));
             }
-            self.put_rows(i, &results.rows[i * rows..][..rows]);
+            self.put_newest_rows(i, &results.rows[i * rows..][..rows]);
         }
     }
 
     /// Writes the rows of a stage into the newest observation of robot `i`.
-    pub fn put_rows(&mut self, i: usize, values: &[f64]) {
+    pub fn put_newest_rows(&mut self, i: usize, values: &[f64]) {
         let Some(stage) = &self.step.stage else { return };
         let rows = &stage.0.layout().rows;
         let first = self.step.rows() - rows.len();
