@@ -116,7 +116,7 @@ def rollout(
         steps: number of control steps.
         starts: states to start from; None samples them.
     """
-    # The core does not know tasks in Python or other engines.
+    # The core does not know other engines.
     law = core_law(controller, batch) if isinstance(batch, Batch) else None
     observations = batch.reset(starts=starts)
     # Before the next episode samples other robots.

@@ -65,7 +65,8 @@ def _of_own_task(made: Task, options: dict[str, Any]) -> dict[str, Any]:
     """Options for the core of a task in Python."""
     steps = NO_TIME_LIMIT if made.max_episode_steps is None else made.max_episode_steps
     options = {"max_episode_steps": steps, "scale_observations": False, **options}
-    if options.pop("fall_tilt", None) not in (None, Batch(1, BARE, num_threads=1).options["fall_tilt"]):
+    tilt = options.pop("fall_tilt", None)
+    if tilt is not None and tilt != Batch(1, BARE, num_threads=1).options["fall_tilt"]:
         raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python defines a fall")
     return options
 
@@ -347,6 +348,10 @@ class BatchEnv(SharedAttributes):
         self._batch = new_batch(
             num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=self._first_seed, options=options
         )
+
+    def _termination_names(self) -> list[str]:
+        """Names for the numbers of `termination` in infos."""
+        return ["none", *self._batch.terminations]
 
     def _check_names(self, options: Mapping[str, Any]) -> None:
         check_options(type(self).__name__, options, option_names(self.task), self._hint)

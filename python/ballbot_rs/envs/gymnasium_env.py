@@ -58,7 +58,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
         self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
         rate = round(1.0 / self.control_dt)
-        self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": ["none", *self._batch.terminations]}
+        self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": self._termination_names()}
 
     def _hint(self, name: str) -> str:
         if name in ("num_envs", "num_threads", "autoreset", "autoreset_mode"):

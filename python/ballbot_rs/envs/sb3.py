@@ -198,7 +198,7 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         super().__init__(num_envs, observation_space_of(self._batch), action_space())
         metadata: dict[str, Any] = self.metadata
         metadata["render_fps"] = round(1.0 / self.control_dt)
-        metadata["terminations"] = ["none", *self._batch.terminations]
+        metadata["terminations"] = self._termination_names()
 
     def reset(self) -> npt.NDArray[np.float32]:
         """Begins episodes in all environments, with the seeds and options set since the last reset.

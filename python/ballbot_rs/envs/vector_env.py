@@ -91,7 +91,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             **type(self).metadata,
             "render_fps": rate,
             "autoreset_mode": self.autoreset_mode,
-            "terminations": ["none", *self._batch.terminations],
+            "terminations": self._termination_names(),
         }
         self.single_observation_space = observation_space_of(self._batch)
         self.single_action_space = action_space()

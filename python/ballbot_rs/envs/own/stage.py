@@ -227,7 +227,9 @@ def split(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[st
         if not isinstance(given, Mapping):
             continue
         # Numbers are scales of the terms of the task.
-        chosen = {of: value for of, value in given.items() if option != "reward" or callable(value) or is_name(value)}
+        chosen = {
+            of: value for of, value in given.items() if option != "reward" or callable(value) or isinstance(value, str)
+        }
         if chosen:
             functions[option] = chosen
         if option == "reward":
@@ -235,16 +237,11 @@ def split(options: Mapping[str, Any]) -> tuple[dict[str, Any], dict[str, dict[st
     return rest, functions
 
 
-def is_name(value: object) -> bool:
-    """Whether it may be the name of a function, as "module:function"."""
-    return isinstance(value, str)
-
-
 def _function(label: str, given: object) -> tuple[Function, str]:
     """A function, or an object of a class that is callable; with its name."""
-    text = None
-    if is_name(given):
-        text, given = str(given), imported(label, str(given))
+    text = given if isinstance(given, str) else None
+    if text is not None:
+        given = imported(label, text)
     if not callable(given):
         raise TypeError(f"{label} = {given!r}: expected a function of robots, or its name as 'module:function'")
     if text is None:
