@@ -3,7 +3,7 @@
 use super::batch::Batch;
 use super::buffers::StepBuffers;
 use super::env::chunk::Chunk;
-use crate::task::{Row, RowScaling, Rows, TaskDescription, Term, WriteRows};
+use crate::task::{Row, RowScaling, TaskDescription, Term, WriteRows};
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Stop;
 use std::fmt;
@@ -278,12 +278,19 @@ impl Staged {
     }
 }
 
-/// Writes the rows of a stage as an observation has them: saturated, and scaled if requested.
-pub(super) fn saturate(rows: &[Row], scaling: Option<&RowScaling>, first: usize, values: &[f64], out: &mut [f64]) {
-    let mut written = WriteRows::<f64> { cells: out, scaling, next: first };
-    for (row, value) in rows.iter().zip(values) {
-        written.row(*row, *value);
-    }
+/// The rows of a stage as an observation has them from row `first` on: saturated, and scaled if requested.
+pub(super) fn saturated<'a>(
+    rows: &'a [Row],
+    scaling: Option<&'a RowScaling>,
+    first: usize,
+    values: &'a [f64],
+) -> impl Iterator<Item = f64> + 'a {
+    rows.iter().zip(values).zip(first..).map(move |((row, value), index)| {
+        let mut number = 0.0;
+        let scaling = scaling.map(|scaling| (scaling.rest[index], scaling.gain[index]));
+        WriteRows::<f64>::write(*row, *value, scaling, &mut number);
+        number
+    })
 }
 
 impl Batch {
@@ -403,10 +410,9 @@ impl Batch {
         if result.is_ok() && rows > 0 {
             let scaling = self.scale_observations().then_some(&self.description.scaling);
             let first = len - rows;
-            let mut cells = vec![0.0; len];
             for (values, out) in values.chunks_exact(rows).zip(out.chunks_exact_mut(len)) {
-                saturate(&staged.stage.layout().rows, scaling, first, values, &mut cells);
-                out[first..].iter_mut().zip(&cells[first..]).for_each(|(out, cell)| *out = *cell as f32);
+                let numbers = saturated(&staged.stage.layout().rows, scaling, first, values);
+                out[first..].iter_mut().zip(numbers).for_each(|(out, number)| *out = number as f32);
             }
         }
         self.staged = Some(staged);

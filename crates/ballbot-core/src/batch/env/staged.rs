@@ -4,9 +4,9 @@ use super::Environments;
 use super::robots::Robots;
 use crate::actuator::Actuator;
 use crate::batch::autoreset::Autoreset;
-use crate::batch::stage::{ChunkResults, ROBOT_ROW_LEN};
+use crate::batch::stage::{ChunkResults, ROBOT_ROW_LEN, saturated};
 use crate::sensor::Sensor;
-use crate::task::{Task, WriteRows};
+use crate::task::Task;
 use ballbot_base::lane_state::StateCells;
 use ballbot_base::lanes::{Cell, Quat, Vec3, run_one};
 
@@ -55,10 +55,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let Some(stage) = &self.step.stage else { return };
         let rows = &stage.0.layout().rows;
         let first = self.step.rows() - rows.len();
-        for (k, (row, value)) in rows.iter().zip(values).enumerate() {
-            let mut cell = [0.0];
-            WriteRows::<f64>::write(*row, *value, self.step.scaling_of(first + k), &mut cell[0]);
-            self.ledger.observation[first + k].set(i, cell[0]);
+        for (cell, number) in
+            self.ledger.observation[first..].iter_mut().zip(saturated(rows, self.step.scaling(), first, values))
+        {
+            cell.set(i, number);
         }
     }
 

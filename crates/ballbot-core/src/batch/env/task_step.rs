@@ -83,9 +83,9 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         all.nth(index).map_or(DIVERGED, |(name, _)| *name)
     }
 
-    /// Value at rest and gain of a row, if rows are scaled.
-    pub fn scaling_of(&self, row: usize) -> Option<(f64, f64)> {
-        self.scaling.as_ref().map(|scaling| (scaling.rest[row], scaling.gain[row]))
+    /// Scaling of the rows, if they are scaled.
+    pub fn scaling(&self) -> Option<&RowScaling> {
+        self.scaling.as_ref()
     }
 
     /// How many rows an observation has.
