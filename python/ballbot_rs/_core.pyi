@@ -102,6 +102,7 @@ class _Task(TypedDict):
 
 class _Controller(TypedDict):
     summary: str
+    label: str
     control_dt: float | None
     setpoint: list[str]
     traction: float | None
@@ -892,8 +893,7 @@ class Controller:
     """A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 
     Args:
-        name: "lqr", "pid", "lqi", "lqr_pi", "mpc", "mppi", "cascade_pid", "hierarchical_sliding_mode", "pd_inverse_dynamics",
-            "sliding_mode", "fuzzy_mamdani", "takagi_sugeno", or a registered law.
+        name: a key of `CONTROLLERS`, as "lqr".
         params: the robot: `Params`, or the name of a preset; None is the paper's.
         control_dt: time between two calls, s; None is the period that the law is designed for, or 0.01.
         max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque

@@ -4,6 +4,8 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs.control.resolve import NAMES
+from ballbot_rs.media.figures.labels import short
 
 STATE = bb.State.at_rest(bb.Params.paper(), tilt=(0.03, -0.02))
 
@@ -65,3 +67,11 @@ def test_parts_that_a_law_does_not_follow_are_left_out_of_a_mapping_alone():
         bb.Lqr()(STATE, {"yaw": 0.1}, position=(0.0, 0.0))
     with pytest.raises(ValueError, match="yaw"):
         bb.Lqr()(STATE, {"yaw": float("nan")})
+
+
+def test_every_controller_has_its_own_short_label():
+    labels = [short(name) for name in NAMES]
+    assert labels[:2] == ["LQR", "PID"]
+    assert labels[-1] == "no torque"
+    assert len(set(labels)) == len(labels)
+    assert max(map(len, labels)) <= 21

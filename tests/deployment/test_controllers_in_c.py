@@ -174,7 +174,7 @@ def test_two_controllers_in_one_file_are_an_error_and_one_twice_is_none(tmp_path
 @pytest.mark.parametrize(
     ("name", "options", "message"),
     [
-        ("zero", {}, "'zero' cannot be written as C: expected one of lqr, lqi, pid"),
+        ("zero", {}, "'zero' cannot be written as C: expected one of lqr, pid, lqi"),
         ("lqrr", {}, "did you mean 'lqr'"),
         ("lqr", {"control_dt": -1.0}, "control_dt = -1 is out of range"),
         ("lqr", {"max_wheel_torque": "much"}, "max_wheel_torque is 'much', expected a number"),

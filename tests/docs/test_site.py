@@ -69,7 +69,7 @@ def test_links_lead_to_pages_of_the_site_or_to_files_of_the_clone(page: str, lin
 
 
 def test_a_link_to_a_name_leads_to_its_line() -> None:
-    file = "crates/ballbot-control/src/lqr.rs"
+    file = "crates/ballbot-control/src/controllers/lqr.rs"
     rewritten = links.rewritten(f"[`Lqr`](../{file})", "docs/laws.md", PAGES)
     line = int(rewritten.partition("#L-")[2].rstrip(")"))
     assert "pub struct Lqr" in (ROOT / file).read_text(encoding="utf-8").splitlines()[line - 1]

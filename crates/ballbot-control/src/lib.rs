@@ -4,51 +4,21 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
-mod attitude_loop;
-mod balance_frame;
-mod cascade_pid;
-pub mod common_lyapunov;
-mod delayed;
-mod fuzzy_mamdani;
-mod hierarchical_sliding_mode;
-mod joined;
-mod kinds;
-mod lean_observer;
-mod lean_planes;
-mod limits;
-mod lqi;
-mod lqr;
-mod lqr_pi;
-mod mpc;
-mod outer;
-mod pd_inverse_dynamics;
-mod pid;
-mod position_loop;
+mod controllers;
+mod parts;
 pub mod reference;
-pub mod riccati;
-mod rule_table;
-mod sliding_mode;
-mod switching_gain;
-mod takagi_sugeno;
-mod tracking;
+mod registry;
 
-pub use cascade_pid::{CascadePid, CascadePidOptions};
-pub use delayed::DelayOptions;
-pub use fuzzy_mamdani::{FuzzyMamdani, FuzzyOptions};
-pub use hierarchical_sliding_mode::{HierarchicalSlidingMode, SlidingModeOptions, SlidingSurface};
-pub use kinds::{ControllerKind, MakeController, controller_kind, controller_kinds, fields_with, register_controller};
-pub use lean_observer::ObserverOptions;
-pub use limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
-pub use lqi::{IntegralWeights, Lqi, LqiOptions, LqiWeights};
-pub use lqr::{Lqr, LqrOptions, LqrWeights};
-pub use lqr_pi::{LqrPi, LqrPiLoops, LqrPiOptions};
-pub use mpc::{Mpc, MpcOptions};
-pub use pd_inverse_dynamics::{InverseDynamicsOptions, PdInverseDynamics};
-pub use pid::{Pid, PidGains};
+pub use controllers::*;
+pub use parts::delayed::DelayOptions;
+pub use parts::lean_observer::ObserverOptions;
+pub use parts::limits::{DEFAULT_TRACTION, LimitOptions, Limited, TorqueLimits};
+pub use parts::rule_table::{RuleTable, SETS, memberships};
+pub use parts::{common_lyapunov, riccati};
 pub use reference::{Motion, Reference, Turning};
-pub use rule_table::{RuleTable, SETS, memberships};
-pub use sliding_mode::{AttitudeSlidingOptions, SlidingMode};
-pub use takagi_sugeno::TakagiSugeno;
+pub use registry::{
+    ControllerKind, MakeController, NamedLaw, controller_kind, controller_kinds, fields_with, register_controller,
+};
 
 pub use ballbot_base::constants::{Constant, Constants};
 pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
@@ -65,10 +35,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///
 /// ```
 /// use ballbot_core::control::{
-///     Controller, ControllerKind, LaneSetpoint, Law, LimitOptions, Sampling, Setpoint, TorqueLimits, controller_kind,
-///     fields_with, register_controller,
+///     LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, Setpoint, TorqueLimits, controller_kind, register_controller,
 /// };
-/// use ballbot_core::fields::{Limit, describe_options};
+/// use ballbot_core::fields::Limit;
 /// use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 /// use ballbot_core::lanes::{Lane, Memory};
 /// use ballbot_core::nalgebra::Vector3;
@@ -93,11 +62,17 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     sampling: Sampling,
 /// }
 ///
-/// impl Upright {
-///     fn new(params: &Params, control_dt: f64, gains: Gains, limits: &LimitOptions) -> Result<Self> {
+/// impl NamedLaw for Upright {
+///     const NAME: &'static str = "upright";
+///     const SUMMARY: &'static str = "PD of the tilt.";
+///     const LABEL: &'static str = "PD";
+///     const LIMITS: LimitOptions = LimitOptions::CAP;
+///     type Options = Gains;
+///
+///     fn with_options(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
 ///         let wheels = Omniwheels::new(params);
 ///         Ok(Self {
-///             gains,
+///             gains: gains.clone(),
 ///             wheels: [Vector3::x(), Vector3::y()].map(|axis| wheels.wheel_torques(&axis, TorqueMap::Consistent)),
 ///             limits: TorqueLimits::new(params, limits)?,
 ///             sampling: Sampling::new(control_dt, Self::MEMORY),
@@ -133,17 +108,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     }
 /// }
 ///
-/// register_controller(ControllerKind {
-///     name: "upright",
-///     summary: "PD of the tilt.",
-///     control_dt: None,
-///     parts: Upright::PARTS,
-///     options: describe_options::<Gains>,
-///     limits: LimitOptions::CAP,
-///     make: |params, control_dt, limits, options| {
-///         Ok(Box::new(Upright::new(params, control_dt, fields_with(options)?, limits)?) as Box<dyn Controller>)
-///     },
-/// })?;
+/// register_controller(Upright::KIND)?;
 ///
 /// let params = Params::paper();
 /// let kind = controller_kind("upright")?;

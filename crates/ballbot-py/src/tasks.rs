@@ -94,6 +94,7 @@ pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     for kind in controller_kinds() {
         let controller = PyDict::new(py);
         controller.set_item("summary", kind.summary)?;
+        controller.set_item("label", kind.label)?;
         controller.set_item("control_dt", kind.control_dt)?;
         controller.set_item("setpoint", kind.parts)?;
         controller.set_item("traction", kind.limits.traction)?;

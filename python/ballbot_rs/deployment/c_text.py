@@ -1,6 +1,7 @@
 """C text: numbers, arrays, comments, and the common parts of headers."""
 
 import hashlib
+import re
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from importlib import resources
 from typing import Any, Final
@@ -11,10 +12,30 @@ import numpy.typing as npt
 #: Most columns of a line.
 WIDTH: Final = 118
 
+_FOLDER: Final = resources.files(__package__) / "c"
+
+
+#: A part that another part includes, and the empty line after the last one.
+_INCLUDE: Final = re.compile(r'^#include "(\w+)\.h"\n\n?', re.MULTILINE)
+
+
+def is_piece(name: str) -> bool:
+    """Whether there is a part of headers with this name."""
+    return (_FOLDER / f"{name}.h").is_file()
+
 
 def piece(name: str) -> str:
-    """A part of a header."""
-    return (resources.files(__package__) / "c" / f"{name}.h").read_text(encoding="utf-8")
+    """A part of a header, without the parts that it includes."""
+    return _INCLUDE.sub("", _text(name))
+
+
+def included(name: str) -> list[str]:
+    """The parts that a part of a header includes."""
+    return _INCLUDE.findall(_text(name))
+
+
+def _text(name: str) -> str:
+    return (_FOLDER / f"{name}.h").read_text(encoding="utf-8")
 
 
 def comment(lines: Iterable[str]) -> str:

@@ -9,20 +9,10 @@ from ballbot_rs import __version__
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
 from ballbot_rs.control.catalog import make_controller
-from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
+from ballbot_rs.deployment.c_text import comment, constants, guarded, included, is_piece, piece
 
-#: Common parts that a law needs in addition to its own part: all are in the folder `c`.
-_REGULATOR: Final = ("planar", "deviation", "lean_planes", "outer")
-_PIECES: Final = {
-    "lqr": _REGULATOR,
-    "lqi": _REGULATOR,
-    "pid": (),
-    "cascade_pid": ("planar", "deviation", "lean_planes"),
-    "hierarchical_sliding_mode": _REGULATOR,
-}
-
-#: The controllers that can be written as C.
-CONTROLLERS_IN_C: Final = tuple(_PIECES)
+#: The controllers that can be written as C: those with a part of their name in the folder `c`.
+CONTROLLERS_IN_C: Final = tuple(filter(is_piece, CONTROLLERS))
 
 #: Options that give a law memory that the C lacks.
 NOT_IN_C: Final = ("delay", "lean_observer", "adaptation")
@@ -75,7 +65,7 @@ def controller_header(
     limits = "limits_of_traction" if "traction_rows" in found else "limits_of_cap"
     values: dict[str, Any] = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
     values |= {"ball_rate_of_wheels": _ball_rate_of_wheels(robot)} | found
-    pieces = ("state", "roll", "pose", *_PIECES[name], "limited", limits, name)
+    pieces = ("state", "roll", "pose", *included(name), "limited", limits, name)
     body = "\n".join((piece("real"), "/* ---- Constants, SI units. */\n\n" + constants(values), *map(piece, pieces)))
     return guarded("controller", name, comment(_head(name, law, robot, options, found)), body)
 

@@ -8,7 +8,7 @@ use ballbot_core::batch::{
     Autoreset, Batch, EnvConfig, Environment, Outcome, Under, register_task, task_kind, task_kinds,
 };
 use ballbot_core::control::{
-    Controller, LimitOptions, Setpoint, controller_kind, controller_kinds, register_controller,
+    Controller, LimitOptions, NamedLaw, Setpoint, controller_kind, controller_kinds, register_controller,
 };
 use ballbot_core::task::{ACTION_LEN, TaskDescription};
 use ballbot_core::{Error, ModelKind, State};
@@ -41,7 +41,7 @@ fn register() {
     static ONCE: Once = Once::new();
     ONCE.call_once(|| {
         register_task::<Shuttle>().unwrap();
-        register_controller(feedback::KIND).unwrap();
+        register_controller(feedback::Feedback::KIND).unwrap();
     });
 }
 
@@ -322,7 +322,8 @@ fn invalid_options_and_names_are_refused() {
 fn controllers_follow_the_command_of_the_task() {
     let config = config(ModelKind::Contact);
     let controller =
-        Feedback::new(&config.params, config.control_dt, &Gains::default(), &LimitOptions::capped(1.0)).unwrap();
+        Feedback::with_options(&config.params, config.control_dt, &Gains::default(), &LimitOptions::capped(1.0))
+            .unwrap();
     let mut run = Run::new(
         Batch::new(&EnvConfig { scale_observations: false, ..config }, 11, Autoreset::SameStep, Some(1), 1).unwrap(),
     );
@@ -335,7 +336,8 @@ fn controllers_follow_the_command_of_the_task() {
         })
         .collect();
     let again =
-        Feedback::new(run.batch.params(0).unwrap(), 0.01, &Gains::default(), &LimitOptions::capped(1.0)).unwrap();
+        Feedback::with_options(run.batch.params(0).unwrap(), 0.01, &Gains::default(), &LimitOptions::capped(1.0))
+            .unwrap();
     run.batch.control(&Under { setpoints: Some(&setpoints), ..Under::new(&again) }, &mut actions[1]).unwrap();
     for (found, expected) in actions[0].iter().zip(&actions[1]) {
         assert!((found - expected).abs() < 1e-6, "{found}, expected {expected}");
@@ -355,7 +357,7 @@ fn registered_controllers_are_made_by_name() {
     let make = |limits, options: &[Setting<'_>]| (kind.make)(&params, 0.002, &limits, options);
     let mut named = make(LimitOptions::capped(0.3), &[("tilt", &[15.0])]).unwrap();
     let gains = Gains { tilt: 15.0, ..Gains::default() };
-    let mut typed = Feedback::new(&params, 0.002, &gains, &LimitOptions::capped(0.3)).unwrap();
+    let mut typed = Feedback::with_options(&params, 0.002, &gains, &LimitOptions::capped(0.3)).unwrap();
     let state = State::tilted(&params, Vector2::new(0.01, -0.02), 0.3);
     let setpoint = Setpoint { velocity: Vector2::new(0.2, -0.1), ..Setpoint::default() };
     for _ in 0..3 {
@@ -372,7 +374,7 @@ fn registered_controllers_are_made_by_name() {
         let message = result.err().expect("accepted").to_string();
         assert!(message.starts_with(words), "{message}");
     }
-    let error = register_controller(feedback::KIND).unwrap_err().to_string();
+    let error = register_controller(feedback::Feedback::KIND).unwrap_err().to_string();
     assert_eq!(error, "there is a controller 'feedback' already");
 }
 

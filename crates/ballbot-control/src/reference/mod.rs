@@ -11,8 +11,8 @@ mod traction;
 
 pub use motion::Motion;
 
-use super::Setpoint;
-use super::lean_planes::LeanPlanes;
+use crate::Setpoint;
+use crate::parts::lean_planes::LeanPlanes;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::params::Params;
 use motion::{FlatOutput, ramped};

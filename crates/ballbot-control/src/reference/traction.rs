@@ -1,7 +1,7 @@
 //! Traction and motor torque that a motion requires of a robot.
 
 use crate::Setpoint;
-use crate::lean_planes::LeanPlanes;
+use crate::parts::lean_planes::LeanPlanes;
 use ballbot_base::params::Params;
 use ballbot_models::{LoadMap, WheelLoad};
 use nalgebra::Rotation2;

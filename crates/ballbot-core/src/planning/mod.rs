@@ -23,6 +23,7 @@ pub fn register() -> Result<()> {
     register_controller(ControllerKind {
         name: "mppi",
         summary: "Model predictive path integral control: the best of motions sampled in the contact model.",
+        label: "MPPI",
         control_dt: Some(Mppi::CONTROL_DT),
         parts: MOTION_PARTS,
         limits: LimitOptions::TRACTION,

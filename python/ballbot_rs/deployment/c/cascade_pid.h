@@ -1,3 +1,7 @@
+#include "planar.h"
+#include "deviation.h"
+#include "lean_planes.h"
+
 /* ---- The controller. */
 
 typedef struct {

@@ -1,3 +1,8 @@
+#include "planar.h"
+#include "deviation.h"
+#include "lean_planes.h"
+#include "outer.h"
+
 /* ---- The controller. */
 
 typedef struct {

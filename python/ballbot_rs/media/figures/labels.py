@@ -3,23 +3,8 @@
 import textwrap
 from pathlib import Path
 
+from ballbot_rs._core import CONTROLLERS
 from ballbot_rs.control.resolve import NAMES
-
-_NAMES = {
-    "lqr": "LQR",
-    "pid": "PID",
-    "lqi": "LQI",
-    "lqr_pi": "LQR + PI",
-    "mpc": "MPC",
-    "cascade_pid": "cascade",
-    "hierarchical_sliding_mode": "sliding mode",
-    "pd_inverse_dynamics": "computed torque",
-    "sliding_mode": "attitude sliding mode",
-    "fuzzy_mamdani": "fuzzy rules",
-    "takagi_sugeno": "Takagi-Sugeno",
-    "mppi": "MPPI",
-    "zero": "no torque",
-}
 
 #: Letters of a title per inch.
 LETTERS = 10
@@ -28,7 +13,7 @@ LETTERS = 10
 def short(controller: str) -> str:
     """A name that fits above a figure: the folder of a run, the file of a policy."""
     if controller in NAMES:
-        return _NAMES[controller]
+        return str(CONTROLLERS[controller]["label"]) if controller in CONTROLLERS else "no torque"
     path = Path(controller)
     return path.resolve().parent.name if path.name in ("best_model.zip", "final_model.zip") else path.name
 

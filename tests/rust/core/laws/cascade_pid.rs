@@ -1,7 +1,7 @@
 //! The cascade of position and lean.
 
 use super::{CONTROL_DT, assert_poles, closed_loop, gain_of, made, pair, position, presets, robot, run, uneven};
-use ballbot_core::control::{CascadePid, CascadePidOptions, LimitOptions};
+use ballbot_core::control::{CascadePid, CascadePidOptions, LimitOptions, NamedLaw};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State};
@@ -86,6 +86,6 @@ fn loops_that_are_not_stable_are_refused() {
     let negative = CascadePidOptions { position_damping: -0.1, ..Default::default() };
     assert!(refused(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
     for (_, params) in presets() {
-        CascadePid::new(&params, 0.02).unwrap();
+        CascadePid::with_defaults(&params, 0.02).unwrap();
     }
 }

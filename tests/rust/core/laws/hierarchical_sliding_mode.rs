@@ -5,7 +5,8 @@ use super::{
     run,
 };
 use ballbot_core::control::{
-    Controller, HierarchicalSlidingMode, LimitOptions, Setpoint, SetpointCells, SlidingModeOptions, SlidingSurface,
+    Controller, HierarchicalSlidingMode, LimitOptions, NamedLaw, Setpoint, SetpointCells, SlidingModeOptions,
+    SlidingSurface,
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
@@ -24,7 +25,7 @@ fn unactuated(params: &Params) -> [f64; 3] {
 }
 
 fn surface(params: &Params) -> SlidingSurface {
-    HierarchicalSlidingMode::new(params, CONTROL_DT).unwrap().surfaces()[0]
+    HierarchicalSlidingMode::with_defaults(params, CONTROL_DT).unwrap().surfaces()[0]
 }
 
 #[test]

@@ -2,7 +2,7 @@
 
 use super::{CONTROL_DT, gain_of, law, made, position, robot, run};
 use ballbot_core::control::{
-    Controller, IntegralWeights, LimitOptions, Lqi, LqiWeights, Lqr, Setpoint, controller_kind,
+    Controller, IntegralWeights, LimitOptions, Lqi, LqiWeights, Lqr, NamedLaw, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
 use ballbot_core::{ModelKind, Params, State};
@@ -32,7 +32,7 @@ fn a_wrong_center_of_mass_leaves_no_offset() {
     let expected = (gain[(wheel, 3)] / gain[(wheel, 0)] * lean).abs();
     for kind in [ModelKind::Spatial, ModelKind::Contact] {
         let without = offset(&params, kind, &mut lqr, position(0.0, 0.0));
-        let with = offset(&params, kind, &mut Lqi::new(&nominal, CONTROL_DT).unwrap(), position(0.0, 0.0));
+        let with = offset(&params, kind, &mut Lqi::with_defaults(&nominal, CONTROL_DT).unwrap(), position(0.0, 0.0));
         println!("{kind}: {:.3} mm, without the integral {:.1} mm", with * 1e3, without * 1e3);
         assert!((without / expected - 1.0).abs() < 0.01, "{kind}: {without} m, closed form {expected} m");
         assert!((without - 0.127).abs() < 0.002, "{kind}: {without} m");
@@ -71,7 +71,7 @@ fn without_its_weight_the_gains_are_those_of_the_regulator() {
 #[test]
 fn torques_are_those_of_the_gains() {
     let params = Params::paper();
-    let lqi = Lqi::new(&params, CONTROL_DT).unwrap();
+    let lqi = Lqi::with_defaults(&params, CONTROL_DT).unwrap();
     let gain = &lqi.regulator().gain;
     assert!(lqi.regulator().residual < 1e-10);
     assert!((gain_of(&lqi, &params) - gain).amax() < 1e-8 * gain.amax());
@@ -117,7 +117,7 @@ fn the_integral_is_cut_and_held() {
     assert!((kept_after(0.05, 3) - -3.0 * 0.05 * CONTROL_DT).abs() < 1e-15);
     assert_eq!(kept_after(5.0, 100), 0.0);
     // The lean that the integral commands is 4 deg.
-    let gain = Lqi::new(&params, CONTROL_DT).unwrap().regulator().gain.clone();
+    let gain = Lqi::with_defaults(&params, CONTROL_DT).unwrap().regulator().gain.clone();
     let wheel = gain.column(1).iamax();
     let lean = gain[(wheel, 11)] / gain[(wheel, 2)] * kept_after(0.002, 1_000_000);
     assert!((lean.abs().to_degrees() - 4.0).abs() < 1e-6, "{} deg", lean.to_degrees());

@@ -1,7 +1,7 @@
 //! The double loop of wheel rates and state.
 
 use super::{CONTROL_DT, made, position, presets, robot, run};
-use ballbot_core::control::{Controller, LimitOptions, LqrPi, LqrPiOptions, Setpoint};
+use ballbot_core::control::{Controller, LimitOptions, LqrPi, LqrPiOptions, NamedLaw, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, StateCells};
@@ -33,7 +33,7 @@ fn crossover(gain: impl Fn(f64) -> f64) -> f64 {
 #[test]
 fn the_inner_loop_has_its_crossover() {
     for (name, params) in presets() {
-        let law = LqrPi::new(&params, CONTROL_DT).unwrap();
+        let law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
         for axis in 0..2 {
             let wanted = 4.1 * LinearModel::new(&params).a[if axis == 0 { (8, 3) } else { (7, 2) }].sqrt();
             let found = crossover(|w| open_loop(&params, &law, axis, w));
@@ -51,7 +51,7 @@ fn outer_gains_are_those_of_an_independent_computation() {
     // Acceleration of the lean per torque of the virtual wheel in that computation, rad/s² per N·m.
     const PER_TORQUE: f64 = 42.845;
     let toppling = LinearModel::new(&params).a[(8, 3)].sqrt();
-    let [per_unit, _] = LqrPi::new(&params, CONTROL_DT).unwrap().inner_gains()[0];
+    let [per_unit, _] = LqrPi::with_defaults(&params, CONTROL_DT).unwrap().inner_gains()[0];
     let mut options = LqrPiOptions::default();
     options.loops.wheel_bandwidth *= 0.10 * PER_TORQUE / per_unit.abs();
     options.loops.wheel_integral = 6.0 / toppling;
@@ -72,7 +72,7 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let params = Params::paper();
     let load = Omniwheels::new(&params).torques_on_body(&Vector3::new(0.01, 0.02, 0.0), TorqueMap::Consistent);
     let mut robot = robot(&params, ModelKind::Spatial, &State::upright(&params));
-    let mut law = LqrPi::new(&params, CONTROL_DT).unwrap();
+    let mut law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
     let mut cells = StateCells::default();
     let mut kept = [0.0; 2];
     let mut before = kept;

@@ -2,7 +2,7 @@
 
 use super::{CONTROL_DT, basin_of, cells, made, presets, push_of, robot, scattered_states};
 use ballbot_core::control::{
-    Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, Setpoint, SetpointCells, riccati,
+    Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, SetpointCells, riccati,
 };
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::{LinearModel, LoadMap};

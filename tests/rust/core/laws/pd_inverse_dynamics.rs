@@ -4,7 +4,7 @@ use super::{
     CONTROL_DT, assert_poles, closed_loop, gain_of, law, made, pair, presets, robot, scattered_states, uneven,
 };
 use ballbot_core::control::{
-    Controller, InverseDynamicsOptions, LimitOptions, PdInverseDynamics, Setpoint, controller_kind,
+    Controller, InverseDynamicsOptions, LimitOptions, NamedLaw, PdInverseDynamics, Setpoint, controller_kind,
 };
 use ballbot_core::models::{BallSpin, LinearModel, SpatialModel, WheelSpin};
 use ballbot_core::{Ballbot, ModelKind, Params, State, attitude};

@@ -3,7 +3,8 @@
 use super::pd_inverse_dynamics::{UNLIMITED, attitude_error, strong, toppling};
 use super::{CONTROL_DT, presets, scattered_states, uneven};
 use ballbot_core::control::{
-    AttitudeSlidingOptions, Controller, InverseDynamicsOptions, LimitOptions, PdInverseDynamics, Setpoint, SlidingMode,
+    AttitudeSlidingOptions, Controller, InverseDynamicsOptions, LimitOptions, NamedLaw, PdInverseDynamics, Setpoint,
+    SlidingMode,
 };
 use ballbot_core::{Ballbot, ModelKind, Params, State};
 use nalgebra::{Vector2, Vector3};
@@ -103,7 +104,7 @@ fn published_tunings_are_stable() {
                 assert!(made.is_ok(), "{name}, {dt} s: {made:?}");
             }
         }
-        SlidingMode::new(&params, 0.02).unwrap();
+        SlidingMode::with_defaults(&params, 0.02).unwrap();
     }
     let thin = AttitudeSlidingOptions { layer: 1e-4, ..Default::default() };
     let message = SlidingMode::with_options(&Params::paper(), CONTROL_DT, &thin, &LimitOptions::TRACTION).unwrap_err();

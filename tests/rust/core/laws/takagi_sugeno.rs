@@ -1,7 +1,7 @@
 //! Takagi-Sugeno fuzzy control.
 
 use super::{CONTROL_DT, cells, gain_of, law, presets, uneven};
-use ballbot_core::control::{Controller, LimitOptions, LqrWeights, Setpoint, TakagiSugeno};
+use ballbot_core::control::{Controller, LimitOptions, LqrWeights, NamedLaw, Setpoint, TakagiSugeno};
 use ballbot_core::models::{BallSpin, LeaningPlane, LinearModel, SpatialModel, WheelSpin};
 use ballbot_core::{Params, State};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
@@ -43,7 +43,7 @@ fn in_the_upright_robot_it_is_the_regulator() {
 /// Within 5.2 % up to 30 deg: on this plant the method is a linear regulator.
 #[test]
 fn the_gains_differ_little() {
-    let law = TakagiSugeno::new(&Params::paper(), CONTROL_DT).unwrap();
+    let law = TakagiSugeno::with_defaults(&Params::paper(), CONTROL_DT).unwrap();
     println!("largest change of the cost in a step: {:?}", law.decay());
     for plane in law.gains() {
         for (rule, gains) in plane.iter().enumerate() {
@@ -61,7 +61,7 @@ fn the_gains_differ_little() {
 fn rules_count_by_the_tilt() {
     let params = Params { max_wheel_torque: 1e3, ..Params::paper() };
     let weights = LqrWeights { max_lean: 1e3, max_speed: 1e3, ..Default::default() };
-    let law = TakagiSugeno::with_weights(&params, CONTROL_DT, &weights, &LimitOptions::capped(1e3)).unwrap();
+    let law = TakagiSugeno::with_options(&params, CONTROL_DT, &weights, &LimitOptions::capped(1e3)).unwrap();
     let torques_of = LinearModel::new(&params).b.fixed_view::<3, 3>(7, 0).try_inverse().unwrap();
     for degrees in [0.0_f64, 4.0, 15.0, 20.0, 29.0, 30.0, 41.0] {
         let place = (degrees / 15.0).min(2.0);
@@ -84,11 +84,11 @@ fn rules_count_by_the_tilt() {
 #[test]
 fn a_law_without_a_proof_is_refused() {
     // Over a second the robot topples so far that rules which are 1 % apart do not fit each other.
-    let message = TakagiSugeno::new(&Params::paper(), 1.0).unwrap_err().to_string();
+    let message = TakagiSugeno::with_defaults(&Params::paper(), 1.0).unwrap_err().to_string();
     assert!(message.contains("no proof that the fuzzy model is stable"), "{message}");
     for (name, params) in presets() {
         for dt in [0.005, 0.01, 0.02] {
-            let made = TakagiSugeno::new(&params, dt);
+            let made = TakagiSugeno::with_defaults(&params, dt);
             assert!(made.is_ok(), "{name}, {dt} s: {made:?}");
         }
     }

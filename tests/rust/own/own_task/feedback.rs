@@ -1,10 +1,8 @@
 //! A PD controller of the tilt; the tilt setpoint follows from a low-passed velocity error.
 
 use ballbot_core::LaneState;
-use ballbot_core::control::{
-    Controller, ControllerKind, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, fields_with,
-};
-use ballbot_core::fields::{Limit, describe_options};
+use ballbot_core::control::{LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, TorqueLimits};
+use ballbot_core::fields::Limit;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::lanes::{Heading, Lane, Memory};
 use ballbot_core::{Params, Result};
@@ -35,21 +33,14 @@ pub struct Feedback {
     sampling: Sampling,
 }
 
-/// The name under which it is registered.
-pub const KIND: ControllerKind = ControllerKind {
-    name: "feedback",
-    summary: "PD of the tilt with velocity feedback.",
-    control_dt: None,
-    parts: Feedback::PARTS,
-    options: describe_options::<Gains>,
-    limits: LimitOptions::CAP,
-    make: |params, control_dt, limits, options| {
-        Ok(Box::new(Feedback::new(params, control_dt, &fields_with(options)?, limits)?) as Box<dyn Controller>)
-    },
-};
+impl NamedLaw for Feedback {
+    const NAME: &'static str = "feedback";
+    const SUMMARY: &'static str = "PD of the tilt with velocity feedback.";
+    const LABEL: &'static str = "PD";
+    const LIMITS: LimitOptions = LimitOptions::CAP;
+    type Options = Gains;
 
-impl Feedback {
-    pub fn new(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
+    fn with_options(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
         params.validate()?;
         let wheels = Omniwheels::new(params);
         let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, TorqueMap::Consistent);

@@ -1,13 +1,14 @@
 //! The regulator of position, tilt and heading with an integral of the position.
 
-use super::delayed::{DelayOptions, Delayed};
-use super::joined::joined_fields;
-use super::lean_planes::product;
-use super::outer::{Outer, equal_torques, share_within};
-use super::riccati::{self, Regulator};
-use super::tracking::{Deviation, Tracking};
-use super::{
-    Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+use crate::parts::delayed::{DelayOptions, Delayed};
+use crate::parts::joined::joined_fields;
+use crate::parts::lean_planes::product;
+use crate::parts::outer::{Outer, equal_torques, share_within};
+use crate::parts::riccati::{self, Regulator};
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits,
+    check_control_dt,
 };
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
@@ -32,7 +33,7 @@ ballbot_base::fields! {
 /// Deviations of equal cost, as in [`LqrWeights`].
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LqiWeights {
-    /// Weights of the states and inputs of [`super::Lqr`].
+    /// Weights of the states and inputs of [`crate::Lqr`].
     pub lqr: LqrWeights,
     /// Weights of the integral.
     pub integral: IntegralWeights,
@@ -57,11 +58,11 @@ const SIZE: usize = STATES + 2;
 /// τ = −K (x, z) with the integral z of the position's deviation, by the Riccati equation of the linear model with two
 /// more states, z⁺ = z + T (x, y) (derived in `docs/laws.md`). A constant force, a slope or a wrong center of mass
 /// leaves no offset if it requires no more lean than the integral may command; a larger disturbance leaves the offset
-/// of [`super::Lqr`], reduced by the integral.
+/// of [`crate::Lqr`], reduced by the integral.
 ///
 /// z is stored in the inertial frame, so that a turning robot does not wind it up, and rotated into the heading frame.
 /// It is limited as a vector so that it commands at most the lean `max_integral_lean`. It is held while the torques are
-/// limited, while speed or lean are limited as in [`super::Lqr`], and while the position deviation commands a larger
+/// limited, while speed or lean are limited as in [`crate::Lqr`], and while the position deviation commands a larger
 /// lean than z may: no disturbance that z can compensate leaves such an offset. With a delay ([`Lqi::with_delay`]) x
 /// and z are predicted for the time at which the torque acts; a held z is not predicted.
 #[derive(Clone, Debug)]
@@ -83,19 +84,24 @@ pub struct Lqi {
     limits: TorqueLimits,
 }
 
-impl Lqi {
-    /// A regulator with the default weights and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`Lqi::with_weights`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_weights(params, control_dt, &LqiWeights::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for Lqi {
+    const NAME: &'static str = "lqi";
+    const SUMMARY: &'static str =
+        "The regulator with an integral of the position: constant disturbances up to a limit leave no offset.";
+    const LABEL: &'static str = "LQI";
+    type Options = LqiOptions;
 
+    /// As [`Lqi::with_weights`], with [`Lqi::with_delay`].
+    fn with_options(params: &Params, control_dt: f64, options: &LqiOptions, limits: &LimitOptions) -> Result<Self> {
+        Self::with_weights(params, control_dt, &options.weights, limits)?.with_delay(params, options.delay.delay)
+    }
+}
+
+impl Lqi {
     /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
     ///
     /// # Errors
-    /// As [`super::Lqr::with_weights`].
+    /// As [`crate::Lqr::with_weights`].
     pub fn with_weights(params: &Params, control_dt: f64, weights: &LqiWeights, limits: &LimitOptions) -> Result<Self> {
         weights.check_limits()?;
         params.validate()?;
@@ -131,10 +137,10 @@ impl Lqi {
         })
     }
 
-    /// For motors whose torque acts `delay` seconds after its command, as [`super::Lqr::with_delay`].
+    /// For motors whose torque acts `delay` seconds after its command, as [`crate::Lqr::with_delay`].
     ///
     /// # Errors
-    /// As [`super::Lqr::with_delay`].
+    /// As [`crate::Lqr::with_delay`].
     pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
         let control_dt = self.sampling.control_dt;
         let (a, b) = model(params, control_dt);

@@ -46,4 +46,4 @@ macro_rules! joined_fields {
     };
 }
 
-pub(super) use joined_fields;
+pub(crate) use joined_fields;

@@ -1,10 +1,12 @@
 //! A PD of the position that commands a lean, with an inner PID of the lean.
 
-use super::lean_observer::{self, LeanObserver};
-use super::lean_planes::{LeanPlane, Leaning, require_stable};
-use super::outer::share_within;
-use super::tracking::{Deviation, Tracking};
-use super::{Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use crate::parts::lean_observer::{self, LeanObserver};
+use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
+use crate::parts::outer::share_within;
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt,
+};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
@@ -107,21 +109,18 @@ pub struct CascadePid {
     limits: TorqueLimits,
 }
 
-impl CascadePid {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`CascadePid::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &CascadePidOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for CascadePid {
+    const NAME: &'static str = "cascade_pid";
+    const SUMMARY: &'static str = "PD of the position above a PID of the tilt, by the poles of the closed loop.";
+    const LABEL: &'static str = "cascade";
+    type Options = CascadePidOptions;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    pub fn with_options(
+    fn with_options(
         params: &Params,
         control_dt: f64,
         options: &CascadePidOptions,
@@ -149,7 +148,9 @@ impl CascadePid {
         require_stable(law.closed_loop(params), control_dt)?;
         Ok(law)
     }
+}
 
+impl CascadePid {
     /// The sampled closed loop of the linear model: its states, and the integral of each plane that has an integral.
     fn closed_loop(&self, params: &Params) -> DMatrix<f64> {
         let dt = self.sampling.control_dt;

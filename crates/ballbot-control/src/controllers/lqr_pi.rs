@@ -1,14 +1,14 @@
 //! The double loop: a regulator that commands wheel rates, above a PI of the measured rates.
 
-use super::balance_frame::BalanceFrame;
-use super::delayed::{DelayOptions, Delayed};
-use super::joined::joined_fields;
-use super::lean_observer::{self, LeanObserver};
-use super::lean_planes::{LeanPlanes, Leaning, require_stable};
-use super::outer::Outer;
-use super::riccati;
-use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use crate::parts::balance_frame::BalanceFrame;
+use crate::parts::delayed::{DelayOptions, Delayed};
+use crate::parts::joined::joined_fields;
+use crate::parts::lean_observer::{self, LeanObserver};
+use crate::parts::lean_planes::{LeanPlanes, Leaning, require_stable};
+use crate::parts::outer::Outer;
+use crate::parts::riccati;
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::kinematics::Omniwheels;
@@ -18,7 +18,7 @@ use ballbot_base::params::Params;
 use nalgebra::{DMatrix, Vector3};
 
 ballbot_base::fields! {
-    /// Deviations of equal cost of the outer loop of [`LqrPi`], as in [`super::LqrWeights`], and the inner loop. Frequencies of
+    /// Deviations of equal cost of the outer loop of [`LqrPi`], as in [`crate::LqrWeights`], and the inner loop. Frequencies of
     /// the inner loop are in units of λ, the rate at which the robot topples.
     #[derive(Copy)]
     pub struct LqrPiLoops {
@@ -124,25 +124,18 @@ pub struct LqrPi {
     limits: TorqueLimits,
 }
 
-impl LqrPi {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`LqrPi::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &LqrPiOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for LqrPi {
+    const NAME: &'static str = "lqr_pi";
+    const SUMMARY: &'static str =
+        "Double loop: a regulator that asks for wheel rates, above a PI of the measured ones.";
+    const LABEL: &'static str = "LQR + PI";
+    type Options = LqrPiOptions;
 
     /// A controller from the linear model of `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
-    /// As [`super::Lqr::with_weights`] and [`super::Lqr::with_delay`].
-    pub fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &LqrPiOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
+    /// As [`crate::Lqr::with_weights`] and [`crate::Lqr::with_delay`].
+    fn with_options(params: &Params, control_dt: f64, options: &LqrPiOptions, limits: &LimitOptions) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
         options.check_limits()?;
@@ -174,7 +167,9 @@ impl LqrPi {
             limits,
         })
     }
+}
 
+impl LqrPi {
     /// Gains of the outer loop's command −k (y, θ, ẏ, θ̇, ξ) in the planes of x and y: k in rad/s per unit.
     pub fn outer_gains(&self) -> [[f64; 5]; 2] {
         self.loops.map(|loops| loops.k)

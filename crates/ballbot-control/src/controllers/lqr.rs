@@ -1,15 +1,15 @@
 //! A discrete linear-quadratic regulator of position, tilt and heading, for any robot.
 
-use super::delayed::{DelayOptions, Delayed};
-use super::joined::joined_fields;
-use super::lean_observer::{LeanObserver, ObserverOptions};
-use super::lean_planes::product;
-use super::outer::Outer;
-use super::riccati::{self, Regulator};
-use super::tracking::{Deviation, Tracking};
-use super::{
-    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, Setpoint, SetpointCells, TorqueLimits,
-    check_control_dt,
+use crate::parts::delayed::{DelayOptions, Delayed};
+use crate::parts::joined::joined_fields;
+use crate::parts::lean_observer::{LeanObserver, ObserverOptions};
+use crate::parts::lean_planes::product;
+use crate::parts::outer::Outer;
+use crate::parts::riccati::{self, Regulator};
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
+    TorqueLimits, check_control_dt,
 };
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::{Fields, Limit};
@@ -88,6 +88,21 @@ pub struct Lqr {
     observer: LeanObserver,
     sampling: Sampling,
     limits: TorqueLimits,
+}
+
+impl NamedLaw for Lqr {
+    const NAME: &'static str = "lqr";
+    const SUMMARY: &'static str = "Linear-quadratic regulator of position, tilt and heading.";
+    const LABEL: &'static str = "LQR";
+    type Options = LqrOptions;
+
+    /// As [`Lqr::with_weights`], with [`Lqr::with_delay`] and [`Lqr::with_lean_observer`].
+    fn with_options(params: &Params, control_dt: f64, options: &LqrOptions, limits: &LimitOptions) -> Result<Self> {
+        let LqrOptions { weights, delay, observer } = options;
+        Self::with_weights(params, control_dt, weights, limits)?
+            .with_delay(params, delay.delay)?
+            .with_lean_observer(params, observer.lean_observer)
+    }
 }
 
 impl Lqr {

@@ -6,27 +6,27 @@ use ballbot_base::lanes::Lane;
 
 /// Second-order dynamics ẍ + δ ẋ + σ x = 0.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct SecondOrder {
+pub(crate) struct SecondOrder {
     /// δ = 2 ζ ω, 1/s.
-    pub(super) damping: f64,
+    pub(crate) damping: f64,
     /// σ = ω², 1/s².
-    pub(super) stiffness: f64,
+    pub(crate) stiffness: f64,
 }
 
 impl SecondOrder {
     /// With natural frequency `frequency` (rad/s) and damping ratio `ratio`.
-    pub(super) fn new(frequency: f64, ratio: f64) -> Self {
+    pub(crate) fn new(frequency: f64, ratio: f64) -> Self {
         Self { damping: 2.0 * ratio * frequency, stiffness: frequency * frequency }
     }
 }
 
 /// Options of the position loop: natural frequency over λ, damping ratio, largest lean (rad) and speed (m/s).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PositionOptions {
-    pub(super) bandwidth: f64,
-    pub(super) damping: f64,
-    pub(super) max_lean: f64,
-    pub(super) max_speed: f64,
+pub(crate) struct PositionOptions {
+    pub(crate) bandwidth: f64,
+    pub(crate) damping: f64,
+    pub(crate) max_lean: f64,
+    pub(crate) max_speed: f64,
 }
 
 /// A PD of the flat output z = y + ℓ θ in each plane, which obeys z̈ = g θ: θ_ref = −(k_z z + k_v ż). Its speed and
@@ -34,7 +34,7 @@ pub(super) struct PositionOptions {
 ///
 /// With lean dynamics θ̈ = σ (θ_ref − θ) − δ θ̇ it has the two required poles (derived in `docs/laws.md`).
 #[derive(Clone, Copy, Debug)]
-pub(super) struct PositionLoop {
+pub(crate) struct PositionLoop {
     /// k_z and k_v of each plane.
     gains: [[f64; 2]; 2],
     /// ℓ of each plane.
@@ -45,7 +45,7 @@ pub(super) struct PositionLoop {
 
 impl PositionLoop {
     /// The loop with the poles of the options, above leans with the dynamics `lean`.
-    pub(super) fn new(planes: &LeanPlanes, lean: SecondOrder, options: &PositionOptions) -> Self {
+    pub(crate) fn new(planes: &LeanPlanes, lean: SecondOrder, options: &PositionOptions) -> Self {
         let frequency = options.bandwidth * planes.toppling_rate();
         let SecondOrder { damping: c1, stiffness: c0 } = SecondOrder::new(frequency, options.damping);
         let planes = &planes.planes;
@@ -66,7 +66,7 @@ impl PositionLoop {
 
     /// θ_ref of each plane minus the lean of the setpoint's motion, rad.
     #[inline(always)]
-    pub(super) fn lean<L: Lane>(&self, deviation: &Leaning<L>) -> [L; 2] {
+    pub(crate) fn lean<L: Lane>(&self, deviation: &Leaning<L>) -> [L; 2] {
         let Leaning { position, velocity, lean, rate } = deviation;
         let [[ax, bx], [ay, by]] = self.gains;
         let speeds = [
@@ -82,7 +82,7 @@ impl PositionLoop {
     }
 
     /// k of θ_ref = −k (y, θ, ẏ, θ̇) without limiting.
-    pub(super) fn feedback(&self, axis: usize) -> [f64; 4] {
+    pub(crate) fn feedback(&self, axis: usize) -> [f64; 4] {
         let ([position, velocity], lever) = (self.gains[axis], self.levers[axis]);
         [position, position * lever, velocity, velocity * lever]
     }

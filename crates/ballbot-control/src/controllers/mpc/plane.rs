@@ -1,7 +1,7 @@
 //! One vertical plane of the predictive controller: the sampled model with the regulator.
 
-use super::super::lean_planes::{LeanPlanes, PLACES};
-use super::super::riccati;
+use crate::parts::lean_planes::{LeanPlanes, PLACES};
+use crate::parts::riccati;
 use ballbot_base::error::Result;
 use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;

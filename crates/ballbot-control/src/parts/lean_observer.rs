@@ -22,7 +22,7 @@ ballbot_base::fields! {
 }
 
 /// Limit of the option `lean_observer` of all controllers.
-pub(super) const LIMIT: Limit = Limit::NOT_NEGATIVE.to(1e3);
+pub(crate) const LIMIT: Limit = Limit::NOT_NEGATIVE.to(1e3);
 
 /// Indices of its numbers: vectors of the inertial frame, and whether the prediction is valid.
 const LEAN: usize = 0;
@@ -45,7 +45,7 @@ const MAX_LEAN: f64 = 0.3;
 /// that an impulse moves the estimate only slightly; û₀ and its error are limited to the largest acceleration by the
 /// motors.
 #[derive(Clone, Copy, Debug, Default)]
-pub(super) struct LeanObserver {
+pub(crate) struct LeanObserver {
     observed: Option<Observed>,
 }
 
@@ -69,12 +69,12 @@ struct Plane {
 }
 
 /// θ̂₀ and û₀ in the planes of the heading frame; `None` without an estimate.
-pub(super) struct Equilibrium<L>(Option<[[L; 2]; 2]>);
+pub(crate) struct Equilibrium<L>(Option<[[L; 2]; 2]>);
 
 impl<L: Lane> Equilibrium<L> {
     /// A deviation from the motion about this equilibrium.
     #[inline(always)]
-    pub(super) fn deviation(&self, Deviation { mut x, forward, pose }: Deviation<L>) -> Deviation<L> {
+    pub(crate) fn deviation(&self, Deviation { mut x, forward, pose }: Deviation<L>) -> Deviation<L> {
         if let Self(Some([[lean_x, lean_y], _])) = *self {
             // Leaning towards y turns about −x.
             x[2] += lean_y;
@@ -85,7 +85,7 @@ impl<L: Lane> Equilibrium<L> {
 
     /// Accelerations of the leans by the motors in a motion, including the equilibrium accelerations.
     #[inline(always)]
-    pub(super) fn forward(&self, forward: [L; 2]) -> [L; 2] {
+    pub(crate) fn forward(&self, forward: [L; 2]) -> [L; 2] {
         match *self {
             Self(Some([_, [x, y]])) => [forward[0] + x, forward[1] + y],
             Self(None) => forward,
@@ -118,7 +118,7 @@ impl LeanObserver {
     /// # Errors
     /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if the samples are too long for
     /// observation.
-    pub(super) fn new(
+    pub(crate) fn new(
         params: &Params,
         tracking: &Tracking,
         control_dt: f64,
@@ -142,13 +142,13 @@ impl LeanObserver {
 
     /// Number of stored values per robot: θ̂₀ and û₀ in the planes of the inertial frame's x and y, then the
     /// prediction.
-    pub(super) fn kept(&self) -> usize {
+    pub(crate) fn kept(&self) -> usize {
         if self.observed.is_some() { MEMORY } else { 0 }
     }
 
     /// The equilibrium, corrected by the state at the end of the last sample.
     #[inline(always)]
-    pub(super) fn equilibrium<L: Lane>(
+    pub(crate) fn equilibrium<L: Lane>(
         &self,
         state: &LaneState<L>,
         heading: &Heading<L>,
@@ -163,7 +163,7 @@ impl LeanObserver {
     /// Predicts the velocities after a sample under wheel torques (N·m), of which the limits leave the fraction
     /// `share`.
     #[inline(always)]
-    pub(super) fn predict<L: Lane>(
+    pub(crate) fn predict<L: Lane>(
         &self,
         state: &LaneState<L>,
         pose: &Pose<L>,

@@ -1,6 +1,6 @@
 //! The linear model in each vertical plane of the heading frame, driven by angular accelerations of the body.
 
-use super::Constants;
+use crate::Constants;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
@@ -11,54 +11,54 @@ use nalgebra::{DMatrix, Matrix3, Schur};
 /// One vertical plane, with the lean θ towards positive positions y and the lean acceleration u by the motors: θ̈ = λ²
 /// θ + u and ÿ = g θ − ℓ θ̈.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub(super) struct LeanPlane {
+pub(crate) struct LeanPlane {
     /// λ, the rate at which the robot topples, 1/s.
-    pub(super) toppling: f64,
+    pub(crate) toppling: f64,
     /// g, the acceleration per steady lean, m/(s²·rad).
-    pub(super) acceleration: f64,
+    pub(crate) acceleration: f64,
     /// ℓ, the backward motion of the ball per lean, m.
-    pub(super) lever: f64,
+    pub(crate) lever: f64,
 }
 
 impl LeanPlane {
     /// λ².
-    pub(super) fn toppling_squared(&self) -> f64 {
+    pub(crate) fn toppling_squared(&self) -> f64 {
         self.toppling * self.toppling
     }
 }
 
 /// Indices of (y, θ, ẏ, θ̇) of the planes among the states of the linear model, and their signs: leaning towards y
 /// turns about −x.
-pub(super) const PLACES: [[usize; 4]; 2] = [[0, 3, 5, 8], [1, 2, 6, 7]];
+pub(crate) const PLACES: [[usize; 4]; 2] = [[0, 3, 5, 8], [1, 2, 6, 7]];
 const SIGNS: [[f64; 4]; 2] = [[1.0; 4], [1.0, -1.0, 1.0, -1.0]];
 
 /// The two planes of a robot, and the wheel torques for angular accelerations.
 #[derive(Clone, Debug)]
-pub(super) struct LeanPlanes {
+pub(crate) struct LeanPlanes {
     /// The plane of x (tilt about y), and the plane of y (tilt about −x).
-    pub(super) planes: [LeanPlane; 2],
+    pub(crate) planes: [LeanPlane; 2],
     /// Wheel torques per angular acceleration of the body about the axes of the heading frame, N·m·s².
     torques: [[f64; 3]; INPUTS],
 }
 
 /// A deviation in the planes.
-pub(super) struct Leaning<L> {
-    pub(super) position: [L; 2],
-    pub(super) velocity: [L; 2],
-    pub(super) lean: [L; 2],
-    pub(super) rate: [L; 2],
+pub(crate) struct Leaning<L> {
+    pub(crate) position: [L; 2],
+    pub(crate) velocity: [L; 2],
+    pub(crate) lean: [L; 2],
+    pub(crate) rate: [L; 2],
 }
 
 impl<L: Lane> Leaning<L> {
     /// From a deviation in the linear model's coordinates.
     #[inline(always)]
-    pub(super) fn new(x: &[L; STATES]) -> Self {
+    pub(crate) fn new(x: &[L; STATES]) -> Self {
         Self { position: [x[0], x[1]], velocity: [x[5], x[6]], lean: [x[3], -x[2]], rate: [x[8], -x[7]] }
     }
 }
 
 impl LeanPlanes {
-    pub(super) fn new(params: &Params) -> Self {
+    pub(crate) fn new(params: &Params) -> Self {
         let LinearModel { a, b } = LinearModel::new(params);
         let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
         let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
@@ -75,25 +75,25 @@ impl LeanPlanes {
     }
 
     /// λ, the mean of both planes, 1/s.
-    pub(super) fn toppling_rate(&self) -> f64 {
+    pub(crate) fn toppling_rate(&self) -> f64 {
         let [x, y] = self.planes;
         0.5 * (x.toppling + y.toppling)
     }
 
     /// Adds the wheel torques per angular acceleration of the body (3 × 3).
-    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+    pub(crate) fn add_to(&self, constants: Constants) -> Constants {
         constants.matrix("torques_of_acceleration", &self.torques)
     }
 
     /// ℓ/g, the mean of both planes, s².
-    pub(super) fn lag(&self) -> f64 {
+    pub(crate) fn lag(&self) -> f64 {
         let [x, y] = self.planes.map(|plane| plane.lever / plane.acceleration);
         0.5 * (x + y)
     }
 
     /// Wheel torques for the accelerations of the leans and of the yaw, N·m.
     #[inline(always)]
-    pub(super) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
+    pub(crate) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
         let turning = [y, -x, -yaw];
         let [a, b, c] = &self.torques;
         [product(a, &turning), product(b, &turning), product(c, &turning)]
@@ -101,7 +101,7 @@ impl LeanPlanes {
 
     /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds,
     /// including viscous friction.
-    pub(super) fn sampled(&self, axis: usize, params: &Params, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
+    pub(crate) fn sampled(&self, axis: usize, params: &Params, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let (a, b) = LinearModel::new(params).discretize(dt);
         let (places, signs) = (PLACES[axis], SIGNS[axis]);
         let torques = self.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
@@ -113,7 +113,7 @@ impl LeanPlanes {
     }
 
     /// K of τ = −K x for accelerations −k (y, θ, ẏ, θ̇) of the lean in each plane, and −k (ψ, ψ̇) of the yaw.
-    pub(super) fn gain(&self, planes: [[f64; 4]; 2], yaw: [f64; 2]) -> DMatrix<f64> {
+    pub(crate) fn gain(&self, planes: [[f64; 4]; 2], yaw: [f64; 2]) -> DMatrix<f64> {
         let mut accelerations = DMatrix::zeros(3, STATES);
         for (place, k) in [0, 3, 5, 8].into_iter().zip(planes[0]) {
             accelerations[(1, place)] = k;
@@ -127,7 +127,7 @@ impl LeanPlanes {
     }
 
     /// K of τ = −K x for zero angular acceleration of the body in the linear model.
-    pub(super) fn cancelling(&self, linear: &LinearModel) -> DMatrix<f64> {
+    pub(crate) fn cancelling(&self, linear: &LinearModel) -> DMatrix<f64> {
         let turning = DMatrix::from_fn(3, STATES, |i, j| linear.a[(7 + i, j)]);
         DMatrix::from_fn(INPUTS, 3, |i, j| self.torques[i][j]) * turning
     }
@@ -135,7 +135,7 @@ impl LeanPlanes {
 
 /// −row · x.
 #[inline(always)]
-pub(super) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L {
+pub(crate) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L {
     let mut sum = x[0] * -row[0];
     for j in 1..N {
         sum = x[j].mul_add_all(-row[j], sum);
@@ -147,7 +147,7 @@ pub(super) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L 
 const MAX_POLE_STEPS: usize = 10_000;
 
 /// Checks that the poles of a sampled closed loop are within the unit circle.
-pub(super) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Result<()> {
+pub(crate) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Result<()> {
     let schur = Schur::try_new(closed_loop, f64::EPSILON, MAX_POLE_STEPS)
         .ok_or_else(|| Error::Inconsistent("the poles of the closed loop were not found".into()))?;
     let poles = schur.complex_eigenvalues().map(|pole| pole.norm());

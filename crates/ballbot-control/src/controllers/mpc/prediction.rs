@@ -1,6 +1,6 @@
 //! The optimization problem of the predictive controller, and its solution by an accelerated gradient method.
 
-use super::super::limits::{LeanRow, ROWS};
+use crate::parts::limits::{LeanRow, ROWS};
 use super::plane::Plane;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::{Lane, Memory};

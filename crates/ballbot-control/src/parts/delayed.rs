@@ -29,7 +29,7 @@ const ROUNDING: f64 = 1e-6;
 /// torques of the setpoint's motion. The states are the states of the linear model, or `N` states with those that a
 /// controller adds.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Delayed<const N: usize = STATES> {
+pub(crate) struct Delayed<const N: usize = STATES> {
     /// −Aᵈ, row by row.
     free: Vec<[f64; N]>,
     /// −Aⁱ B for each sample, the oldest first.
@@ -43,7 +43,7 @@ impl Delayed {
     ///
     /// # Errors
     /// As [`Delayed::of`].
-    pub(super) fn new(params: &Params, control_dt: f64, delay: f64) -> Result<Self> {
+    pub(crate) fn new(params: &Params, control_dt: f64, delay: f64) -> Result<Self> {
         let (a, b) = LinearModel::new(params).discretize(control_dt);
         Self::of(&a, &b, control_dt, delay)
     }
@@ -55,7 +55,7 @@ impl<const N: usize> Delayed<N> {
     /// # Errors
     /// [`Error::OutOfRange`] for more than ten samples, [`Error::Inconsistent`] for a delay that is not a multiple of a
     /// sample.
-    pub(super) fn of(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, INPUTS>, control_dt: f64, delay: f64) -> Result<Self> {
+    pub(crate) fn of(a: &SMatrix<f64, N, N>, b: &SMatrix<f64, N, INPUTS>, control_dt: f64, delay: f64) -> Result<Self> {
         let limit = format_args!("from 0 to {MAX_SAMPLES} control_dt = {} s", MAX_SAMPLES * control_dt);
         check("delay", delay, limit, |delay| (0.0..=(MAX_SAMPLES + ROUNDING) * control_dt).contains(&delay))?;
         let samples = (delay / control_dt).round();
@@ -76,18 +76,18 @@ impl<const N: usize> Delayed<N> {
     }
 
     /// The delay, s.
-    pub(super) fn seconds(&self) -> f64 {
+    pub(crate) fn seconds(&self) -> f64 {
         self.delay
     }
 
     /// Number of stored values per robot.
-    pub(super) fn kept(&self) -> usize {
+    pub(crate) fn kept(&self) -> usize {
         INPUTS * self.driven.len()
     }
 
     /// The state after the delay.
     #[inline(always)]
-    pub(super) fn state<L: Lane>(&self, x: [L; N], memory: &Memory<'_, L>) -> [L; N] {
+    pub(crate) fn state<L: Lane>(&self, x: [L; N], memory: &Memory<'_, L>) -> [L; N] {
         if self.driven.is_empty() {
             return x;
         }
@@ -107,7 +107,7 @@ impl<const N: usize> Delayed<N> {
     /// The torques that act in this sample. `asked`, the torques commanded now, are stored until they act, as
     /// deviations from the torques of the setpoint's motion at that time.
     #[inline(always)]
-    pub(super) fn acting<L: Lane>(
+    pub(crate) fn acting<L: Lane>(
         &self,
         asked: [L; 3],
         motion_then: [L; 3],
@@ -124,7 +124,7 @@ impl<const N: usize> Delayed<N> {
 
     /// Stores the torques of this sample as deviations from the torques of the setpoint's motion.
     #[inline(always)]
-    pub(super) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
+    pub(crate) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
         let Some(last) = self.driven.len().checked_sub(1) else { return };
         for sample in 0..last {
             let next = memory.get3(INPUTS * (sample + 1));

@@ -3,7 +3,7 @@
 use super::lean_planes::{Leaning, require_stable};
 use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};
 use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, check_control_dt};
+use crate::{LaneSetpoint, check_control_dt};
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Quat, Vec3};
@@ -22,18 +22,18 @@ const LEAST_SCALAR: f64 = 1e-3;
 
 /// Computed torque on the attitude below a PD of the position: the common part of the inverse dynamics controllers.
 #[derive(Clone, Debug)]
-pub(super) struct AttitudeLoop {
+pub(crate) struct AttitudeLoop {
     tracking: Tracking,
     position: PositionLoop,
     dynamics: InverseDynamics,
 }
 
 /// The attitude error v = vec(q_e), q_e = q_ref* ∘ q, in the balance frame.
-pub(super) struct AttitudeError<L> {
+pub(crate) struct AttitudeError<L> {
     /// v: half the angle for small errors.
-    pub(super) error: Vec3<L>,
+    pub(crate) error: Vec3<L>,
     /// v̇, 1/s.
-    pub(super) rate: Vec3<L>,
+    pub(crate) rate: Vec3<L>,
     scalar: L,
     /// Ω_e, the angular velocity relative to the reference.
     relative: Vec3<L>,
@@ -48,7 +48,7 @@ impl AttitudeLoop {
     ///
     /// # Errors
     /// As [`check_control_dt`]; [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    pub(super) fn new(
+    pub(crate) fn new(
         params: &Params,
         control_dt: f64,
         tracking: Tracking,
@@ -73,7 +73,7 @@ impl AttitudeLoop {
 
     /// The attitude error relative to the reference.
     #[inline(always)]
-    pub(super) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
+    pub(crate) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
         let Deviation { x, .. } = self.tracking.deviation(state, setpoint);
         let asked = self.position.lean(&Leaning::new(&x));
         let attitude = self.tracking.frame.attitude(state.body_quaternion);
@@ -122,7 +122,7 @@ impl AttitudeLoop {
 
     /// Motor torques that produce v̈ = `wanted`, N·m.
     #[inline(always)]
-    pub(super) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> [L; 3] {
+    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> [L; 3] {
         let AttitudeError { error: v, scalar, relative, forward, ref motion, .. } = *error;
         // w Ω̇_e + v × Ω̇_e = 2 v̈ + ½ |Ω_e|² v
         let half = relative.norm_squared() * 0.5;

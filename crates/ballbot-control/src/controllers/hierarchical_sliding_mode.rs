@@ -1,12 +1,13 @@
 //! Hierarchical sliding mode of position and lean.
 
-use super::lean_observer::{self, LeanObserver};
-use super::lean_planes::{LeanPlane, Leaning, require_stable};
-use super::outer::Outer;
-use super::switching_gain::SwitchingGain;
-use super::tracking::{Deviation, Tracking};
-use super::{
-    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt,
+use crate::parts::lean_observer::{self, LeanObserver};
+use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
+use crate::parts::outer::Outer;
+use crate::parts::switching_gain::SwitchingGain;
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits,
+    check_control_dt,
 };
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::{Fields, Limit};
@@ -166,21 +167,18 @@ pub struct HierarchicalSlidingMode {
     limits: TorqueLimits,
 }
 
-impl HierarchicalSlidingMode {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`HierarchicalSlidingMode::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &SlidingModeOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for HierarchicalSlidingMode {
+    const NAME: &'static str = "hierarchical_sliding_mode";
+    const SUMMARY: &'static str = "Sliding mode on a sum of the surfaces of position and lean.";
+    const LABEL: &'static str = "sliding mode";
+    type Options = SlidingModeOptions;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`], [`Error::Inconsistent`] if
     /// the sampled loop of the linear model is not stable.
-    pub fn with_options(
+    fn with_options(
         params: &Params,
         control_dt: f64,
         options: &SlidingModeOptions,
@@ -193,7 +191,9 @@ impl HierarchicalSlidingMode {
         let surfaces = [SlidingSurface::new(x, options), SlidingSurface::new(y, options)];
         Self::with_tracking(params, control_dt, tracking, surfaces, options, limits)
     }
+}
 
+impl HierarchicalSlidingMode {
     /// A controller with custom surfaces in the planes of x and y; the poles of the options are not used.
     ///
     /// # Errors

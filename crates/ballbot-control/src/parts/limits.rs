@@ -2,7 +2,7 @@
 
 use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
-use super::{Constants, check_max_torque, default_max_torque};
+use crate::{Constants, check_max_torque, default_max_torque};
 use ballbot_base::error::{Result, check};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
@@ -91,7 +91,7 @@ struct Traction {
 }
 
 /// Two rows for slip and one row for the load of each wheel.
-pub(super) const ROWS: usize = 9;
+pub(crate) const ROWS: usize = 9;
 
 /// c = `at_rest` + `per_tilt` · ϑ + `per_rate_squared` |Ω|², g = `per_torque`.
 type Row = WheelLoad;
@@ -99,11 +99,11 @@ type Row = WheelLoad;
 /// A condition on leans and their accelerations by the motors in the vertical planes, c + l·θ + g·u <= 0, as a fraction
 /// of a wheel's load in equilibrium.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct LeanRow {
-    pub(super) at_rest: f64,
-    pub(super) per_rate_squared: f64,
-    pub(super) per_lean: [f64; 2],
-    pub(super) per_acceleration: [f64; 2],
+pub(crate) struct LeanRow {
+    pub(crate) at_rest: f64,
+    pub(crate) per_rate_squared: f64,
+    pub(crate) per_lean: [f64; 2],
+    pub(crate) per_acceleration: [f64; 2],
 }
 
 impl LeanRow {
@@ -112,7 +112,7 @@ impl LeanRow {
 
     /// `constant` + l·θ + g·u.
     #[inline(always)]
-    pub(super) fn value<L: Lane>(&self, constant: L, lean: [L; 2], u: [L; 2]) -> L {
+    pub(crate) fn value<L: Lane>(&self, constant: L, lean: [L; 2], u: [L; 2]) -> L {
         let leaning = lean[1].mul_add_all(self.per_lean[1], lean[0].mul_add_all(self.per_lean[0], constant));
         u[1].mul_add_all(self.per_acceleration[1], u[0].mul_add_all(self.per_acceleration[0], leaning))
     }
@@ -231,13 +231,13 @@ impl TorqueLimits {
     }
 
     /// Adds the largest torque and, with traction scaling, its numbers.
-    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+    pub(crate) fn add_to(&self, constants: Constants) -> Constants {
         let constants = constants.number("max_torque", self.max_torque);
         self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants))
     }
 
     /// Traction conditions without yaw torque, which is reduced first.
-    pub(super) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
+    pub(crate) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
         let Some(traction) = &self.traction else { return [LeanRow::NONE; ROWS] };
         let driven = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
         std::array::from_fn(|k| {
@@ -266,7 +266,7 @@ impl TorqueLimits {
 
     /// [`TorqueLimits::apply`] for a robot with known pose.
     #[inline(always)]
-    pub(super) fn apply_at<L: Lane>(
+    pub(crate) fn apply_at<L: Lane>(
         &self,
         wanted: [L; 3],
         state: &LaneState<L>,

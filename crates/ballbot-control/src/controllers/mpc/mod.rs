@@ -3,15 +3,15 @@
 mod plane;
 mod prediction;
 
-use super::balance_frame::Pose;
-use super::lean_observer::{self, LeanObserver};
-use super::lean_planes::{Leaning, product};
-use super::limits::ROWS;
-use super::outer::Outer;
-use super::riccati;
-use super::tracking::{Deviation, Tracking};
-use super::{
-    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, Sampling, Setpoint, SetpointCells,
+use crate::parts::balance_frame::Pose;
+use crate::parts::lean_observer::{self, LeanObserver};
+use crate::parts::lean_planes::{Leaning, product};
+use crate::parts::limits::ROWS;
+use crate::parts::outer::Outer;
+use crate::parts::riccati;
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
     TorqueLimits, check_control_dt,
 };
 use ballbot_base::error::Result;
@@ -70,7 +70,7 @@ impl MpcOptions {
     }
 }
 
-/// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`super::Lqr`] sampled once per stage, and the first of
+/// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`crate::Lqr`] sampled once per stage, and the first of
 /// the inputs v of least cost over the next stages. With the cost of the regulator's infinite horizon, Σ xᵀQx + uᵀRu is
 /// xᵀPx + Σ |v|² in suitable units, so v is zero where the regulator keeps the limits; elsewhere the squared violations
 /// at each stage are added to the cost. The limits are the limits of [`TorqueLimits`] at the predicted lean, linear in
@@ -92,20 +92,18 @@ pub struct Mpc {
     stage: f64,
 }
 
-impl Mpc {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`Mpc::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &MpcOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for Mpc {
+    const NAME: &'static str = "mpc";
+    const SUMMARY: &'static str =
+        "Model predictive control: the regulator with limits of traction and torque looked ahead.";
+    const LABEL: &'static str = "MPC";
+    type Options = MpcOptions;
 
     /// A controller from the linear model of `params`, called every `control_dt` seconds.
     ///
     /// # Errors
-    /// As [`super::Lqr::with_weights`].
-    pub fn with_options(params: &Params, control_dt: f64, options: &MpcOptions, limits: &LimitOptions) -> Result<Self> {
+    /// As [`crate::Lqr::with_weights`].
+    fn with_options(params: &Params, control_dt: f64, options: &MpcOptions, limits: &LimitOptions) -> Result<Self> {
         options.check_limits()?;
         params.validate()?;
         check_control_dt(control_dt)?;
@@ -142,7 +140,9 @@ impl Mpc {
             stage,
         })
     }
+}
 
+impl Mpc {
     /// Time between two stages, s.
     pub fn stage(&self) -> f64 {
         self.stage

@@ -1,12 +1,13 @@
 //! Takagi-Sugeno fuzzy control: regulators for several leans, blended by the lean.
 
-use super::common_lyapunov::common_lyapunov;
-use super::lean_planes::{LeanPlanes, Leaning, product, require_stable};
-use super::lqr::LqrWeights;
-use super::outer::Outer;
-use super::riccati::{self, Regulator};
-use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use crate::parts::common_lyapunov::common_lyapunov;
+use crate::parts::lean_planes::{LeanPlanes, Leaning, product, require_stable};
+use crate::parts::outer::Outer;
+use crate::parts::riccati::{self, Regulator};
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{
+    LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt,
+};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
@@ -37,7 +38,7 @@ struct Rule {
 /// The rules are regulators with the weights of [`LqrWeights`] for the robot at leans of 0, 15 and 30 deg. Each is
 /// weighted by its membership, a triangle over the tilt angle; beyond 30 deg only the last applies. The constructor
 /// proves the fuzzy model stable with a common Lyapunov function of all its blends: the cost of rule 0 if it qualifies,
-/// else a function found by the ellipsoid method. For the upright robot the controller equals [`Lqr`](super::Lqr). The
+/// else a function found by the ellipsoid method. For the upright robot the controller equals [`Lqr`](crate::Lqr). The
 /// speed and lean commands of the position are limited as vectors.
 #[derive(Clone, Debug)]
 pub struct TakagiSugeno {
@@ -52,14 +53,11 @@ pub struct TakagiSugeno {
     limits: TorqueLimits,
 }
 
-impl TakagiSugeno {
-    /// A controller with the default weights and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`TakagiSugeno::with_weights`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_weights(params, control_dt, &LqrWeights::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for TakagiSugeno {
+    const NAME: &'static str = "takagi_sugeno";
+    const SUMMARY: &'static str = "Regulators for leans of 0, 15 and 30 deg, blended by the lean.";
+    const LABEL: &'static str = "Takagi-Sugeno";
+    type Options = LqrWeights;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
@@ -67,7 +65,7 @@ impl TakagiSugeno {
     /// [`Error::OutOfRange`] for a weight out of range, errors of [`TorqueLimits::new`], [`Error::Riccati`] if a rule
     /// has no regulator, [`Error::Inconsistent`] if no common Lyapunov function of the rules is found, or if the
     /// sampled loop of the upright robot is not stable.
-    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
+    fn with_options(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
         weights.check_limits()?;
@@ -108,7 +106,9 @@ impl TakagiSugeno {
             limits,
         })
     }
+}
 
+impl TakagiSugeno {
     /// k of u = −k (y, θ, ẏ, θ̇) of the rules at 0, 15 and 30 deg in the planes of x and y; u is the acceleration of
     /// the lean that the motors would produce in the upright robot.
     pub fn gains(&self) -> &[[[f64; 4]; 3]; 2] {

@@ -1,10 +1,10 @@
 //! Fuzzy rules on the lean's error and its rate.
 
-use super::lean_planes::{LeanPlane, Leaning, require_stable};
-use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};
-use super::rule_table::RuleTable;
-use super::tracking::{Deviation, Tracking};
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits, check_control_dt};
+use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
+use crate::parts::position_loop::{PositionLoop, PositionOptions, SecondOrder};
+use crate::parts::rule_table::RuleTable;
+use crate::parts::tracking::{Deviation, Tracking};
+use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
@@ -63,7 +63,7 @@ impl Ranges {
 /// With the error e = θ_ref − θ the motors accelerate the lean by U Φ(e/E, ė/Ė) − λ² θ_ref, where Φ is a [`RuleTable`].
 /// E is an option; Ė and U give the default rules the slopes of a PD with gravity compensation in the middle, (s² + 2ζω
 /// s + ω²) e = 0. Towards its ends the table gives less. The reference is the same as in
-/// [`PdInverseDynamics`](super::PdInverseDynamics). Derived in `docs/laws.md`.
+/// [`PdInverseDynamics`](crate::PdInverseDynamics). Derived in `docs/laws.md`.
 #[derive(Clone, Debug)]
 pub struct FuzzyMamdani {
     rules: RuleTable,
@@ -75,28 +75,22 @@ pub struct FuzzyMamdani {
     limits: TorqueLimits,
 }
 
-impl FuzzyMamdani {
-    /// A controller with the default rules and options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`FuzzyMamdani::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &FuzzyOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for FuzzyMamdani {
+    const NAME: &'static str = "fuzzy_mamdani";
+    const SUMMARY: &'static str = "Fuzzy rules on the lean's error and its rate, below a PD of the position.";
+    const LABEL: &'static str = "fuzzy rules";
+    type Options = FuzzyOptions;
 
     /// A controller for `params` with the default rules, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// As [`FuzzyMamdani::with_rules`].
-    pub fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &FuzzyOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
+    fn with_options(params: &Params, control_dt: f64, options: &FuzzyOptions, limits: &LimitOptions) -> Result<Self> {
         Self::with_rules(params, control_dt, RuleTable::default(), options, limits)
     }
+}
 
+impl FuzzyMamdani {
     /// A controller with custom rules, scaled like the default rules.
     ///
     /// # Errors

@@ -1,9 +1,9 @@
 //! Computed torque on the attitude: a PD of its error, with cancellation of the robot's dynamics.
 
-use super::attitude_loop::AttitudeLoop;
-use super::position_loop::{PositionOptions, SecondOrder};
-use super::tracking::Tracking;
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits};
+use crate::parts::attitude_loop::AttitudeLoop;
+use crate::parts::position_loop::{PositionOptions, SecondOrder};
+use crate::parts::tracking::Tracking;
+use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
@@ -50,21 +50,18 @@ pub struct PdInverseDynamics {
     limits: TorqueLimits,
 }
 
-impl PdInverseDynamics {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`PdInverseDynamics::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &InverseDynamicsOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for PdInverseDynamics {
+    const NAME: &'static str = "pd_inverse_dynamics";
+    const SUMMARY: &'static str = "PD of the attitude with the robot's dynamics cancelled, below a PD of the position.";
+    const LABEL: &'static str = "computed torque";
+    type Options = InverseDynamicsOptions;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    pub fn with_options(
+    fn with_options(
         params: &Params,
         control_dt: f64,
         options: &InverseDynamicsOptions,

@@ -6,7 +6,7 @@ use ballbot_base::lanes::{Lane, Memory};
 /// Shtessel, Brégeault and Poznyak, Int. J. Control 83(9), 2010) and leaks (Ioannou and Kokotovic, Automatica 20(5),
 /// 1984): dη̂/dt = γ max(0, |S| − φ) − σ η̂, limited to its maximum; initially zero.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct SwitchingGain {
+pub(crate) struct SwitchingGain {
     /// η.
     fixed: f64,
     /// e^(−σ T) for a sample, and the increase of η̂ per distance. `None` if η̂ stays zero.
@@ -17,7 +17,7 @@ pub(super) struct SwitchingGain {
 
 impl SwitchingGain {
     /// A gain from `fixed` to `largest`, with γ = `adaptation` and σ = `leakage`, sampled every `dt` seconds.
-    pub(super) fn new([fixed, largest]: [f64; 2], adaptation: f64, leakage: f64, dt: f64) -> Self {
+    pub(crate) fn new([fixed, largest]: [f64; 2], adaptation: f64, leakage: f64, dt: f64) -> Self {
         let left = (-leakage * dt).exp();
         // ∫ e^(−σ t) dt over a sample.
         let held = if leakage > 0.0 { (1.0 - left) / leakage } else { dt };
@@ -26,23 +26,23 @@ impl SwitchingGain {
     }
 
     /// The gain without adaptation.
-    pub(super) fn fixed(&self) -> f64 {
+    pub(crate) fn fixed(&self) -> f64 {
         self.fixed
     }
 
     /// The largest gain.
-    pub(super) fn largest(&self) -> f64 {
+    pub(crate) fn largest(&self) -> f64 {
         self.fixed + if self.adapted.is_some() { self.most } else { 0.0 }
     }
 
     /// Number of stored values per robot.
-    pub(super) fn kept(&self) -> usize {
+    pub(crate) fn kept(&self) -> usize {
         usize::from(self.adapted.is_some())
     }
 
     /// The present gain.
     #[inline(always)]
-    pub(super) fn now<L: Lane>(&self, like: L, memory: &Memory<'_, L>) -> L {
+    pub(crate) fn now<L: Lane>(&self, like: L, memory: &Memory<'_, L>) -> L {
         let fixed = like.splat(self.fixed);
         if self.adapted.is_some() { memory.get(0) + fixed } else { fixed }
     }
@@ -50,7 +50,7 @@ impl SwitchingGain {
     /// Adapts the gain to a sample at distance `distance` from the layer. Limited torques, of which the fraction
     /// `share` is left, do not raise it: they cannot act.
     #[inline(always)]
-    pub(super) fn adapt<L: Lane>(&self, distance: L, share: L, memory: &mut Memory<'_, L>) {
+    pub(crate) fn adapt<L: Lane>(&self, distance: L, share: L, memory: &mut Memory<'_, L>) {
         let Some([left, added]) = self.adapted else { return };
         let zero = distance.zero();
         let counted = L::select(share.lt(share.splat(1.0)), zero, distance.max(zero));

@@ -1,9 +1,9 @@
 //! Sliding mode of the attitude.
 
-use super::attitude_loop::AttitudeLoop;
-use super::position_loop::{PositionOptions, SecondOrder};
-use super::tracking::Tracking;
-use super::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, Sampling, TorqueLimits};
+use crate::parts::attitude_loop::AttitudeLoop;
+use crate::parts::position_loop::{PositionOptions, SecondOrder};
+use crate::parts::tracking::Tracking;
+use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
@@ -59,9 +59,9 @@ impl Sliding {
 /// With v = vec(q_e), the vector part of the attitude's error q_e = q_ref* ∘ q, the surface is S = v̇ + K v. The
 /// equivalent control holds S in the exact equations of motion without slip ([`ballbot_models::InverseDynamics`]), the
 /// rest makes Ṡ = −η S / max(|S|, ε), with the horizontal axes as one vector. Within the layer this is
-/// [`PdInverseDynamics`](super::PdInverseDynamics) with ω² = K η/ε and 2ζω = K + η/ε; outside it commands at most 2η of
+/// [`PdInverseDynamics`](crate::PdInverseDynamics) with ω² = K η/ε and 2ζω = K + η/ε; outside it commands at most 2η of
 /// angular acceleration to reach the surface. The reference is the same as in
-/// [`PdInverseDynamics`](super::PdInverseDynamics).
+/// [`PdInverseDynamics`](crate::PdInverseDynamics).
 #[derive(Clone, Debug)]
 pub struct SlidingMode {
     attitude: AttitudeLoop,
@@ -71,21 +71,19 @@ pub struct SlidingMode {
     limits: TorqueLimits,
 }
 
-impl SlidingMode {
-    /// A controller with the default options and [`LimitOptions::TRACTION`].
-    ///
-    /// # Errors
-    /// As [`SlidingMode::with_options`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_options(params, control_dt, &AttitudeSlidingOptions::default(), &LimitOptions::TRACTION)
-    }
+impl NamedLaw for SlidingMode {
+    const NAME: &'static str = "sliding_mode";
+    const SUMMARY: &'static str =
+        "Sliding mode of the attitude with the robot's dynamics cancelled, below a PD of the position.";
+    const LABEL: &'static str = "attitude sliding mode";
+    type Options = AttitudeSlidingOptions;
 
     /// A controller for `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
     /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    pub fn with_options(
+    fn with_options(
         params: &Params,
         control_dt: f64,
         options: &AttitudeSlidingOptions,

@@ -1,7 +1,7 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
-use super::balance_frame::BalanceFrame;
-use super::{Constants, LaneSetpoint, Law, LimitOptions, Sampling, TorqueLimits, check_control_dt};
+use crate::parts::balance_frame::BalanceFrame;
+use crate::{Constants, LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, TorqueLimits, check_control_dt};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::kinematics::{Omniwheels, TorqueMap};
@@ -46,6 +46,20 @@ pub struct Pid {
 const INTEGRAL: [usize; 2] = [0, 1];
 const FILTERED: [usize; 2] = [2, 3];
 const STARTED: usize = 4;
+
+impl NamedLaw for Pid {
+    const NAME: &'static str = "pid";
+    const SUMMARY: &'static str = "The paper's PID of the tilt; nothing holds the ball's position or the heading.";
+    const LABEL: &'static str = "PID";
+    const CONTROL_DT: Option<f64> = Some(Self::PAPER_CONTROL_DT);
+    const LIMITS: LimitOptions = LimitOptions::CAP;
+    type Options = PidGains;
+
+    /// As [`Pid::new`] with [`TorqueMap::Consistent`], and [`Pid::with_limits`].
+    fn with_options(params: &Params, control_dt: f64, gains: &PidGains, limits: &LimitOptions) -> Result<Self> {
+        Self::new(params, control_dt, gains, TorqueMap::Consistent)?.with_limits(params, limits)
+    }
+}
 
 impl Pid {
     /// Sampling time of the paper's gains, s: their derivative filter of 327 rad/s is unstable above about 9.9 ms

@@ -2,7 +2,7 @@
 
 use super::balance_frame::{BalanceFrame, Pose};
 use super::lean_planes::LeanPlanes;
-use super::{Constants, LaneSetpoint};
+use crate::{Constants, LaneSetpoint};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, wrapped_angle};
 use ballbot_base::params::Params;
@@ -10,38 +10,38 @@ use ballbot_models::linear::STATES;
 
 /// Frame and vertical planes of the controllers.
 #[derive(Clone, Debug)]
-pub(super) struct Tracking {
-    pub(super) frame: BalanceFrame,
-    pub(super) planes: LeanPlanes,
+pub(crate) struct Tracking {
+    pub(crate) frame: BalanceFrame,
+    pub(crate) planes: LeanPlanes,
 }
 
 /// Lean of the setpoint's motion, in the planes of x and y.
-pub(super) struct LeanReference<L> {
+pub(crate) struct LeanReference<L> {
     /// Lean, rad.
-    pub(super) lean: [L; 2],
+    pub(crate) lean: [L; 2],
     /// Rate, rad/s.
-    pub(super) rate: [L; 2],
+    pub(crate) rate: [L; 2],
     /// Acceleration, rad/s².
-    pub(super) acceleration: [L; 2],
+    pub(crate) acceleration: [L; 2],
 }
 
 /// Deviation of a robot from its setpoint.
-pub(super) struct Deviation<L> {
+pub(crate) struct Deviation<L> {
     /// Deviation from the motion of the setpoint, in the linear model's coordinates.
-    pub(super) x: [L; STATES],
+    pub(crate) x: [L; STATES],
     /// Angular accelerations of the leans by the motors in that motion, rad/s².
-    pub(super) forward: [L; 2],
-    pub(super) pose: Pose<L>,
+    pub(crate) forward: [L; 2],
+    pub(crate) pose: Pose<L>,
 }
 
 impl Tracking {
-    pub(super) fn new(params: &Params) -> Self {
+    pub(crate) fn new(params: &Params) -> Self {
         Self { frame: BalanceFrame::new(params), planes: LeanPlanes::new(params) }
     }
 
     /// Adds the balance frame, the factors from the setpoint's motion to lean and torques, and torques per
     /// acceleration.
-    pub(super) fn add_to(&self, constants: Constants) -> Constants {
+    pub(crate) fn add_to(&self, constants: Constants) -> Constants {
         let [x, y] = &self.planes.planes;
         let constants = self.frame.add_to(constants);
         let constants = constants
@@ -52,7 +52,7 @@ impl Tracking {
 
     /// The setpoint's lean for a robot with this heading.
     #[inline(always)]
-    pub(super) fn lean<L: Lane>(&self, heading: &Heading<L>, setpoint: &LaneSetpoint<L>) -> LeanReference<L> {
+    pub(crate) fn lean<L: Lane>(&self, heading: &Heading<L>, setpoint: &LaneSetpoint<L>) -> LeanReference<L> {
         let [x, y] = &self.planes.planes;
         let per_acceleration = [x.acceleration.recip(), y.acceleration.recip()];
         LeanReference {
@@ -74,7 +74,7 @@ impl Tracking {
 
     /// Deviation of a robot from its setpoint.
     #[inline(always)]
-    pub(super) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
+    pub(crate) fn deviation<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> Deviation<L> {
         let pose = self.frame.pose(state);
         let Pose { attitude, heading, tilt: [tilt_x, tilt_y], rate } = pose;
         let (p, v) = (state.ball_position, state.ball_velocity);
@@ -96,7 +96,7 @@ impl Tracking {
 
     /// [`Deviation::forward`] for the motion `delay` seconds later.
     #[inline(always)]
-    pub(super) fn forward_after<L: Lane>(
+    pub(crate) fn forward_after<L: Lane>(
         &self,
         heading: &Heading<L>,
         setpoint: &LaneSetpoint<L>,
