@@ -329,7 +329,7 @@ class Params:
     def gravity_vector(self) -> tuple[float, float, float]:
         """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor."""
     def slope_lean(self) -> tuple[float, float]:
-        """Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
+        """Tilt (x, y) from the floor's normal at which the robot stays at rest on the slope of `floor_tilt`, rad, as
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
@@ -649,7 +649,7 @@ class Ballbot:
     def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
         """Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
         is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
-        it stands still on the slope there.
+        it stays at rest on the slope there.
 
         Raises:
             ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
@@ -1216,7 +1216,7 @@ class Batch:
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-            None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
+            None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, `scan` and `depth` (dicts
             of options; None means the robots have none), `level`, `observation` ("ground_truth" or "sensors"),
             `history` (how many of the last observations are given together), `scale_observations`, `reward` (scales
             by term), `events` (as in `load_events`: randomization and pushes), and the options of the task.
@@ -1249,8 +1249,11 @@ class Batch:
     def stage(self) -> Stage | None:
         """The object that the keyword argument `stage` was; None without it."""
     @property
-    def terminations(self) -> list[str]:
-        """Names of the reasons for termination: of the task, then of the stage."""
+    def terminations(self) -> list[tuple[str, str]]:
+        """Names of the reasons for termination with their conditions: of the task, then of the stage."""
+    @property
+    def is_interrupted(self) -> bool:
+        """Whether an exception ended a step or a reset, so that all environments must be reset before the next step."""
     @property
     def observation_bounds(self) -> npt.NDArray[np.float32]:
         """Bound of the magnitude of each row of an observation, shape (rows,), float32."""
@@ -1571,6 +1574,8 @@ class Batch:
         Raises:
             ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
         """
+    def interrupt(self) -> None:
+        """Requires a reset of all environments before the next step: for a copy, by snapshots, of an interrupted batch."""
 
 @final
 class Renderer:

@@ -1,5 +1,6 @@
 """Functions on tasks of the core: reward terms, rows and terminations, with all that a task has."""
 
+import copy
 import importlib
 import pickle
 import subprocess
@@ -18,7 +19,7 @@ TASK = "balance"
 
 
 def squares(columns):
-    """Sums of squares, in an order that does not depend on the number of robots, as that of NumPy does."""
+    """Sums of squares, in an order that, unlike NumPy's, does not depend on the number of robots."""
     x, y, z = columns.T
     return x * x + y * y + z * z
 
@@ -186,6 +187,94 @@ def test_a_copy_continues_as_the_original():
     for step in range(60):
         for found, expected in zip(copied.step(actions(step, 3))[:4], env.step(actions(step, 3))[:4], strict=True):
             np.testing.assert_array_equal(found, expected)
+
+
+FRONT_ENDS = [
+    bb.BallbotEnv,
+    lambda **options: bb.BallbotVectorEnv(1, **options),
+    lambda **options: bb.BallbotVecEnv(1, **options),
+]
+
+
+def pickled(env):
+    return pickle.loads(pickle.dumps(env))
+
+
+def rewards(env, n=8):
+    shape = (3,) if isinstance(env, bb.BallbotEnv) else (1, 3)
+    return [float(np.squeeze(env.step(actions(step, 1).reshape(shape))[1])) for step in range(n)]
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickled])
+@pytest.mark.parametrize("make", FRONT_ENDS)
+def test_a_copy_has_a_separate_memory(make, copied):
+    env = make(**OPTIONS, reward={"smooth": Smooth})
+    env.reset()
+    rewards(env, 3)
+    kept = pickle.dumps(env)
+    twin = copied(env)
+    assert rewards(twin) == rewards(pickle.loads(kept))
+    # Steps of the copy have changed nothing in the original.
+    assert rewards(env) == rewards(pickle.loads(kept))
+    twin.grade = "easy"
+    assert not hasattr(env, "grade")
+
+
+class Breaks:
+    """Fails while `broken` has an element."""
+
+    broken: list = []  # noqa: RUF012
+
+    def __call__(self, robots):
+        if self.broken:
+            raise ValueError("not now")
+        return np.zeros(len(robots))
+
+
+@pytest.fixture
+def broken():
+    yield Breaks.broken
+    Breaks.broken.clear()
+
+
+@pytest.mark.parametrize("copied", [copy.copy, copy.deepcopy, pickled])
+@pytest.mark.parametrize("make", FRONT_ENDS)
+def test_a_copy_after_an_exception_is_reset_first(make, copied, broken):
+    env = make(**OPTIONS, reward={"breaks": Breaks})
+    env.reset()
+    assert not copied(env)._batch.is_interrupted
+    broken.append(True)
+    with pytest.raises(ValueError, match="not now"):
+        rewards(env)
+    broken.clear()
+    twin = copied(env)
+    for each in (env, twin):
+        with pytest.raises(ValueError, match="reset all environments"):
+            rewards(each)
+        each.reset()
+    assert rewards(twin) == rewards(env)
+
+
+def test_a_command_or_a_look_at_one_robot_computes_rows_of_that_robot_only():
+    called = []
+
+    def see(robots):
+        called.append(robots.numbers.tolist())
+        return robots.command
+
+    batch = new_batch(
+        20, task="velocity", options={"model": "contact", "scale_observations": False, "rows": {"c": see}}
+    )
+    before = batch.reset()
+    for i in (0, 7, 8, 17, 19):
+        called.clear()
+        command = np.array([0.01 * i, 0.1, -0.2], np.float32)
+        batch.set_command(i, command)
+        assert batch.privileged_observations(i)[-3:].tolist() == command.tolist()
+        assert called == [[i], [i]]
+        before[i] = batch.observations()[i]
+        assert before[i, -3:].tolist() == command.tolist()
+        np.testing.assert_array_equal(batch.observations(), before)
 
 
 def test_rollouts_in_the_core_have_them():
@@ -385,6 +474,10 @@ def test_policy_files_choose_no_code(tmp_path):
         ("os.path:join", "is not a function of robots"),
         ("nowhere:f", "import nowhere before the policy is loaded"),
         (f"{__name__}:np.sum", "is not of the module"),
+        (
+            "__main__:energy",
+            r"reward.energy = '__main__:energy' .* move it to a module, name it as 'my_module:energy'.*--import",
+        ),
     ]:
         with pytest.raises(ValueError, match=message):
             policy_file.completed(TASK, {"reward": {"energy": name}})

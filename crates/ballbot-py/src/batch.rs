@@ -343,10 +343,22 @@ impl PyBatch {
         self.stage.as_ref().map(|stage| stage.object(py))
     }
 
-    /// Names of the reasons for termination: of the task, then of the stage.
+    /// Names of the reasons for termination with their conditions: of the task, then of the stage.
     #[getter]
-    fn terminations(&self) -> PyResult<Vec<&'static str>> {
-        Ok(self.inner.read()?.batch.task().terminations.iter().map(|(name, _)| *name).collect())
+    fn terminations(&self) -> PyResult<Vec<(&'static str, &'static str)>> {
+        Ok(self.inner.read()?.batch.task().terminations.clone())
+    }
+
+    /// Whether an exception ended a step or a reset, so that all environments must be reset before the next step.
+    #[getter]
+    fn is_interrupted(&self) -> PyResult<bool> {
+        Ok(self.inner.read()?.batch.is_interrupted())
+    }
+
+    /// Requires a reset of all environments before the next step: for a copy, by snapshots, of an interrupted batch.
+    fn interrupt(&self) -> PyResult<()> {
+        self.inner.write()?.batch.interrupt();
+        Ok(())
     }
 
     /// Begins episodes and returns the observations of all environments, shape (num_envs, observation_len), float32.

@@ -1,5 +1,6 @@
 """Shared by the front ends: a batch of environments, its attributes, and how it is copied and pickled."""
 
+import copy
 import functools
 import secrets
 from collections.abc import Iterable, Mapping
@@ -321,7 +322,7 @@ class ManyRobots(SharedAttributes):
 
 
 class BatchEnv(SharedAttributes):
-    """Owns a `Batch` and carries it through `copy.deepcopy` and `pickle` with everything the future depends on."""
+    """Owns a `Batch` and carries it through `copy` and `pickle` with everything the future depends on."""
 
     task: str
 
@@ -351,7 +352,7 @@ class BatchEnv(SharedAttributes):
 
     def _termination_names(self) -> list[str]:
         """Names for the numbers of `termination` in infos."""
-        return ["none", *self._batch.terminations]
+        return ["none", *(name for name, _ in self._batch.terminations)]
 
     def _check_names(self, options: Mapping[str, Any]) -> None:
         check_options(type(self).__name__, options, option_names(self.task), self._hint)
@@ -364,16 +365,20 @@ class BatchEnv(SharedAttributes):
         """All options of the environment, defaults included, as JSON values."""
         return resolved_options(self._batch, self._batch_arguments[-1])
 
+    def __copy__(self) -> "BatchEnv":
+        # A shallow copy would share the memory of functions and tasks in Python.
+        return copy.deepcopy(self)
+
     def __getstate__(self) -> dict[str, Any]:
         state = self.__dict__.copy()
         batch = state.pop("_batch")
         state.pop("_renderer", None)
         state["_snapshots"] = [batch.snapshot(i) for i in range(batch.num_envs)]
-        state["_stage"] = batch.stage
+        state["_stage"], state["_is_interrupted"] = batch.stage, batch.is_interrupted
         return state
 
     def __setstate__(self, state: dict[str, Any]) -> None:
-        snapshots, stage = state.pop("_snapshots"), state.pop("_stage")
+        snapshots, stage, is_interrupted = (state.pop(name) for name in ("_snapshots", "_stage", "_is_interrupted"))
         self.__dict__.update(state)
         num_envs, task, autoreset, num_threads, options = self._batch_arguments
         self._batch = new_batch(
@@ -381,3 +386,5 @@ class BatchEnv(SharedAttributes):
         )
         for i, snapshot in enumerate(snapshots):
             self._batch.restore(i, snapshot)
+        if is_interrupted:
+            self._batch.interrupt()

@@ -145,7 +145,8 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::command`]; [`Error::Inconsistent`] for a task without commands, and before the first reset;
-    /// [`Error::OutOfRange`] for a number beyond its bound; errors of a [`super::BatchStage`].
+    /// [`Error::OutOfRange`] for a number beyond its bound; errors of a [`super::BatchStage`], after which all
+    /// environments must be reset.
     pub fn set_command(&mut self, index: usize, command: &[f64]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         let parts = self.description.command;
@@ -270,7 +271,7 @@ impl Batch {
         let (chunk, i) = self.locate(index)?;
         check_len(out.len(), self.privileged_observation_len())?;
         self.chunks[chunk].privileged_observation(i, out);
-        self.observe_staged(out, |chosen| chosen == index)
+        self.observe_staged(out, Some(index))
     }
 }
 

@@ -325,6 +325,17 @@ impl Batch {
         self.chunks[chunk].push(i, impulse, point)
     }
 
+    /// Whether a step or reset was interrupted, so that all environments must be reset before the next step.
+    pub fn is_interrupted(&self) -> bool {
+        self.interrupted
+    }
+
+    /// Requires a reset of all environments before the next step: for a copy, by [`Batch::save`] and [`Batch::load`], of
+    /// an interrupted batch.
+    pub fn interrupt(&mut self) {
+        self.interrupted = true;
+    }
+
     /// The complete state of one environment, as bytes for [`Batch::load`].
     ///
     /// # Errors

@@ -7,6 +7,7 @@ use crate::task::{Row, RowScaling, TaskDescription, Term, WriteRows};
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Stop;
 use std::fmt;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// Numbers of a row of [`RobotRows::truth`]: gravity direction (3, body frame), body rate (3, body frame), wheel speeds
@@ -203,10 +204,11 @@ impl Staged {
         }
     }
 
-    /// Reads the robots for which `chosen` holds.
+    /// Reads the robots of a range of chunks for which `chosen` holds.
     fn read(
         &mut self,
         chunks: &mut [Box<dyn Chunk>],
+        range: Range<usize>,
         width: usize,
         mut chosen: impl FnMut(&mut dyn Chunk, usize, usize) -> bool,
     ) {
@@ -216,7 +218,7 @@ impl Staged {
         self.commands.clear();
         self.steps.clear();
         self.keys.clear();
-        for (c, chunk) in chunks.iter_mut().enumerate() {
+        for (chunk, c) in chunks[range.clone()].iter_mut().zip(range) {
             let first = self.indices.len();
             for i in 0..chunk.len() {
                 if chosen(&mut **chunk, c * width + i, i) {
@@ -306,7 +308,8 @@ impl Batch {
 
     fn conclude_with(&mut self, staged: &mut Staged, buffers: &mut StepBuffers<'_>, stop: &Stop) -> Result<()> {
         let (autoreset, width) = (self.autoreset, self.width);
-        staged.read(&mut self.chunks, width, |_, _, _| true);
+        let all = self.chunks_of(None);
+        staged.read(&mut self.chunks, all, width, |_, _, _| true);
         staged.step()?;
         let results = &*staged;
         self.sweep(buffers.reborrow(), stop, |chunk, c, share| {
@@ -319,21 +322,22 @@ impl Batch {
             let (len, before) = (staged.command_len, std::mem::take(&mut staged.commands));
             staged.commands = std::mem::take(&mut staged.commands_before);
             let mut now = std::mem::take(&mut staged.command);
-            let result = self.write_rows(staged, Some(&mut *buffers.observations), false, |chunk, index, i| {
+            let result = self.write_rows(staged, None, Some(&mut *buffers.observations), false, |chunk, index, i| {
                 chunk.command(i, &mut now);
                 chunk.steps(i) != 0 && now != before[index * len..][..len]
             });
             (staged.commands_before, staged.command) = (before, now);
             result?;
         }
-        self.write_rows(staged, Some(&mut *buffers.observations), true, |chunk, _, i| chunk.steps(i) == 0)
+        self.write_rows(staged, None, Some(&mut *buffers.observations), true, |chunk, _, i| chunk.steps(i) == 0)
     }
 
     /// Computes the rows of one robot again, whose command has changed.
     pub(super) fn renew_staged(&mut self, index: usize) -> Result<()> {
         let Some(mut staged) = self.staged.take() else { return Ok(()) };
-        let result = self.write_rows(&mut staged, None, false, |_, chosen, _| chosen == index);
+        let result = self.write_rows(&mut staged, Some(index), None, false, |_, chosen, _| chosen == index);
         self.staged = Some(staged);
+        self.interrupted |= result.is_err();
         result
     }
 
@@ -341,23 +345,31 @@ impl Batch {
     pub(super) fn begin_staged(&mut self, observations: &mut [f32], chosen: impl Fn(usize) -> bool) -> Result<()> {
         let Some(mut staged) = self.staged.take() else { return Ok(()) };
         let before = std::mem::replace(&mut self.interrupted, true);
-        let result = self.write_rows(&mut staged, Some(observations), true, |_, index, _| chosen(index));
+        let result = self.write_rows(&mut staged, None, Some(observations), true, |_, index, _| chosen(index));
         self.staged = Some(staged);
         result?;
         self.interrupted = before;
         Ok(())
     }
 
-    /// Writes the rows of the chosen robots, whose episodes begin or whose commands have changed.
+    /// The chunk of one robot, or all chunks: a change of one robot must not cost a look at the others.
+    fn chunks_of(&self, index: Option<usize>) -> Range<usize> {
+        index.map_or(0..self.chunks.len(), |index| index / self.width..index / self.width + 1)
+    }
+
+    /// Writes the rows of the chosen robots, whose episodes begin or whose commands have changed; with `only`, at most
+    /// of that robot.
     fn write_rows(
         &mut self,
         staged: &mut Staged,
+        only: Option<usize>,
         observations: Option<&mut [f32]>,
         begins: bool,
         chosen: impl FnMut(&mut dyn Chunk, usize, usize) -> bool,
     ) -> Result<()> {
         let (width, len, rows) = (self.width, self.observation_len(), staged.width());
-        staged.read(&mut self.chunks, width, chosen);
+        let range = self.chunks_of(only);
+        staged.read(&mut self.chunks, range, width, chosen);
         if staged.indices.is_empty() || (rows == 0 && !begins) {
             return Ok(());
         }
@@ -396,15 +408,16 @@ impl Batch {
         for (index, row) in out.chunks_exact_mut(len.max(1)).enumerate() {
             self.chunks[index / self.width].privileged_observation(index % self.width, row);
         }
-        self.observe_staged(out, |_| true)
+        self.observe_staged(out, None)
     }
 
-    /// Writes the rows of the stage into the privileged observations of the chosen environments.
-    pub(super) fn observe_staged(&mut self, out: &mut [f32], chosen: impl Fn(usize) -> bool) -> Result<()> {
+    /// Writes the rows of the stage into the privileged observations of one environment, or of all.
+    pub(super) fn observe_staged(&mut self, out: &mut [f32], only: Option<usize>) -> Result<()> {
         let Some(mut staged) = self.staged.take() else { return Ok(()) };
         let len = self.privileged_observation_len();
         let rows = staged.width();
-        staged.read(&mut self.chunks, self.width, |_, index, _| chosen(index));
+        let range = self.chunks_of(only);
+        staged.read(&mut self.chunks, range, self.width, |_, index, _| only.is_none_or(|only| only == index));
         let mut values = vec![0.0; staged.indices.len() * rows];
         let result = staged.stage.observe(&staged.robots(), &mut values);
         if result.is_ok() && rows > 0 {

@@ -9,14 +9,6 @@ from ballbot_rs._core import TASKS, Batch
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.own.task import NO_TIME_LIMIT, Task
 
-#: Reasons for the end of an episode with their conditions: of the core, and of the task.
-REASONS: Final = (
-    ("tilt", "never"),
-    ("bot_on_floor", "the body or a wheel touches the floor"),
-    ("diverged", "the state left the bounds of the simulation"),
-    ("task", "the method `terminated` of the task returns True"),
-)
-
 
 @dataclasses.dataclass(frozen=True)
 class Registered:
@@ -93,7 +85,7 @@ def _describe(found: Registered, env_id: str, batch: Batch) -> dict[str, Any]:
         "options": [],
         "observation": rows,
         "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "computed by the task"}],
-        "terminations": list(REASONS),
+        "terminations": batch.terminations,
         "command": [],
         "geometry": None,
         "metrics": [],

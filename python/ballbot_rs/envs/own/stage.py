@@ -269,7 +269,14 @@ def imported(label: str, name: str) -> object:
         found: object = importlib.import_module(module)
         for part in path.split("."):
             found = getattr(found, part)
-    except (ImportError, AttributeError, ValueError) as error:
+    except AttributeError as error:
+        if module != "__main__":
+            raise InvalidInputError(f"{label} = {name!r} cannot be imported: {error}") from error
+        raise InvalidInputError(
+            f"{label} = {name!r} is a function of the program that named it, and {path} is not in this program: move "
+            f"it to a module, name it as 'my_module:{path}', and import the module first (--import my_module)"
+        ) from error
+    except (ImportError, ValueError) as error:
         raise InvalidInputError(f"{label} = {name!r} cannot be imported: {error}") from error
     return found
 
