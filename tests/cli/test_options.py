@@ -336,6 +336,20 @@ def files(tmp_path_factory, tiny_run):
     return {"run": tiny_run, "other_run": other, **{path.stem: path for path in folder.iterdir() if path.is_file()}}
 
 
+def untimed(text):
+    """Without times, which differ from call to call: of a training, and of its bar, whose length follows its rate."""
+    return re.sub(r'in \d+ s|"seconds": [\d.e-]+|━+ (?=\d+/\d+ )|\[ .* it/s \]', "", text)
+
+
+@pytest.mark.parametrize("rate", ["?", "8", "42", "1,842"])
+def test_the_rate_of_a_training_changes_nothing(rate):
+    def line(rate):
+        shown = f"512/512  [ 0:00:12 < 0:00:00 , {rate} it/s ]"
+        return f" 100% {'━' * (92 - len(shown))} {shown}\n"
+
+    assert untimed(line(rate)) == untimed(line("240")) == " 100% 512/512  \n"
+
+
 @pytest.fixture
 def outcome(files, tmp_path, monkeypatch, capsys):
     """A function that carries out a command in an empty folder, and returns what it prints and writes."""
@@ -382,8 +396,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
             code = exit_.code
         if code:
             raise ValueError(terminal.getvalue())
-        # Times differ from call to call; times of a training are in its files, but not in its evaluations.
-        text = re.sub(r'in \d+ s|"seconds": [\d.e-]+|\[ .* it/s \]', "", capsys.readouterr().out)
+        text = untimed(capsys.readouterr().out)
         written = {str(path.relative_to(folder)): path for path in sorted(folder.rglob("*")) if path.is_file()}
         names = [name for name in written if "tfevents" not in name]
         hashed = [name for name in names if Path(name).suffix not in (".zip", ".json", ".toml", ".log")]
