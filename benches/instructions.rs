@@ -38,8 +38,8 @@ fn steps(kind: ModelKind, times: usize) {
     let mut robot = robot(kind);
     let torques = [0.02, -0.01, 0.01];
     robot.reset(&start(robot.params())).expect("every model can start from here");
-    robot.step(&torques, SETTLING).expect("the robot does not diverge");
-    robot.step(&torques, times).expect("the robot does not diverge");
+    robot.step(torques, SETTLING).expect("the robot does not diverge");
+    robot.step(torques, times).expect("the robot does not diverge");
     let tilt = robot.state().tilt();
     assert!(tilt < UPRIGHT && !robot.bot_on_floor(), "the robot has fallen: its tilt is {tilt} rad");
 }

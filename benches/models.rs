@@ -27,7 +27,7 @@ fn time_steps(robot: &mut Ballbot, steps: u64) -> Duration {
         let run = left.min(RUN);
         let begin = Instant::now();
         for _ in 0..run {
-            robot.step(&[0.02, -0.01, 0.01], 1).expect("the robot does not diverge");
+            robot.step([0.02, -0.01, 0.01], 1).expect("the robot does not diverge");
         }
         spent += begin.elapsed();
         left -= run;

@@ -10,7 +10,7 @@ fn models_run_or_name_their_missing_feature() {
             let error = robot.err().expect("a model that was not compiled").to_string();
             assert_eq!(error, "the model 'rigid' needs the cargo feature 'rigid' of ballbot-core, which is off");
         } else {
-            robot.unwrap().step(&[0.01, 0.0, 0.0], 10).unwrap();
+            robot.unwrap().step([0.01, 0.0, 0.0], 10).unwrap();
         }
     }
 }

@@ -5,6 +5,7 @@ use crate::kinematics::Omniwheels;
 use crate::params::Params;
 use crate::state::State;
 use crate::terrain::Ground;
+use crate::wheels::Wheels;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
@@ -15,7 +16,7 @@ const MAX_FLOOR_OVERLAP: f64 = 1e-3;
 const RIM_POINTS: usize = 16;
 
 /// Wheel centers in the body frame, m.
-pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> [Vector3<f64>; 3] {
+pub fn wheel_centers(params: &Params, wheels: &Omniwheels) -> Wheels<Vector3<f64>> {
     wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius))
 }
 
@@ -48,7 +49,7 @@ pub struct CollisionShape {
     /// Shape of the body.
     pub body: BodyShape,
     /// Centers of the wheels, body frame, m.
-    pub wheel_centers: [Vector3<f64>; 3],
+    pub wheel_centers: Wheels<Vector3<f64>>,
     wheel_radius: f64,
 }
 

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::params::Params;
+use crate::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 
 /// Map from three virtual torques to three wheel torques.
@@ -46,9 +47,9 @@ impl std::str::FromStr for TorqueMap {
 #[derive(Clone, Debug)]
 pub struct Omniwheels {
     /// Directions p_i from the ball center to each contact.
-    pub contact_directions: [Vector3<f64>; 3],
+    pub contact_directions: Wheels<Vector3<f64>>,
     /// Directions d_i in which each wheel drives the surface of the ball.
-    pub drive_directions: [Vector3<f64>; 3],
+    pub drive_directions: Wheels<Vector3<f64>>,
     /// Matrix of the rows u_i = p_i × d_i; the axle of wheel i is −u_i.
     pub u: Matrix3<f64>,
     u_inverse_transposed: Matrix3<f64>,
@@ -74,23 +75,23 @@ impl Omniwheels {
         body_quaternion: &UnitQuaternion<f64>,
         ball: &Vector3<f64>,
         body: &Vector3<f64>,
-    ) -> Vector3<f64> {
-        self.u * (body_quaternion.inverse_transform_vector(ball) - body) * self.gear_ratio
+    ) -> Wheels<f64> {
+        Wheels::of_column(self.u * (body_quaternion.inverse_transform_vector(ball) - body) * self.gear_ratio)
     }
 
     /// Rates of the three virtual wheels, power conjugate to the virtual torques, from the wheel speeds, rad/s.
-    pub fn virtual_rates(&self, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
-        on_body(&self.u_inverse_transposed.tr_mul(wheel_speeds))
+    pub fn virtual_rates(&self, wheel_speeds: Wheels<f64>) -> Vector3<f64> {
+        on_body(&self.u_inverse_transposed.tr_mul(&wheel_speeds.column()))
     }
 
     /// Wheel speeds for given virtual rates, the inverse of [`Omniwheels::virtual_rates`], rad/s.
-    pub fn wheel_speeds_of_virtual(&self, virtual_rates: &Vector3<f64>) -> Vector3<f64> {
-        self.u * on_body(virtual_rates)
+    pub fn wheel_speeds_of_virtual(&self, virtual_rates: &Vector3<f64>) -> Wheels<f64> {
+        Wheels::of_column(self.u * on_body(virtual_rates))
     }
 
     /// Virtual torques for given wheel torques (the inverse of the consistent map), N·m.
-    pub fn virtual_torques(&self, wheel_torques: &Vector3<f64>) -> Vector3<f64> {
-        on_body(&(self.u.transpose() * wheel_torques))
+    pub fn virtual_torques(&self, wheel_torques: Wheels<f64>) -> Vector3<f64> {
+        on_body(&(self.u.transpose() * wheel_torques.column()))
     }
 
     /// Wheel torques for given virtual torques, N·m.
@@ -99,17 +100,17 @@ impl Omniwheels {
     /// and +y, a positive τ_z turns the *ball* about +z (all wheels forward). With even wheels the consistent map is
     /// τ_i = ⅓ (τ_z / sin α + (2 / cos α)(τ_x cos β_i + τ_y sin β_i)). [`TorqueMap::AsPrinted`] is the map of the
     /// paper, only for even wheels ([`TorqueMap::require`]).
-    pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
-        match map {
+    pub fn wheel_torques(&self, virtual_torques: &Vector3<f64>, map: TorqueMap) -> Wheels<f64> {
+        Wheels::of_column(match map {
             TorqueMap::Consistent => self.u_inverse_transposed * on_body(virtual_torques),
             // For even wheels the printed matrix is the inverse of the matrix used here: rows (2/3 cos β_i, 2/3 sin β_i)/(k cos α),
             // 1/(3 k sin α).
             TorqueMap::AsPrinted => self.u * on_body(virtual_torques) * self.gear_ratio,
-        }
+        })
     }
 
     /// Wheel torques for a torque on the body, body frame, as a torque at the virtual wheels, N·m.
-    pub fn torques_on_body(&self, torque: &Vector3<f64>, map: TorqueMap) -> Vector3<f64> {
+    pub fn torques_on_body(&self, torque: &Vector3<f64>, map: TorqueMap) -> Wheels<f64> {
         self.wheel_torques(&Vector3::new(torque.x, torque.y, -torque.z), map)
     }
 }

@@ -1,7 +1,8 @@
 //! [`State`] of one robot or of eight, for computations over lanes.
 
-use crate::lanes::{Lane, Quat, Vec3, cells, load3, run_one, store3};
+use crate::lanes::{Lane, Quat, Vec3, cells, run_one};
 use crate::state::State;
+use crate::wheels::Wheels;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 /// The fields of [`State`].
@@ -24,9 +25,9 @@ pub struct LaneState<L> {
     /// Angular velocity of the body, body frame, rad/s.
     pub body_angular_velocity: Vec3<L>,
     /// Rotation of each wheel relative to the body, rad.
-    pub wheel_angles: [L; 3],
+    pub wheel_angles: Wheels<L>,
     /// Encoder rates of the wheels, rad/s.
-    pub wheel_speeds: [L; 3],
+    pub wheel_speeds: Wheels<L>,
 }
 
 /// A robot, or eight, after a step, as input of tasks and controllers.
@@ -60,9 +61,9 @@ cells! {
         /// As in [`LaneState`].
         pub body_angular_velocity: [T; 3],
         /// As in [`LaneState`].
-        pub wheel_angles: [T; 3],
+        pub wheel_angles: Wheels<T>,
         /// As in [`LaneState`].
-        pub wheel_speeds: [T; 3],
+        pub wheel_speeds: Wheels<T>,
     }
 }
 
@@ -110,8 +111,8 @@ impl<T> StateCells<T> {
             body_quaternion: Quat::load(token, &self.body_quaternion),
             body_velocity: Vec3::load(token, &self.body_velocity),
             body_angular_velocity: Vec3::load(token, &self.body_angular_velocity),
-            wheel_angles: load3(token, &self.wheel_angles),
-            wheel_speeds: load3(token, &self.wheel_speeds),
+            wheel_angles: Wheels::load(token, &self.wheel_angles),
+            wheel_speeds: Wheels::load(token, &self.wheel_speeds),
         }
     }
 }
@@ -128,8 +129,8 @@ impl<L: Lane> LaneState<L> {
         self.body_quaternion.store(&mut cells.body_quaternion);
         self.body_velocity.store(&mut cells.body_velocity);
         self.body_angular_velocity.store(&mut cells.body_angular_velocity);
-        store3(self.wheel_angles, &mut cells.wheel_angles);
-        store3(self.wheel_speeds, &mut cells.wheel_speeds);
+        self.wheel_angles.store(&mut cells.wheel_angles);
+        self.wheel_speeds.store(&mut cells.wheel_speeds);
     }
 }
 
@@ -159,7 +160,7 @@ impl<L: Lane> LaneState<L> {
     /// Squares of the quantities bounded by [`BOUNDS`].
     #[inline(always)]
     fn bounded(&self) -> [L; 8] {
-        let [a, b, c] = self.wheel_speeds;
+        let Wheels([a, b, c]) = self.wheel_speeds;
         let q = self.body_quaternion;
         [
             self.ball_position.norm_squared(),

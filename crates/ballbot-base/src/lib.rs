@@ -25,6 +25,7 @@ pub mod snapshot;
 pub mod state;
 pub mod terrain;
 pub mod thread_pool;
+pub mod wheels;
 
 pub use energy::mechanical_energy;
 pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};
@@ -34,3 +35,4 @@ pub use memory::{require_memory, try_reserve, try_zeros};
 pub use model::Model;
 pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
 pub use state::{Contacts, State, attitude, rolling_rate, unit_quaternion, wxyz};
+pub use wheels::{WHEELS, Wheels};

@@ -4,6 +4,7 @@ use crate::error::Result;
 use crate::params::Params;
 use crate::state::{Contacts, State};
 use crate::terrain::Ground;
+use crate::wheels::Wheels;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -32,7 +33,7 @@ pub trait Model: Send + Sync {
     fn place(&mut self, state: &State);
 
     /// Advances by `steps` time steps with constant motor torques, N·m.
-    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize);
+    fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize);
 
     /// Simulated time since the reset, s.
     fn time(&self) -> f64;

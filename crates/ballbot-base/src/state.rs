@@ -6,6 +6,7 @@
 use crate::error::{Result, bounded, check, finite};
 use crate::kinematics::Omniwheels;
 use crate::params::Params;
+use crate::wheels::Wheels;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 /// Position, attitude and velocities of ball, body and wheels.
@@ -28,9 +29,9 @@ pub struct State {
     /// Angular velocity of the body, **body frame**, rad/s.
     pub body_angular_velocity: Vector3<f64>,
     /// Rotation of each wheel relative to the body about its axle, rad.
-    pub wheel_angles: [f64; 3],
+    pub wheel_angles: Wheels<f64>,
     /// Rate of each wheel relative to the body about its axle (the encoder rate), rad/s.
-    pub wheel_speeds: [f64; 3],
+    pub wheel_speeds: Wheels<f64>,
 }
 
 impl State {
@@ -55,8 +56,8 @@ impl State {
             body_quaternion: attitude(tilt, yaw),
             body_velocity: Vector3::zeros(),
             body_angular_velocity: Vector3::zeros(),
-            wheel_angles: [0.0; 3],
-            wheel_speeds: [0.0; 3],
+            wheel_angles: Wheels::default(),
+            wheel_speeds: Wheels::default(),
         }
     }
 
@@ -103,7 +104,7 @@ impl State {
             body_quaternion,
             body_velocity: ball_velocity,
             body_angular_velocity,
-            wheel_speeds: wheels.wheel_speeds(&body_quaternion, &ball_angular_velocity, &body_angular_velocity).into(),
+            wheel_speeds: wheels.wheel_speeds(&body_quaternion, &ball_angular_velocity, &body_angular_velocity),
             ..Self::upright(params)
         }
     }
@@ -159,8 +160,8 @@ impl State {
             &body_quaternion,
             self.body_velocity.as_slice(),
             self.body_angular_velocity.as_slice(),
-            &self.wheel_angles,
-            &self.wheel_speeds,
+            self.wheel_angles.as_slice(),
+            self.wheel_speeds.as_slice(),
         ];
         let mut at = 0;
         for part in parts {
@@ -183,8 +184,8 @@ impl State {
             body_quaternion: quaternion(16),
             body_velocity: vector(20),
             body_angular_velocity: vector(23),
-            wheel_angles: [a[26], a[27], a[28]],
-            wheel_speeds: [a[29], a[30], a[31]],
+            wheel_angles: Wheels([a[26], a[27], a[28]]),
+            wheel_speeds: Wheels([a[29], a[30], a[31]]),
         }
     }
 
@@ -199,8 +200,8 @@ impl State {
         bounded("body_position", self.body_position.as_slice())?;
         bounded("body_velocity", self.body_velocity.as_slice())?;
         bounded("body_angular_velocity", self.body_angular_velocity.as_slice())?;
-        bounded("wheel_angles", &self.wheel_angles)?;
-        bounded("wheel_speeds", &self.wheel_speeds)?;
+        bounded("wheel_angles", self.wheel_angles.as_slice())?;
+        bounded("wheel_speeds", self.wheel_speeds.as_slice())?;
         unit_quaternion("ball_quaternion", wxyz(&self.ball_quaternion))?;
         unit_quaternion("body_quaternion", wxyz(&self.body_quaternion))?;
         Ok(())
@@ -244,11 +245,11 @@ pub fn unit_quaternion(name: &str, [w, x, y, z]: [f64; 4]) -> Result<UnitQuatern
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Contacts {
     /// Load of each wheel on the ball, compressive positive, N.
-    pub wheel_normal_forces: [f64; 3],
+    pub wheel_normal_forces: Wheels<f64>,
     /// Drive friction of each wheel on the ball along its drive direction d_i, N.
-    pub wheel_tractions: [f64; 3],
+    pub wheel_tractions: Wheels<f64>,
     /// Surface speed of each wheel relative to the ball along d_i, m/s; zero without slip.
-    pub wheel_slip_speeds: [f64; 3],
+    pub wheel_slip_speeds: Wheels<f64>,
     /// Force of the floor on the ball, inertial frame, N.
     pub floor_force: Vector3<f64>,
     /// Force of the floor on the bot, that is, on body and wheels, inertial frame, N; zero for models without this
@@ -272,9 +273,9 @@ impl Contacts {
     /// # Errors
     /// [`crate::Error::OutOfRange`] naming the number.
     pub fn validate(&self) -> Result<()> {
-        finite("wheel_normal_forces", &self.wheel_normal_forces)?;
-        finite("wheel_tractions", &self.wheel_tractions)?;
-        finite("wheel_slip_speeds", &self.wheel_slip_speeds)?;
+        finite("wheel_normal_forces", self.wheel_normal_forces.as_slice())?;
+        finite("wheel_tractions", self.wheel_tractions.as_slice())?;
+        finite("wheel_slip_speeds", self.wheel_slip_speeds.as_slice())?;
         finite("floor_force", self.floor_force.as_slice())?;
         finite("bot_floor_force", self.bot_floor_force.as_slice())?;
         finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())

@@ -18,6 +18,7 @@ pub use conditions::{Conditions, Solution};
 
 use super::types::{PerRow, select3};
 use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::wheels::Wheels;
 use modes::Modes;
 use search::search;
 
@@ -74,7 +75,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let [z, x, y] = last.floor;
         let limit = friction.floor * z * GRIP_SHARE;
         let grips_floor = zero.lt(z) & x.mul_add(x, y.squared()).le(limit.squared());
-        let mut grips = [grips_floor; 3];
+        let mut grips = Wheels::all(grips_floor);
         let (mut all, mut several) = (grips_floor, one.lt(friction.floor));
         for (i, grip) in grips.iter_mut().enumerate() {
             let limit = friction.wheels[i] * last.normals[i] * GRIP_SHARE;
@@ -91,7 +92,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let mut first = PerRow { joints: trial.joints, ..PerRow::select(all, last, &trial) };
         if L::any(several) {
             first.floor = select3(several & grips_floor, last.floor, first.floor);
-            first.normals = select3(several, last.normals, first.normals);
+            first.normals = Wheels::select(several, last.normals, first.normals);
             for (i, grip) in grips.into_iter().enumerate() {
                 // Twice the bound of friction for a wheel that slipped.
                 let kept = L::select(grip, last.drives[i], last.drives[i] + last.drives[i]);

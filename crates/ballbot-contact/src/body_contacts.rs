@@ -17,6 +17,7 @@ use super::state::ContactState;
 use super::types::{Actions, PerRow, Pose, Velocities, select3};
 use ball_on_body::BallOnBody;
 use ballbot_base::lanes::{Lane, Own, Value, Vec3};
+use ballbot_base::wheels::Wheels;
 use floor_point::{FloorPoint, POINTS, floor_points};
 use mast::MastFrame;
 
@@ -110,7 +111,7 @@ impl<'a, L: Lane> Near<'a, L> {
             let (above, beside) = (above.max(zero), (radial - c.body_radius.at(zero) - across).max(zero));
             let distance = beside.mul_add(beside, above.squared());
             ball_near = displaced & distance.lt(c.ball_radius.at(zero).squared());
-            let [a, b, d] = start.rows.gaps;
+            let Wheels([a, b, d]) = start.rows.gaps;
             wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
         }
         let mask = lowest.lt(floor_limit) | ball_near;
@@ -217,7 +218,7 @@ struct Contacts<L: Lane> {
     used: [bool; POINTS],
     ball: BallOnBody<L>,
     impulses: PerRow<L>,
-    normal_estimate: [L; 3],
+    normal_estimate: Wheels<L>,
     velocities: Velocities<L>,
 }
 
@@ -340,10 +341,11 @@ impl<L: Lane> Contacts<L> {
             let mut moved = v;
             start.rows.apply::<true, true, V>(c, &step, &mut moved);
             v = Velocities::select(coupled, &moved, &v);
-            let size = |row: [L; 3]| Vec3::from(row).norm_squared();
-            change += L::select(coupled, size(step.floor) + size(step.normals) + size(step.drives), zero);
+            let size = |row: Wheels<L>| row.dot(row);
+            let floor = Vec3::from(step.floor).norm_squared();
+            change += L::select(coupled, floor + size(step.normals) + size(step.drives), zero);
             self.impulses = PerRow::select(coupled, &impulses, &self.impulses);
-            self.normal_estimate = select3(coupled, estimate, self.normal_estimate);
+            self.normal_estimate = Wheels::select(coupled, estimate, self.normal_estimate);
         }
         self.velocities = Velocities::select(open, &v, &self.velocities);
         change

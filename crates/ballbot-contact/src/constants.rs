@@ -6,6 +6,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Registers, Value, Vec3, Wide, cells};
 use ballbot_base::params::Params;
 use ballbot_base::state::wxyz;
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use std::borrow::Cow;
 
@@ -56,9 +57,9 @@ cells! {
         /// r_w / J_w.
         pub wheel_rim_ratio: T,
         /// Centers of the wheels.
-        pub wheel_centers: [[T; 3]; 3],
+        pub wheel_centers: Wheels<[T; 3]>,
         /// Vectors u_i; the axle of wheel i is −u_i.
-        pub u: [[T; 3]; 3],
+        pub u: Wheels<[T; 3]>,
         pub wheel_static_friction: T,
         pub wheel_dynamic_friction: T,
         pub floor_static_friction: T,
@@ -90,7 +91,7 @@ cells! {
         /// r_w² / J_w.
         pub wheel_surface_compliance: T,
         /// Load of each wheel in equilibrium.
-        pub wheel_loads: [T; 3],
+        pub wheel_loads: Wheels<T>,
         /// The largest wheel load.
         pub static_wheel_load: T,
         /// Load of the floor at rest.
@@ -111,7 +112,7 @@ cells! {
         pub ripple_amplitude: T,
         /// Ripples per turn of a wheel.
         pub roller_count: T,
-        pub roller_phases: [T; 3],
+        pub roller_phases: Wheels<T>,
     }
 }
 
@@ -168,7 +169,7 @@ impl Constants<f64> {
             wheel_dt_inverse_inertia: sim_dt / params.wheel_inertia,
             wheel_rim_ratio: params.wheel_radius / params.wheel_inertia,
             wheel_centers: centers.map(of_body),
-            u: [row(0), row(1), row(2)],
+            u: Wheels::from_fn(row),
             wheel_static_friction: params.wheel_static_friction,
             wheel_dynamic_friction: params.wheel_dynamic_friction,
             floor_static_friction: params.floor_static_friction,
@@ -198,7 +199,7 @@ impl Constants<f64> {
             unusual: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
             ripple_amplitude: 0.5 * params.roller_ripple,
             roller_count: params.roller_count,
-            roller_phases: params.roller_phases,
+            roller_phases: Wheels(params.roller_phases),
         }
     }
 }
@@ -215,8 +216,8 @@ fn four<V, U>([w, x, y, z]: &[V; 4], f: &impl Fn(&V) -> U) -> [U; 4] {
 }
 
 #[inline(always)]
-fn nine<V, U>([x, y, z]: &[[V; 3]; 3], f: &impl Fn(&V) -> U) -> [[U; 3]; 3] {
-    [three(x, f), three(y, f), three(z, f)]
+fn vectors<V, U>(Wheels([a, b, c]): &Wheels<[V; 3]>, f: &impl Fn(&V) -> U) -> Wheels<[U; 3]> {
+    Wheels([three(a, f), three(b, f), three(c, f)])
 }
 
 impl<V> Constants<V> {
@@ -250,8 +251,8 @@ impl<V> Constants<V> {
             wheel_inertia_inverse: f(&self.wheel_inertia_inverse),
             wheel_dt_inverse_inertia: f(&self.wheel_dt_inverse_inertia),
             wheel_rim_ratio: f(&self.wheel_rim_ratio),
-            wheel_centers: nine(&self.wheel_centers, f),
-            u: nine(&self.u, f),
+            wheel_centers: vectors(&self.wheel_centers, f),
+            u: vectors(&self.u, f),
             wheel_static_friction: f(&self.wheel_static_friction),
             wheel_dynamic_friction: f(&self.wheel_dynamic_friction),
             floor_static_friction: f(&self.floor_static_friction),
@@ -269,7 +270,7 @@ impl<V> Constants<V> {
             ball_surface_compliance: f(&self.ball_surface_compliance),
             ball_rim_ratio: f(&self.ball_rim_ratio),
             wheel_surface_compliance: f(&self.wheel_surface_compliance),
-            wheel_loads: three(&self.wheel_loads, f),
+            wheel_loads: Wheels(three(&self.wheel_loads.0, f)),
             static_wheel_load: f(&self.static_wheel_load),
             static_floor_load: f(&self.static_floor_load),
             static_ball_load: f(&self.static_ball_load),
@@ -281,7 +282,7 @@ impl<V> Constants<V> {
             unusual: f(&self.unusual),
             ripple_amplitude: f(&self.ripple_amplitude),
             roller_count: f(&self.roller_count),
-            roller_phases: three(&self.roller_phases, f),
+            roller_phases: Wheels(three(&self.roller_phases.0, f)),
         }
     }
 }

@@ -4,23 +4,24 @@ use super::constants::{Constants, at3};
 use super::rows::Rows;
 use super::types::PerRow;
 use ballbot_base::lanes::{Lane, Value, Vec3};
+use ballbot_base::wheels::{WHEELS, WheelMatrix, Wheels};
 
 /// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
 ///
 /// The rows of the floor act only on the ball, whose inertia is isotropic, so they do not couple with each other.
 /// Joints do not couple with the floor.
 pub struct Delassus<L, V> {
-    pub normal_normal: [[L; 3]; 3],
-    pub normal_drive: [[L; 3]; 3],
-    pub drive_drive: [[L; 3]; 3],
+    pub normal_normal: WheelMatrix<L>,
+    pub normal_drive: WheelMatrix<L>,
+    pub drive_drive: WheelMatrix<L>,
     /// Couplings by floor row (normal, x, y) and wheel.
-    pub floor_normal: [[L; 3]; 3],
-    pub floor_drive: [[L; 3]; 3],
-    pub joint_normal: [[L; 3]; 3],
-    pub joint_drive: [[L; 3]; 3],
-    pub joint_joint: [[L; 3]; 3],
-    pub normal_inverse: [L; 3],
-    pub drive_inverse: [L; 3],
+    pub floor_normal: [Wheels<L>; 3],
+    pub floor_drive: [Wheels<L>; 3],
+    pub joint_normal: WheelMatrix<L>,
+    pub joint_drive: WheelMatrix<L>,
+    pub joint_joint: WheelMatrix<L>,
+    pub normal_inverse: Wheels<L>,
+    pub drive_inverse: Wheels<L>,
     pub ball_mass: V,
     ball_mass_inverse: V,
     floor_compliance: V,
@@ -31,7 +32,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     #[inline(always)]
     pub fn new<const JOINTS: bool, const RIPPLE: bool>(c: &Constants<V>, rows: &Rows<L>) -> Self {
         let zero = rows.floor_gap.zero();
-        let none = [[zero; 3]; 3];
+        let none = Wheels::zero(zero);
         let one = zero.splat(1.0);
         let linear = c.relative_mass_inverse.at(zero);
         let ball_surface = c.ball_surface_compliance.at(zero);
@@ -39,16 +40,16 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
 
         let pairs = Couplings {
             rows,
-            normal: [
+            normal: Wheels([
                 rows.normal_arms[0].scaled_by(inertia_inverse),
                 rows.normal_arms[1].scaled_by(inertia_inverse),
                 rows.normal_arms[2].scaled_by(inertia_inverse),
-            ],
-            drive: [
+            ]),
+            drive: Wheels([
                 rows.drive_arms[0].scaled_by(inertia_inverse),
                 rows.drive_arms[1].scaled_by(inertia_inverse),
                 rows.drive_arms[2].scaled_by(inertia_inverse),
-            ],
+            ]),
             linear,
             ball_surface,
             own_drive: c.drive_compliance.at(zero),
@@ -58,22 +59,26 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         };
         // Written out, because the compiler keeps nested loops over pairs as loops over arrays in memory.
         let (n01, n02, n12) = (pairs.normals(0, 1), pairs.normals(0, 2), pairs.normals(1, 2));
-        let nn = [
-            [pairs.own_normal::<RIPPLE>(0), n01, n02],
-            [n01, pairs.own_normal::<RIPPLE>(1), n12],
-            [n02, n12, pairs.own_normal::<RIPPLE>(2)],
-        ];
-        let nd = [
-            [pairs.own_mixed::<RIPPLE>(0), pairs.mixed(0, 1), pairs.mixed(0, 2)],
-            [pairs.mixed(1, 0), pairs.own_mixed::<RIPPLE>(1), pairs.mixed(1, 2)],
-            [pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed::<RIPPLE>(2)],
-        ];
+        let nn = Wheels([
+            Wheels([pairs.own_normal::<RIPPLE>(0), n01, n02]),
+            Wheels([n01, pairs.own_normal::<RIPPLE>(1), n12]),
+            Wheels([n02, n12, pairs.own_normal::<RIPPLE>(2)]),
+        ]);
+        let nd = Wheels([
+            Wheels([pairs.own_mixed::<RIPPLE>(0), pairs.mixed(0, 1), pairs.mixed(0, 2)]),
+            Wheels([pairs.mixed(1, 0), pairs.own_mixed::<RIPPLE>(1), pairs.mixed(1, 2)]),
+            Wheels([pairs.mixed(2, 0), pairs.mixed(2, 1), pairs.own_mixed::<RIPPLE>(2)]),
+        ]);
         let (d01, d02, d12) = (pairs.drives(0, 1), pairs.drives(0, 2), pairs.drives(1, 2));
-        let dd = [[pairs.own_drive(0), d01, d02], [d01, pairs.own_drive(1), d12], [d02, d12, pairs.own_drive(2)]];
+        let dd = Wheels([
+            Wheels([pairs.own_drive(0), d01, d02]),
+            Wheels([d01, pairs.own_drive(1), d12]),
+            Wheels([d02, d12, pairs.own_drive(2)]),
+        ]);
 
-        let (mut zn, mut zd) = (none, none);
+        let (mut zn, mut zd) = ([none; 3], [none; 3]);
         let ball = -c.ball_mass_inverse.at(zero);
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let (n, d, u) = (rows.normals[i], rows.drives[i], rows.turns[i]);
             zn[0][i] = n.z * ball;
             zn[1][i] = n.x * ball;
@@ -83,11 +88,11 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             zd[2][i] = u.x.mul_add(-ball_surface, d.y * ball);
         }
 
-        let (mut jn, mut jd, mut jj) = (none, none, none);
+        let (mut jn, mut jd, mut jj) = (Wheels::all(none), Wheels::all(none), Wheels::all(none));
         if JOINTS {
-            for i in 0..3 {
+            for i in 0..WHEELS {
                 let u = c.u(i, zero).scaled_by(inertia_inverse);
-                for j in 0..3 {
+                for j in 0..WHEELS {
                     jn[i][j] = u.dot(rows.normal_arms[j]);
                     jd[i][j] = u.dot(rows.drive_arms[j]);
                     jj[i][j] = u.dot(c.u(j, zero));
@@ -102,8 +107,8 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         }
 
         Self {
-            normal_inverse: [one / nn[0][0], one / nn[1][1], one / nn[2][2]],
-            drive_inverse: [one / dd[0][0], one / dd[1][1], one / dd[2][2]],
+            normal_inverse: Wheels([one / nn[0][0], one / nn[1][1], one / nn[2][2]]),
+            drive_inverse: Wheels([one / dd[0][0], one / dd[1][1], one / dd[2][2]]),
             normal_normal: nn,
             normal_drive: nd,
             drive_drive: dd,
@@ -186,19 +191,19 @@ impl<L: Copy, V: Copy> Delassus<L, V> {
     /// The matrix with `f` applied to each number, and `constant` to each constant.
     #[inline(always)]
     pub fn map<U>(&self, f: impl Fn(L) -> U, constant: impl Fn(V) -> U) -> Delassus<U, U> {
-        let three = |[a, b, c]: [L; 3]| [f(a), f(b), f(c)];
-        let nine = |[a, b, c]: [[L; 3]; 3]| [three(a), three(b), three(c)];
+        let rows = |[a, b, c]: [Wheels<L>; 3]| [a.map(&f), b.map(&f), c.map(&f)];
+        let matrix = |Wheels(of_wheels): WheelMatrix<L>| Wheels(rows(of_wheels));
         Delassus {
-            normal_normal: nine(self.normal_normal),
-            normal_drive: nine(self.normal_drive),
-            drive_drive: nine(self.drive_drive),
-            floor_normal: nine(self.floor_normal),
-            floor_drive: nine(self.floor_drive),
-            joint_normal: nine(self.joint_normal),
-            joint_drive: nine(self.joint_drive),
-            joint_joint: nine(self.joint_joint),
-            normal_inverse: three(self.normal_inverse),
-            drive_inverse: three(self.drive_inverse),
+            normal_normal: matrix(self.normal_normal),
+            normal_drive: matrix(self.normal_drive),
+            drive_drive: matrix(self.drive_drive),
+            floor_normal: rows(self.floor_normal),
+            floor_drive: rows(self.floor_drive),
+            joint_normal: matrix(self.joint_normal),
+            joint_drive: matrix(self.joint_drive),
+            joint_joint: matrix(self.joint_joint),
+            normal_inverse: self.normal_inverse.map(&f),
+            drive_inverse: self.drive_inverse.map(&f),
             ball_mass: constant(self.ball_mass),
             ball_mass_inverse: constant(self.ball_mass_inverse),
             floor_compliance: constant(self.floor_compliance),
@@ -211,9 +216,9 @@ impl<L: Copy, V: Copy> Delassus<L, V> {
 struct Couplings<'a, L: Lane> {
     rows: &'a Rows<L>,
     /// Normal arms divided by the inertia of the body.
-    normal: [Vec3<L>; 3],
+    normal: Wheels<Vec3<L>>,
     /// Drive arms divided by the inertia of the body.
-    drive: [Vec3<L>; 3],
+    drive: Wheels<Vec3<L>>,
     linear: L,
     ball_surface: L,
     own_drive: L,

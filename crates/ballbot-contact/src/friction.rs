@@ -5,11 +5,12 @@ use super::rows::Rows;
 use super::types::Velocities;
 use ballbot_base::friction::stribeck;
 use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Friction coefficients in this step.
 #[derive(Clone, Copy)]
 pub struct Friction<L> {
-    pub wheels: [L; 3],
+    pub wheels: Wheels<L>,
     pub floor: L,
 }
 
@@ -20,12 +21,12 @@ impl<L: Lane> Friction<L> {
         let like = v.ball.x;
         let (wheel_static, wheel_dynamic) = (c.wheel_static_friction.at(like), c.wheel_dynamic_friction.at(like));
         let (floor_static, floor_dynamic) = (c.floor_static_friction.at(like), c.floor_dynamic_friction.at(like));
-        let mut out = Self { wheels: [wheel_dynamic; 3], floor: floor_dynamic };
+        let mut out = Self { wheels: Wheels::all(wheel_dynamic), floor: floor_dynamic };
         let scale = c.critical_velocity_inverse_squared.at(like);
         // Where static and dynamic coefficients are equal, the law gives exactly this value, so those lanes keep their
         // bits.
         if L::any(wheel_dynamic.lt(wheel_static)) {
-            for i in 0..3 {
+            for i in 0..WHEELS {
                 let slip = rows.slip_speed(c, v, i).squared() * scale;
                 out.wheels[i] = stribeck(wheel_static, wheel_dynamic, slip);
             }
@@ -43,8 +44,7 @@ impl<L: Copy> Friction<L> {
     /// The coefficients with `f` applied to each.
     #[inline(always)]
     pub fn map<U>(&self, f: impl Fn(L) -> U) -> Friction<U> {
-        let [a, b, c] = self.wheels;
-        Friction { wheels: [f(a), f(b), f(c)], floor: f(self.floor) }
+        Friction { wheels: self.wheels.map(&f), floor: f(self.floor) }
     }
 }
 

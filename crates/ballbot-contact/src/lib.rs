@@ -38,6 +38,6 @@ pub use friction::{Friction, JointFriction};
 pub use motion::ContactMotion;
 pub use phases::{Start, free_velocities};
 pub use principal::PrincipalAxes;
-pub use state::{ContactState, Torques};
+pub use state::ContactState;
 pub use step::{advance, advance_wide, step};
 pub use types::{Actions, PerRow, Velocities};

@@ -8,6 +8,7 @@ use super::phases::Start;
 use super::state::ContactState;
 use super::types::Velocities;
 use ballbot_base::lanes::{Lane, Value, Vec3};
+use ballbot_base::wheels::WHEELS;
 
 /// Brakes the robots that have these losses.
 #[inline(always)]
@@ -34,7 +35,7 @@ pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
 
     let mut impulse = Vec3::zero(like);
     let (mut on_ball, mut on_body) = (impulse, impulse);
-    for i in 0..3 {
+    for i in 0..WHEELS {
         // Along the free direction the wheel touches the ball at its rim.
         let direction = rows.turns[i];
         let in_body = rotation.apply_transposed(direction);

@@ -13,6 +13,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -73,7 +74,7 @@ impl Model for ContactMotion {
         self.constants = constants;
         if keeps_moving {
             // Reset impulses of joint friction: without friction no row would remove them.
-            self.memory.joint_impulses = [0.0; 3];
+            self.memory.joint_impulses = Wheels::default();
         } else {
             self.place(&upright_on(self.ground(), params));
         }
@@ -90,7 +91,7 @@ impl Model for ContactMotion {
         self.memory = ContactState::at(&self.constants, &self.wheels, self.ground(), state);
     }
 
-    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+    fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         advance(&self.constants, &mut self.memory, self.footing.as_mut(), wheel_torques, steps);
     }
 

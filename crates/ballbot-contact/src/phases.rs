@@ -1,12 +1,13 @@
 //! Phases of a time step with any contacts: start, free velocities, finish.
 
 use super::constants::{Constants, at3};
-use super::encoder::encoder_rate;
+use super::encoder::encoder_rates;
 use super::ripple::Ripple;
 use super::rows::Rows;
 use super::state::ContactState;
 use super::types::{Actions, PerRow, Pose, Velocities};
 use ballbot_base::lanes::{Lane, Rotation, Value, Vec3};
+use ballbot_base::wheels::Wheels;
 
 /// The robot at the start of a step.
 pub struct Start<L: Lane> {
@@ -69,9 +70,8 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
 
     let mut reaction = Vec3::zero(like);
     let mut spin_momentum = reaction;
-    let torques = Vec3::load(token, &actions.torques);
-    let wheel = [torques.x, torques.y, torques.z];
-    for (i, torque) in wheel.into_iter().enumerate() {
+    let torques = Wheels::<L>::load(token, &actions.torques);
+    for (i, torque) in torques.into_iter().enumerate() {
         let u = c.u(i, like);
         reaction = reaction.plus(u, torque);
         spin_momentum = spin_momentum.plus(u, before.spins[i] * c.wheel_inertia.at(like));
@@ -90,11 +90,7 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
         ball_rate: before.ball_rate,
         body: body - fall,
         body_rate: before.body_rate + body_angular_impulse.scaled_by(at3(c.body_inertia_inverse, like)),
-        spins: [
-            wheel[0].mul_add(spin, before.spins[0]),
-            wheel[1].mul_add(spin, before.spins[1]),
-            wheel[2].mul_add(spin, before.spins[2]),
-        ],
+        spins: before.spins.plus(torques, spin),
     }
 }
 
@@ -112,10 +108,6 @@ fn moved<L: Lane, V: Value<L>>(c: &Constants<V>, pose: &Pose<L>, v: &Velocities<
         ball_quaternion: pose.ball_quaternion.turned(v.ball_rate * half),
         body: pose.body.plus(v.body, dt),
         body_quaternion: pose.body_quaternion.turned_in_own_frame(v.body_rate * half),
-        wheel_angles: [
-            encoder_rate(c, v, 0).mul_add(dt, pose.wheel_angles[0]),
-            encoder_rate(c, v, 1).mul_add(dt, pose.wheel_angles[1]),
-            encoder_rate(c, v, 2).mul_add(dt, pose.wheel_angles[2]),
-        ],
+        wheel_angles: pose.wheel_angles.plus(encoder_rates(c, v), dt),
     }
 }

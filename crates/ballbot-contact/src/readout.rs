@@ -7,6 +7,7 @@ use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Scalar, run_one};
 use ballbot_base::state::{Contacts, State, wxyz};
 use ballbot_base::terrain::Ground;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
 
 /// Largest gap at which a contact of a new state starts with the impulse of its static load, m.
@@ -16,7 +17,7 @@ impl ContactState<f64> {
     /// Solver state at time zero in an accepted `state`.
     pub fn at(c: &Constants<f64>, wheels: &Omniwheels, ground: Option<&Ground>, state: &State) -> Self {
         let (com, axes) = (Vector3::from(c.com), rotation(c.principal_axes));
-        let spins = Vector3::from(state.wheel_speeds) - wheels.u * state.body_angular_velocity;
+        let spins = state.wheel_speeds - Wheels::of_column(wheels.u * state.body_angular_velocity);
         let (mut attitude, mut rate) = (state.body_quaternion, state.body_angular_velocity);
         if c.general > 0.0 {
             attitude *= axes;
@@ -32,9 +33,9 @@ impl ContactState<f64> {
             Some(ground) => ground.gap(&state.ball_position, c.ball_radius),
             None => (state.ball_position.z - c.ball_radius, Vector3::z()),
         };
-        let touching = [touches(0), touches(1), touches(2)];
+        let touching = Wheels::from_fn(touches);
         // The floor carries the bot only through the ball.
-        let carried = if touching.contains(&true) { c.static_floor_load } else { c.static_ball_load };
+        let carried = if touching.0.contains(&true) { c.static_floor_load } else { c.static_ball_load };
         let across = Vector3::from(c.gravity_dt).dot(&normal) / c.gravity_dt[2];
         let load = if gap <= CONTACT_TOLERANCE { carried * across * c.sim_dt } else { 0.0 };
         Self {
@@ -47,8 +48,8 @@ impl ContactState<f64> {
             body_velocity: velocity.into(),
             body_rate: rate.into(),
             wheel_angles: state.wheel_angles,
-            wheel_spins: spins.into(),
-            normal_impulses: [0, 1, 2].map(|i| if touching[i] { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
+            wheel_spins: spins,
+            normal_impulses: Wheels::from_fn(|i| if touching[i] { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
             floor_impulse: [load * normal.z, load * normal.x, load * normal.y],
             ..Self::default()
         }
@@ -71,7 +72,7 @@ impl ContactState<f64> {
         Contacts {
             wheel_normal_forces: self.normal_impulses.map(|impulse| impulse * per_second),
             wheel_tractions: self.drive_impulses.map(|impulse| -impulse * per_second),
-            wheel_slip_speeds: [0, 1, 2].map(|i| self.slip_speed(c, i)),
+            wheel_slip_speeds: Wheels::from_fn(|i| self.slip_speed(c, i)),
             floor_force: Vector3::new(x, y, z) * per_second,
             bot_floor_force: if self.bot_on_floor > 0.0 {
                 Vector3::from(self.bot_floor_impulse) * per_second

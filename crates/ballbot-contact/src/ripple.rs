@@ -4,24 +4,25 @@ use super::constants::{Constants, at3};
 use super::encoder::encoder_rate;
 use super::types::{Pose, Velocities};
 use ballbot_base::lanes::{Lane, Value, sin_cos};
+use ballbot_base::wheels::Wheels;
 
 /// The rims at the start of a step.
 pub struct Ripple<L: Lane> {
     /// Robots whose wheels have a ripple. The others keep the bits of a batch of round wheels.
     pub on: L::Mask,
     /// Depth of each wheel's rim below its nominal radius, m.
-    pub depths: [L; 3],
+    pub depths: Wheels<L>,
     /// Change of the depth with the wheel angle, m/rad.
-    pub slopes: [L; 3],
+    pub slopes: Wheels<L>,
     /// Contribution of the change of the slopes within the step to the mean speeds of the gaps, m/s.
-    pub bends: [L; 3],
+    pub bends: Wheels<L>,
 }
 
 impl<L: Lane> Ripple<L> {
     /// Round wheels.
     #[inline(always)]
     pub fn none(like: L) -> Self {
-        let zeros = [like.zero(); 3];
+        let zeros = Wheels::zero(like);
         Self { on: like.lt(like), depths: zeros, slopes: zeros, bends: zeros }
     }
 
@@ -32,7 +33,7 @@ impl<L: Lane> Ripple<L> {
         let zero = amplitude.zero();
         let mut ripple = Self::none(zero);
         ripple.on = zero.lt(amplitude);
-        for (i, phase) in at3(c.roller_phases, amplitude).into_iter().enumerate() {
+        for (i, phase) in at3(c.roller_phases.0, amplitude).into_iter().enumerate() {
             let (sin, cos) = sin_cos(pose.wheel_angles[i].mul_add(count, phase));
             let speed = encoder_rate(c, v, i);
             let rate = speed * count;

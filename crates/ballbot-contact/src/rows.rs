@@ -4,10 +4,11 @@
 //! is diagonal. Drive and normal impulses act on the bot; the opposite impulses act on the ball.
 
 use super::constants::{Constants, at3};
-use super::encoder::encoder_rate;
+use super::encoder::encoder_rates;
 use super::ripple::Ripple;
 use super::types::{PerRow, Velocities};
 use ballbot_base::lanes::{Lane, Rotation, Value, Vec3};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Lower bound of the sine of the angle between axle and contact normal. At zero the drive direction is undefined;
 /// wheels in contact are far from it.
@@ -20,23 +21,23 @@ const MAX_RECOVERY_SPEED: f64 = 1.0;
 /// The rows of one step.
 pub struct Rows<L: Lane> {
     /// Gap between each wheel and the ball, m; negative for an overlap.
-    pub gaps: [L; 3],
+    pub gaps: Wheels<L>,
     /// Gap between ball and floor, m; negative for an overlap.
     pub floor_gap: L,
     /// Ball center relative to the CoM of the body, principal frame.
     pub ball_in_body: Vec3<L>,
     /// Normals from the ball to each wheel, inertial frame.
-    pub normals: [Vec3<L>; 3],
+    pub normals: Wheels<Vec3<L>>,
     /// Drive directions, inertial frame.
-    pub drives: [Vec3<L>; 3],
+    pub drives: Wheels<Vec3<L>>,
     /// Products normal × drive, inertial frame.
-    pub turns: [Vec3<L>; 3],
+    pub turns: Wheels<Vec3<L>>,
     /// Factors of the body rate in the normal rows, principal frame, m.
-    pub normal_arms: [Vec3<L>; 3],
+    pub normal_arms: Wheels<Vec3<L>>,
     /// Factors of the body rate in the drive rows, principal frame, m.
-    pub drive_arms: [Vec3<L>; 3],
+    pub drive_arms: Wheels<Vec3<L>>,
     /// Sine of the angle between axle and normal: the component of a wheel's spin along its drive direction.
-    pub spin_shares: [L; 3],
+    pub spin_shares: Wheels<L>,
     /// The rims of the wheels. Code generic over `RIPPLE` includes rim terms if it is true.
     pub ripple: Ripple<L>,
 }
@@ -48,18 +49,18 @@ impl<L: Lane> Rows<L> {
         let a = Wheel::new(c, 0, ball_in_body);
         let b = Wheel::new(c, 1, ball_in_body);
         let d = Wheel::new(c, 2, ball_in_body);
-        let normals = [rotation.apply(a.normal), rotation.apply(b.normal), rotation.apply(d.normal)];
-        let drives = [rotation.apply(a.drive), rotation.apply(b.drive), rotation.apply(d.drive)];
+        let normals = Wheels([rotation.apply(a.normal), rotation.apply(b.normal), rotation.apply(d.normal)]);
+        let drives = Wheels([rotation.apply(a.drive), rotation.apply(b.drive), rotation.apply(d.drive)]);
         Self {
-            gaps: [a.gap, b.gap, d.gap],
+            gaps: Wheels([a.gap, b.gap, d.gap]),
             floor_gap: ball.z - c.ball_radius.at(ball.z),
             ball_in_body,
-            turns: [normals[0].cross(drives[0]), normals[1].cross(drives[1]), normals[2].cross(drives[2])],
+            turns: Wheels([normals[0].cross(drives[0]), normals[1].cross(drives[1]), normals[2].cross(drives[2])]),
             normals,
             drives,
-            normal_arms: [a.normal_arm, b.normal_arm, d.normal_arm],
-            drive_arms: [a.drive_arm, b.drive_arm, d.drive_arm],
-            spin_shares: [a.spin_share, b.spin_share, d.spin_share],
+            normal_arms: Wheels([a.normal_arm, b.normal_arm, d.normal_arm]),
+            drive_arms: Wheels([a.drive_arm, b.drive_arm, d.drive_arm]),
+            spin_shares: Wheels([a.spin_share, b.spin_share, d.spin_share]),
             ripple: Ripple::none(ball.z),
         }
     }
@@ -69,7 +70,7 @@ impl<L: Lane> Rows<L> {
     #[inline(always)]
     pub fn with_ripple<V: Value<L>>(self, c: &Constants<V>, ripple: Ripple<L>) -> Self {
         let (mut gaps, mut normal_arms) = (self.gaps, self.normal_arms);
-        for i in 0..3 {
+        for i in 0..WHEELS {
             gaps[i] = ripple.select(gaps[i] + ripple.depths[i], gaps[i]);
             let arm = normal_arms[i].plus(c.u(i, gaps[i]), ripple.slopes[i]);
             normal_arms[i] = Vec3::select(ripple.on, arm, normal_arms[i]);
@@ -108,13 +109,13 @@ impl<L: Lane> Rows<L> {
         let [x, y] = self.floor_slip(c, v);
         PerRow {
             floor: [v.ball.z + allowance(c, self.floor_gap), x, y],
-            normals: [
+            normals: Wheels([
                 self.approach::<RIPPLE, V>(c, v, 0),
                 self.approach::<RIPPLE, V>(c, v, 1),
                 self.approach::<RIPPLE, V>(c, v, 2),
-            ],
-            drives: [self.slip_speed(c, v, 0), self.slip_speed(c, v, 1), self.slip_speed(c, v, 2)],
-            joints: [encoder_rate(c, v, 0), encoder_rate(c, v, 1), encoder_rate(c, v, 2)],
+            ]),
+            drives: Wheels([self.slip_speed(c, v, 0), self.slip_speed(c, v, 1), self.slip_speed(c, v, 2)]),
+            joints: encoder_rates(c, v),
         }
     }
 
@@ -130,7 +131,7 @@ impl<L: Lane> Rows<L> {
         let mut bot_impulse = Vec3::zero(like);
         let mut ball_angular_impulse = bot_impulse;
         let mut body_angular_impulse = bot_impulse;
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let (normal, drive) = (impulses.normals[i], impulses.drives[i]);
             bot_impulse = bot_impulse.plus(self.normals[i], normal).plus(self.drives[i], drive);
             ball_angular_impulse = ball_angular_impulse.plus(self.turns[i], -drive);

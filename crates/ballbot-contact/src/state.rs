@@ -1,17 +1,15 @@
 //! State and warm-start impulses of one robot or of eight.
 
 use super::constants::Constants;
-use super::encoder::encoder_rate;
+use super::encoder::encoder_rates;
 use super::types::{PerRow, Pose, Velocities};
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
+use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
 /// Largest sum of squared speeds and rates of a robot that has not diverged.
 const MAX_SPEED_SQUARED: f64 = 1e30;
-
-/// Torques of the three motors, N·m.
-pub type Torques<T> = [T; 3];
 
 cells! {
     /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless stated.
@@ -31,17 +29,17 @@ cells! {
         pub body_velocity: [T; 3],
         /// Angular velocity of the body, principal frame.
         pub body_rate: [T; 3],
-        pub wheel_angles: [T; 3],
+        pub wheel_angles: Wheels<T>,
         /// Absolute spins about the axles: encoder rate minus u_i · Ω.
-        pub wheel_spins: [T; 3],
+        pub wheel_spins: Wheels<T>,
         /// Impulse of the floor on the ball in the last step: normal, x, y.
         pub floor_impulse: [T; 3],
         /// Normal impulse of the ball on the bot at each wheel in the last step.
-        pub normal_impulses: [T; 3],
+        pub normal_impulses: Wheels<T>,
         /// Drive friction impulse of the ball on the bot at each wheel in the last step.
-        pub drive_impulses: [T; 3],
+        pub drive_impulses: Wheels<T>,
         /// Angular impulse of joint friction in the last step.
-        pub joint_impulses: [T; 3],
+        pub joint_impulses: Wheels<T>,
         /// Impulse on the body and angular impulse about its CoM that act in the next step.
         pub push: [T; 6],
         /// 1 while the bot touches the floor, else 0.
@@ -78,7 +76,7 @@ impl<T: Cell> ContactState<T> {
             body_velocity: v.body.plus(mast_rate, -com.z),
             body_angular_velocity: v.body_rate,
             wheel_angles: pose.wheel_angles,
-            wheel_speeds: [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)],
+            wheel_speeds: encoder_rates(c, &v),
         };
         let general = com.z.zero().lt(c.general.at(com.z));
         // The branch only skips work: lanes of other bodies keep their bits.
@@ -100,9 +98,8 @@ impl<T: Cell> ContactState<T> {
 impl<T: Cell> ContactState<T> {
     /// Encoder rates of the wheels.
     #[inline(always)]
-    pub fn wheel_speeds<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> [L; 3] {
-        let v = self.velocities::<L>(token);
-        [encoder_rate(c, &v, 0), encoder_rate(c, &v, 1), encoder_rate(c, &v, 2)]
+    pub fn wheel_speeds<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> Wheels<L> {
+        encoder_rates(c, &self.velocities::<L>(token))
     }
 
     /// State, health and floor contact for tasks and controllers.
@@ -123,7 +120,7 @@ impl<T: Cell> ContactState<T> {
             ball_quaternion: Quat::load(token, &self.ball_quaternion),
             body: Vec3::load(token, &self.body_position),
             body_quaternion: Quat::load(token, &self.body_quaternion),
-            wheel_angles: load3(token, &self.wheel_angles),
+            wheel_angles: Wheels::load(token, &self.wheel_angles),
         }
     }
 
@@ -134,7 +131,7 @@ impl<T: Cell> ContactState<T> {
             ball_rate: Vec3::load(token, &self.ball_rate),
             body: Vec3::load(token, &self.body_velocity),
             body_rate: Vec3::load(token, &self.body_rate),
-            spins: load3(token, &self.wheel_spins),
+            spins: Wheels::load(token, &self.wheel_spins),
         }
     }
 
@@ -142,9 +139,9 @@ impl<T: Cell> ContactState<T> {
     pub fn impulses<L: Lane<Cell = T>>(&self, token: L::Token) -> PerRow<L> {
         PerRow {
             floor: load3(token, &self.floor_impulse),
-            normals: load3(token, &self.normal_impulses),
-            drives: load3(token, &self.drive_impulses),
-            joints: load3(token, &self.joint_impulses),
+            normals: Wheels::load(token, &self.normal_impulses),
+            drives: Wheels::load(token, &self.drive_impulses),
+            joints: Wheels::load(token, &self.joint_impulses),
         }
     }
 
@@ -163,16 +160,16 @@ impl<T: Cell> ContactState<T> {
         velocities.ball_rate.store(&mut self.ball_rate);
         velocities.body.store(&mut self.body_velocity);
         velocities.body_rate.store(&mut self.body_rate);
-        store3(velocities.spins, &mut self.wheel_spins);
+        velocities.spins.store(&mut self.wheel_spins);
     }
 
     /// Replaces the impulses of the contacts.
     #[inline(always)]
     pub fn set_impulses<L: Lane<Cell = T>>(&mut self, impulses: &PerRow<L>) {
         store3(impulses.floor, &mut self.floor_impulse);
-        store3(impulses.normals, &mut self.normal_impulses);
-        store3(impulses.drives, &mut self.drive_impulses);
-        store3(impulses.joints, &mut self.joint_impulses);
+        impulses.normals.store(&mut self.normal_impulses);
+        impulses.drives.store(&mut self.drive_impulses);
+        impulses.joints.store(&mut self.joint_impulses);
     }
 
     /// Stores the result of a step. A robot with non-finite or nearly overflowing velocities is marked as diverged and
@@ -211,7 +208,7 @@ impl<T: Cell> ContactState<T> {
         pose.ball_quaternion.store(&mut self.ball_quaternion);
         pose.body.store(&mut self.body_position);
         pose.body_quaternion.store(&mut self.body_quaternion);
-        store3(pose.wheel_angles, &mut self.wheel_angles);
+        pose.wheel_angles.store(&mut self.wheel_angles);
         self.set_velocities(velocities);
         self.set_impulses(impulses);
         on_floor.store(&mut self.bot_on_floor);

@@ -25,21 +25,22 @@ use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
-use super::state::{ContactState, Torques};
+use super::state::ContactState;
 use super::types::{Actions, Velocities};
 use ballbot_base::lanes::{Eight, Lane, Own, Registers, Scalar, Value, Vec3, Wide, run_one};
+use ballbot_base::wheels::Wheels;
 
 /// Advances one robot by `steps` time steps under constant torques, on level ground without a `footing`.
 pub fn advance(
     c: &Constants<f64>,
     state: &mut ContactState<f64>,
     footing: Option<&mut Footing<f64>>,
-    torques: &Torques<f64>,
+    torques: Wheels<f64>,
     steps: usize,
 ) {
     run_one(
         #[inline(always)]
-        || several::<f64, f64>(c, Scalar, state, footing, torques, steps),
+        || several::<f64, f64>(c, Scalar, state, footing, &torques, steps),
     );
 }
 
@@ -50,7 +51,7 @@ pub fn advance_wide<S: Registers, V: InLanes>(
     constants: &Constants<V>,
     state: &mut ContactState<Eight>,
     footing: Option<&mut Footing<Eight>>,
-    torques: &Torques<Eight>,
+    torques: &Wheels<Eight>,
     steps: usize,
 ) {
     V::with(
@@ -67,10 +68,10 @@ fn several<L: Lane, V: Value<L>>(
     token: L::Token,
     state: &mut ContactState<L::Cell>,
     mut footing: Option<&mut Footing<L::Cell>>,
-    torques: &Torques<L::Cell>,
+    torques: &Wheels<L::Cell>,
     steps: usize,
 ) {
-    let mut actions = Actions { torques: *torques, gravity_dt: *torques };
+    let mut actions = Actions { torques: *torques, gravity_dt: [L::Cell::default(); 3] };
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
     let unusual = L::any(like.zero().lt(c.unusual.at(like)));

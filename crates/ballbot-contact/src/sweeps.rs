@@ -5,6 +5,7 @@ use super::delassus::Delassus;
 use super::friction::{Friction, JointFriction, in_disc};
 use super::types::PerRow;
 use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Gain per sweep of the low-pass filter from normal impulse to friction bound. Friction of slipping wheels changes the
 /// loads of the other wheels by more than the friction itself; with the unfiltered load as bound the sweeps diverge.
@@ -18,13 +19,13 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
         &self,
         friction: &Friction<L>,
         joint_friction: &JointFriction<L>,
-        normal_estimate: &mut [L; 3],
+        normal_estimate: &mut Wheels<L>,
         impulses: &mut PerRow<L>,
         r: &mut PerRow<L>,
     ) {
         let zero = friction.floor.zero();
         self.sweep_floor(friction.floor, impulses, r);
-        for k in 0..3 {
+        for k in 0..WHEELS {
             let new = r.normals[k].neg_mul_add(self.normal_inverse[k], impulses.normals[k]).max(zero);
             let change = new - impulses.normals[k];
             impulses.normals[k] = new;
@@ -40,7 +41,7 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
             self.add_drive::<JOINTS>(k, change, r);
         }
         if JOINTS {
-            for k in 0..3 {
+            for k in 0..WHEELS {
                 let own = self.joint_joint[k][k];
                 let stick = impulses.joints[k] - r.joints[k] / own;
                 let dry = stick.min(joint_friction.dry).max(-joint_friction.dry);

@@ -1,19 +1,20 @@
 //! Value types of the solver: actions, pose, velocities, and one number per contact row.
 
 use ballbot_base::lanes::{Lane, Quat, Vec3};
+use ballbot_base::wheels::Wheels;
 
 /// External actions on robots in a step.
 pub struct Actions<T> {
     /// Torques of the motors, N·m.
-    pub torques: [T; 3],
+    pub torques: Wheels<T>,
     /// Decrease of a velocity by gravity in a step, in the floor frame.
     pub gravity_dt: [T; 3],
 }
 
 impl Actions<f64> {
     /// Torques on level ground.
-    pub fn level(gravity_dt: [f64; 3], torques: &[f64; 3]) -> Self {
-        Self { torques: *torques, gravity_dt }
+    pub fn level(gravity_dt: [f64; 3], torques: Wheels<f64>) -> Self {
+        Self { torques, gravity_dt }
     }
 }
 
@@ -24,7 +25,7 @@ pub struct Pose<L> {
     /// CoM of the body.
     pub body: Vec3<L>,
     pub body_quaternion: Quat<L>,
-    pub wheel_angles: [L; 3],
+    pub wheel_angles: Wheels<L>,
 }
 
 /// Velocities of all moving parts; see [`super::state::ContactState`] for the frames.
@@ -34,7 +35,7 @@ pub struct Velocities<L> {
     pub ball_rate: Vec3<L>,
     pub body: Vec3<L>,
     pub body_rate: Vec3<L>,
-    pub spins: [L; 3],
+    pub spins: Wheels<L>,
 }
 
 /// One number per row: an impulse or a residual velocity.
@@ -42,21 +43,21 @@ pub struct Velocities<L> {
 pub struct PerRow<L> {
     /// Floor rows: normal, x, y.
     pub floor: [L; 3],
-    pub normals: [L; 3],
-    pub drives: [L; 3],
-    pub joints: [L; 3],
+    pub normals: Wheels<L>,
+    pub drives: Wheels<L>,
+    pub joints: Wheels<L>,
 }
 
 impl<L: Copy> PerRow<L> {
     /// The numbers with `f` applied to each.
     #[inline(always)]
     pub fn map<U>(&self, f: impl Fn(L) -> U) -> PerRow<U> {
-        let three = |[a, b, c]: [L; 3]| [f(a), f(b), f(c)];
+        let [z, x, y] = self.floor;
         PerRow {
-            floor: three(self.floor),
-            normals: three(self.normals),
-            drives: three(self.drives),
-            joints: three(self.joints),
+            floor: [f(z), f(x), f(y)],
+            normals: self.normals.map(&f),
+            drives: self.drives.map(&f),
+            joints: self.joints.map(&f),
         }
     }
 }
@@ -65,12 +66,12 @@ impl<L: Lane> PerRow<L> {
     /// Difference.
     #[inline(always)]
     pub fn minus(&self, other: &Self) -> Self {
-        let less = |a: [L; 3], b: [L; 3]| [a[0] - b[0], a[1] - b[1], a[2] - b[2]];
+        let (a, b) = (self.floor, other.floor);
         Self {
-            floor: less(self.floor, other.floor),
-            normals: less(self.normals, other.normals),
-            drives: less(self.drives, other.drives),
-            joints: less(self.joints, other.joints),
+            floor: [a[0] - b[0], a[1] - b[1], a[2] - b[2]],
+            normals: self.normals - other.normals,
+            drives: self.drives - other.drives,
+            joints: self.joints - other.joints,
         }
     }
 
@@ -88,9 +89,9 @@ impl<L: Lane> PerRow<L> {
     pub fn select(mask: L::Mask, yes: &Self, no: &Self) -> Self {
         Self {
             floor: select3(mask, yes.floor, no.floor),
-            normals: select3(mask, yes.normals, no.normals),
-            drives: select3(mask, yes.drives, no.drives),
-            joints: select3(mask, yes.joints, no.joints),
+            normals: Wheels::select(mask, yes.normals, no.normals),
+            drives: Wheels::select(mask, yes.drives, no.drives),
+            joints: Wheels::select(mask, yes.joints, no.joints),
         }
     }
 }
@@ -104,7 +105,7 @@ impl<L: Lane> Velocities<L> {
             ball_rate: Vec3::select(mask, yes.ball_rate, no.ball_rate),
             body: Vec3::select(mask, yes.body, no.body),
             body_rate: Vec3::select(mask, yes.body_rate, no.body_rate),
-            spins: select3(mask, yes.spins, no.spins),
+            spins: Wheels::select(mask, yes.spins, no.spins),
         }
     }
 
@@ -117,19 +118,21 @@ impl<L: Lane> Velocities<L> {
             ball_rate: self.ball_rate + zeros,
             body: self.body + zeros,
             body_rate: self.body_rate + zeros,
-            spins: [self.spins[0] + 0.0, self.spins[1] + 0.0, self.spins[2] + 0.0],
+            spins: self.spins.map(
+                #[inline(always)]
+                |spin| spin + 0.0,
+            ),
         }
     }
 
     /// Sum of the squares of all speeds and rates.
     #[inline(always)]
     pub fn norm_squared(&self) -> L {
-        let [a, b, c] = self.spins;
         self.ball.norm_squared()
             + self.ball_rate.norm_squared()
             + self.body.norm_squared()
             + self.body_rate.norm_squared()
-            + Vec3::new(a, b, c).norm_squared()
+            + self.spins.dot(self.spins)
     }
 }
 
@@ -142,7 +145,7 @@ impl<L: Lane> Pose<L> {
             ball_quaternion: Quat::select(mask, yes.ball_quaternion, no.ball_quaternion),
             body: Vec3::select(mask, yes.body, no.body),
             body_quaternion: Quat::select(mask, yes.body_quaternion, no.body_quaternion),
-            wheel_angles: select3(mask, yes.wheel_angles, no.wheel_angles),
+            wheel_angles: Wheels::select(mask, yes.wheel_angles, no.wheel_angles),
         }
     }
 }

@@ -28,6 +28,7 @@ use ballbot_base::lane_state::{LaneState, StateCells};
 use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::traction_torque;
 use std::sync::atomic::{AtomicU64, Ordering};
 
@@ -41,7 +42,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 /// use ballbot_core::lanes::{Lane, Memory};
 /// use ballbot_core::nalgebra::Vector3;
-/// use ballbot_core::{LaneState, Params, Result, State};
+/// use ballbot_core::{LaneState, Params, Result, State, Wheels};
 ///
 /// ballbot_core::fields! {
 ///     /// Gains.
@@ -57,7 +58,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// struct Upright {
 ///     gains: Gains,
 ///     /// Wheel torques for torques of 1 N·m about x and y.
-///     wheels: [Vector3<f64>; 2],
+///     wheels: [Wheels<f64>; 2],
 ///     limits: TorqueLimits,
 ///     sampling: Sampling,
 /// }
@@ -98,13 +99,13 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///         _: &LaneSetpoint<L>,
 ///         largest: f64,
 ///         _: &mut Memory<'_, L>,
-///     ) -> [L; 3] {
+///     ) -> Wheels<L> {
 ///         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
 ///         let rate = state.body_angular_velocity;
 ///         let x = tilt_x * -self.gains.tilt - rate.x * self.gains.rate;
 ///         let y = tilt_y * -self.gains.tilt - rate.y * self.gains.rate;
 ///         let wheel = |i: usize| x * self.wheels[0][i] + y * self.wheels[1][i];
-///         self.limits.apply([wheel(0), wheel(1), wheel(2)], state, largest).torques
+///         self.limits.apply(Wheels::from_fn(wheel), state, largest).torques
 ///     }
 /// }
 ///
@@ -147,7 +148,7 @@ pub trait Law: Send + Sync {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3];
+    ) -> Wheels<L>;
 }
 
 /// Common data of all laws: the sampling time, and the stored values of the robot of [`Controller::wheel_torques`].
@@ -196,7 +197,7 @@ pub trait Controller: Send + Sync {
     fn reset(&mut self);
 
     /// Motor torques for the next `control_dt`, N·m.
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3];
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64>;
 
     /// [`Controller::wheel_torques`] of a robot whose stored values the caller keeps. Applies no torque above `largest`
     /// (N·m).
@@ -206,7 +207,7 @@ pub trait Controller: Send + Sync {
         setpoint: &SetpointCells<f64>,
         largest: f64,
         memory: &mut [f64],
-    ) -> [f64; 3];
+    ) -> Wheels<f64>;
 
     /// [`Controller::torques_one`] for eight robots.
     fn torques_eight(
@@ -215,7 +216,7 @@ pub trait Controller: Send + Sync {
         setpoints: &SetpointCells<Eight>,
         largest: f64,
         memory: &mut [Eight],
-    ) -> [Eight; 3];
+    ) -> Wheels<Eight>;
 }
 
 impl<T: Law> Controller for T {
@@ -243,7 +244,7 @@ impl<T: Law> Controller for T {
         self.sampling_mut().memory.fill(0.0);
     }
 
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.sampling_mut().memory);
@@ -258,7 +259,7 @@ impl<T: Law> Controller for T {
         setpoint: &SetpointCells<f64>,
         largest: f64,
         memory: &mut [f64],
-    ) -> [f64; 3] {
+    ) -> Wheels<f64> {
         run_one(
             #[inline(always)]
             || {
@@ -274,8 +275,8 @@ impl<T: Law> Controller for T {
         setpoints: &SetpointCells<Eight>,
         largest: f64,
         memory: &mut [Eight],
-    ) -> [Eight; 3] {
-        let mut torques = [Eight::default(); 3];
+    ) -> Wheels<Eight> {
+        let mut torques = Wheels::default();
         run_eight(Torques { law: self, states, setpoints, largest, memory, torques: &mut torques });
         torques
     }
@@ -287,7 +288,7 @@ struct Torques<'a, T> {
     setpoints: &'a SetpointCells<Eight>,
     largest: f64,
     memory: &'a mut [Eight],
-    torques: &'a mut [Eight; 3],
+    torques: &'a mut Wheels<Eight>,
 }
 
 impl<T: Law> Kernel for Torques<'_, T> {
@@ -295,11 +296,7 @@ impl<T: Law> Kernel for Torques<'_, T> {
     fn run<S: Registers>(self, simd: S) {
         let mut memory = Memory::<Wide<S>>::new(simd, self.memory);
         let (state, setpoint) = (self.states.load(simd), self.setpoints.load(simd));
-        for (torque, cell) in
-            self.law.torques(&state, &setpoint, self.largest, &mut memory).into_iter().zip(self.torques)
-        {
-            torque.store(cell);
-        }
+        self.law.torques(&state, &setpoint, self.largest, &mut memory).store(self.torques);
     }
 
     fn run_one_by_one(self) {
@@ -322,7 +319,7 @@ pub trait LaneWidth: Sized {
         setpoints: &SetpointCells<Self>,
         largest: f64,
         memory: &mut [Self],
-    ) -> [Self; 3];
+    ) -> Wheels<Self>;
 
     /// Replaces the setpoint of one robot.
     fn set_setpoint(setpoints: &mut SetpointCells<Self>, index: usize, one: &Setpoint);
@@ -335,7 +332,7 @@ impl LaneWidth for f64 {
         setpoints: &SetpointCells<f64>,
         largest: f64,
         memory: &mut [f64],
-    ) -> [f64; 3] {
+    ) -> Wheels<f64> {
         controller.torques_one(states, setpoints, largest, memory)
     }
 
@@ -351,7 +348,7 @@ impl LaneWidth for Eight {
         setpoints: &SetpointCells<Eight>,
         largest: f64,
         memory: &mut [Eight],
-    ) -> [Eight; 3] {
+    ) -> Wheels<Eight> {
         controller.torques_eight(states, setpoints, largest, memory)
     }
 

@@ -47,7 +47,7 @@ fn run() -> Result<(), Box<dyn Error>> {
         if robot.bot_on_floor() {
             return Err(format!("the robot lies on the floor after {:.2} s", robot.time()).into());
         }
-        robot.step(&torques, (CONTROL_DT / SIM_DT).round() as usize)?;
+        robot.step(torques, (CONTROL_DT / SIM_DT).round() as usize)?;
     }
     Ok(())
 }

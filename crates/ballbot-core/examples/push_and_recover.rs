@@ -28,7 +28,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     let (mut largest_tilt, mut excursion, mut recovered) = (0.0_f64, 0.0_f64, 0.0);
     while robot.time() < 6.0 {
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-        robot.step(&torques, (CONTROL_DT / SIM_DT).round() as usize)?;
+        robot.step(torques, (CONTROL_DT / SIM_DT).round() as usize)?;
         let (tilt, distance) = (robot.state().tilt().to_degrees(), robot.state().ball_position.xy().norm());
         largest_tilt = largest_tilt.max(tilt);
         excursion = excursion.max(distance);

@@ -30,7 +30,7 @@
 //! let mut lqr = Lqr::new(&params, 0.005)?;
 //! for _ in 0..600 {
 //!     let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-//!     robot.step(&torques, 5)?;
+//!     robot.step(torques, 5)?;
 //! }
 //! assert!(robot.state().tilt() < 0.01);
 //! # Ok::<(), ballbot_core::Error>(())
@@ -47,8 +47,8 @@ pub use {nalgebra, rand_chacha};
 #[doc(inline)]
 pub use ballbot_base::{
     Contacts, Error, LaneRobot, LaneState, MAX_MAGNITUDE, Model, PAPER_BALL_VISCOUS_FRICTION, Params, Result, State,
-    StateCells, attitude, check_bounded, check_finite, fields, kinematics, lanes, mechanical_energy, one_of,
-    require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros, unit_quaternion, wxyz,
+    StateCells, WHEELS, Wheels, attitude, check_bounded, check_finite, fields, kinematics, lanes, mechanical_energy,
+    one_of, require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros, unit_quaternion, wxyz,
 };
 #[doc(inline)]
 pub use ballbot_control as control;

@@ -12,6 +12,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
+use ballbot_base::wheels::Wheels;
 use ballbot_contact::ContactMotion;
 #[cfg(feature = "rigid")]
 use ballbot_rigid::RigidMotion;
@@ -225,7 +226,8 @@ impl Ballbot {
     /// [`Error::OutOfRange`] for a torque that is not finite or beyond the motors' limit, before anything moves;
     /// [`Error::Diverged`] within 64 steps of when the state has left its bounds, and then until a reset;
     /// [`Error::Interrupted`] in [`crate::stoppable`]; the robot stays at the time it has reached.
-    pub fn step(&mut self, wheel_torques: &[f64; 3], steps: usize) -> Result<()> {
+    pub fn step(&mut self, wheel_torques: impl Into<Wheels<f64>>, steps: usize) -> Result<()> {
+        let wheel_torques = wheel_torques.into();
         let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
             check(
@@ -258,7 +260,7 @@ impl Ballbot {
     }
 
     /// [`Ballbot::step`] for callers that have checked the torques and check divergence themselves.
-    pub(crate) fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+    pub(crate) fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         self.model.advance(wheel_torques, steps);
     }
 

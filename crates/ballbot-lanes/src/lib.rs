@@ -6,13 +6,12 @@
 
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, StateCells};
-use ballbot_base::lanes::{
-    EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, load3, run_eight, run_eight_at,
-};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight, run_eight_at};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, upright_on};
-use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, Torques, advance, advance_wide};
+use ballbot_base::wheels::Wheels;
+use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, advance, advance_wide};
 use ballbot_stages::actuator::Actuator;
 use fearless_simd::Level;
 use std::borrow::Cow;
@@ -79,7 +78,7 @@ impl ContactLanes {
         let mut state = self.state.lane(i);
         state.change_body(&self.constants.lane(i), &constants);
         self.constants.set_lane(i, &constants);
-        state.joint_impulses = [0.0; 3];
+        state.joint_impulses = Wheels::default();
         self.state.set_lane(i, &state);
     }
 
@@ -109,14 +108,14 @@ impl ContactLanes {
     pub fn drive_lanes<A: Actuator>(
         &mut self,
         actuator: &A,
-        commands: &Torques<Eight>,
+        commands: &Wheels<Eight>,
         memory: &mut [Eight],
         one: &mut [f64],
         steps: usize,
     ) {
         let (calls, steps) = if actuator.is_held() { (1, steps) } else { (steps, 1) };
         for _ in 0..calls {
-            let mut torques = Torques::default();
+            let mut torques = Wheels::default();
             let state = &self.state;
             match &self.constants {
                 LaneConstants::Shared(constants) => {
@@ -132,7 +131,7 @@ impl ContactLanes {
 
     /// Advances all robots by `steps` time steps under constant torques. Not generic, so that it is compiled once for
     /// all actuators.
-    fn advance(&mut self, torques: &Torques<Eight>, steps: usize) {
+    fn advance(&mut self, torques: &Wheels<Eight>, steps: usize) {
         let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
         advance_eight(Level::new(), &self.constants, state, footing, torques, steps);
     }
@@ -153,7 +152,7 @@ pub fn advance_eight(
     constants: &LaneConstants,
     state: &mut ContactState<Eight>,
     footing: Option<&mut Footing<Eight>>,
-    torques: &Torques<Eight>,
+    torques: &Wheels<Eight>,
     steps: usize,
 ) {
     match constants {
@@ -178,10 +177,10 @@ struct Actuate<'a, V, A> {
     constants: &'a Constants<V>,
     state: &'a ContactState<Eight>,
     actuator: &'a A,
-    commands: &'a Torques<Eight>,
+    commands: &'a Wheels<Eight>,
     memory: &'a mut [Eight],
     one: &'a mut [f64],
-    torques: &'a mut Torques<Eight>,
+    torques: &'a mut Wheels<Eight>,
 }
 
 impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
@@ -189,9 +188,9 @@ impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
     fn run<S: Registers>(self, simd: S) {
         let Self { constants, state, actuator, commands, memory, torques, .. } = self;
         let mut memory = Memory::<Wide<S>>::new(simd, memory);
-        let commands: [Wide<S>; 3] = load3(simd, commands);
+        let commands = Wheels::<Wide<S>>::load(simd, commands);
         let speeds = if actuator.is_held() {
-            [commands[0].zero(); 3]
+            Wheels::zero(commands[0])
         } else {
             V::with(
                 constants,
@@ -200,9 +199,7 @@ impl<V: InLanes, A: Actuator> Kernel for Actuate<'_, V, A> {
                 |c| state.wheel_speeds::<Wide<S>, V::Wide<S>>(simd, c),
             )
         };
-        for (torque, cell) in actuator.torques(commands, speeds, &mut memory).into_iter().zip(torques) {
-            torque.store(cell);
-        }
+        actuator.torques(commands, speeds, &mut memory).store(torques);
     }
 
     fn run_one_by_one(self) {
@@ -222,7 +219,7 @@ struct Advance<'a, V> {
     constants: &'a Constants<V>,
     state: &'a mut ContactState<Eight>,
     footing: Option<&'a mut Footing<Eight>>,
-    torques: &'a Torques<Eight>,
+    torques: &'a Wheels<Eight>,
     steps: usize,
 }
 
@@ -237,7 +234,7 @@ impl<V: InLanes> Kernel for Advance<'_, V> {
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
             let mut state = self.state.lane(i);
-            advance(&c, &mut state, footing.as_mut(), &self.torques.map(|eight| eight.0[i]), self.steps);
+            advance(&c, &mut state, footing.as_mut(), self.torques.map(|eight| eight.0[i]), self.steps);
             self.state.set_lane(i, &state);
         }
     }

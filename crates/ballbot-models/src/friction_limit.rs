@@ -4,6 +4,7 @@ use super::{BallSpin, SpatialModel, WheelSpin};
 use ballbot_base::kinematics::TorqueMap;
 use ballbot_base::params::Params;
 use ballbot_base::state::Contacts;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::{Matrix2, Vector2, Vector3, Vector6};
 use std::f64::consts::TAU;
 
@@ -16,15 +17,15 @@ const DIRECTIONS: u32 = 48;
 pub fn traction_torque(params: &Params) -> f64 {
     let model = SpatialModel::new(&params.on_level_floor(), WheelSpin::Absolute, BallSpin::Free);
     let attitude = params.to_balance_frame();
-    let contacts = |torques: &Vector3<f64>| model.contacts(&attitude, &Vector6::zeros(), torques);
-    let at_rest = contacts(&Vector3::zeros());
+    let contacts = |torques: Wheels<f64>| model.contacts(&attitude, &Vector6::zeros(), torques);
+    let at_rest = contacts(Wheels::default());
     let tilting = |x: f64, y: f64| {
         let axis = attitude.inverse_transform_vector(&Vector3::new(x, y, 0.0));
-        model.wheels().torques_on_body(&axis, TorqueMap::Consistent)
+        model.wheels().torques_on_body(&axis, TorqueMap::Consistent).column()
     };
     let limit = |torques: Vector3<f64>| {
         let torques = torques / torques.amax();
-        slip_scale(params, &at_rest, &contacts(&torques))
+        slip_scale(params, &at_rest, &contacts(Wheels::of_column(torques)))
     };
     if !params.is_symmetric() {
         let worst = extreme_torques(&tilting(1.0, 0.0), &tilting(0.0, 1.0));
@@ -54,7 +55,7 @@ fn extreme_torques(x: &Vector3<f64>, y: &Vector3<f64>) -> [Option<Vector3<f64>>;
 /// Factor on the torques of `driven` at which the first wheel slips. Loads and tractions are linear in the torques.
 fn slip_scale(params: &Params, at_rest: &Contacts, driven: &Contacts) -> f64 {
     let friction = params.wheel_dynamic_friction;
-    (0..3)
+    (0..WHEELS)
         .map(|i| {
             let load = at_rest.wheel_normal_forces[i];
             let change = driven.wheel_normal_forces[i] - load;

@@ -4,6 +4,7 @@
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Lane, Mat3, Rotation, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::Matrix3;
 
 /// Motion of a robot, as input of the inverse dynamics.
@@ -16,7 +17,7 @@ pub struct BodyMotion<L> {
     /// Angular velocity of the ball, inertial frame, rad/s.
     pub ball_rate: Vec3<L>,
     /// Encoder rates, rad/s.
-    pub wheel_speeds: [L; 3],
+    pub wheel_speeds: Wheels<L>,
 }
 
 /// Inverse dynamics of the motion without slip: from the angular acceleration of the body to the wheel torques.
@@ -46,7 +47,7 @@ pub struct InverseDynamics {
     /// D = I_O + (k + 1)² W.
     inertia: [[f64; 3]; 3],
     /// U⁻ᵀ / k: from the torque on the ball to the wheel torques.
-    torques: [[f64; 3]; 3],
+    torques: Wheels<[f64; 3]>,
 }
 
 impl InverseDynamics {
@@ -74,7 +75,7 @@ impl InverseDynamics {
             spin: rows(&spin),
             momentum: rows(&(about_ball + spin * (k + 1.0))),
             inertia: rows(&(about_ball + spin * (k + 1.0).powi(2))),
-            torques: rows(&(inverse / k)),
+            torques: Wheels(rows(&(inverse / k))),
         }
     }
 
@@ -82,7 +83,7 @@ impl InverseDynamics {
     /// [`BodyMotion::body_rate`] (balance frame, rad/s²). Not finite at attitudes, far from upright, at which the
     /// wheels cannot turn the body about every axis.
     #[inline(always)]
-    pub fn torques<L: Lane>(&self, motion: &BodyMotion<L>, acceleration: Vec3<L>) -> [L; 3] {
+    pub fn torques<L: Lane>(&self, motion: &BodyMotion<L>, acceleration: Vec3<L>) -> Wheels<L> {
         let like = acceleration.x;
         let BodyMotion { rotation, body_rate: rate, ball_rate, wheel_speeds } = *motion;
         // In the balance frame: the vertical n, the direction opposite to gravity, the ball's rate, the CoM.
@@ -115,10 +116,10 @@ impl InverseDynamics {
         let k = self.gear_ratio;
         let torque = coupling + times(&self.inertia, acceleration) + moment
             - times(&self.spin, relative) * like.splat(k * (k + 1.0));
-        let shaft = times(&self.torques, -torque);
+        let Vec3 { x, y, z } = times(&self.torques.0, -torque);
         let friction = self.wheel_viscous_friction;
-        let [a, b, c] = wheel_speeds;
-        [a.mul_add_all(friction, shaft.x), b.mul_add_all(friction, shaft.y), c.mul_add_all(friction, shaft.z)]
+        let Wheels([a, b, c]) = wheel_speeds;
+        Wheels([a.mul_add_all(friction, x), b.mul_add_all(friction, y), c.mul_add_all(friction, z)])
     }
 
     /// K of the ball's acceleration K x = −(contribution of the body's motion about the floor contact).

@@ -3,6 +3,7 @@
 use super::linear::INPUTS;
 use super::{BallSpin, LinearModel, SpatialModel, WheelSpin};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix4, Matrix4x3, UnitQuaternion, Vector3, Vector6};
 
 /// ẋ = A x + B τ of x = (y, θ, ẏ, θ̇), θ leaning towards positive y, in one vertical plane of the heading frame.
@@ -30,25 +31,25 @@ impl LeaningPlane {
         // Leaning towards y turns about −x.
         let towards = if axis == 0 { Vector3::y() } else { -Vector3::x() };
         let attitude = UnitQuaternion::from_scaled_axis(towards * lean) * to_balance;
-        let accelerations = |speed: f64, rate: f64, torques: &Vector3<f64>| {
+        let accelerations = |speed: f64, rate: f64, torques: Wheels<f64>| {
             let turning = to_balance.inverse_transform_vector(&(towards * rate));
             let mut velocity = Vector6::new(0.0, 0.0, turning.x, turning.y, turning.z, 0.0);
             velocity[axis] = speed;
             let found = model.accelerations(&attitude, &velocity, torques);
             [found[axis], towards.dot(&(to_balance * found.fixed_rows::<3>(2).into_owned()))]
         };
-        let free = accelerations(0.0, 0.0, &Vector3::zeros());
+        let free = accelerations(0.0, 0.0, Wheels::default());
         let mut plane = Self { a: Matrix4::zeros(), b: Matrix4x3::zeros() };
         (plane.a[(0, 2)], plane.a[(1, 3)]) = (1.0, 1.0);
         (plane.a[(2, 1)], plane.a[(3, 1)]) = (free[0] / lean, free[1] / lean);
         // Viscous friction is odd in the rates; the quadratic terms are even.
         for (column, [speed, rate]) in [(2, [1.0, 0.0]), (3, [0.0, 1.0])] {
-            let ahead = accelerations(speed, rate, &Vector3::zeros());
-            let back = accelerations(-speed, -rate, &Vector3::zeros());
+            let ahead = accelerations(speed, rate, Wheels::default());
+            let back = accelerations(-speed, -rate, Wheels::default());
             (0..2).for_each(|row| plane.a[(2 + row, column)] = 0.5 * (ahead[row] - back[row]));
         }
         for wheel in 0..INPUTS {
-            let driven = accelerations(0.0, 0.0, &Vector3::ith(wheel, 1.0));
+            let driven = accelerations(0.0, 0.0, Wheels::from_fn(|i| f64::from(i == wheel)));
             (0..2).for_each(|row| plane.b[(2 + row, wheel)] = driven[row] - free[row]);
         }
         plane

@@ -33,6 +33,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::state::{Contacts, State, rolling_rate};
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
@@ -52,8 +53,8 @@ fn sound(coordinates: &[f64]) -> bool {
 }
 
 /// Motor torques minus the friction of the wheel joints, N·m.
-fn shaft_torques(params: &Params, torques: &Vector3<f64>, wheel_speeds: &Vector3<f64>) -> Vector3<f64> {
-    torques.zip_map(wheel_speeds, |torque, speed| {
+fn shaft_torques(params: &Params, torques: Wheels<f64>, wheel_speeds: Wheels<f64>) -> Wheels<f64> {
+    torques.zip(wheel_speeds).map(|(torque, speed)| {
         torque
             - params.wheel_viscous_friction * speed
             - params.wheel_coulomb_friction * (speed / DRY_FRICTION_WIDTH).tanh()
@@ -67,9 +68,9 @@ struct Motion {
     ball_acceleration: Vector3<f64>,
     com_acceleration: Vector3<f64>,
     /// Traction f_i of each wheel on the ball along d_i, N.
-    tractions: Vector3<f64>,
+    tractions: Wheels<f64>,
     /// Friction of the rollers of each wheel on the bot along u_i, N.
-    rollers: Vector3<f64>,
+    rollers: Wheels<f64>,
 }
 
 /// Contact forces: wheel loads from Rᵀ M_b (a_b − g) = Σ N_i p_i − Σ f_i d_i + Σ h_i u_i, floor force from the momentum of ball
@@ -78,13 +79,13 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     let weight = params.up() * params.gravity;
     let mut balance =
         motion.body_quaternion.inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
-    for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions.iter()) {
-        balance += direction * *traction;
+    for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions) {
+        balance += direction * traction;
     }
-    if motion.rollers != Vector3::zeros() {
-        balance -= wheels.u.transpose() * motion.rollers;
+    if motion.rollers != Wheels::default() {
+        balance -= wheels.u.transpose() * motion.rollers.column();
     }
-    let loads = Matrix3::from_columns(&wheels.contact_directions)
+    let loads = Matrix3::from_columns(&wheels.contact_directions.0)
         .lu()
         .solve(&balance)
         .expect("contact directions of a validated robot span space");
@@ -92,8 +93,8 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
         + (motion.com_acceleration + weight) * params.body_mass
         + motion.ball_velocity * params.ball_viscous_friction;
     Contacts {
-        wheel_normal_forces: loads.into(),
-        wheel_tractions: motion.tractions.into(),
+        wheel_normal_forces: Wheels::of_column(loads),
+        wheel_tractions: motion.tractions,
         floor_force,
         ..Contacts::default()
     }
@@ -104,11 +105,11 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
 fn require_rolling(params: &Params, wheels: &Omniwheels, state: &State) -> Result<()> {
     let in_space =
         wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
-    require_rolling_with(params, state, &in_space)
+    require_rolling_with(params, state, in_space)
 }
 
 /// [`require_rolling`] with wheels that turn at `wheel_speeds`.
-fn require_rolling_with(params: &Params, state: &State, wheel_speeds: &Vector3<f64>) -> Result<()> {
+fn require_rolling_with(params: &Params, state: &State, wheel_speeds: Wheels<f64>) -> Result<()> {
     state.validate()?;
     let rolling = rolling_rate(params, &state.ball_velocity);
     let (ball, body) = (&state.ball_velocity, &state.body_velocity);
@@ -141,5 +142,5 @@ struct Saved {
     steps: u64,
     healthy: bool,
     coordinates: [f64; 19],
-    wheel_torques: [f64; 3],
+    wheel_torques: Wheels<f64>,
 }

@@ -2,6 +2,7 @@
 
 use super::{BallSpin, SpatialModel, WheelSpin};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{SMatrix, SVector, UnitQuaternion, Vector3, Vector6};
 
 /// Number of states: x, y, tilt x, tilt y, yaw and their rates.
@@ -34,7 +35,7 @@ impl LinearModel {
             BallSpin::Free,
         );
         let balanced = Balanced::new(&model);
-        let at = |velocity: &Vector6<f64>, torques: &Vector3<f64>| {
+        let at = |velocity: &Vector6<f64>, torques: Wheels<f64>| {
             balanced.accelerations(velocity, torques).fixed_rows::<5>(0).into_owned()
         };
         let ball_spin = balanced.ball_spin();
@@ -45,12 +46,12 @@ impl LinearModel {
             // Viscous friction is odd in the rates; the quadratic terms are even.
             let mut unit = Vector6::from_fn(|j, _| f64::from(j == i));
             unit[5] = ball_spin[i];
-            let odd = (at(&unit, &Vector3::zeros()) - at(&-unit, &Vector3::zeros())) * 0.5;
+            let odd = (at(&unit, Wheels::default()) - at(&-unit, Wheels::default())) * 0.5;
             a.fixed_view_mut::<5, 1>(5, 5 + i).copy_from(&odd);
         }
         for i in 0..INPUTS {
-            let unit = Vector3::from_fn(|j, _| f64::from(j == i));
-            b.fixed_view_mut::<5, 1>(5, i).copy_from(&at(&Vector6::zeros(), &unit));
+            let unit = Wheels::from_fn(|j| f64::from(j == i));
+            b.fixed_view_mut::<5, 1>(5, i).copy_from(&at(&Vector6::zeros(), unit));
         }
         let toppling = params.body_mass * params.gravity * params.body_com().norm();
         for i in [2, 3] {
@@ -95,7 +96,7 @@ impl<'a> Balanced<'a> {
         with_turning(v, &(self.attitude * turning(v)))
     }
 
-    fn accelerations(&self, velocity: &Vector6<f64>, torques: &Vector3<f64>) -> Vector6<f64> {
+    fn accelerations(&self, velocity: &Vector6<f64>, torques: Wheels<f64>) -> Vector6<f64> {
         self.in_balance(&self.model.accelerations(&self.attitude, &self.in_body(velocity), torques))
     }
 
@@ -108,7 +109,7 @@ impl<'a> Balanced<'a> {
     fn ball_spin(&self) -> SVector<f64, 5> {
         if self.model.params().is_symmetric() {
             // Motors turn ball and body in opposite directions; nothing else turns them.
-            let turned = self.accelerations(&Vector6::zeros(), &Vector3::repeat(1.0));
+            let turned = self.accelerations(&Vector6::zeros(), Wheels::all(1.0));
             return SVector::from([0.0, 0.0, 0.0, 0.0, turned[5] / turned[4]]);
         }
         // The robot turned as a whole has the momentum row of the angular momentum about the vertical.

@@ -3,6 +3,7 @@
 use super::{BallSpin, SpatialModel, WheelSpin};
 use ballbot_base::params::Params;
 use ballbot_base::state::Contacts;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 
 /// Step of the differences with respect to the tilt, rad. Loads at rest are trigonometric functions of the tilt: the
@@ -18,7 +19,7 @@ pub struct WheelLoad {
     /// Per tilt about the x and y axes of the heading frame, N/rad.
     pub per_tilt: [f64; 2],
     /// Per torque of each wheel, N/(N·m).
-    pub per_torque: [f64; 3],
+    pub per_torque: Wheels<f64>,
     /// Per square of the tilt rate, mean of rates about x and y, N/(rad/s)²: the body rotates about the ball's center.
     pub per_rate_squared: f64,
 }
@@ -31,9 +32,9 @@ pub struct WheelLoad {
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct LoadMap {
     /// N_i, N.
-    pub loads: [WheelLoad; 3],
+    pub loads: Wheels<WheelLoad>,
     /// f_i on the ball along the drive direction, N.
-    pub tractions: [WheelLoad; 3],
+    pub tractions: Wheels<WheelLoad>,
 }
 
 impl LoadMap {
@@ -46,26 +47,26 @@ impl LoadMap {
         };
         let model = SpatialModel::new(&smooth, WheelSpin::Absolute, BallSpin::Free);
         let equilibrium = params.to_balance_frame();
-        let contacts = |tilt: [f64; 2], rate: [f64; 2], torques: Vector3<f64>| {
+        let contacts = |tilt: [f64; 2], rate: [f64; 2], torques: Wheels<f64>| {
             let attitude = UnitQuaternion::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0)) * equilibrium;
             let rate = equilibrium.inverse_transform_vector(&Vector3::new(rate[0], rate[1], 0.0));
             // The ball is at rest.
-            model.contacts(&attitude, &Vector6::new(0.0, 0.0, rate.x, rate.y, rate.z, 0.0), &torques)
+            model.contacts(&attitude, &Vector6::new(0.0, 0.0, rate.x, rate.y, rate.z, 0.0), torques)
         };
-        let at_rest = contacts([0.0; 2], [0.0; 2], Vector3::zeros());
+        let at_rest = contacts([0.0; 2], [0.0; 2], Wheels::default());
         let mut map = Self::default();
         map.fill(&at_rest, |wheel, value, _| wheel.at_rest = value);
         for axis in 0..2 {
             let unit = |size: f64| [if axis == 0 { size } else { 0.0 }, if axis == 1 { size } else { 0.0 }];
-            let [ahead, behind] = [1.0, -1.0].map(|sign| contacts(unit(sign * TILT_STEP), [0.0; 2], Vector3::zeros()));
+            let [ahead, behind] = [1.0, -1.0].map(|sign| contacts(unit(sign * TILT_STEP), [0.0; 2], Wheels::default()));
             map.fill(&ahead, |wheel, value, _| wheel.per_tilt[axis] += value / (2.0 * TILT_STEP));
             map.fill(&behind, |wheel, value, _| wheel.per_tilt[axis] -= value / (2.0 * TILT_STEP));
             // Even function of the rate.
-            let turning = contacts([0.0; 2], unit(1.0), Vector3::zeros());
+            let turning = contacts([0.0; 2], unit(1.0), Wheels::default());
             map.fill(&turning, |wheel, value, at_rest| wheel.per_rate_squared += 0.5 * (value - at_rest));
         }
-        for driven in 0..3 {
-            let torques = Vector3::from_fn(|i, _| f64::from(i == driven));
+        for driven in 0..WHEELS {
+            let torques = Wheels::from_fn(|i| f64::from(i == driven));
             let found = contacts([0.0; 2], [0.0; 2], torques);
             map.fill(&found, |wheel, value, at_rest| wheel.per_torque[driven] = value - at_rest);
         }

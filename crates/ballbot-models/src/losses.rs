@@ -5,6 +5,7 @@
 
 use super::DRY_FRICTION_WIDTH;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::{Matrix3x6, Matrix4, Matrix6x4, Vector3, Vector4, Vector6};
 
 /// Inputs for solving for the accelerations and loads: generalized forces per load of the floor and the wheels.
@@ -12,7 +13,7 @@ pub struct Friction {
     /// Generalized force per load of the floor and of each wheel.
     pub per_load: Matrix6x4<f64>,
     /// Force of the rollers on the bot along u_i per load of wheel i.
-    pub along_free: Vector3<f64>,
+    pub along_free: Wheels<f64>,
 }
 
 impl Friction {
@@ -34,21 +35,21 @@ impl Friction {
             -params.floor_spinning_friction * (rate.z / DRY_FRICTION_WIDTH).tanh(),
         );
         let width = DRY_FRICTION_WIDTH * params.ball_radius;
-        let along_free = (free_speeds * velocity).map(|speed| {
+        let along_free = Wheels::of_column(free_speeds * velocity).map(|speed| {
             let coefficient = params.roller_friction + params.roller_friction_slope * speed.abs();
             -coefficient.min(params.wheel_dynamic_friction) * (speed / width).tanh()
         });
         let mut per_load = Matrix6x4::zeros();
         per_load.set_column(0, &(ball_rate.transpose() * torque));
-        for i in 0..3 {
+        for i in 0..WHEELS {
             per_load.set_column(1 + i, &(free_speeds.row(i).transpose() * along_free[i]));
         }
         Self { per_load, along_free }
     }
 
     /// Forces of the rollers on the bot along u_i for given loads of the floor and the wheels, N.
-    pub fn rollers(&self, loads: &Vector4<f64>) -> Vector3<f64> {
-        self.along_free.component_mul(&loads.fixed_rows::<3>(1))
+    pub fn rollers(&self, loads: &Vector4<f64>) -> Wheels<f64> {
+        Wheels::from_fn(|i| self.along_free[i] * loads[1 + i])
     }
 }
 

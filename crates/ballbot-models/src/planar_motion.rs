@@ -13,6 +13,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, attitude, rolling_rate};
 use ballbot_base::terrain::Ground;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::sync::Arc;
 
@@ -40,7 +41,7 @@ pub struct PlanarMotion {
     steps: u64,
     healthy: bool,
     coordinates: Coordinates,
-    wheel_torques: Vector3<f64>,
+    wheel_torques: Wheels<f64>,
 }
 
 impl PlanarMotion {
@@ -58,13 +59,13 @@ impl PlanarMotion {
             steps: 0,
             healthy: true,
             coordinates: coordinates_of(&State::upright(params)),
-            wheel_torques: Vector3::zeros(),
+            wheel_torques: Wheels::default(),
             params: params.clone(),
         })
     }
 
     /// Encoder rates: virtual wheel rates of the three planes, rotated into the heading frame.
-    fn wheel_speeds(&self, y: &Coordinates) -> Vector3<f64> {
+    fn wheel_speeds(&self, y: &Coordinates) -> Wheels<f64> {
         let rates = y.fixed_rows::<RATES>(RATES);
         let planar = self.xz.input_map();
         // Rates conjugate to the virtual torques, along inertial axes; see `virtual_torques`.
@@ -77,8 +78,8 @@ impl PlanarMotion {
 
     /// Virtual torques of the xz-plane, the yz-plane and the yaw equation from the motor torques minus joint friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
-        let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
-        let in_heading = self.wheels.virtual_torques(&shaft);
+        let shaft = shaft_torques(&self.params, self.wheel_torques, self.wheel_speeds(y));
+        let in_heading = self.wheels.virtual_torques(shaft);
         let inertial = rotate(in_heading.xy(), y[4]);
         // Eq. (8) counts torques about x and y on the body; a positive planar torque in the xz-plane turns the body
         // about −y, in the yz-plane (left-handed) about +x. Eq. (7) counts τ_z on the body.
@@ -104,7 +105,7 @@ impl PlanarMotion {
         let mut out = Coordinates::zeros();
         out.fixed_rows_mut::<RATES>(0).copy_from(&rates);
         out.fixed_rows_mut::<RATES>(RATES).copy_from(&self.rate_derivatives(y));
-        out.fixed_rows_mut::<3>(WHEEL_ANGLES).copy_from(&self.wheel_speeds(y));
+        out.fixed_rows_mut::<3>(WHEEL_ANGLES).copy_from_slice(self.wheel_speeds(y).as_slice());
         let spin = rolling_rate(&self.params, &Vector3::new(rates[0], rates[2], 0.0)) + Vector3::z() * rates[5];
         let quaternion_rate = Quaternion::from_imag(spin) * ball_quaternion(y).into_inner() * 0.5;
         out.fixed_rows_mut::<4>(BALL_QUATERNION).copy_from_slice(&[
@@ -163,11 +164,11 @@ impl Model for PlanarMotion {
         self.coordinates = coordinates_of(state);
         self.steps = 0;
         self.healthy = true;
-        self.wheel_torques = Vector3::zeros();
+        self.wheel_torques = Wheels::default();
     }
 
-    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
-        self.wheel_torques = (*wheel_torques).into();
+    fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
+        self.wheel_torques = wheel_torques;
         for _ in 0..steps {
             let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
             self.healthy &= sound(next.as_slice());
@@ -190,7 +191,7 @@ impl Model for PlanarMotion {
     /// wheel speeds, which motion in the planes does not need.
     fn accepts(&self, state: &State) -> Result<()> {
         let in_planes = self.wheel_speeds(&coordinates_of(state));
-        require_rolling_with(&self.params, state, &in_planes)
+        require_rolling_with(&self.params, state, in_planes)
             .or_else(|_| require_rolling(&self.params, &self.wheels, state))
     }
 
@@ -209,8 +210,8 @@ impl Model for PlanarMotion {
             body_quaternion: attitude(Vector2::new(-y[3], y[1]), y[4]),
             body_velocity: velocity,
             body_angular_velocity: tilt_rate.push(rates[4]),
-            wheel_angles: [y[WHEEL_ANGLES], y[WHEEL_ANGLES + 1], y[WHEEL_ANGLES + 2]],
-            wheel_speeds: self.wheel_speeds(y).into(),
+            wheel_angles: Wheels([y[WHEEL_ANGLES], y[WHEEL_ANGLES + 1], y[WHEEL_ANGLES + 2]]),
+            wheel_speeds: self.wheel_speeds(y),
         }
     }
 
@@ -222,14 +223,14 @@ impl Model for PlanarMotion {
         let h = 1e-6;
         let wheel_acceleration =
             (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);
-        let shaft = shaft_torques(&self.params, &self.wheel_torques, &self.wheel_speeds(y));
+        let shaft = shaft_torques(&self.params, self.wheel_torques, self.wheel_speeds(y));
         let motion = Motion {
             body_quaternion: attitude(Vector2::new(-y[3], y[1]), y[4]),
             ball_velocity: Vector3::new(y[RATES], y[RATES + 2], 0.0),
             ball_acceleration: Vector3::new(rates[0], rates[2], 0.0),
             com_acceleration: self.com_acceleration(y, &rates),
             tractions: (shaft - wheel_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
-            rollers: Vector3::zeros(),
+            rollers: Wheels::default(),
         };
         contact_loads(&self.params, &self.wheels, &motion)
     }
@@ -275,7 +276,7 @@ impl Model for PlanarMotion {
             steps: self.steps,
             healthy: self.healthy,
             coordinates: self.coordinates.into(),
-            wheel_torques: self.wheel_torques.into(),
+            wheel_torques: self.wheel_torques,
         })
     }
 
@@ -284,7 +285,7 @@ impl Model for PlanarMotion {
         self.steps = saved.steps;
         self.healthy = saved.healthy;
         self.coordinates = saved.coordinates.into();
-        self.wheel_torques = saved.wheel_torques.into();
+        self.wheel_torques = saved.wheel_torques;
         Ok(())
     }
 }

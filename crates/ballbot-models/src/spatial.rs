@@ -12,6 +12,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::state::Contacts;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, Matrix3x6, Matrix6, UnitQuaternion, Vector3, Vector4, Vector6};
 
 /// Wheel spin in the kinetic energy.
@@ -171,49 +172,44 @@ impl SpatialModel {
         &self,
         body_quaternion: &UnitQuaternion<f64>,
         velocity: &Vector6<f64>,
-        wheel_torques: &Vector3<f64>,
+        wheel_torques: Wheels<f64>,
     ) -> Vector6<f64> {
         self.solve(&self.terms(body_quaternion), velocity, wheel_torques).0
     }
 
     /// ν' and the friction of the rollers on the bot along u_i, N.
-    fn solve(
-        &self,
-        terms: &Terms,
-        velocity: &Vector6<f64>,
-        wheel_torques: &Vector3<f64>,
-    ) -> (Vector6<f64>, Vector3<f64>) {
+    fn solve(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: Wheels<f64>) -> (Vector6<f64>, Wheels<f64>) {
         let without = self.solve_lossless(terms, velocity, wheel_torques);
         if !self.params.has_losses() {
-            return (without, Vector3::zeros());
+            return (without, Wheels::default());
         }
         let mut relative_rate = terms.rotation.transpose() * self.ball_rate_map();
         for i in 0..3 {
             relative_rate[(i, 2 + i)] -= 1.0;
         }
-        let drives = Matrix3::from_columns(&self.wheels.drive_directions);
+        let drives = Matrix3::from_columns(&self.wheels.drive_directions.0);
         let free_speeds = drives.transpose() * relative_rate * self.params.ball_radius;
         let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
         let changed = |loads: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * loads));
         let loads = consistent(|loads| {
             let contacts = self.contacts_of(terms, velocity, wheel_torques, &changed(loads), friction.rollers(loads));
-            let [a, b, c] = contacts.wheel_normal_forces;
+            let Wheels([a, b, c]) = contacts.wheel_normal_forces;
             Vector4::new(contacts.floor_force.z, a, b, c)
         });
         (changed(&loads), friction.rollers(&loads))
     }
 
-    fn solve_lossless(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: &Vector3<f64>) -> Vector6<f64> {
+    fn solve_lossless(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: Wheels<f64>) -> Vector6<f64> {
         let p = &self.params;
         let rate = velocity.fixed_rows::<3>(2).into_owned();
-        let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
+        let shaft = shaft_torques(&self.params, wheel_torques, Wheels::of_column(terms.b * velocity));
         let spin = terms.b_s * velocity;
 
         let gyroscopic = rate.cross(&(self.inertia * rate))
             - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
         let weight = p.up() * p.gravity;
 
-        let mut force = terms.b.transpose() * shaft
+        let mut force = terms.b.transpose() * shaft.column()
             - terms.j_c.transpose() * (self.centripetal(terms, &rate) + weight) * p.body_mass
             - terms.b_s.transpose() * self.spin_drift(terms, velocity, &rate) * p.wheel_inertia;
         for i in 0..2 {
@@ -241,7 +237,7 @@ impl SpatialModel {
     }
 
     /// Encoder rates ψ̇, rad/s.
-    pub fn wheel_speeds(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> Vector3<f64> {
+    pub fn wheel_speeds(&self, body_quaternion: &UnitQuaternion<f64>, velocity: &Vector6<f64>) -> Wheels<f64> {
         let ball_rate = self.ball_rate_map() * velocity;
         self.wheels.wheel_speeds(body_quaternion, &ball_rate, &velocity.fixed_rows::<3>(2).into_owned())
     }
@@ -264,7 +260,7 @@ impl SpatialModel {
         &self,
         body_quaternion: &UnitQuaternion<f64>,
         velocity: &Vector6<f64>,
-        wheel_torques: &Vector3<f64>,
+        wheel_torques: Wheels<f64>,
     ) -> Contacts {
         let terms = self.terms(body_quaternion);
         let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques);
@@ -276,19 +272,20 @@ impl SpatialModel {
         &self,
         terms: &Terms,
         velocity: &Vector6<f64>,
-        wheel_torques: &Vector3<f64>,
+        wheel_torques: Wheels<f64>,
         acceleration: &Vector6<f64>,
-        rollers: Vector3<f64>,
+        rollers: Wheels<f64>,
     ) -> Contacts {
         let rate = velocity.fixed_rows::<3>(2).into_owned();
         let spin_acceleration = terms.b_s * acceleration + self.spin_drift(terms, velocity, &rate);
-        let shaft = shaft_torques(&self.params, wheel_torques, &(terms.b * velocity));
+        let shaft = shaft_torques(&self.params, wheel_torques, Wheels::of_column(terms.b * velocity));
         let motion = Motion {
             body_quaternion: terms.body_quaternion,
             ball_velocity: Vector3::new(velocity[0], velocity[1], 0.0),
             ball_acceleration: Vector3::new(acceleration[0], acceleration[1], 0.0),
             com_acceleration: terms.j_c * acceleration + self.centripetal(terms, &rate),
-            tractions: (shaft - spin_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
+            tractions: (shaft - Wheels::of_column(spin_acceleration) * self.params.wheel_inertia)
+                / self.params.wheel_radius,
             rollers,
         };
         contact_loads(&self.params, &self.wheels, &motion)

@@ -9,6 +9,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::sync::Arc;
 
@@ -26,7 +27,7 @@ pub struct SpatialMotion {
     steps: u64,
     healthy: bool,
     coordinates: Coordinates,
-    wheel_torques: Vector3<f64>,
+    wheel_torques: Wheels<f64>,
 }
 
 impl SpatialMotion {
@@ -46,7 +47,7 @@ impl SpatialMotion {
             steps: 0,
             healthy: true,
             coordinates: Coordinates::zeros(),
-            wheel_torques: Vector3::zeros(),
+            wheel_torques: Wheels::default(),
         };
         motion.place(&motion.upright());
         motion
@@ -79,12 +80,12 @@ impl SpatialMotion {
         out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
             &body_quaternion,
             &velocity,
-            &self.wheel_torques,
+            self.wheel_torques,
         ));
         let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
         write_quaternion(&mut out, 12, &ball_quaternion_rate);
         let wheel_speeds = self.model.wheels().wheel_speeds(&body_quaternion, &ball_rate, &rate);
-        out.fixed_rows_mut::<3>(16).copy_from(&wheel_speeds);
+        out.fixed_rows_mut::<3>(16).copy_from_slice(wheel_speeds.as_slice());
         out
     }
 }
@@ -123,11 +124,11 @@ impl Model for SpatialMotion {
         self.coordinates = coordinates_of(&self.level(state));
         self.steps = 0;
         self.healthy = true;
-        self.wheel_torques = Vector3::zeros();
+        self.wheel_torques = Wheels::default();
     }
 
-    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
-        self.wheel_torques = (*wheel_torques).into();
+    fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
+        self.wheel_torques = wheel_torques;
         for _ in 0..steps {
             let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
             self.healthy &= sound(next.as_slice());
@@ -170,7 +171,7 @@ impl Model for SpatialMotion {
             ball_position: position,
             body_position: position,
             ball_quaternion: quaternion_at(y, 12),
-            wheel_angles: [y[16], y[17], y[18]],
+            wheel_angles: Wheels([y[16], y[17], y[18]]),
             ..rolling
         };
         match &self.slope {
@@ -180,7 +181,7 @@ impl Model for SpatialMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), &self.wheel_torques);
+        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), self.wheel_torques);
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
             None => contacts,
@@ -211,7 +212,7 @@ impl Model for SpatialMotion {
             steps: self.steps,
             healthy: self.healthy,
             coordinates: self.coordinates.into(),
-            wheel_torques: self.wheel_torques.into(),
+            wheel_torques: self.wheel_torques,
         })
     }
 
@@ -220,7 +221,7 @@ impl Model for SpatialMotion {
         self.steps = saved.steps;
         self.healthy = saved.healthy;
         self.coordinates = saved.coordinates.into();
-        self.wheel_torques = saved.wheel_torques.into();
+        self.wheel_torques = saved.wheel_torques;
         Ok(())
     }
 }
@@ -233,7 +234,7 @@ fn coordinates_of(state: &State) -> Coordinates {
     y.fixed_rows_mut::<3>(8).copy_from(&state.body_angular_velocity);
     y[11] = state.ball_angular_velocity.z;
     write_quaternion(&mut y, 12, &state.ball_quaternion);
-    y.fixed_rows_mut::<3>(16).copy_from_slice(&state.wheel_angles);
+    y.fixed_rows_mut::<3>(16).copy_from_slice(state.wheel_angles.as_slice());
     y
 }
 

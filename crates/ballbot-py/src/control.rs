@@ -233,7 +233,7 @@ impl PyController {
             write_part(&mut target, &name, &value)?;
         }
         target.validate().map_err(to_python)?;
-        Ok(array(py, &law.wheel_torques(&state.0, &target)))
+        Ok(array(py, law.wheel_torques(&state.0, &target).as_slice()))
     }
 
     /// Clears the memory of the law.

@@ -7,7 +7,7 @@ use crate::params::{PyParams, or_paper};
 use crate::state::PyContacts;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
-use ballbot_core::{check_bounded, unit_quaternion};
+use ballbot_core::{Wheels, check_bounded, unit_quaternion};
 use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
@@ -58,7 +58,7 @@ impl PySpatialModel {
     ) -> PyResult<Array<'py>> {
         let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
         let torques = finite_vector("wheel_torques", wheel_torques)?;
-        let accelerations = self.0.accelerations(&quaternion, &velocity, &torques);
+        let accelerations = self.0.accelerations(&quaternion, &velocity, Wheels::of_column(torques));
         Ok(array(py, &accelerations.as_slice()[..self.0.degrees_of_freedom()]))
     }
 
@@ -88,7 +88,7 @@ impl PySpatialModel {
     ) -> PyResult<PyContacts> {
         let (quaternion, velocity) = self.motion(body_quaternion, generalized_velocity)?;
         let torques = finite_vector("wheel_torques", wheel_torques)?;
-        let contacts = self.0.contacts(&quaternion, &velocity, &torques);
+        let contacts = self.0.contacts(&quaternion, &velocity, Wheels::of_column(torques));
         Ok(PyContacts { contacts, params: self.0.params().clone() })
     }
 
@@ -288,5 +288,5 @@ pub(crate) fn wheel_to_virtual_torques<'py>(
     wheel_torques: &Bound<'py, PyAny>,
 ) -> PyResult<Array<'py>> {
     let torques = finite_vector("wheel_torques", wheel_torques)?;
-    Ok(array(py, Omniwheels::new(&params.0).virtual_torques(&torques).as_slice()))
+    Ok(array(py, Omniwheels::new(&params.0).virtual_torques(Wheels::of_column(torques)).as_slice()))
 }

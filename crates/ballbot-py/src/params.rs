@@ -358,7 +358,7 @@ impl PyParams {
     #[pyo3(signature = (yaw=0.0))]
     fn holding_torques(&self, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<(f64, f64, f64)> {
         let torques = check_finite("yaw", &[yaw]).and_then(|()| self.0.holding_torques(yaw));
-        torques.map(Into::into).map_err(to_python)
+        torques.map(|torques| torques.0.into()).map_err(to_python)
     }
 
     /// CoM of the body in the body frame, m: `body_com_offset` and `body_com_height`.
@@ -370,7 +370,7 @@ impl PyParams {
     /// Zenith angle of each wheel contact, rad: `wheel_zenith` plus `wheel_zenith_offsets`.
     #[getter]
     fn wheel_zeniths(&self) -> (f64, f64, f64) {
-        self.0.wheel_zeniths().into()
+        self.0.wheel_zeniths().0.into()
     }
 
     /// Half length of a slender mast about the CoM with the body's largest moment of inertia about an axis across the mast,
@@ -384,7 +384,7 @@ impl PyParams {
     /// motor torque, N.
     #[getter]
     fn equilibrium_wheel_loads(&self) -> (f64, f64, f64) {
-        self.0.equilibrium_wheel_loads().into()
+        self.0.equilibrium_wheel_loads().0.into()
     }
 
     /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith and are

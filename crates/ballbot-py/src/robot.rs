@@ -122,9 +122,9 @@ impl PyBallbot {
         let mut robot = self.0.write()?;
         let robot = &mut *robot;
         if steps <= SHORT_RUN {
-            return py.detach(|| call(|| robot.step(&torques, steps)));
+            return py.detach(|| call(|| robot.step(torques, steps)));
         }
-        interruptible(py, || robot.step(&torques, steps))
+        interruptible(py, || robot.step(torques, steps))
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).

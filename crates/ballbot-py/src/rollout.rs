@@ -25,9 +25,9 @@ pub(crate) struct ContactPart {
 
 /// The parts of [`Contacts`] that have three numbers.
 pub(crate) static CONTACT_PARTS: [ContactPart; 5] = [
-    ContactPart { name: "wheel_normal_forces", of: |c| c.wheel_normal_forces },
-    ContactPart { name: "wheel_tractions", of: |c| c.wheel_tractions },
-    ContactPart { name: "wheel_slip_speeds", of: |c| c.wheel_slip_speeds },
+    ContactPart { name: "wheel_normal_forces", of: |c| c.wheel_normal_forces.0 },
+    ContactPart { name: "wheel_tractions", of: |c| c.wheel_tractions.0 },
+    ContactPart { name: "wheel_slip_speeds", of: |c| c.wheel_slip_speeds.0 },
     ContactPart { name: "floor_force", of: |c| [c.floor_force.x, c.floor_force.y, c.floor_force.z] },
     ContactPart { name: "bot_floor_force", of: |c| [c.bot_floor_force.x, c.bot_floor_force.y, c.bot_floor_force.z] },
 ];

@@ -57,7 +57,7 @@ pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>
     for i in chosen.clone() {
         let read = batch.readings(i).map_err(to_python)?;
         let [gyro, force] = [read.gyro, read.specific_force].map(|v| [v.x, v.y, v.z]);
-        for (part, numbers) in parts.iter_mut().zip([gyro, force, read.wheel_angles, read.wheel_rates]) {
+        for (part, numbers) in parts.iter_mut().zip([gyro, force, read.wheel_angles.0, read.wheel_rates.0]) {
             part.extend(numbers);
         }
     }

@@ -5,7 +5,7 @@ use crate::errors::{call, to_python};
 use crate::numbers::real;
 use crate::params::PyParams;
 use crate::short;
-use ballbot_core::{Contacts, Params, State, check_finite, unit_quaternion, wxyz};
+use ballbot_core::{Contacts, Params, State, Wheels, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
@@ -84,8 +84,8 @@ impl PyState {
             body_quaternion: quaternion("body_quaternion", body_quaternion)?,
             body_velocity: vector_or("body_velocity", body_velocity, ball_velocity)?,
             body_angular_velocity: vector_or("body_angular_velocity", body_angular_velocity, zero)?,
-            wheel_angles: vector_or("wheel_angles", wheel_angles, zero)?.into(),
-            wheel_speeds: vector_or("wheel_speeds", wheel_speeds, zero)?.into(),
+            wheel_angles: Wheels::of_column(vector_or("wheel_angles", wheel_angles, zero)?),
+            wheel_speeds: Wheels::of_column(vector_or("wheel_speeds", wheel_speeds, zero)?),
         };
         state.validate().map_err(to_python)?;
         Ok(Self(state))
@@ -213,13 +213,13 @@ impl PyState {
     /// Rotation of each wheel relative to the body about its axle, rad.
     #[getter]
     fn wheel_angles<'py>(&self, py: Python<'py>) -> Array<'py> {
-        array(py, &self.0.wheel_angles)
+        array(py, self.0.wheel_angles.as_slice())
     }
 
     /// Rate of each wheel relative to the body about its axle (the encoder rate), rad/s.
     #[getter]
     fn wheel_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
-        array(py, &self.0.wheel_speeds)
+        array(py, self.0.wheel_speeds.as_slice())
     }
 
     /// Angle between the mast and the vertical, rad.
@@ -246,7 +246,7 @@ impl PyState {
         let speed = short::number(state.ball_velocity.xy().norm());
         let tilt = short::number(state.tilt_components().norm().to_degrees());
         let yaw = short::number(state.yaw().to_degrees());
-        let wheels = short::numbers(&state.wheel_speeds);
+        let wheels = short::numbers(state.wheel_speeds.as_slice());
         format!("<State: ball at {ball} m, {speed} m/s, tilt {tilt} deg, yaw {yaw} deg, wheels {wheels} rad/s>")
     }
 
@@ -293,14 +293,14 @@ pub(crate) fn _contacts_of(
     steps: (u64, u64),
 ) -> PyResult<PyContacts> {
     let n = crate::convert::numbers::<17>("numbers", numbers)?;
-    let wheels = |first: usize| [n[first], n[first + 1], n[first + 2]];
+    let three = |first: usize| [n[first], n[first + 1], n[first + 2]];
     let contacts = Contacts {
-        wheel_normal_forces: wheels(0),
-        wheel_tractions: wheels(3),
-        wheel_slip_speeds: wheels(6),
-        floor_force: wheels(9).into(),
+        wheel_normal_forces: Wheels(three(0)),
+        wheel_tractions: Wheels(three(3)),
+        wheel_slip_speeds: Wheels(three(6)),
+        floor_force: three(9).into(),
         floor_slip_velocity: [n[12], n[13]].into(),
-        bot_floor_force: wheels(14).into(),
+        bot_floor_force: three(14).into(),
         bot_on_floor,
         searched_steps: steps.0,
         unsolved_steps: steps.1,
@@ -321,19 +321,19 @@ impl PyContacts {
     /// Load of each wheel on the ball, N.
     #[getter]
     fn wheel_normal_forces<'py>(&self, py: Python<'py>) -> Array<'py> {
-        array(py, &self.contacts.wheel_normal_forces)
+        array(py, self.contacts.wheel_normal_forces.as_slice())
     }
 
     /// Drive friction of each wheel on the ball along its drive direction, N.
     #[getter]
     fn wheel_tractions<'py>(&self, py: Python<'py>) -> Array<'py> {
-        array(py, &self.contacts.wheel_tractions)
+        array(py, self.contacts.wheel_tractions.as_slice())
     }
 
     /// Surface speed of each wheel relative to the ball along the drive direction, m/s.
     #[getter]
     fn wheel_slip_speeds<'py>(&self, py: Python<'py>) -> Array<'py> {
-        array(py, &self.contacts.wheel_slip_speeds)
+        array(py, self.contacts.wheel_slip_speeds.as_slice())
     }
 
     /// Force of the floor on the ball, inertial frame, N.
@@ -382,7 +382,7 @@ impl PyContacts {
 
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let c = &self.contacts;
-        let wheels = [c.wheel_normal_forces, c.wheel_tractions, c.wheel_slip_speeds].concat();
+        let wheels = [c.wheel_normal_forces.0, c.wheel_tractions.0, c.wheel_slip_speeds.0].concat();
         let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice(), c.bot_floor_force.as_slice()].concat();
         let steps = (c.searched_steps, c.unsolved_steps);
         let restore = py.import("ballbot_rs._core")?.getattr("_contacts_of")?;
@@ -393,8 +393,8 @@ impl PyContacts {
         let Contacts { wheel_normal_forces, wheel_slip_speeds, floor_force, bot_on_floor, .. } = &self.contacts;
         format!(
             "<Contacts: loads {} N, slip {} m/s, floor {} N{}>",
-            short::numbers(wheel_normal_forces),
-            short::numbers(wheel_slip_speeds),
+            short::numbers(wheel_normal_forces.as_slice()),
+            short::numbers(wheel_slip_speeds.as_slice()),
             short::number(floor_force.norm()),
             if *bot_on_floor { ", the bot touches it" } else { "" }
         )
@@ -403,9 +403,9 @@ impl PyContacts {
     fn _repr_html_(&self) -> String {
         let c = &self.contacts;
         short::table([
-            ("wheel_normal_forces", c.wheel_normal_forces.to_vec(), "N"),
-            ("wheel_tractions", c.wheel_tractions.to_vec(), "N"),
-            ("wheel_slip_speeds", c.wheel_slip_speeds.to_vec(), "m/s"),
+            ("wheel_normal_forces", c.wheel_normal_forces.0.to_vec(), "N"),
+            ("wheel_tractions", c.wheel_tractions.0.to_vec(), "N"),
+            ("wheel_slip_speeds", c.wheel_slip_speeds.0.to_vec(), "m/s"),
             ("floor_force", c.floor_force.as_slice().to_vec(), "N"),
             ("bot_floor_force", c.bot_floor_force.as_slice().to_vec(), "N"),
             ("floor_slip_velocity", c.floor_slip_velocity.as_slice().to_vec(), "m/s"),

@@ -6,6 +6,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::terrain::Terrain;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, UnitVector3, Vector3};
 use std::sync::Arc;
 
@@ -84,8 +85,8 @@ pub struct Scene {
     /// The ground; `None` for the plane z = 0.
     pub(super) terrain: Option<Arc<Terrain>>,
     ball_radius: f64,
-    wheel_centers: [Vector3<f64>; 3],
-    axles: [UnitVector3<f64>; 3],
+    wheel_centers: Wheels<Vector3<f64>>,
+    axles: Wheels<UnitVector3<f64>>,
 }
 
 impl Scene {
@@ -98,7 +99,7 @@ impl Scene {
             terrain: None,
             ball_radius: params.ball_radius,
             wheel_centers: wheels.contact_directions.map(|p| p * (params.ball_radius + params.wheel_radius)),
-            axles: [0, 1, 2].map(axle),
+            axles: Wheels::from_fn(axle),
         }
     }
 

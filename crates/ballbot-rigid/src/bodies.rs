@@ -4,6 +4,7 @@ use ballbot_base::collision_shape::wheel_centers;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::WHEELS;
 use nalgebra::{Matrix3, Vector3};
 
 /// The body without its wheels. Body and wheels together have the mass properties of the parameters.
@@ -28,7 +29,7 @@ impl BodyLink {
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<Self> {
         let whole_com = params.body_com();
-        let mass = params.body_mass - 3.0 * params.wheel_mass;
+        let mass = params.body_mass - WHEELS as f64 * params.wheel_mass;
         let centers = wheel_centers(params, wheels);
         let com = (whole_com * params.body_mass - centers.iter().sum::<Vector3<f64>>() * params.wheel_mass) / mass;
         let mut inertia = params.body_inertia_matrix() - steiner(mass, com - whole_com);

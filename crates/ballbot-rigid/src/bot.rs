@@ -12,6 +12,7 @@ use super::bodies::{BodyLink, wheel_transverse_inertia};
 use ballbot_base::collision_shape::wheel_centers;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Degrees of freedom of the bot.
@@ -35,9 +36,9 @@ pub struct Bot {
     /// Inverse of `mass`.
     pub mass_inverse: Mass,
     /// Wheel centers from the root, body frame, m.
-    pub centers: [Vector3<f64>; 3],
+    pub centers: Wheels<Vector3<f64>>,
     /// Axles, body frame.
-    pub axles: [Vector3<f64>; 3],
+    pub axles: Wheels<Vector3<f64>>,
     body_inertia: Matrix3<f64>,
     total_mass: f64,
     wheel_mass: f64,
@@ -73,7 +74,7 @@ impl Bot {
             mass,
             undamped: *undamped,
             centers: wheel_centers(params, wheels).map(|center| center - link.com),
-            axles: [0, 1, 2].map(|i| -wheels.u.row(i).transpose()),
+            axles: Wheels::from_fn(|i| -wheels.u.row(i).transpose()),
             body_inertia: link.inertia,
             total_mass: params.body_mass,
             wheel_mass: params.wheel_mass,
@@ -127,7 +128,7 @@ impl Bot {
             }
         }
         let mut applied = *applied;
-        for i in 0..3 {
+        for i in 0..WHEELS {
             applied[6 + i] -= self.viscous_friction * joints[i];
         }
         turning + self.mass_inverse * applied

@@ -3,6 +3,7 @@
 use super::bot::{Coordinates, join, split};
 use super::motion::RigidMotion;
 use super::rows::{Motion, WheelContact};
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 
 /// Impulses of a step, body axes.
@@ -22,7 +23,7 @@ impl Losses {
 impl RigidMotion {
     /// The losses of a step, with the loads of the previous step. Each removes at most the fraction of its speed that
     /// all together can remove without adding energy.
-    pub(super) fn losses(&self, motion: &Motion, contacts: &[WheelContact; 3]) -> Losses {
+    pub(super) fn losses(&self, motion: &Motion, contacts: &Wheels<WheelContact>) -> Losses {
         let (p, parts) = (&self.params, &self.parts);
         let share = p.loss_share();
         let floor_load =

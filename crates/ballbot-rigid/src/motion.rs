@@ -16,6 +16,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
+use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -131,9 +132,9 @@ impl RigidMotion {
     }
 
     /// Encoder angles.
-    pub(super) fn wheel_angles(&self) -> [f64; 3] {
+    pub(super) fn wheel_angles(&self) -> Wheels<f64> {
         let bot = self.multibody();
-        [0, 1, 2].map(|i| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]))
+        Wheels::from_fn(|i| bot.link(1 + i).map_or(0.0, |link| link.joint().coords()[3]))
     }
 
     /// Linear velocity of the root and angular velocity of the body, inertial frame. After a step the multibody has the
@@ -155,7 +156,7 @@ impl RigidMotion {
     /// Rapier's part of the joint friction: viscous friction acts within its step; dry friction is a row of `rows`.
     fn apply_joint_friction(&mut self) {
         let bot = self.world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
-        for i in 0..3 {
+        for i in 0..WHEELS {
             bot.damping_mut()[6 + i] = self.params.wheel_viscous_friction;
         }
     }
@@ -178,12 +179,12 @@ impl RigidMotion {
 
         let bot = world.multibody_joints.get_multibody_mut(self.handles.bot).expect("the bot is never removed");
         let mut displacements = [0.0; 9];
-        displacements[6..].copy_from_slice(&state.wheel_angles);
+        displacements[6..].copy_from_slice(state.wheel_angles.as_slice());
         bot.apply_displacements(&displacements);
         let mut velocities = bot.generalized_velocity_mut();
         velocities.fixed_rows_mut::<3>(0).copy_from_slice(velocity.as_slice());
         velocities.fixed_rows_mut::<3>(3).copy_from_slice(rate.as_slice());
-        velocities.fixed_rows_mut::<3>(6).copy_from_slice(&state.wheel_speeds);
+        velocities.fixed_rows_mut::<3>(6).copy_from_slice(state.wheel_speeds.as_slice());
         bot.forward_kinematics(&world.bodies, true);
         bot.update_rigid_bodies(&mut world.bodies, true);
     }
@@ -234,7 +235,7 @@ impl Model for RigidMotion {
         self.apply_joint_friction();
     }
 
-    fn advance(&mut self, wheel_torques: &[f64; 3], steps: usize) {
+    fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         for _ in 0..steps {
             self.step(wheel_torques);
         }
@@ -271,7 +272,7 @@ impl Model for RigidMotion {
             body_velocity: velocity - body_quaternion * rate.cross(&self.root),
             body_angular_velocity: rate,
             wheel_angles: self.wheel_angles(),
-            wheel_speeds: [velocities[6], velocities[7], velocities[8]],
+            wheel_speeds: Wheels([velocities[6], velocities[7], velocities[8]]),
         }
     }
 
@@ -279,10 +280,10 @@ impl Model for RigidMotion {
         let motion = self.motion();
         let force = |row: usize| self.sim_state.impulses[row] / self.settings.dt;
         Contacts {
-            wheel_normal_forces: [0, 1, 2].map(force),
+            wheel_normal_forces: Wheels::from_fn(force),
             // The rows act on the wheels; the force on the ball is the opposite.
-            wheel_tractions: [0, 1, 2].map(|i| -force(TRACTION + i)),
-            wheel_slip_speeds: [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
+            wheel_tractions: Wheels::from_fn(|i| -force(TRACTION + i)),
+            wheel_slip_speeds: Wheels::from_fn(|i| WheelContact::new(&self.parts, &self.bot, &motion, i).slip),
             floor_force: self.sim_state.floor_force.into(),
             bot_floor_force: self.world.bot_floor_impulse(&self.handles) / self.settings.dt,
             floor_slip_velocity: self.floor_slip().xy(),

@@ -6,6 +6,7 @@
 use super::bot::{Bot, Coordinates, join, split};
 use super::solve::{Coupling, FLOOR, JOINT, ROWS, TRACTION};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Smallest sine of the angle between axle and contact normal at which a wheel drives the ball.
@@ -153,7 +154,7 @@ pub struct Rows {
 
 impl Rows {
     /// The rows of the contacts, and of the joints if `joints`.
-    pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, contacts: &[WheelContact; 3], joints: bool) -> Self {
+    pub fn new(parts: &Parts, bot: &Bot, motion: &Motion, contacts: &Wheels<WheelContact>, joints: bool) -> Self {
         let mut rows = Self {
             bot: SMatrix::zeros(),
             ball_force: SMatrix::zeros(),
@@ -225,7 +226,7 @@ impl Rows {
 ///
 /// A gap may close within the step, an overlap recovers at the rate `erp`. J̇ ν makes the velocities meet the
 /// constraints at the end of the step, so that the loads include their centripetal part from the first step on.
-pub fn biases(contacts: &[WheelContact; 3], floor_gap: f64, erp: f64, fastest: f64, dt: f64) -> SVector<f64, ROWS> {
+pub fn biases(contacts: &Wheels<WheelContact>, floor_gap: f64, erp: f64, fastest: f64, dt: f64) -> SVector<f64, ROWS> {
     let closing = |gap: f64| if gap > 0.0 { gap / dt } else { (gap * erp).max(-fastest) };
     let mut biases = SVector::zeros();
     for (i, contact) in contacts.iter().enumerate() {

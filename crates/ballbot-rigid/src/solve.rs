@@ -4,6 +4,7 @@
 //! of a linear system. Its solution and the velocities it leaves give the modes again. When the modes repeat, the
 //! solution is exact: every friction force is within the limit set by the normal impulse of the same step.
 
+use ballbot_base::wheels::Wheels;
 use nalgebra::{SMatrix, SVector};
 
 /// Number of rows: three normals, three tractions, floor (normal, x, y), three joints.
@@ -35,7 +36,7 @@ pub type Coupling = SMatrix<f64, ROWS, ROWS>;
 /// Limits of friction.
 pub struct Limits {
     /// Friction coefficients of the wheels.
-    pub wheels: [f64; 3],
+    pub wheels: Wheels<f64>,
     /// Friction coefficient of the floor.
     pub floor: f64,
     /// Largest angular impulse of dry joint friction, N·m·s.
@@ -114,7 +115,7 @@ impl Problem<'_> {
     /// friction is always within its limits.
     pub fn solve(&self, limits: &Limits, start: &Impulses) -> (Impulses, Settling) {
         let mut impulses = *start;
-        let mut loads = [0, 1, 2].map(|i| start[i]);
+        let mut loads = Wheels::from_fn(|i| start[i]);
         for round in 0..ROUNDS {
             let mut modes = self.modes(limits, &impulses);
             for _ in 0..SOLUTIONS {
@@ -217,7 +218,7 @@ impl Problem<'_> {
     }
 
     /// One projected Gauss-Seidel sweep.
-    fn sweep(&self, limits: &Limits, loads: &mut [f64; 3], impulses: &mut Impulses) {
+    fn sweep(&self, limits: &Limits, loads: &mut Wheels<f64>, impulses: &mut Impulses) {
         let wanted = |row: usize, impulses: &Impulses| {
             let velocity = self.residual[row] + self.coupling.row(row).transpose().dot(impulses);
             impulses[row] - velocity / self.coupling[(row, row)]
@@ -227,7 +228,7 @@ impl Problem<'_> {
             let limit = match normal {
                 Some(normal) => {
                     impulses[normal] = wanted(normal, impulses).max(0.0);
-                    match loads.get_mut(k) {
+                    match loads.0.get_mut(k) {
                         Some(load) => {
                             *load += LOAD_FILTER * (impulses[normal] - *load);
                             limits.wheels[k] * *load

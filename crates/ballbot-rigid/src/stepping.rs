@@ -9,6 +9,7 @@ use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
 use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
 use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
 use ballbot_base::friction::stribeck;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, Vector3};
 use rapier3d_f64::prelude::*;
 
@@ -52,7 +53,7 @@ struct Plan {
 }
 
 impl RigidMotion {
-    pub(super) fn step(&mut self, wheel_torques: &[f64; 3]) {
+    pub(super) fn step(&mut self, wheel_torques: Wheels<f64>) {
         self.move_floor();
         let plan = self.plan(wheel_torques);
         let alone = self.only_wheels_and_ball_touch(&plan.motion);
@@ -151,7 +152,7 @@ impl RigidMotion {
         (self.velocities(&plan.motion.to_body).plus(&expected, -1.0), settling)
     }
 
-    fn plan(&mut self, wheel_torques: &[f64; 3]) -> Plan {
+    fn plan(&mut self, wheel_torques: Wheels<f64>) -> Plan {
         let dt = self.settings.dt;
         let p = &self.params;
         let motion = self.motion();
@@ -162,8 +163,7 @@ impl RigidMotion {
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
         let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
         let losses = if p.has_losses() { self.losses(&motion, &contacts) } else { Losses::none() };
-        let applied =
-            self.bot.weight(&down) + join(&[force, torque, Vector3::from(*wheel_torques)]) + losses.on_bot / dt;
+        let applied = self.bot.weight(&down) + join(&[force, torque, wheel_torques.column()]) + losses.on_bot / dt;
         let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
         let [push, turn] = losses.on_ball.map(|impulse| impulse / dt);
         let drag = drag + motion.to_body.transpose() * push;
@@ -186,17 +186,16 @@ impl RigidMotion {
     }
 
     /// Contacts of the wheels and the ball.
-    fn wheel_contacts(&self, motion: &Motion) -> [WheelContact; 3] {
-        let contacts = [0, 1, 2].map(|i| WheelContact::new(&self.parts, &self.bot, motion, i));
+    fn wheel_contacts(&self, motion: &Motion) -> Wheels<WheelContact> {
+        let contacts = Wheels::from_fn(|i| WheelContact::new(&self.parts, &self.bot, motion, i));
         if !self.params.has_ripple() {
             return contacts;
         }
         let ([_, _, rates], angles) = (split(&motion.velocities.bot), self.wheel_angles());
-        let mut i = 0..3;
-        contacts.map(|contact| {
-            let i = i.next().expect("three wheels");
-            contact.with_ripple(&self.params, i, angles[i], rates[i], self.settings.dt)
-        })
+        let turning = Wheels::from_fn(|i| (i, angles[i], rates[i]));
+        contacts
+            .zip(turning)
+            .map(|(contact, (i, angle, rate))| contact.with_ripple(&self.params, i, angle, rate, self.settings.dt))
     }
 
     /// Acceleration of gravity in body axes, m/s².
@@ -261,13 +260,13 @@ impl RigidMotion {
     }
 
     /// Friction limits from the slip at the start of the step. Also sets the friction of rapier's floor.
-    fn limits(&mut self, contacts: &[WheelContact; 3]) -> Limits {
+    fn limits(&mut self, contacts: &Wheels<WheelContact>) -> Limits {
         let p = &self.params;
         let ratio = |slip: f64| (slip / p.friction_critical_velocity).powi(2);
         let of_wheel =
             |contact: &WheelContact| stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, ratio(contact.slip));
         let limits = Limits {
-            wheels: [0, 1, 2].map(|i| of_wheel(&contacts[i])),
+            wheels: Wheels::from_fn(|i| of_wheel(&contacts[i])),
             floor: stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
             joint: p.wheel_coulomb_friction * self.settings.dt,
         };

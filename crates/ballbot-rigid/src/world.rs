@@ -7,6 +7,7 @@ use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use ballbot_base::error::Result;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
@@ -30,14 +31,14 @@ pub struct World {
 pub struct Handles {
     pub ball: RigidBodyHandle,
     pub body: RigidBodyHandle,
-    pub wheels: [RigidBodyHandle; 3],
+    pub wheels: Wheels<RigidBodyHandle>,
     pub bot: MultibodyIndex,
     pub floor_collider: ColliderHandle,
     /// On uneven ground, a plane for the body and for each wheel; the other plane then belongs only to the ball.
     pub bot_planes: Option<[ColliderHandle; 4]>,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
-    pub wheel_colliders: [ColliderHandle; 3],
+    pub wheel_colliders: Wheels<ColliderHandle>,
 }
 
 impl Handles {
@@ -130,7 +131,7 @@ impl World {
         let (ball, ball_collider) = world.insert_ball(params);
         let link = BodyLink::new(params, wheels)?;
         let (body, body_collider) = world.insert_body(params, &link);
-        let links = [0, 1, 2].map(|i| world.insert_wheel(params, wheels, &link, body, i));
+        let links = Wheels::from_fn(|i| world.insert_wheel(params, wheels, &link, body, i));
         let wheel_handles = links.map(|(handle, _)| handle);
         let bot = world.bot_index(body);
         let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");

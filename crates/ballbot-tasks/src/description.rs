@@ -1,11 +1,12 @@
 //! The description of a task as data: the source of spaces, bindings, help and documentation.
 
-use super::{ACTION_LEN, DIVERGED, Geometry, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
+use super::{DIVERGED, Geometry, Metric, Row, RowScaling, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::fields::{OptionDescription, describe_options};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Memory, Scalar, Vec3};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::Wheels;
 
 /// Description of a task.
 #[derive(Clone, Debug, PartialEq)]
@@ -73,14 +74,14 @@ impl TaskDescription {
         let memory = Memory::<f64>::new(Scalar, &mut memory);
         let state = LaneState::from(&State::upright(&Params::paper()));
         let mut seen = Collected::default();
-        task.observe(&Sensed { state: &state, last_action: [0.0; ACTION_LEN] }, &memory, &mut seen);
+        task.observe(&Sensed { state: &state, last_action: Wheels::default() }, &memory, &mut seen);
         let step = Step {
             state: &state,
             up: Vec3::new(0.0, 0.0, 1.0),
             tilt: 0.0,
             on_floor: false,
-            action: [0.0; ACTION_LEN],
-            last_action: [0.0; ACTION_LEN],
+            action: Wheels::default(),
+            last_action: Wheels::default(),
             control_dt: 0.01,
         };
         task.reward(&step, false, &memory, &mut seen);

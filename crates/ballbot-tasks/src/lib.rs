@@ -42,11 +42,12 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::terrain::Terrain;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
 /// Number of actions: one command for each wheel.
-pub const ACTION_LEN: usize = 3;
+pub const ACTION_LEN: usize = WHEELS;
 
 /// Reason for the termination of an episode whose simulation diverged; shared by all tasks.
 pub const DIVERGED: &str = "diverged";
@@ -309,7 +310,7 @@ pub struct Sensed<'a, L: Lane> {
     /// The state measured by the sensors.
     pub state: &'a LaneState<L>,
     /// The last action, in [-1, 1].
-    pub last_action: [L; ACTION_LEN],
+    pub last_action: Wheels<L>,
 }
 
 /// A control step that has just been simulated.
@@ -324,9 +325,9 @@ pub struct Step<'a, L: Lane> {
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,
     /// The action, in [-1, 1].
-    pub action: [L; ACTION_LEN],
+    pub action: Wheels<L>,
     /// The previous action.
-    pub last_action: [L; ACTION_LEN],
+    pub last_action: Wheels<L>,
     /// Duration of a control step, s.
     pub control_dt: f64,
 }

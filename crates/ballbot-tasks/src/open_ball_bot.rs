@@ -12,6 +12,7 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::terrain::Terrain;
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector2;
 use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
@@ -118,7 +119,7 @@ impl Task for OpenBallBot {
     fn reward<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, _: &Memory<'_, L>, terms: &mut impl Terms<L>) {
         let zero = step.tilt.zero();
         let steps = zero.splat(step.control_dt / PUBLISHED_DT);
-        let [a, b, c] = step.action;
+        let Wheels([a, b, c]) = step.action;
         let action = a.squared() + b.squared() + c.squared();
         terms.term(
             Term::reward("progress", 0.01, "velocity along the inertial y axis in m/s, for each 2 ms"),

@@ -2,6 +2,7 @@
 
 use super::{Row, Rows, Sensed, Step, Term, Terms};
 use ballbot_base::lanes::{Heading, Lane};
+use ballbot_base::wheels::Wheels;
 
 /// Reasons for termination of all tasks that end in a fall, for [`fallen`].
 pub(super) const FALLS: &[(&str, &str)] = &[
@@ -23,7 +24,7 @@ pub(super) fn body_rows<L: Lane>(sensed: &Sensed<'_, L>, rows: &mut impl Rows<L>
     let state = sensed.state;
     let up = state.body_quaternion.rotation().rows[2];
     let rate = state.body_angular_velocity;
-    let [w0, w1, w2] = state.wheel_speeds;
+    let Wheels([w0, w1, w2]) = state.wheel_speeds;
     rows.row(Row::new("gravity direction, body x", "", 1.0, 0.1), -up.x);
     rows.row(Row::new("gravity direction, body y", "", 1.0, 0.1), -up.y);
     rows.row(Row::new("gravity direction, body z", "", 1.0, 0.1), -up.z);
@@ -46,7 +47,7 @@ pub(super) fn velocity_rows<L: Lane>(sensed: &Sensed<'_, L>, heading: &Heading<L
 /// The last action.
 #[inline(always)]
 pub(super) fn action_rows<L: Lane>(sensed: &Sensed<'_, L>, rows: &mut impl Rows<L>) {
-    let [a0, a1, a2] = sensed.last_action;
+    let Wheels([a0, a1, a2]) = sensed.last_action;
     rows.row(Row::new("last action, wheel 0", "", 1.0, 0.5), a0);
     rows.row(Row::new("last action, wheel 1", "", 1.0, 0.5), a1);
     rows.row(Row::new("last action, wheel 2", "", 1.0, 0.5), a2);
@@ -64,18 +65,16 @@ pub(super) fn alive<L: Lane>(terminated: L::Mask, scale: f64, like: L, terms: &m
 pub(super) fn effort<L: Lane>(step: &Step<'_, L>, terms: &mut impl Terms<L>) {
     let zero = step.tilt.zero();
     let rate = step.state.body_angular_velocity.norm_squared().min(zero.splat(100.0));
-    let [a, b, c] = step.action;
-    let [last_a, last_b, last_c] = step.last_action;
     terms.term(Term::cost("rate", 0.01, "squared body rate in rad/s, at most 100"), rate);
-    terms.term(Term::cost("action", 0.02, "mean squared action"), mean_square([a, b, c]));
+    terms.term(Term::cost("action", 0.02, "mean squared action"), mean_square(step.action));
     terms.term(
         Term::cost("action_change", 0.02, "mean squared change of the action"),
-        mean_square([a - last_a, b - last_b, c - last_c]),
+        mean_square(step.action - step.last_action),
     );
 }
 
 #[inline(always)]
-fn mean_square<L: Lane>([a, b, c]: [L; 3]) -> L {
+fn mean_square<L: Lane>(Wheels([a, b, c]): Wheels<L>) -> L {
     (a.squared() + b.squared() + c.squared()) / 3.0
 }
 

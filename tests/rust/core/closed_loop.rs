@@ -88,8 +88,8 @@ fn assert_equals_singles<C: Controller + Clone>(config: &BalanceConfig, controll
             if !reset {
                 let torques = controller.wheel_torques(&environment.robot().state(), &setpoints[i]);
                 let action = torques.map(|t| (t / torque) as f32);
-                assert_eq!(bits(&action), bits(&actions[0][i * ACTION_LEN..][..ACTION_LEN]), "{label}");
-                outcome = environment.step(&action, observation);
+                assert_eq!(bits(action.as_slice()), bits(&actions[0][i * ACTION_LEN..][..ACTION_LEN]), "{label}");
+                outcome = environment.step(action.as_slice(), observation);
                 reset = outcome.done() && mode == Autoreset::SameStep;
             }
             if reset {
@@ -216,7 +216,7 @@ fn controllers_in_lanes_equal_the_scalar_law() {
                     controller.torques_one(&cells(&eight[i]), &(&setpoints[i]).into(), f64::INFINITY, memory);
                 let found = torques.map(|cell| cell.0[i]);
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "controller {kind}, lane {i}");
-                largest = largest.max(Vector3::from(found).amax());
+                largest = largest.max(found.column().amax());
             }
         }
         for (number, cell) in memory.iter().enumerate() {

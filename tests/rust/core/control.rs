@@ -8,7 +8,7 @@ use ballbot_core::control::riccati::{self, Regulator};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
-use ballbot_core::{Ballbot, Error, ModelKind, Params, State, attitude};
+use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::{PI, TAU};
 
@@ -88,7 +88,7 @@ fn linear_model_is_the_derivative_of_the_spatial_model() {
     let accelerations = |x: DVector<f64>| {
         let velocity = Vector6::new(x[5], x[6], x[7], x[8], x[9], x[9] * ball_spin);
         let torques = Vector3::new(x[10], x[11], x[12]);
-        model.accelerations(&attitude(Vector2::new(x[2], x[3]), x[4]), &velocity, &torques)
+        model.accelerations(&attitude(Vector2::new(x[2], x[3]), x[4]), &velocity, Wheels::of_column(torques))
     };
     let LinearModel { a, b } = LinearModel::new(&params);
     for j in 0..13 {
@@ -147,7 +147,7 @@ fn drive(robot: &mut Ballbot, controller: &mut dyn Controller, seconds: f64) -> 
     let setpoint = Setpoint { yaw: robot.state().yaw(), ..Setpoint::default() };
     for _ in 0..(seconds / CONTROL_DT).round() as usize {
         let torques = controller.wheel_torques(&robot.state(), &setpoint);
-        robot.step(&torques, (CONTROL_DT / robot.sim_dt()).round() as usize).unwrap();
+        robot.step(torques, (CONTROL_DT / robot.sim_dt()).round() as usize).unwrap();
         let state = robot.state();
         recovery.tilt = recovery.tilt.max(state.tilt());
         recovery.excursion = recovery.excursion.max(state.ball_position.xy().norm());
@@ -231,7 +231,7 @@ fn lqr_reaches_setpoint_and_heading() {
     let mut lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     let setpoint = Setpoint { position: Vector2::new(0.2, -0.1), yaw: 170.0_f64.to_radians(), ..Setpoint::default() };
     for _ in 0..1200 {
-        robot.step(&lqr.wheel_torques(&robot.state(), &setpoint), 5).unwrap();
+        robot.step(lqr.wheel_torques(&robot.state(), &setpoint), 5).unwrap();
         assert!(robot.state().yaw().abs() > 169.0_f64.to_radians(), "went the long way: {}", robot.state().yaw());
     }
     let state = robot.state();
@@ -301,7 +301,7 @@ fn torques_are_within_the_limit() {
         let mut largest = 0.0_f64;
         for state in scattered_states(&params) {
             let torques = controller.wheel_torques(&state, &Setpoint::default());
-            largest = largest.max(Vector3::from(torques).amax());
+            largest = largest.max(torques.column().amax());
         }
         assert!(largest <= limit, "{largest} N·m, limit {limit}");
         assert!(largest >= limit * (1.0 - 1e-12), "never at its limit {limit}: {largest}");
@@ -315,8 +315,8 @@ fn grips(params: &Params, torque: f64) -> bool {
         let angle = f64::from(degrees).to_radians();
         let tilting = Vector3::new(angle.cos(), angle.sin(), 0.0);
         let torques = Omniwheels::new(params).wheel_torques(&tilting, TorqueMap::Consistent);
-        let torques = torques * (torque / torques.amax());
-        let contacts = model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), &torques);
+        let torques = torques * (torque / torques.column().amax());
+        let contacts = model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), torques);
         contacts.friction_utilization(params)[..3].iter().all(|share| *share <= 1.0)
     })
 }
@@ -349,7 +349,7 @@ fn lqr_balances_all_presets_from_the_starts_of_the_task() {
             for _ in 0..300 {
                 let torques = lqr.wheel_torques(&environment.robot().state(), &Setpoint::default());
                 let action = torques.map(|torque| (torque / config.action_torque()) as f32);
-                let outcome = environment.step(&action, &mut observation);
+                let outcome = environment.step(action.as_slice(), &mut observation);
                 assert_eq!(outcome.terminated, None, "{name}, seed {seed}");
             }
         }
@@ -363,7 +363,7 @@ fn saturation_keeps_the_direction_of_the_torques() {
     let torques = |limit: f64| {
         let mut lqr =
             Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::capped(limit)).unwrap();
-        Vector3::from(lqr.wheel_torques(&state, &Setpoint::default()))
+        lqr.wheel_torques(&state, &Setpoint::default()).column()
     };
     let (free, limited) = (torques(1e6), torques(0.1));
     assert!(free.amax() > 0.5, "not saturated: {free}");
@@ -378,7 +378,7 @@ fn pid_brings_both_tilts_to_zero() {
         let mut robot = robot(&params, ModelKind::Spatial, start, 0.0);
         let mut pid = Pid::new(&params, SIM_DT, &PidGains::default(), map).unwrap();
         for _ in 0..3000 {
-            robot.step(&pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
+            robot.step(pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
             let tilt = robot.state().tilt().to_degrees();
             assert!(tilt < 3.01, "{map:?}: {tilt} deg at {} s", robot.time());
             assert!(robot.time() < 0.5 || tilt < 0.5, "{map:?}: {tilt} deg at {} s", robot.time());
@@ -389,10 +389,10 @@ fn pid_brings_both_tilts_to_zero() {
 /// Virtual torques about x and y for a tilt error, from the wheel torques of a robot upright.
 fn virtual_torques(params: &Params, pid: &mut Pid, error: Vector2<f64>) -> Vector2<f64> {
     let setpoint = Setpoint { tilt: error, ..Setpoint::default() };
-    let torques = Vector3::from(pid.wheel_torques(&State::upright(params), &setpoint));
+    let torques = pid.wheel_torques(&State::upright(params), &setpoint).column();
     let wheels = Omniwheels::new(params);
     let about = |axis: Vector3<f64>| {
-        let column = wheels.wheel_torques(&axis, TorqueMap::Consistent);
+        let column = wheels.wheel_torques(&axis, TorqueMap::Consistent).column();
         torques.dot(&column) / column.norm_squared()
     };
     Vector2::new(about(Vector3::x()), about(Vector3::y()))
@@ -427,7 +427,7 @@ fn pid_holds_its_integral_while_saturated() {
     // The filters settle, and the integral remains.
     let settled = |pid: &mut Pid| (0..30).map(|_| pid.wheel_torques(&upright, &Setpoint::default())).last().unwrap();
     assert_eq!(settled(&mut pid), settled(&mut fresh));
-    assert!(Vector3::from(settled(&mut fresh)).amax() < 1e-6, "the integral did not stay at zero");
+    assert!(settled(&mut fresh).column().amax() < 1e-6, "the integral did not stay at zero");
 }
 
 #[test]

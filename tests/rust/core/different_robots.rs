@@ -445,7 +445,7 @@ fn moving(params: &Params) -> State {
 /// States of 30 steps.
 fn trace(robot: &mut Ballbot) -> Vec<[f64; State::LEN]> {
     let step = |k: usize| {
-        robot.step(&[0.02, -0.01, 0.005 * k as f64], 1).unwrap();
+        robot.step([0.02, -0.01, 0.005 * k as f64], 1).unwrap();
         robot.state().to_array()
     };
     (0..30).map(step).collect()
@@ -513,7 +513,7 @@ fn single_robots_equal_robots_in_lanes_through_a_change() {
             run.step(&actions).unwrap();
             assert!(!run.outcomes[changed].done());
             let torques = [0, 1, 2].map(|j| f64::from(actions[3 * changed + j]) * ACTION_TORQUE);
-            robot.step(&torques, config.substeps().unwrap()).unwrap();
+            robot.step(torques, config.substeps().unwrap()).unwrap();
             assert_eq!(run.batch.state(changed).unwrap(), robot.state(), "robot {changed}, step {k}");
         }
     }

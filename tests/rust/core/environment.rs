@@ -59,7 +59,7 @@ impl Episode {
         let state = self.env.robot().state();
         let setpoint = Setpoint { position, yaw: state.yaw(), ..Setpoint::default() };
         let torques = lqr.wheel_torques(&state, &setpoint);
-        self.step(torques.map(|torque| (torque / config.action_torque()) as f32))
+        self.step(torques.map(|torque| (torque / config.action_torque()) as f32).0)
     }
 
     /// Steps until the episode ends; returns how many, and the last outcome.
@@ -266,7 +266,7 @@ fn torque_is_the_action_times_the_action_torque() {
     episode.step([0.5, -0.25, 0.125]);
     let mut robot = ballbot_core::Ballbot::new(&config.params, config.model, config.sim_dt).unwrap();
     robot.reset(&lively(0.3)).unwrap();
-    robot.step(&[0.4, -0.2, 0.1], 5).unwrap();
+    robot.step([0.4, -0.2, 0.1], 5).unwrap();
     assert_eq!(episode.env.robot().state(), robot.state());
 }
 

@@ -8,7 +8,7 @@ use crate::support::{any_start, natural_rate, torques, vector, without_losses};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
-use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, mechanical_energy};
+use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, Wheels, mechanical_energy};
 use nalgebra::{SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use std::f64::consts::PI;
@@ -38,12 +38,12 @@ proptest! {
         prop_assert!((lean(&params, &tilted) - tilt.norm()).abs() < 1e-14, "tilted by {}", lean(&params, &tilted));
 
         let model = SpatialModel::new(&params, true, true);
-        let found = model.accelerations(&state.body_quaternion, &Vector6::zeros(), &Vector3::zeros());
+        let found = model.accelerations(&state.body_quaternion, &Vector6::zeros(), Wheels::default());
         let scale = natural_rate(&params).powi(2);
         prop_assert!(found.rows(2, 4).amax() <= 1e-13 * scale, "turns: {found}");
         prop_assert!(found.rows(0, 2).amax() <= 1e-13 * scale * params.body_com_height, "moves: {found}");
 
-        let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), &Vector3::zeros());
+        let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), Wheels::default());
         let weight = params.body_mass * params.gravity;
         for (load, expected) in contacts.wheel_normal_forces.iter().zip(params.equilibrium_wheel_loads()) {
             prop_assert!((load - expected).abs() <= 1e-13 * weight, "load {load}, not {expected}");
@@ -76,7 +76,7 @@ proptest! {
         let (a, b) = LinearModel::new(&params).discretize(dt);
         let mut expected = SVector::<f64, 10>::zeros();
         expected.fixed_rows_mut::<2>(2).copy_from(&tilt);
-        robot.advance(&motors, steps);
+        robot.advance(Wheels(motors), steps);
         for _ in 0..steps {
             expected = a * expected + b * Vector3::from(motors);
         }
@@ -99,7 +99,7 @@ proptest! {
         let before = robot.energy();
         let scale = params.body_mass * params.gravity * params.body_com().norm() + before.abs();
         for _ in 0..10 {
-            robot.advance(&[0.0; 3], 200);
+            robot.advance(Wheels::default(), 200);
             let (now, bodies) = (robot.energy(), mechanical_energy(&params, &wheels, &robot.state()));
             prop_assert!((now - before).abs() <= 1e-9 * scale, "energy {before} becomes {now}");
             prop_assert!((now - bodies).abs() <= 1e-12 * scale, "{now}, but the bodies have {bodies}");
@@ -150,7 +150,7 @@ fn grips(params: &Params, torque: f64) -> bool {
         // Motors turn the body by Uᵀτ.
         let torques = wheels.u.transpose().lu().solve(&on_body).unwrap();
         let torques = torques * (torque / torques.amax());
-        let contacts = model.contacts(&q, &Vector6::zeros(), &torques);
+        let contacts = model.contacts(&q, &Vector6::zeros(), Wheels::of_column(torques));
         contacts.friction_utilization(params)[..3].iter().all(|share| *share <= 1.0)
     })
 }
@@ -194,8 +194,8 @@ proptest! {
         for _ in 0..50 {
             let mut motors = [0.0; 3];
             for _ in 0..1000 {
-                motors = lqr.wheel_torques(&robot.state(), &setpoint);
-                robot.advance(&motors, 4);
+                motors = lqr.wheel_torques(&robot.state(), &setpoint).0;
+                robot.advance(Wheels(motors), 4);
             }
             let state = robot.state();
             left = [
@@ -221,7 +221,7 @@ fn a_symmetric_robot_balances_upright_to_the_last_bit() {
         assert_eq!(State::at_equilibrium(&params, 0.0), State::upright(&params));
         let tilt = Vector2::new(0.1, -0.2);
         assert_eq!(State::tilted_from_equilibrium(&params, tilt, 0.7), State::tilted(&params, tilt, 0.7));
-        assert_eq!(params.equilibrium_wheel_loads(), [params.static_wheel_load(); 3]);
+        assert_eq!(params.equilibrium_wheel_loads(), Wheels([params.static_wheel_load(); 3]));
     }
 }
 
@@ -252,7 +252,7 @@ fn pid_holds_the_lean() {
     robot.reset(&State::tilted_from_equilibrium(&params, Vector2::new(0.6, -0.8) * 3.0_f64.to_radians(), 0.3)).unwrap();
     let mut pid = Pid::new(&params, 1e-3, &PidGains::default(), TorqueMap::Consistent).unwrap();
     for _ in 0..3000 {
-        robot.step(&pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
+        robot.step(pid.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
         let lean = lean(&params, &robot.state()).to_degrees();
         assert!(lean < 3.01, "{lean} deg at {} s", robot.time());
         assert!(robot.time() < 0.5 || lean < 0.5, "{lean} deg at {} s", robot.time());

@@ -2,9 +2,9 @@
 
 use crate::support::general::any_general_robot;
 use crate::support::{any_floor_tilt, any_start, natural_rate, vector};
-use ballbot_core::Params;
 use ballbot_core::lanes::{Quat, Vec3};
 use ballbot_core::models::{BallSpin, BodyMotion, InverseDynamics, SpatialModel, WheelSpin};
+use ballbot_core::{Params, Wheels};
 use nalgebra::{UnitQuaternion, Vector3, Vector6};
 use proptest::prelude::*;
 
@@ -38,15 +38,15 @@ proptest! {
             rotation: quat(&(state.body_quaternion * to_balance.inverse())).rotation(),
             body_rate: vec3(&(to_balance * rate)),
             ball_rate: vec3(&ball),
-            wheel_speeds: wheel_speeds.into(),
+            wheel_speeds,
         };
         let wanted = wanted * natural_rate(&params).powi(2);
         let torques = InverseDynamics::new(&params).torques(&motion, vec3(&wanted));
-        let torques = Vector3::from(torques);
-        let found = model.accelerations(&state.body_quaternion, &velocity, &torques);
+        let torques = torques.column();
+        let found = model.accelerations(&state.body_quaternion, &velocity, Wheels::of_column(torques));
         let found = to_balance * found.fixed_rows::<3>(2).into_owned();
         // The torques are of the size that brakes the motors' own inertia.
-        let driven = model.accelerations(&state.body_quaternion, &velocity, &(torques * 2.0));
+        let driven = model.accelerations(&state.body_quaternion, &velocity, Wheels::of_column(torques * 2.0));
         let size = driven.amax().max(found.amax());
         prop_assert!((found - wanted).amax() <= 1e-12 * size, "{found} in place of {wanted}, of {size}");
     }

@@ -18,8 +18,8 @@ use ballbot_core::control::{
 };
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, attitude};
-use nalgebra::{Complex, DMatrix, SVector, Vector2, Vector3};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, Wheels, attitude};
+use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
@@ -148,7 +148,7 @@ fn run(
     controller: &mut dyn Controller,
     seconds: f64,
     setpoint: impl Fn(f64) -> Setpoint,
-    before: impl Fn(&mut Ballbot, &mut [f64; 3]),
+    before: impl Fn(&mut Ballbot, &mut Wheels<f64>),
 ) -> Option<Run> {
     let (mut tilt, mut speed) = (0.0_f64, 0.0_f64);
     for k in 0..(seconds / CONTROL_DT).round() as usize {
@@ -156,7 +156,7 @@ fn run(
         for _ in 0..STEPS {
             let mut applied = torques;
             before(robot, &mut applied);
-            robot.step(&applied, 1).ok()?;
+            robot.step(applied, 1).ok()?;
         }
         let state = robot.state();
         (tilt, speed) = (tilt.max(state.tilt()), speed.max(state.ball_velocity.norm()));
@@ -351,8 +351,8 @@ fn headings_and_places_change_no_torque() {
         law(name, &params).wheel_torques(&state, &Setpoint { position: offset, yaw, ..Setpoint::default() })
     };
     for name in laws() {
-        let expected = SVector::from(torques(name, 0.0, Vector2::zeros()));
-        let found = SVector::from(torques(name, 2.0, Vector2::new(3.0, -1.0)));
+        let expected = torques(name, 0.0, Vector2::zeros()).column();
+        let found = torques(name, 2.0, Vector2::new(3.0, -1.0)).column();
         assert!((found - expected).amax() < 1e-12, "{name}: {found}, expected {expected}");
     }
 }

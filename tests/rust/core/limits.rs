@@ -70,12 +70,12 @@ fn a_long_picture_ends_when_its_caller_wants() {
 fn a_long_run_of_a_robot_ends_when_its_caller_wants() {
     for kind in ModelKind::ALL {
         let mut robot = Ballbot::new(&Params::paper(), kind, 1e-6).unwrap();
-        let result = stoppable(after(100), || robot.step(&[0.0; 3], usize::MAX));
+        let result = stoppable(after(100), || robot.step([0.0; 3], usize::MAX));
         assert!(matches!(result, Err(Error::Interrupted)), "{kind}: {result:?}");
         // It keeps the state it has reached, and continues.
         let time = robot.time();
         assert!(time > 0.0, "{kind}");
-        robot.step(&[0.0; 3], 1).unwrap();
+        robot.step([0.0; 3], 1).unwrap();
         assert!(robot.time() > time, "{kind}");
     }
 }
@@ -219,15 +219,15 @@ fn a_robot_goes_on_from_its_own_state() {
         let mut lqr = Lqr::new(&Params::paper(), 0.005).unwrap();
         for _ in 0..60 {
             let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-            robot.step(&torques, 5).unwrap();
+            robot.step(torques, 5).unwrap();
         }
         let mut other = Ballbot::new(&Params::paper(), model, 0.001).unwrap();
         other.reset(&robot.state()).unwrap_or_else(|error| panic!("{model}: {error}"));
         let mut worst = 0.0_f64;
         for _ in 0..100 {
             let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-            robot.step(&torques, 5).unwrap();
-            other.step(&torques, 5).unwrap();
+            robot.step(torques, 5).unwrap();
+            other.step(torques, 5).unwrap();
             let pairs = robot.state().to_array().into_iter().zip(other.state().to_array());
             worst = pairs.map(|(a, b)| (a - b).abs()).fold(worst, f64::max);
         }

@@ -13,7 +13,7 @@ mod wheels;
 
 use ballbot_core::actuator::{Actuator, MotorOptions, Motors};
 use ballbot_core::lanes::{Memory, Scalar};
-use ballbot_core::{ModelKind, Params};
+use ballbot_core::{ModelKind, Params, Wheels};
 
 /// Torque of an action of 1, N·m.
 const TORQUE: f64 = 0.5;
@@ -56,6 +56,6 @@ impl Shaft {
 
     /// Torques of the next model step.
     fn torques(&mut self, commands: [f64; 3], speeds: [f64; 3]) -> [f64; 3] {
-        self.motors.torques(commands, speeds, &mut Memory::<f64>::new(Scalar, &mut self.memory))
+        self.motors.torques(Wheels(commands), Wheels(speeds), &mut Memory::<f64>::new(Scalar, &mut self.memory)).0
     }
 }

@@ -31,8 +31,8 @@ mod bodies;
 
 use crate::support::general::{any_general_robot, crooked};
 use crate::support::{Start, any_floor_tilt, any_or_published_robot, any_start, torques, vector, without_losses};
-use ballbot_core::Params;
 use ballbot_core::models::SpatialModel;
+use ballbot_core::{Params, Wheels};
 use bodies::Robot;
 use nalgebra::{Vector3, Vector6};
 use proptest::prelude::*;
@@ -68,17 +68,17 @@ fn compare(
     let model = SpatialModel::new(params, absolute_wheel_spin, !pinned);
     let (v, rate) = (state.ball_velocity, state.body_angular_velocity);
     let velocity = Vector6::new(v.x, v.y, rate.x, rate.y, rate.z, state.ball_angular_velocity.z);
-    let expected = model.accelerations(&q, &velocity, &Vector3::from(*motors));
-    let contacts = model.contacts(&q, &velocity, &Vector3::from(*motors));
+    let expected = model.accelerations(&q, &velocity, Wheels::of_column(Vector3::from(*motors)));
+    let contacts = model.contacts(&q, &velocity, Wheels::of_column(Vector3::from(*motors)));
     let turning = &expected.as_slice()[2..];
     // Linear and angular accelerations are scaled by the robot's size, forces by the largest force.
     let acceleration = largest(&expected.as_slice()[..2]).max(largest(turning) * params.ball_radius);
-    let force = largest(contacts.floor_force.as_slice()).max(largest(&contacts.wheel_normal_forces));
+    let force = largest(contacts.floor_force.as_slice()).max(largest(contacts.wheel_normal_forces.as_slice()));
     [
         off(&found.ball, &expected.as_slice()[..2], acceleration),
         off(&found.turning, turning, acceleration / params.ball_radius),
-        off(&found.loads, &contacts.wheel_normal_forces, force),
-        off(&found.tractions, &contacts.wheel_tractions, force),
+        off(&found.loads, contacts.wheel_normal_forces.as_slice(), force),
+        off(&found.tractions, contacts.wheel_tractions.as_slice(), force),
         off(&found.floor, contacts.floor_force.as_slice(), force),
     ]
 }

@@ -7,7 +7,7 @@ use ballbot_core::control::{Controller, LimitOptions, Pid, PidGains, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::planar::Plane;
 use ballbot_core::models::{PlanarModel, PlanarMotion, SpatialModel, WheelInertia};
-use ballbot_core::{Error, Model, PAPER_BALL_VISCOUS_FRICTION, Params, State, attitude, wxyz};
+use ballbot_core::{Error, Model, PAPER_BALL_VISCOUS_FRICTION, Params, State, Wheels, attitude, wxyz};
 use nalgebra::{Matrix2, Matrix4, Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
 
 fn damped(friction: f64) -> Params {
@@ -88,7 +88,7 @@ fn linearization_is_the_derivative_of_the_equations() {
 fn spatial_yaw_gain(params: &Params, ball_spins: bool) -> f64 {
     let model = SpatialModel::new(params, false, ball_spins);
     let torques = model.wheels().wheel_torques(&Vector3::new(0.0, 0.0, -1.0), TorqueMap::Consistent);
-    model.accelerations(&UnitQuaternion::identity(), &Vector6::zeros(), &torques)[4]
+    model.accelerations(&UnitQuaternion::identity(), &Vector6::zeros(), torques)[4]
 }
 
 #[test]
@@ -122,7 +122,7 @@ fn energy_is_conserved_without_friction() {
     let before = motion.energy();
     let mut largest = 0.0_f64;
     for _ in 0..2000 {
-        motion.step(&[0.0; 3]);
+        motion.step([0.0; 3]);
         largest = largest.max((motion.energy() / before - 1.0).abs());
     }
     assert!(motion.state().tilt() > 0.5, "nothing happened: {:?}", motion.state());
@@ -134,7 +134,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
     let params = Params { wheel_viscous_friction: 1e-3, ..high_wheels() };
     let torques = Vector3::new(0.15, -0.1, 0.05);
     let power = |state: &State| {
-        let speeds = Vector3::from(state.wheel_speeds);
+        let speeds = state.wheel_speeds.column();
         torques.dot(&speeds)
             - params.wheel_viscous_friction * speeds.norm_squared()
             - params.ball_viscous_friction * state.ball_velocity.norm_squared()
@@ -144,7 +144,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
     let (before, mut work) = (motion.energy(), 0.0);
     for _ in 0..5000 {
         let start = power(&motion.state());
-        motion.step(&torques.into());
+        motion.step(Wheels::of_column(torques));
         work += 0.5e-4 * (start + power(&motion.state()));
     }
     let change = motion.energy() - before;
@@ -159,7 +159,7 @@ fn integration_is_of_fourth_order() {
         let mut motion = PlanarMotion::new(&params, dt).unwrap();
         motion.reset(&lively(&params)).unwrap();
         for _ in 0..(0.4 / dt).round() as usize {
-            motion.step(&[0.1, -0.05, 0.02]);
+            motion.step([0.1, -0.05, 0.02]);
         }
         motion.state().ball_position
     };
@@ -169,7 +169,7 @@ fn integration_is_of_fourth_order() {
 }
 
 /// Position (2), attitude (4) and velocity (6) of the spatial model with the paper's wheel energy after `seconds`.
-fn spatial_end(params: &Params, start: &State, torques: &Vector3<f64>, seconds: f64) -> SVector<f64, 12> {
+fn spatial_end(params: &Params, start: &State, torques: Wheels<f64>, seconds: f64) -> SVector<f64, 12> {
     let model = SpatialModel::new(params, false, true);
     let rate = |y: &SVector<f64, 12>| {
         let q = Quaternion::new(y[2], y[3], y[4], y[5]);
@@ -216,10 +216,10 @@ fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
             let mut motion = PlanarMotion::new(&params, 1e-3).unwrap();
             motion.reset(&start).unwrap();
             for _ in 0..300 {
-                motion.step(&torques.into());
+                motion.step(torques);
             }
             let found = spatial_coordinates(&motion.state());
-            let expected = spatial_end(&params, &start, &torques, 0.3);
+            let expected = spatial_end(&params, &start, torques, 0.3);
             let off = (found - expected).amax();
             assert!((expected - spatial_coordinates(&start)).norm() > 0.3, "nothing happened: {expected}");
             assert!(off < 1e-9, "yaw {yaw}, plane {along}: off by {off:e}");
@@ -236,10 +236,10 @@ fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
         let torques = model.wheels().wheel_torques(&(heading * 0.1), TorqueMap::Consistent);
         let mut motion = PlanarMotion::new(&params, 1e-6).unwrap();
         motion.reset(&start).unwrap();
-        motion.step(&torques.into());
+        motion.step(torques);
         let state = motion.state();
         let velocity = spatial_coordinates(&state).fixed_rows::<6>(6).into_owned();
-        let (found, expected) = (motion.contacts(), model.contacts(&state.body_quaternion, &velocity, &torques));
+        let (found, expected) = (motion.contacts(), model.contacts(&state.body_quaternion, &velocity, torques));
         for i in 0..3 {
             let load = found.wheel_normal_forces[i] - expected.wheel_normal_forces[i];
             let traction = found.wheel_tractions[i] - expected.wheel_tractions[i];
@@ -343,7 +343,7 @@ fn sampled_pid_answers_as_the_continuous_one() {
     let mut virtual_torque = |tilt: f64, setpoint: f64| {
         let setpoint = Setpoint { tilt: Vector2::new(-setpoint, 0.0), ..Setpoint::default() };
         let torques = pid.wheel_torques(&State::tilted(&params, Vector2::new(-tilt, 0.0), 0.0), &setpoint);
-        about_x.dot(&Vector3::from(torques)) / about_x.norm_squared()
+        about_x.dot(torques) / about_x.dot(about_x)
     };
     // A sample of zero error first: otherwise the derivative starts at the step, without its kick.
     assert_eq!(virtual_torque(0.0, 0.0), 0.0);

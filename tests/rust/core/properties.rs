@@ -13,7 +13,7 @@ mod yaw;
 
 use crate::support::general::any_general_robot;
 use crate::support::{any_robot, largest, natural_rate, torques, vector};
-use ballbot_core::{Ballbot, ModelKind, Params, State};
+use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels};
 use nalgebra::Vector3;
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -83,7 +83,7 @@ fn run_with_grip(robot: &mut Ballbot, torques: &[[f64; 3]], hold: usize) -> Vec<
     let slow = 1e-3 * robot.params().body_com_height * natural_rate(robot.params());
     run_while(robot, torques, hold, |robot, _| {
         let contacts = robot.contacts();
-        let slip = Vector3::from(contacts.wheel_slip_speeds).amax().max(contacts.floor_slip_velocity.norm());
+        let slip = contacts.wheel_slip_speeds.column().amax().max(contacts.floor_slip_velocity.norm());
         let lifted = contacts.wheel_normal_forces.into_iter().any(|load| load <= 0.0);
         slip < slow && !lifted && !contacts.bot_on_floor
     })
@@ -95,8 +95,8 @@ fn run_while(
     hold: usize,
     holds: impl Fn(&Ballbot, &State) -> bool,
 ) -> Vec<State> {
-    let step = |torques| {
-        robot.step(torques, hold).ok()?;
+    let step = |torques: &[f64; 3]| {
+        robot.step(*torques, hold).ok()?;
         let state = robot.state();
         holds(robot, &state).then_some(state)
     };
@@ -131,7 +131,7 @@ fn most_apart(params: &Params, one: &[State], other: &[State], change: impl Fn(&
 fn apart(params: &Params, a: &State, b: &State) -> f64 {
     let (length, rate) = (params.body_com_height, natural_rate(params));
     let speed = length * rate;
-    let wheels = |a: &[f64; 3], b: &[f64; 3]| (Vector3::from(*a) - Vector3::from(*b)).norm() * params.wheel_radius;
+    let wheels = |a: Wheels<f64>, b: Wheels<f64>| (a - b).column().norm() * params.wheel_radius;
     largest([
         (a.ball_position - b.ball_position).norm() / length,
         (a.body_position - b.body_position).norm() / length,
@@ -141,7 +141,7 @@ fn apart(params: &Params, a: &State, b: &State) -> f64 {
         (a.body_velocity - b.body_velocity).norm() / speed,
         (a.ball_angular_velocity - b.ball_angular_velocity).norm() * params.ball_radius / speed,
         (a.body_angular_velocity - b.body_angular_velocity).norm() / rate,
-        wheels(&a.wheel_angles, &b.wheel_angles) / length,
-        wheels(&a.wheel_speeds, &b.wheel_speeds) / speed,
+        wheels(a.wheel_angles, b.wheel_angles) / length,
+        wheels(a.wheel_speeds, b.wheel_speeds) / speed,
     ])
 }

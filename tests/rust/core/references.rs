@@ -204,8 +204,8 @@ fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
                 sum += (robot.state().ball_position.xy() - target.position).norm_squared();
                 count += 1.0;
             }
-            queue.push_back(law.wheel_torques(&robot.state(), &target));
-            robot.step(&queue.pop_front().unwrap(), 10).unwrap();
+            queue.push_back(law.wheel_torques(&robot.state(), &target).0);
+            robot.step(queue.pop_front().unwrap(), 10).unwrap();
         }
         f64::sqrt(sum / count)
     };
@@ -253,7 +253,7 @@ fn follow(name: &str, reference: &Reference, from: f64, until: f64) -> [f64; 3] 
             (sum, count, most) = (sum + last * last, count + 1.0, most.max(last));
         }
         let torques = law.wheel_torques(&robot.state(), &target);
-        robot.step(&torques, 10).unwrap();
+        robot.step(torques, 10).unwrap();
     }
     [(sum / f64::max(count, 1.0)).sqrt(), most, last]
 }

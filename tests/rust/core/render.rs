@@ -1,7 +1,7 @@
 //! Pictures: geometry against closed forms and against parry's own queries, and what must change when something moves.
 
 use ballbot_core::render::{Arrow, Camera, Label, Link, Paint, Part, Picture, Renderer, Scene, Shape, srgb};
-use ballbot_core::{Params, State};
+use ballbot_core::{Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use parry3d_f64::math::Vector;
 use parry3d_f64::query::Ray;
@@ -210,7 +210,7 @@ fn rotated_parts_change_the_picture_locally() {
     let renderer = renderer(camera(0.4));
     let still = State::upright(&params);
     let before = Shot::of(&renderer, &still, &[]);
-    let wheel = State { wheel_angles: [0.8, 0.0, 0.0], ..still };
+    let wheel = State { wheel_angles: Wheels([0.8, 0.0, 0.0]), ..still };
     let changed = before.changed(&Shot::of(&renderer, &wheel, &[]));
     assert!(changed.len() > 20 && changed.iter().all(|l| *l == Label::Wheel0 as u8), "{changed:?}");
     let rolled = State { ball_quaternion: UnitQuaternion::from_euler_angles(0.5, 0.0, 0.0), ..State::upright(&params) };

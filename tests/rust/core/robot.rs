@@ -3,7 +3,7 @@
 
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::models::SpatialModel;
-use ballbot_core::{Ballbot, Contacts, Error, ModelKind, Params, State, attitude};
+use ballbot_core::{Ballbot, Contacts, Error, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
 
 fn robot(kind: ModelKind) -> Ballbot {
@@ -29,7 +29,7 @@ fn trace(robot: &mut Ballbot) -> Vec<[f64; State::LEN]> {
             robot.push(&Vector3::new(0.05, 0.1, 0.0), Some(&Vector3::new(0.02, 0.0, 0.3))).unwrap();
         }
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-        robot.step(&torques, 5).unwrap();
+        robot.step(torques, 5).unwrap();
         robot.state().to_array()
     };
     (0..50).map(step).collect()
@@ -94,11 +94,11 @@ fn torques_beyond_the_motor_limit_are_refused() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
-        robot.step(&[5.0, -5.0, 0.0], 1).expect("the limit itself is allowed");
+        robot.step([5.0, -5.0, 0.0], 1).expect("the limit itself is allowed");
         for (i, bad) in [(0, f64::NAN), (1, 5.01), (2, -5.01), (2, f64::INFINITY)] {
             let mut torques = [0.1; 3];
             torques[i] = bad;
-            let message = refused(&mut robot, |robot| robot.step(&torques, 3));
+            let message = refused(&mut robot, |robot| robot.step(torques, 3));
             assert!(message.starts_with(&format!("wheel_torques[{i}] = {bad} ")), "{message}");
             assert!(message.contains("±max_wheel_torque = 5 N·m"), "{message}");
         }
@@ -128,7 +128,7 @@ fn states_out_of_bounds_are_refused() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
-        robot.step(&[0.1, -0.2, 0.05], 7).unwrap();
+        robot.step([0.1, -0.2, 0.05], 7).unwrap();
         for (state, words) in &cases {
             let message = refused(&mut robot, |robot| robot.reset(state));
             assert!(message.contains(words), "{kind}: '{message}' does not say '{words}'");
@@ -174,7 +174,7 @@ fn divergence_is_reported_until_a_reset() {
             let mut robot = robot(kind);
             robot.reset(&lively()).unwrap();
             robot.push(&Vector3::new(impulse, 0.0, 0.0), None).unwrap();
-            let error = robot.step(&[0.0; 3], 5).expect_err("a robot at this speed has diverged");
+            let error = robot.step([0.0; 3], 5).expect_err("a robot at this speed has diverged");
             let Error::Diverged { time, reason } = &error else { panic!("{kind}, {impulse} N·s: {error:?}") };
             assert!(
                 (time - 0.01).abs() < 1e-12 && (reason.contains("limit") || reason.contains("not finite")),
@@ -182,7 +182,7 @@ fn divergence_is_reported_until_a_reset() {
             );
             assert_eq!(robot.diverged().as_ref(), Some(reason));
             for _ in 0..300 {
-                let again = robot.step(&[0.0; 3], 10).expect_err("comes back by itself");
+                let again = robot.step([0.0; 3], 10).expect_err("comes back by itself");
                 assert_eq!(again.to_string(), error.to_string(), "{kind}, {impulse} N·s");
             }
             robot.reset(&lively()).unwrap();
@@ -198,7 +198,7 @@ fn reset_robots_equal_new_ones_to_the_last_bit() {
         let expected = fresh_trace(kind);
         let mut robot = robot(kind);
         robot.reset(&State::tilted(&Params::paper(), Vector2::new(0.3, 0.2), -1.0)).unwrap();
-        robot.step(&[0.4, 0.1, -0.2], 300).unwrap();
+        robot.step([0.4, 0.1, -0.2], 300).unwrap();
         robot.push(&Vector3::new(0.0, 3.0, 0.0), None).unwrap();
         robot.reset(&lively()).unwrap();
         assert_eq!(robot.time(), 0.0);
@@ -212,7 +212,7 @@ fn state_after_a_reset_is_the_given_one() {
     state.ball_position += Vector3::new(1.0, -2.0, 0.0);
     state.body_position = state.ball_position;
     state.ball_quaternion = UnitQuaternion::from_scaled_axis(Vector3::new(0.3, 0.2, -0.9));
-    state.wheel_angles = [0.5, -1.0, 2.0];
+    state.wheel_angles = Wheels([0.5, -1.0, 2.0]);
     for kind in [ModelKind::Spatial, ModelKind::Rigid] {
         let mut robot = robot(kind);
         robot.reset(&state).unwrap();
@@ -229,7 +229,7 @@ fn loaded_robots_continue_to_the_last_bit() {
         robot.reset(&lively()).unwrap();
         let params = with_joint_friction(1e-4, 1e-3);
         assert!(robot.set_params(&params).unwrap());
-        robot.step(&[0.1, -0.05, 0.02], 11).unwrap();
+        robot.step([0.1, -0.05, 0.02], 11).unwrap();
         let saved = robot.save();
         let expected = trace(&mut robot);
         let message = refused(&mut self::robot(kind), |other| other.load(&saved));
@@ -265,14 +265,14 @@ fn joint_friction_persists_through_a_reset() {
 fn friction_utilization_is_the_share_of_the_dynamic_limit() {
     let params = Params { wheel_dynamic_friction: 0.5, floor_dynamic_friction: 0.8, ..Params::paper() };
     let contacts = Contacts {
-        wheel_normal_forces: [10.0, 0.0, -1.0],
-        wheel_tractions: [-2.0, 0.0, 0.1],
+        wheel_normal_forces: Wheels([10.0, 0.0, -1.0]),
+        wheel_tractions: Wheels([-2.0, 0.0, 0.1]),
         floor_force: Vector3::new(3.0, -4.0, 25.0),
         ..Contacts::default()
     };
     assert_eq!(contacts.friction_utilization(&params), [0.4, 0.0, f64::INFINITY, 0.25]);
     // A lifted wheel that would have to drive.
-    let lifted = Contacts { wheel_tractions: [0.0, 0.5, 0.0], ..contacts };
+    let lifted = Contacts { wheel_tractions: Wheels([0.0, 0.5, 0.0]), ..contacts };
     assert_eq!(lifted.friction_utilization(&params)[1], f64::INFINITY);
 }
 
@@ -285,10 +285,11 @@ fn friction_utilization_of_a_turning_ball_has_its_closed_form() {
         [(ModelKind::Planar, false, 1e-9), (ModelKind::Spatial, true, 1e-9), (ModelKind::Rigid, true, 5e-3)]
     {
         let model = SpatialModel::new(&params, absolute_spin, true);
-        let contacts = model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), &Vector3::repeat(0.2));
+        let contacts =
+            model.contacts(&UnitQuaternion::identity(), &Vector6::zeros(), Wheels::of_column(Vector3::repeat(0.2)));
         let expected = contacts.wheel_tractions[0] / (params.wheel_dynamic_friction * params.static_wheel_load());
         let mut robot = robot(kind);
-        robot.step(&[0.2; 3], 20).unwrap();
+        robot.step([0.2; 3], 20).unwrap();
         let share = robot.contacts().friction_utilization(&params);
         for wheel in &share[..3] {
             assert!((wheel / expected - 1.0).abs() < tolerance, "{kind}: {share:?}, expected {expected}");
@@ -308,7 +309,7 @@ fn diverged_robots_keep_their_last_finite_state() {
             robot.reset(&State::upright(&params)).unwrap();
             let impulse = Vector3::new(1.0, -0.5, 0.2) * 1.2_f64.powi(push);
             robot.push(&impulse, Some(&Vector3::new(0.3, 0.2, 0.5))).unwrap();
-            diverged += u32::from(robot.step(&[0.0; 3], steps).is_err());
+            diverged += u32::from(robot.step([0.0; 3], steps).is_err());
             let state = robot.state().to_array();
             assert!(state.iter().all(|v| v.is_finite()), "{kind}, push {push}, after {steps} steps: {state:?}");
         }

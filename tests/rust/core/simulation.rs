@@ -22,7 +22,7 @@ mod slope;
 
 use crate::motion::Motion;
 use ballbot_core::sim::{ContactMotion, RigidMotion};
-use ballbot_core::{Model, Params, State};
+use ballbot_core::{Model, Params, State, Wheels};
 use nalgebra::{Vector2, Vector3};
 
 /// A simulation under test.
@@ -67,9 +67,10 @@ macro_rules! for_both {
 }
 use for_both;
 
-fn run(robot: &mut dyn Model, torques: [f64; 3], steps: usize) {
+fn run(robot: &mut dyn Model, torques: impl Into<Wheels<f64>>, steps: usize) {
+    let torques = torques.into();
     for _ in 0..steps {
-        robot.step(&torques);
+        robot.step(torques);
     }
 }
 

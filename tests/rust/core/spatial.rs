@@ -3,7 +3,7 @@
 
 use crate::motion::Motion;
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia};
-use ballbot_core::{Model, Params, State, attitude, mechanical_energy, unit_quaternion};
+use ballbot_core::{Model, Params, State, Wheels, attitude, mechanical_energy, unit_quaternion};
 use nalgebra::{Vector2, Vector3, Vector6};
 use serde::Deserialize;
 
@@ -68,15 +68,15 @@ fn accelerations_loads_and_wheel_speeds_match_the_vectors() {
         let velocity = model.generalized_velocity(&case.generalized_velocity).unwrap();
         let torques = Vector3::from(case.wheel_torques);
 
-        let acceleration = model.accelerations(&q, &velocity, &torques);
+        let acceleration = model.accelerations(&q, &velocity, Wheels::of_column(torques));
         let n = model.degrees_of_freedom();
         assert_close(&case.name, &acceleration.as_slice()[..n], &case.generalized_acceleration, 1e-10);
         assert_close(&case.name, model.wheel_speeds(&q, &velocity).as_slice(), &case.wheel_speeds, 1e-10);
         assert_close(&case.name, &[model.energy(&q, &velocity)], &[case.energy], 1e-10);
-        let contacts = model.contacts(&q, &velocity, &torques);
+        let contacts = model.contacts(&q, &velocity, Wheels::of_column(torques));
         assert_close(&case.name, contacts.floor_force.as_slice(), &case.floor_force, 1e-10);
-        assert_close(&case.name, &contacts.wheel_normal_forces, &case.wheel_normal_forces, 1e-10);
-        assert_close(&case.name, &contacts.wheel_tractions, &case.wheel_tractions, 1e-10);
+        assert_close(&case.name, contacts.wheel_normal_forces.as_slice(), &case.wheel_normal_forces, 1e-10);
+        assert_close(&case.name, contacts.wheel_tractions.as_slice(), &case.wheel_tractions, 1e-10);
     }
 }
 
@@ -99,7 +99,7 @@ fn motion_matches_the_trajectories_of_the_exact_model() {
         motion.reset(&State::rolling(&params, velocity, spin, q, rate)).unwrap();
         for row in &trajectory.rows {
             while motion.time() < column(row, "t") - 0.5e-4 {
-                motion.step(&trajectory.wheel_torques);
+                motion.step(trajectory.wheel_torques);
             }
             let state = motion.state();
             let found = [state.ball_position.x, state.ball_position.y, state.ball_velocity.x, state.ball_velocity.y];
@@ -137,7 +137,7 @@ fn energy_is_conserved_without_friction() {
     let mut largest = 0.0_f64;
     // The robot topples all the way around: this model has no floor.
     for _ in 0..2000 {
-        motion.step(&[0.0; 3]);
+        motion.step([0.0; 3]);
         largest = largest.max((motion.energy() / before - 1.0).abs());
     }
     assert!(largest <= 1e-9, "relative drift {largest:e}");
@@ -150,7 +150,7 @@ fn energy_of_the_model_is_that_of_its_bodies() {
     motion.reset(&lively(&params)).unwrap();
     let wheels = ballbot_core::kinematics::Omniwheels::new(&params);
     for _ in 0..100 {
-        motion.step(&[0.1, -0.05, 0.02]);
+        motion.step([0.1, -0.05, 0.02]);
         let bodies = mechanical_energy(&params, &wheels, &motion.state());
         assert!((motion.energy() - bodies).abs() < 1e-12, "{} against {bodies}", motion.energy());
     }
@@ -163,7 +163,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
     motion.reset(&lively(&params)).unwrap();
     let torques = Vector3::new(0.2, -0.1, 0.05);
     let power = |state: &State| {
-        let wheel_speeds = Vector3::from(state.wheel_speeds);
+        let wheel_speeds = state.wheel_speeds.column();
         torques.dot(&wheel_speeds)
             - params.wheel_viscous_friction * wheel_speeds.norm_squared()
             - params.ball_viscous_friction * state.ball_velocity.norm_squared()
@@ -172,7 +172,7 @@ fn work_of_motors_less_friction_is_the_change_of_energy() {
     let mut work = 0.0;
     for _ in 0..5000 {
         let start = power(&motion.state());
-        motion.step(&torques.into());
+        motion.step(Wheels::of_column(torques));
         work += 0.5e-4 * (start + power(&motion.state()));
     }
     let change = motion.energy() - before;
@@ -187,7 +187,7 @@ fn integration_is_of_fourth_order() {
         let mut motion = SpatialMotion::new(&params, dt);
         motion.reset(&lively(&params)).unwrap();
         for _ in 0..(0.4 / dt).round() as usize {
-            motion.step(&[0.1, -0.05, 0.02]);
+            motion.step([0.1, -0.05, 0.02]);
         }
         motion.state().ball_position
     };
@@ -218,7 +218,7 @@ fn massless_wheels_leave_the_momenta_of_translation_and_rotation() {
     };
     let before = momenta(&motion.state());
     for _ in 0..2000 {
-        motion.step(&[0.0; 3]);
+        motion.step([0.0; 3]);
     }
     let drift = (momenta(&motion.state()) - before).norm() / before.norm();
     assert!(drift <= 1e-9, "relative drift {drift:e}");
@@ -237,7 +237,7 @@ fn motion_in_a_plane_is_the_planar_model_with_three_wheels() {
         let torques = spatial
             .wheels()
             .wheel_torques(&Vector3::new(torque, 0.0, 0.0), ballbot_core::kinematics::TorqueMap::Consistent);
-        let found = spatial.accelerations(&q, &velocity, &torques);
+        let found = spatial.accelerations(&q, &velocity, torques);
         assert_close("plane", &[found[1], -found[2]], expected.as_slice(), 1e-12);
         assert!(found[0].abs() + found[3].abs() + found[4].abs() < 1e-11, "leaves the plane: {found}");
     }
@@ -287,13 +287,13 @@ fn loaded_motion_continues_to_the_last_bit() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     motion.reset(&lively(&params)).unwrap();
-    motion.step(&[0.1, 0.0, -0.1]);
+    motion.step([0.1, 0.0, -0.1]);
     let saved = motion.save();
     let mut other = SpatialMotion::new(&params, 1e-3);
     other.load(&saved).unwrap();
     for _ in 0..50 {
-        motion.step(&[0.0, 0.2, -0.1]);
-        other.step(&[0.0, 0.2, -0.1]);
+        motion.step([0.0, 0.2, -0.1]);
+        other.step([0.0, 0.2, -0.1]);
     }
     assert_eq!(motion.state(), other.state());
     assert!(other.load(&saved[1..]).is_err());

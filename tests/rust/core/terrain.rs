@@ -57,7 +57,7 @@ fn contact_normal(terrain: &Terrain, params: &Params, center: &Vector3<f64>) -> 
 }
 
 fn step(robot: &mut Ballbot, steps: usize) -> State {
-    robot.step(&[0.0; 3], steps).unwrap();
+    robot.step([0.0; 3], steps).unwrap();
     robot.state()
 }
 

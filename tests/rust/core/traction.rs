@@ -4,7 +4,7 @@ use crate::support::general::crooked;
 use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Setpoint, TorqueLimits};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LoadMap, SpatialModel};
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
 
@@ -17,9 +17,9 @@ fn robots() -> impl Iterator<Item = Params> {
     Params::preset_names().iter().map(|name| Params::preset(name).unwrap()).chain([crooked()])
 }
 
-fn apply(params: &Params, state: &State, torques: &Vector3<f64>) -> Limited<f64> {
+fn apply(params: &Params, state: &State, torques: Wheels<f64>) -> Limited<f64> {
     let limits = TorqueLimits::new(params, &LimitOptions::TRACTION).unwrap();
-    limits.apply((*torques).into(), &LaneState::from(state), f64::INFINITY)
+    limits.apply(torques, &LaneState::from(state), f64::INFINITY)
 }
 
 /// Deterministic numbers in [-1, 1].
@@ -28,18 +28,18 @@ fn wave(k: usize, part: usize) -> f64 {
 }
 
 /// A tilt torque of a size and direction, and a yaw torque, on the wheels.
-fn torques(params: &Params, size: f64, azimuth: f64, yaw: f64) -> Vector3<f64> {
+fn torques(params: &Params, size: f64, azimuth: f64, yaw: f64) -> Wheels<f64> {
     let axis = Vector3::new(size * azimuth.cos(), size * azimuth.sin(), yaw);
     let axis = params.to_balance_frame().inverse_transform_vector(&axis);
     Omniwheels::new(params).torques_on_body(&axis, TorqueMap::Consistent)
 }
 
 /// The largest use of the friction limit by any wheel, and the smallest load as a fraction of the equilibrium load.
-fn used(params: &Params, state: &State, torques: &[f64; 3]) -> (f64, f64) {
+fn used(params: &Params, state: &State, torques: Wheels<f64>) -> (f64, f64) {
     let model = SpatialModel::new(params, true, true);
     let rate = state.body_angular_velocity;
     let velocity = Vector6::new(state.ball_velocity.x, state.ball_velocity.y, rate.x, rate.y, rate.z, 0.0);
-    let contacts = model.contacts(&state.body_quaternion, &velocity, &(*torques).into());
+    let contacts = model.contacts(&state.body_quaternion, &velocity, torques);
     let equilibrium = params.equilibrium_wheel_loads();
     (0..3).fold((0.0, f64::INFINITY), |(slip, load): (f64, f64), i| {
         let normal = contacts.wheel_normal_forces[i];
@@ -57,14 +57,13 @@ fn load_maps_are_the_derivatives_of_the_contact_forces() {
             let tau = Vector3::new(wave(k, 0), wave(k, 1), wave(k, 2)) * (0.1 * params.body_mass);
             let tilt = Vector2::new(wave(k, 3), wave(k, 4)) * 1e-7;
             let state = State::tilted_from_equilibrium(&params, tilt, 0.0);
-            let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), &tau);
+            let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), Wheels::of_column(tau));
             for i in 0..3 {
                 for (wheel, found) in
                     [(map.loads[i], contacts.wheel_normal_forces[i]), (map.tractions[i], contacts.wheel_tractions[i])]
                 {
-                    let linear = wheel.at_rest
-                        + Vector2::from(wheel.per_tilt).dot(&tilt)
-                        + Vector3::from(wheel.per_torque).dot(&tau);
+                    let linear =
+                        wheel.at_rest + Vector2::from(wheel.per_tilt).dot(&tilt) + wheel.per_torque.column().dot(&tau);
                     let scale = params.body_mass * params.gravity;
                     assert!((linear - found).abs() < 1e-6 * scale, "{linear} N, the model has {found} N");
                 }
@@ -89,10 +88,10 @@ fn limited_torques_use_the_friction_limit_and_no_more() {
         for k in 0..200 {
             let wanted =
                 torques(&params, weight * (0.5 + 0.5 * wave(k, 0)), PI * wave(k, 1), 0.2 * weight * wave(k, 2));
-            let found = apply(&params, &state, &wanted);
-            let (slip, load) = used(&params, &state, &found.torques);
+            let found = apply(&params, &state, wanted);
+            let (slip, load) = used(&params, &state, found.torques);
             assert!(slip <= 1.0 + 1e-9 && load >= 0.3 - 1e-9, "{slip} of the limit, {load} of the load");
-            if Vector3::from(found.torques) == wanted {
+            if found.torques == wanted {
                 kept += 1;
                 assert_eq!((found.share, found.yaw_share), (1.0, 1.0));
                 continue;
@@ -103,8 +102,8 @@ fn limited_torques_use_the_friction_limit_and_no_more() {
             assert!(slip > 1.0 - 1e-6 || load < 0.3 + 1e-6 || relieved, "{slip} of the limit, {load} of the load");
             // The rest of both parts keeps its direction.
             let wheels = Omniwheels::new(&params);
-            let of = |torques: &Vector3<f64>| params.to_balance_frame() * (wheels.u.transpose() * torques);
-            let (before, after) = (of(&wanted), of(&found.torques.into()));
+            let of = |torques: Wheels<f64>| params.to_balance_frame() * (wheels.u.transpose() * torques.column());
+            let (before, after) = (of(wanted), of(found.torques));
             assert!((after.xy() - before.xy() * found.share).norm() < 1e-9 * before.norm());
             assert!((after.z - before.z * found.yaw_share).abs() < 1e-9 * before.norm());
         }
@@ -122,9 +121,9 @@ fn tilted_robots_keep_within_two_percent_of_the_limit() {
             let tilt = Vector2::new(azimuth.cos(), azimuth.sin()) * degrees.to_radians();
             let state = State::tilted(&params, tilt, 0.0);
             // Back to upright.
-            let found = apply(&params, &state, &torques(&params, -5.0, azimuth, 0.0));
+            let found = apply(&params, &state, torques(&params, -5.0, azimuth, 0.0));
             assert!(found.share < 0.2);
-            let (slip, _) = used(&params, &state, &found.torques);
+            let (slip, _) = used(&params, &state, found.torques);
             worst = worst.max(slip);
         }
     }
@@ -135,12 +134,12 @@ fn tilted_robots_keep_within_two_percent_of_the_limit() {
 fn yaw_torque_is_given_up_first() {
     let params = Params::paper();
     let state = State::upright(&params);
-    let found = apply(&params, &state, &torques(&params, 0.2, 0.4, 5.0));
+    let found = apply(&params, &state, torques(&params, 0.2, 0.4, 5.0));
     assert!(found.share == 1.0 && found.yaw_share > 0.0 && found.yaw_share < 0.1, "{found:?}");
-    let found = apply(&params, &state, &torques(&params, 1.0, 0.4, 5.0));
+    let found = apply(&params, &state, torques(&params, 1.0, 0.4, 5.0));
     assert!(found.share < 0.5 && found.yaw_share < 1e-6, "{found:?}");
     // The wheels can carry a yaw torque by itself.
-    let found = apply(&params, &state, &torques(&params, 0.0, 0.0, 5.0));
+    let found = apply(&params, &state, torques(&params, 0.0, 0.0, 5.0));
     assert!(found.share == 1.0 && found.yaw_share > 0.1 && found.yaw_share < 1.0, "{found:?}");
 }
 
@@ -152,7 +151,7 @@ fn turned_by_a_third_the_torques_move_on_by_a_wheel() {
         let at = |turn: f64| {
             let direction = azimuth + turn;
             let state = State::tilted(&params, Vector2::new(direction.cos(), direction.sin()) * tilt, 0.0);
-            let found = apply(&params, &state, &torques(&params, size, direction + 0.3, 0.05 * wave(k, 3)));
+            let found = apply(&params, &state, torques(&params, size, direction + 0.3, 0.05 * wave(k, 3)));
             found.torques
         };
         let (here, there) = (at(0.0), at(TAU / 3.0));
@@ -168,10 +167,10 @@ fn a_heading_changes_nothing() {
     let wanted = torques(&params, 0.6, 1.0, 0.1);
     let turned = |yaw: f64| {
         let tilt = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw) * Vector3::new(0.1, -0.05, 0.0);
-        apply(&params, &State::tilted(&params, tilt.xy(), yaw), &wanted).torques
+        apply(&params, &State::tilted(&params, tilt.xy(), yaw), wanted).torques
     };
     for yaw in [0.5, 2.0, -3.0] {
-        assert!((Vector3::from(turned(yaw)) - Vector3::from(turned(0.0))).norm() < 1e-9);
+        assert!((turned(yaw).column() - turned(0.0).column()).norm() < 1e-9);
     }
 }
 
@@ -180,28 +179,25 @@ fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
     let params = Params::paper();
     let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
     let wanted = torques(&params, 1.0, 0.4, 0.1);
-    let gripping = apply(&params, &state, &wanted);
+    let gripping = apply(&params, &state, wanted);
     state.wheel_speeds[1] += 0.11 / params.wheel_radius;
-    let slipping = apply(&params, &state, &wanted);
-    let capped = TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(
-        wanted.into(),
-        &LaneState::from(&state),
-        f64::INFINITY,
-    );
+    let slipping = apply(&params, &state, wanted);
+    let capped =
+        TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(wanted, &LaneState::from(&state), f64::INFINITY);
     assert_eq!(slipping.torques, capped.torques);
     assert_ne!(slipping.torques, gripping.torques);
     state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
-    assert_eq!(apply(&params, &state, &wanted).torques, gripping.torques);
+    assert_eq!(apply(&params, &state, wanted).torques, gripping.torques);
 }
 
 #[test]
 fn torques_that_are_no_numbers_are_not_hidden() {
     let params = Params::paper();
     for k in 0..3 {
-        let mut wanted = Vector3::new(0.1, -0.2, 0.3);
+        let mut wanted = Wheels([0.1, -0.2, 0.3]);
         wanted[k] = f64::NAN;
         for state in [State::upright(&params), State::tilted(&params, Vector2::new(0.3, 0.1), 0.0)] {
-            assert!(apply(&params, &state, &wanted).torques[k].is_nan());
+            assert!(apply(&params, &state, wanted).torques[k].is_nan());
         }
     }
 }
@@ -243,7 +239,7 @@ fn stands(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, ta
                 let share = phase.sin() * (FRAC_PI_2 / pushed as f64).sin();
                 robot.push(&(impulse * share), None).unwrap();
             }
-            if robot.step(&torques, 1).is_err() {
+            if robot.step(torques, 1).is_err() {
                 return false;
             }
         }
@@ -307,7 +303,7 @@ fn a_far_setpoint_topples_no_robot() {
             let setpoint = Setpoint { position: direction * distance, ..Setpoint::default() };
             let (mut tilt, mut speed) = (0.0_f64, 0.0_f64);
             for _ in 0..100 * seconds {
-                robot.step(&scaled.wheel_torques(&robot.state(), &setpoint), STEPS).unwrap();
+                robot.step(scaled.wheel_torques(&robot.state(), &setpoint), STEPS).unwrap();
                 let state = robot.state();
                 (tilt, speed) = (tilt.max(state.tilt()), speed.max(state.ball_velocity.norm()));
             }

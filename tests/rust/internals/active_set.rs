@@ -7,7 +7,7 @@ use ballbot_contact::{
 use ballbot_core::lanes::{Scalar, Vec3};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::terrain::{Frame, Ground, Terrain, TerrainKind};
-use ballbot_core::{Model, Params, State};
+use ballbot_core::{Model, Params, State, Wheels};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use std::sync::Arc;
 
@@ -36,13 +36,13 @@ struct Step {
 
 impl Step {
     fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
-        Self::under(c, state, &Actions::level(c.gravity_dt, torques))
+        Self::under(c, state, &Actions::level(c.gravity_dt, Wheels(*torques)))
     }
 
     /// The step in the frame of the ground under the ball.
     fn on(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3], ground: &Arc<Ground>) -> Self {
         let (mut footing, mut state) = (Footing::new(ground), state.clone());
-        let mut actions = Actions::level(c.gravity_dt, torques);
+        let mut actions = Actions::level(c.gravity_dt, Wheels(*torques));
         footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
         Self::under(c, &state, &actions)
     }
@@ -107,7 +107,7 @@ fn random_steps(params: &Params, size: f64, steps: usize, seed: u64, mut check: 
         }
         let step = Step::new(&c, &state, &torques);
         let near = Near::<f64>::new(&c, &step.start, Scalar, &state, None).mask;
-        advance(&c, &mut state, None, &torques, 1);
+        advance(&c, &mut state, None, Wheels(torques), 1);
         // The axes of the step are the principal axes of the body.
         let up = step.start.rotation.rows[2].dot(Vec3::from(c.mast));
         if near || up < 20_f64.to_radians().cos() {
@@ -156,7 +156,7 @@ fn check_conditions(params: &Params, steps: usize) {
                 let impulses = impulses_of(state);
                 worst = worst.max(step.error(&c, &impulses) / unit);
                 slips += usize::from((0..3).any(|i| impulses.drives[i].abs() >= friction * impulses.normals[i]));
-                open += usize::from(impulses.normals.contains(&0.0));
+                open += usize::from(impulses.normals.0.contains(&0.0));
                 if state.searched_steps != last {
                     searched += 1.0;
                 }
@@ -200,7 +200,7 @@ fn impulses_on_terrains_meet_the_contact_conditions() {
                     let torques = [0; 3].map(|_| rng.within(largest));
                     let before = robot.memory().clone();
                     let step = Step::on(&c, &before, &torques, &ground);
-                    robot.advance(&torques, 1);
+                    robot.advance(Wheels(torques), 1);
                     let (_, normal) = ground.gap(&before.ball_position.into(), params.ball_radius);
                     let lean = robot.state().body_quaternion.transform_vector(&Vector3::z()).dot(&normal).acos();
                     if robot.bot_on_floor() || lean > 0.6 {
@@ -235,10 +235,10 @@ struct Dense {
 impl Dense {
     /// The matrix from the response to unit impulses.
     fn new(c: &Constants<f64>, step: &Step) -> Self {
-        let flat = |rows: PerRow<f64>| DVector::from_iterator(9, [rows.floor, rows.normals, rows.drives].concat());
+        let flat = |rows: PerRow<f64>| DVector::from_iterator(9, [rows.floor, rows.normals.0, rows.drives.0].concat());
         let unit = |k: usize| {
             let one = |block: usize| [0, 1, 2].map(|i| if 3 * block + i == k { 1.0 } else { 0.0 });
-            PerRow { floor: one(0), normals: one(1), drives: one(2), joints: [0.0; 3] }
+            PerRow { floor: one(0), normals: Wheels(one(1)), drives: Wheels(one(2)), joints: Wheels::default() }
         };
         let none = unit(usize::MAX);
         let residuals = flat(step.residuals(c, &none));
@@ -352,7 +352,7 @@ fn impulses_are_those_of_a_search_through_all_modes() {
                     return;
                 }
                 let impulses = impulses_of(state);
-                let found = DVector::from_iterator(9, [impulses.floor, impulses.normals, impulses.drives].concat());
+                let found = DVector::from_iterator(9, [impulses.floor, impulses.normals.0, impulses.drives.0].concat());
                 let solutions = Dense::new(&c, step).solutions(1e-9 * unit);
                 let nearest = solutions.iter().map(|s| (s - &found).amax()).fold(f64::INFINITY, f64::min);
                 assert!(nearest < 1e-8 * unit, "mu {friction}: {found} is none of {solutions:?}");
@@ -413,7 +413,7 @@ fn modes_of_the_last_step_are_kept_while_they_are_valid() {
                 changed += 1;
                 return;
             }
-            let found = DVector::from_iterator(9, [impulses.floor, impulses.normals, impulses.drives].concat());
+            let found = DVector::from_iterator(9, [impulses.floor, impulses.normals.0, impulses.drives.0].concat());
             let apart = (&solution - &found).amax() / unit;
             assert!(apart < 1e-6, "{size} N·m: modes {before:?} are valid, but left for {last:?}: {apart} apart");
             kept += 1;

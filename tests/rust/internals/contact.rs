@@ -6,7 +6,7 @@ use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::lanes::{EIGHT, Eight, Scalar};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::terrain::{Ground, Terrain};
-use ballbot_core::{Model, Params, State};
+use ballbot_core::{Model, Params, State, Wheels};
 use ballbot_lanes::advance_eight;
 use fearless_simd::Level;
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -141,7 +141,7 @@ fn alone(i: usize, kind: Kind, ground: Option<&Arc<Ground>>) -> Vec<ContactState
     let mut memory = start(i, kind);
     let step = |k| {
         event(i, k, kind, &mut memory);
-        advance(&constants, &mut memory, footing.as_mut(), &torques(i, k), 1);
+        advance(&constants, &mut memory, footing.as_mut(), Wheels(torques(i, k)), 1);
         memory.clone()
     };
     (0..STEPS).map(step).collect()
@@ -157,7 +157,7 @@ fn side_by_side(level: Level, kinds: Kinds, ground: Option<&Arc<Ground>>) -> Vec
     }
     let mut out = Vec::new();
     for k in 0..STEPS {
-        let mut all = [Eight::default(); 3];
+        let mut all = Wheels::<Eight>::default();
         for (i, &kind) in kinds.iter().enumerate() {
             let mut one = robots.lane(i);
             event(i, k, kind, &mut one);
@@ -263,9 +263,9 @@ fn assert_eventful(expected: &[Vec<ContactState<f64>>; EIGHT], falling: bool) {
     // A diverged robot stays where it was.
     let [before, after] = [99, 100].map(|step| &expected[DIVERGING][step]);
     assert_same("diverged", &ContactState { steps: after.steps, diverged: 1.0, ..before.clone() }, after);
-    assert!(expected[FRICTION][10].joint_impulses != [0.0; 3]);
+    assert!(expected[FRICTION][10].joint_impulses != Wheels::default());
     assert_eq!(expected[RESET][STEPS - 1].steps, 250.0);
-    let slip = |m: &ContactState<f64>| Vector3::from(m.wheel_spins).amax();
+    let slip = |m: &ContactState<f64>| m.wheel_spins.column().amax();
     assert!(slip(&expected[SLIPPING][STEPS - 1]) > 20.0, "nothing slips");
 }
 
@@ -294,9 +294,9 @@ fn lanes_do_not_depend_on_their_neighbors() {
 fn one_call_of_many_steps_equals_many_calls() {
     let constants = constants_of(1, Kind::Eventful);
     let (mut once, mut singly) = (start(1, Kind::Eventful), start(1, Kind::Eventful));
-    advance(&constants, &mut once, None, &[0.02, -0.01, 0.03], 200);
+    advance(&constants, &mut once, None, Wheels([0.02, -0.01, 0.03]), 200);
     for _ in 0..200 {
-        advance(&constants, &mut singly, None, &[0.02, -0.01, 0.03], 1);
+        advance(&constants, &mut singly, None, Wheels([0.02, -0.01, 0.03]), 1);
     }
     assert_same("200 steps", &once, &singly);
 }
@@ -336,7 +336,7 @@ fn displaced_robot(params: &Params) -> ContactMotion {
     state.ball_angular_velocity = Vector3::new(2.0, 1.0, -3.0);
     state.body_velocity = Vector3::new(-0.1, 0.4, 0.2);
     state.body_angular_velocity = Vector3::new(1.5, -2.5, 4.0);
-    state.wheel_speeds = [10.0, -20.0, 5.0];
+    state.wheel_speeds = Wheels([10.0, -20.0, 5.0]);
     let mut robot = ContactMotion::new(params, 1e-3);
     robot.place(&state);
     robot
@@ -368,7 +368,7 @@ fn check_delassus_matrix<const RIPPLE: bool>(robot: &ContactMotion) {
     let delassus = Delassus::new::<true, RIPPLE>(c, &start.rows);
     for row in 0..12 {
         let mut impulse = before;
-        let rows = [&mut impulse.floor, &mut impulse.normals, &mut impulse.drives, &mut impulse.joints];
+        let rows = [&mut impulse.floor, &mut impulse.normals.0, &mut impulse.drives.0, &mut impulse.joints.0];
         for (k, cell) in rows.into_iter().flatten().enumerate() {
             *cell = if k == row { 1.0 } else { 0.0 };
         }
@@ -379,9 +379,9 @@ fn check_delassus_matrix<const RIPPLE: bool>(robot: &ContactMotion) {
         delassus.add_effect::<true>(&impulse, &mut expected);
         let blocks = [
             (after.floor, expected.floor),
-            (after.normals, expected.normals),
-            (after.drives, expected.drives),
-            (after.joints, expected.joints),
+            (after.normals.0, expected.normals.0),
+            (after.drives.0, expected.drives.0),
+            (after.joints.0, expected.joints.0),
         ];
         for (after, expected) in blocks {
             for (a, e) in after.into_iter().zip(expected) {
@@ -402,10 +402,10 @@ fn motion_does_not_depend_on_the_principal_axes() {
     // The robot's torques, its tilt, and an impulse in step 100. It leans, slips and falls, loses its ball and lands on
     // it, tumbles and lands on its side.
     let runs = [
-        ([0.02, -0.01, 0.03], 0.05, Vector3::zeros()),
-        ([0.8, -0.6, 0.7], 0.1, Vector3::zeros()),
-        ([0.0, 0.0, 0.0], 0.02, Vector3::new(0.1, 0.2, 3.0)),
-        ([0.0, 0.0, 0.0], 0.6, Vector3::new(2.0, -1.0, 6.0)),
+        (Wheels([0.02, -0.01, 0.03]), 0.05, Vector3::zeros()),
+        (Wheels([0.8, -0.6, 0.7]), 0.1, Vector3::zeros()),
+        (Wheels::default(), 0.02, Vector3::new(0.1, 0.2, 3.0)),
+        (Wheels::default(), 0.6, Vector3::new(2.0, -1.0, 6.0)),
     ];
     for rotation in [[0.3, -0.5, 0.8], [2.0, 1.0, -0.5], [-1.0, 0.4, 2.5]] {
         let rotation = Some(UnitQuaternion::from_scaled_axis(rotation.into()));
@@ -420,7 +420,7 @@ fn motion_does_not_depend_on_the_principal_axes() {
                     if step == 100 {
                         robot.push(&c, blow, &Vector3::new(0.05, -0.1, 0.2));
                     }
-                    advance(&c, &mut robot, None, torques, 1);
+                    advance(&c, &mut robot, None, *torques, 1);
                     (State::from(robot.read(&c)), robot.contacts(&c, None))
                 };
                 (0..1500).map(step).collect::<Vec<_>>()
@@ -435,7 +435,7 @@ fn motion_does_not_depend_on_the_principal_axes() {
                 worst = apart.into_iter().fold(worst, f64::max);
             }
             let on_floor = one.iter().filter(|(_, contacts)| contacts.bot_on_floor).count();
-            let off_ball = one.iter().filter(|(_, contacts)| contacts.wheel_normal_forces == [0.0; 3]).count();
+            let off_ball = one.iter().filter(|(_, contacts)| contacts.wheel_normal_forces == Wheels::default()).count();
             println!("run {k}: {on_floor} steps on the floor, {off_ball} off the ball, {worst:e} apart");
             assert!(worst <= 1e-9, "run {k}: {worst:e} apart");
             assert!(k != 2 || off_ball > 0, "it does not hop");

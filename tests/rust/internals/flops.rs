@@ -3,7 +3,7 @@
 use ballbot_contact::{Actions, Delassus, Friction, JointFriction, Start, free_velocities, step};
 use ballbot_core::lanes::{Lane, Scalar};
 use ballbot_core::sim::ContactMotion;
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{Vector2, Vector3};
 use std::cell::RefCell;
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
@@ -170,7 +170,7 @@ fn moving(params: &Params) -> ContactMotion {
     let body = attitude(Vector2::new(0.03, -0.05), 0.6);
     motion.place(&State::rolling(params, Vector2::new(0.1, -0.05), 0.2, body, Vector3::new(0.2, -0.1, 0.3)));
     for _ in 0..50 {
-        motion.advance(&TORQUES, 1);
+        motion.advance(Wheels(TORQUES), 1);
     }
     motion
 }
@@ -179,10 +179,10 @@ fn moving(params: &Params) -> ContactMotion {
 fn operations(params: &Params) -> Operations {
     let mut motion = moving(params);
     let mut memory = motion.memory().clone();
-    motion.advance(&TORQUES, 1);
+    motion.advance(Wheels(TORQUES), 1);
     DONE.set(Operations::default());
     let c = motion.constants();
-    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, &TORQUES));
+    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, Wheels(TORQUES)));
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
@@ -207,7 +207,7 @@ fn operations_of_a_sweep_are_as_counted_by_hand() {
     let start = Start::<Counted>::new::<false, f64>(c, Scalar, memory);
     let friction = Friction::new(c, &start.rows, &start.velocities);
     let joint_friction = JointFriction::new(c, start.rows.floor_gap);
-    let free = free_velocities(c, Scalar, memory, &start, &Actions::level(c.gravity_dt, &TORQUES));
+    let free = free_velocities(c, Scalar, memory, &start, &Actions::level(c.gravity_dt, Wheels(TORQUES)));
     let mut residuals = start.rows.residuals::<false, f64>(c, &free);
     let mut impulses = memory.impulses(Scalar);
     let delassus = Delassus::new::<false, false>(c, &start.rows);

@@ -21,7 +21,7 @@ fn end(controller: &mut dyn Controller, start: &State, impulse: Vector3<f64>, se
     robot.push(&impulse, None).unwrap();
     for _ in 0..(seconds / CONTROL_DT) as usize {
         let torques = controller.wheel_torques(&robot.state(), &Setpoint::default());
-        robot.step(&torques, 10).unwrap();
+        robot.step(torques, 10).unwrap();
         if robot.state().tilt() > 1.0 {
             return None;
         }
@@ -100,7 +100,7 @@ fn it_follows_a_circle_without_trailing() {
             count += 1.0;
         }
         let torques = controller.wheel_torques(&robot.state(), &target);
-        robot.step(&torques, 10).unwrap();
+        robot.step(torques, 10).unwrap();
     }
     println!("{:.1} mm along the circle", along / count * 1e3);
     assert!((along / count).abs() < 0.015, "{} m", along / count);

@@ -14,7 +14,7 @@ use ballbot_core::control::Lqr;
 use ballbot_core::lanes::{Memory, Scalar};
 use ballbot_core::sensor::{Exact, Sensor};
 use ballbot_core::task::{ACTION_LEN, Balance, Task};
-use ballbot_core::{Ballbot, ModelKind, State};
+use ballbot_core::{Ballbot, ModelKind, State, Wheels};
 use delay::Delay;
 use lag::Lag;
 
@@ -88,8 +88,8 @@ fn assert_equals_singles<A: Actuator>(actuator: &A) {
                 let commands = [0, 1, 2].map(|j| f64::from(actions[3 * i + j]));
                 for _ in 0..config.substeps().unwrap() {
                     let mut memory = Memory::<f64>::new(Scalar, memory);
-                    let torques = actuator.torques(commands, robot.state().wheel_speeds, &mut memory);
-                    robot.step(&torques, 1).unwrap();
+                    let torques = actuator.torques(Wheels(commands), robot.state().wheel_speeds, &mut memory);
+                    robot.step(torques, 1).unwrap();
                 }
                 *over |= run.outcomes[i].done();
                 if !*over {
@@ -135,7 +135,7 @@ fn response_of_the_lag_is_its_closed_form() {
             for substep in 0..5 {
                 // After m steps the torque is the command times 1 − (1 − share)^m.
                 let reached = 1.0 - 0.8_f64.powi(5 * k + substep + 1);
-                robot.step(&commands.map(|c| f64::from(c) * TORQUE * reached), 1).unwrap();
+                robot.step(commands.map(|c| f64::from(c) * TORQUE * reached), 1).unwrap();
             }
             for i in 0..n {
                 let (found, expected) = (run.batch.state(i).unwrap().to_array(), robot.state().to_array());

@@ -400,7 +400,7 @@ fn registered_controllers_balance_a_batch_as_single_robots() {
             let torques = single.1.wheel_torques(&state, &setpoints[1]);
             run.step_under(&Under { setpoints: Some(&setpoints), ..Under::new(controller.as_ref()) }, &mut actions)
                 .unwrap();
-            assert_eq!(actions[3..6], torques.map(|t| (t / 0.5) as f32), "{model}: step {k}");
+            assert_eq!(actions[3..6], torques.map(|t| (t / 0.5) as f32).0, "{model}: step {k}");
             let outcome = single.0.step(Autoreset::NextStep, &actions[3..6]);
             assert_eq!(run.outcomes[1], outcome, "{model}: step {k}");
             assert!(run.outcomes.iter().all(|outcome| !outcome.done()), "{model}: fell in step {k}");

@@ -1,6 +1,6 @@
 //! Resets and single steps of a bare model.
 
-use ballbot_core::{Model, Result, State};
+use ballbot_core::{Model, Result, State, Wheels};
 
 pub trait Motion: Model {
     /// Restarts from `state` if the model accepts it.
@@ -11,8 +11,8 @@ pub trait Motion: Model {
     }
 
     /// Advances by one time step.
-    fn step(&mut self, wheel_torques: &[f64; 3]) {
-        self.advance(wheel_torques, 1);
+    fn step(&mut self, wheel_torques: impl Into<Wheels<f64>>) {
+        self.advance(wheel_torques.into(), 1);
     }
 }
 

@@ -18,7 +18,7 @@ impl<L: Lane> Mat3<L> {
 
     /// Transposed matrix.
     #[inline(always)]
-    pub fn transposed(&self) -> Self {
+    fn transposed(&self) -> Self {
         let [a, b, c] = self.rows;
         Self::new(Vec3::new(a.x, b.x, c.x), Vec3::new(a.y, b.y, c.y), Vec3::new(a.z, b.z, c.z))
     }
@@ -30,32 +30,11 @@ impl<L: Lane> Mat3<L> {
         Vec3::new(a.dot(v), b.dot(v), c.dot(v))
     }
 
-    /// Product with a matrix.
-    #[inline(always)]
-    pub fn times_matrix(&self, other: &Self) -> Self {
-        let [a, b, c] = self.rows;
-        Self::new(other.combined(a), other.combined(b), other.combined(c))
-    }
-
-    /// Sum of the rows with factors: the row vector `factors` times the matrix.
-    #[inline(always)]
-    pub fn combined(&self, factors: Vec3<L>) -> Vec3<L> {
-        let [a, b, c] = self.rows;
-        (a * factors.x).plus(b, factors.y).plus(c, factors.z)
-    }
-
     /// Difference self − column · row.
     #[inline(always)]
     pub fn minus_outer(&self, column: Vec3<L>, row: Vec3<L>) -> Self {
         let [a, b, c] = self.rows;
         Self::new(a.plus(row, -column.x), b.plus(row, -column.y), c.plus(row, -column.z))
-    }
-
-    /// Difference of two matrices.
-    #[inline(always)]
-    pub fn minus(&self, other: &Self) -> Self {
-        let ([a, b, c], [d, e, f]) = (self.rows, other.rows);
-        Self::new(a - d, b - e, c - f)
     }
 
     /// Inverse by cofactors; not finite for a singular matrix.

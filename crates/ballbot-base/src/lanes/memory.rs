@@ -1,6 +1,7 @@
 //! Access in lanes to the internal numbers of a stage, a task or a controller.
 
 use super::{Lane, Quat, Vec3};
+use crate::wheels::Wheels;
 
 /// Numbers of one robot or of eight.
 pub struct Memory<'a, L: Lane> {
@@ -57,6 +58,18 @@ impl<'a, L: Lane> Memory<'a, L> {
     #[inline(always)]
     pub fn set_vector(&mut self, first: usize, vector: Vec3<L>) {
         self.set3(first, [vector.x, vector.y, vector.z]);
+    }
+
+    /// The number of each wheel, from number `first` on.
+    #[inline(always)]
+    pub fn wheels(&self, first: usize) -> Wheels<L> {
+        self.get3(first).into()
+    }
+
+    /// Replaces the number of each wheel, from number `first` on.
+    #[inline(always)]
+    pub fn set_wheels(&mut self, first: usize, values: Wheels<L>) {
+        self.set3(first, values.0);
     }
 
     /// The quaternion `[w, x, y, z]` in numbers `first` to `first` + 3.

@@ -2,6 +2,7 @@
 
 use super::Params;
 use crate::error::{Error, Result, check};
+use crate::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 /// Largest angle between the floor's normal and the vertical, rad.
@@ -88,13 +89,13 @@ impl Params {
     ///
     /// # Errors
     /// As [`Params::slope_lean`].
-    pub fn holding_torques(&self, yaw: f64) -> Result<[f64; 3]> {
+    pub fn holding_torques(&self, yaw: f64) -> Result<Wheels<f64>> {
         let lean = UnitQuaternion::from_scaled_axis(self.slope_lean()?.push(0.0));
         let attitude = lean * self.equilibrium_attitude(yaw);
         let weight = (self.ball_mass + self.body_mass) * self.gravity;
         let moment = attitude.inverse_transform_vector(&Vector3::z().cross(&self.up())) * weight;
         let axles: Matrix3<f64> = self.drive_matrix().transpose();
         let torques = axles.lu().solve(&moment).expect("the axles of a validated robot span space");
-        Ok((torques * self.wheel_radius).into())
+        Ok(Wheels::of_column(torques * self.wheel_radius))
     }
 }

@@ -2,6 +2,7 @@
 
 use super::Params;
 use crate::error::{Error, Result};
+use crate::wheels::Wheels;
 use nalgebra::{Matrix3, Quaternion, UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
@@ -25,8 +26,8 @@ impl Params {
     }
 
     /// Zenith angle of each wheel contact, rad.
-    pub fn wheel_zeniths(&self) -> [f64; 3] {
-        self.wheel_zenith_offsets.map(|offset| self.wheel_zenith + offset)
+    pub fn wheel_zeniths(&self) -> Wheels<f64> {
+        Wheels(self.wheel_zenith_offsets).map(|offset| self.wheel_zenith + offset)
     }
 
     /// Whether the wheels have equal zenith angles and are 120 deg apart, within 1e-6 rad.
@@ -103,28 +104,28 @@ impl Params {
     }
 
     /// Load of each wheel on the ball in equilibrium on a level floor, without motor torques, N.
-    pub fn equilibrium_wheel_loads(&self) -> [f64; 3] {
+    pub fn equilibrium_wheel_loads(&self) -> Wheels<f64> {
         if self.is_symmetric() {
-            return [self.static_wheel_load(); 3];
+            return Wheels::all(self.static_wheel_load());
         }
-        let directions = Matrix3::from_columns(&self.contact_directions());
+        let directions = Matrix3::from_columns(&self.contact_directions().0);
         let weight = self.com_direction() * (self.body_mass * self.gravity);
         // Coplanar directions do not carry load; validation rejects them.
-        directions.lu().solve(&weight).unwrap_or_else(Vector3::zeros).into()
+        Wheels::of_column(directions.lu().solve(&weight).unwrap_or_else(Vector3::zeros))
     }
 
     /// Directions p_i from the ball center to each wheel contact.
-    pub fn contact_directions(&self) -> [Vector3<f64>; 3] {
+    pub fn contact_directions(&self) -> Wheels<Vector3<f64>> {
         let zeniths = self.wheel_zeniths();
-        [0, 1, 2].map(|i| {
+        Wheels::from_fn(|i| {
             let (azimuth, (sin, cos)) = (self.wheel_azimuths[i], zeniths[i].sin_cos());
             Vector3::new(sin * azimuth.cos(), sin * azimuth.sin(), cos)
         })
     }
 
     /// Directions d_i in which each wheel drives the surface of the ball.
-    pub fn drive_directions(&self) -> [Vector3<f64>; 3] {
-        self.wheel_azimuths.map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0))
+    pub fn drive_directions(&self) -> Wheels<Vector3<f64>> {
+        Wheels(self.wheel_azimuths).map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0))
     }
 
     /// Matrix of the rows u_i = p_i × d_i.

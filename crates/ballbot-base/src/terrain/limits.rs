@@ -48,8 +48,8 @@ impl Params {
         let tractions = wheels.u.transpose().try_inverse().expect(spans) * body * weight;
         let across =
             Matrix3::new(0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0) * (lean * self.body_mass * self.gravity);
-        let reaction = Matrix3::from_columns(&wheels.drive_directions) * tractions - body * across;
-        let gains = Matrix3::from_columns(&wheels.contact_directions).try_inverse().expect(spans) * reaction;
+        let reaction = Matrix3::from_columns(&wheels.drive_directions.0) * tractions - body * across;
+        let gains = Matrix3::from_columns(&wheels.contact_directions.0).try_inverse().expect(spans) * reaction;
         let friction = self.wheel_static_friction;
         let (mut traction, mut motor) = (self.floor_static_friction.atan().sin(), f64::INFINITY);
         for (i, load) in self.equilibrium_wheel_loads().into_iter().enumerate() {

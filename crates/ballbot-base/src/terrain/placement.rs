@@ -43,7 +43,7 @@ impl Ground {
             body_position: start.body_position + moved,
             body_velocity: start.body_velocity + velocity - level,
             body_quaternion,
-            wheel_speeds: wheels.wheel_speeds(&body_quaternion, &rate, &start.body_angular_velocity).into(),
+            wheel_speeds: wheels.wheel_speeds(&body_quaternion, &rate, &start.body_angular_velocity),
             ..start.clone()
         }
     }

@@ -5,7 +5,8 @@ use super::elimination::{Floor, Joints, System};
 use super::modes::{FloorMode, JointModes, Modes, WheelModes};
 use crate::friction::in_disc;
 use crate::types::PerRow;
-use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
+use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Largest violation of a condition in an accepted solution, as a fraction of the impulses.
 const TOLERANCE: f64 = 1e-13;
@@ -48,10 +49,10 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     }
 
     #[inline(always)]
-    fn joint_trial(&self, impulses: [L; 3], residuals: [L; 3]) -> [L; 3] {
+    fn joint_trial(&self, impulses: Wheels<L>, residuals: Wheels<L>) -> Wheels<L> {
         let own = &self.delassus.joint_joint;
-        let [a, b, c] = impulses;
-        [a - residuals[0] / own[0][0], b - residuals[1] / own[1][1], c - residuals[2] / own[2][2]]
+        let [a, b, c] = impulses.0;
+        Wheels([a - residuals[0] / own[0][0], b - residuals[1] / own[1][1], c - residuals[2] / own[2][2]])
     }
 
     /// Solves the conditions for given modes. `weight` multiplies the slip speeds in the trial impulses: with a small
@@ -65,7 +66,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
             system = joints.eliminated(self.delassus, &system);
         }
         let (normals, drives) = system.solve(&modes.wheels);
-        let joint_impulses = if JOINTS { joints.impulses(normals, drives) } else { Vec3::zero(like) };
+        let joint_impulses = if JOINTS { joints.impulses(normals, drives) } else { Wheels::zero(like) };
         let floor_trial = floor.trial(self.delassus, normals, drives);
         self.judge::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
     }
@@ -74,14 +75,13 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     #[inline(always)]
     pub fn floor(&self) -> Floor<L> {
         let d = self.delassus;
-        let mixed = Mat3::from(d.normal_drive);
         let wheels = System {
-            normal_normal: d.normal_normal.into(),
-            normal_drive: mixed,
-            drive_normal: mixed.transposed(),
-            drive_drive: d.drive_drive.into(),
-            normals: self.residuals.normals.into(),
-            drives: self.residuals.drives.into(),
+            normal_normal: d.normal_normal,
+            normal_drive: d.normal_drive,
+            drive_normal: d.normal_drive.transposed(),
+            drive_drive: d.drive_drive,
+            normals: self.residuals.normals,
+            drives: self.residuals.drives,
         };
         Floor::new(self, wheels)
     }
@@ -93,22 +93,19 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         modes: &Modes<L>,
         weight: f64,
         system: &System<L>,
-        (normals, drives, joints): (Vec3<L>, Vec3<L>, Vec3<L>),
+        (normals, drives, joints): (Wheels<L>, Wheels<L>, Wheels<L>),
         floor_trial: [L; 3],
     ) -> Attempt<L> {
         let friction = self.friction;
         let zero = friction.floor.zero();
         let WheelModes { closed, slips, slopes } = &modes.wheels;
-        let (normals, drives) = ([normals.x, normals.y, normals.z], [drives.x, drives.y, drives.z]);
 
-        let solution = PerRow { floor: floor_trial, normals, drives, joints: [joints.x, joints.y, joints.z] };
+        let solution = PerRow { floor: floor_trial, normals, drives, joints };
         let mut trial = solution;
         // Rows that stick or are closed have zero residual.
         if L::any(slips[0] | slips[1] | slips[2]) {
-            let (normal_residuals, drive_residuals) = system.residuals(normals.into(), drives.into());
-            let n = [normal_residuals.x, normal_residuals.y, normal_residuals.z];
-            let d = [drive_residuals.x, drive_residuals.y, drive_residuals.z];
-            for i in 0..3 {
+            let (n, d) = system.residuals(normals, drives);
+            for i in 0..WHEELS {
                 let open = n[i].neg_mul_add(self.delassus.normal_inverse[i], normals[i]);
                 trial.normals[i] = L::select(closed[i], normals[i], open);
                 let slipping = (d[i] * weight).neg_mul_add(self.delassus.drive_inverse[i], drives[i]);
@@ -118,7 +115,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
 
         let mut violation = self.floor_violation(&modes.floor, floor_trial);
         let mut size = floor_trial[0].abs();
-        for i in 0..3 {
+        for i in 0..WHEELS {
             size += normals[i].abs() + drives[i].abs();
             let normal = L::select(closed[i], -trial.normals[i], trial.normals[i]);
             let limit = friction.wheels[i] * normals[i];
@@ -131,7 +128,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         }
         let tolerance = (self.static_impulse + size) * TOLERANCE;
         let mut bounded = [normals, drives];
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let normal = normals[i].max(zero);
             let limit = friction.wheels[i] * normal;
             bounded[0][i] = normal;
@@ -145,7 +142,10 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
                 floor: [load, x, y],
                 normals: bounded_normals,
                 drives: bounded_drives,
-                joints: [joints.x + 0.0, joints.y + 0.0, joints.z + 0.0],
+                joints: joints.map(
+                    #[inline(always)]
+                    |impulse| impulse + 0.0,
+                ),
             },
             trial,
             // Non-finite numbers are in the sum, and every comparison with them is false.
@@ -159,16 +159,14 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
     #[inline(always)]
     fn joint_violation(&self, modes: &JointModes<L>, trial: &mut PerRow<L>, impulses: &PerRow<L>) -> L {
         let d = self.delassus;
-        let (normals, drives) = (Vec3::from(impulses.normals), Vec3::from(impulses.drives));
-        let joints = Vec3::from(impulses.joints);
         let dry = self.joint_friction.dry;
         let zero = dry.zero();
         let mut violation = zero;
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let rate = self.residuals.joints[i]
-                + Vec3::from(d.joint_normal[i]).dot(normals)
-                + Vec3::from(d.joint_drive[i]).dot(drives)
-                + Vec3::from(d.joint_joint[i]).dot(joints);
+                + d.joint_normal[i].dot(impulses.normals)
+                + d.joint_drive[i].dot(impulses.drives)
+                + d.joint_joint[i].dot(impulses.joints);
             let moving = impulses.joints[i] - rate / d.joint_joint[i][i];
             trial.joints[i] = L::select(modes.sticks[i], impulses.joints[i], moving);
             let along = L::select(modes.dry[i].lt(zero), -moving, moving);
@@ -199,6 +197,6 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
 /// Trial impulses of rows with one row per wheel.
 // Not a closure: a large closure is not inlined, and its operations are then calls.
 #[inline(always)]
-fn wheel_trial<L: Lane>(inverse: &[L; 3], [a, b, c]: &[L; 3], r: &[L; 3]) -> [L; 3] {
-    [r[0].neg_mul_add(inverse[0], *a), r[1].neg_mul_add(inverse[1], *b), r[2].neg_mul_add(inverse[2], *c)]
+fn wheel_trial<L: Lane>(inverse: &Wheels<L>, Wheels([a, b, c]): &Wheels<L>, r: &Wheels<L>) -> Wheels<L> {
+    Wheels([r[0].neg_mul_add(inverse[0], *a), r[1].neg_mul_add(inverse[1], *b), r[2].neg_mul_add(inverse[2], *c)])
 }

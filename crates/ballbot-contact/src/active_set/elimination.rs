@@ -3,56 +3,52 @@
 use super::conditions::Conditions;
 use super::modes::{FloorMode, JointModes, WheelModes};
 use crate::delassus::Delassus;
-use ballbot_base::lanes::{Lane, Mat3, Value, Vec3};
+use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::wheels::{WheelMatrix, Wheels};
 
 /// Residuals of the wheel rows as affine functions of the wheel impulses.
 #[derive(Clone, Copy)]
 pub struct System<L> {
-    pub normal_normal: Mat3<L>,
-    pub normal_drive: Mat3<L>,
-    pub drive_normal: Mat3<L>,
-    pub drive_drive: Mat3<L>,
+    pub normal_normal: WheelMatrix<L>,
+    pub normal_drive: WheelMatrix<L>,
+    pub drive_normal: WheelMatrix<L>,
+    pub drive_drive: WheelMatrix<L>,
     /// Residuals of the normal rows without impulses.
-    pub normals: Vec3<L>,
+    pub normals: Wheels<L>,
     /// Residuals of the drive rows without impulses.
-    pub drives: Vec3<L>,
+    pub drives: Wheels<L>,
 }
 
 impl<L: Lane> System<L> {
     /// Impulses for given modes: closed and sticking rows have zero residual, open rows have zero impulse, and a
     /// slipping row has a slope times its load.
     #[inline(always)]
-    pub fn solve(&self, modes: &WheelModes<L>) -> (Vec3<L>, Vec3<L>) {
+    pub fn solve(&self, modes: &WheelModes<L>) -> (Wheels<L>, Wheels<L>) {
         let WheelModes { closed, slips, slopes } = modes;
         // The branch skips only selections, so it changes no bits.
         if !L::any(slips[0] | slips[1] | slips[2]) {
             let Self { normal_normal, normal_drive, drive_normal, drive_drive, normals, drives } = self;
             return block_solution([normal_normal, normal_drive, drive_normal, drive_drive], [-*normals, -*drives]);
         }
-        let zero = self.normals.x.zero();
+        let zero = self.normals[0].zero();
         let one = zero.splat(1.0);
-        let unit = [Vec3::new(one, zero, zero), Vec3::new(zero, one, zero), Vec3::new(zero, zero, one)];
-        let none = Vec3::zero(zero);
-        let (nn, nd) = (&self.normal_normal.rows, &self.normal_drive.rows);
-        let (dn, dd) = (&self.drive_normal.rows, &self.drive_drive.rows);
+        let unit = Wheels([Wheels([one, zero, zero]), Wheels([zero, one, zero]), Wheels([zero, zero, one])]);
+        let none = Wheels::all(Wheels::zero(zero));
+        let (nn, nd) = (&self.normal_normal, &self.normal_drive);
+        let (dn, dd) = (&self.drive_normal, &self.drive_drive);
         let held = |mask: L::Mask, residual: L| L::select(mask, -residual, zero);
         let a = rows_of::<L>(closed, nn, &unit);
-        let b = rows_of::<L>(closed, nd, &[none; 3]);
-        let c = rows_of::<L>(slips, &[unit[0] * -slopes[0], unit[1] * -slopes[1], unit[2] * -slopes[2]], dn);
+        let b = rows_of::<L>(closed, nd, &none);
+        let c = rows_of::<L>(slips, &unit.scaled(-*slopes), dn);
         let d = rows_of::<L>(slips, &unit, dd);
-        let p = Vec3::new(
-            held(closed[0], self.normals.x),
-            held(closed[1], self.normals.y),
-            held(closed[2], self.normals.z),
-        );
-        let q =
-            Vec3::new(held(!slips[0], self.drives.x), held(!slips[1], self.drives.y), held(!slips[2], self.drives.z));
+        let p = Wheels::from_fn(|i| held(closed[i], self.normals[i]));
+        let q = Wheels::from_fn(|i| held(!slips[i], self.drives[i]));
         block_solution([&a, &b, &c, &d], [p, q])
     }
 
     /// Residuals of the normal and drive rows for given impulses.
     #[inline(always)]
-    pub fn residuals(&self, normals: Vec3<L>, drives: Vec3<L>) -> (Vec3<L>, Vec3<L>) {
+    pub fn residuals(&self, normals: Wheels<L>, drives: Wheels<L>) -> (Wheels<L>, Wheels<L>) {
         (
             self.normals + self.normal_normal.times(normals) + self.normal_drive.times(drives),
             self.drives + self.drive_normal.times(normals) + self.drive_drive.times(drives),
@@ -62,14 +58,14 @@ impl<L: Lane> System<L> {
 
 /// The rows of `yes` where the mask is true, of `no` elsewhere.
 #[inline(always)]
-fn rows_of<L: Lane>(mask: &[L::Mask; 3], yes: &[Vec3<L>; 3], no: &[Vec3<L>; 3]) -> Mat3<L> {
-    let row = Vec3::select;
-    Mat3::new(row(mask[0], yes[0], no[0]), row(mask[1], yes[1], no[1]), row(mask[2], yes[2], no[2]))
+fn rows_of<L: Lane>(mask: &Wheels<L::Mask>, yes: &WheelMatrix<L>, no: &WheelMatrix<L>) -> WheelMatrix<L> {
+    let row = Wheels::select;
+    Wheels([row(mask[0], yes[0], no[0]), row(mask[1], yes[1], no[1]), row(mask[2], yes[2], no[2])])
 }
 
 /// Solution (x, y) of a x + b y = p and c x + d y = q.
 #[inline(always)]
-fn block_solution<L: Lane>([a, b, c, d]: [&Mat3<L>; 4], [p, q]: [Vec3<L>; 2]) -> (Vec3<L>, Vec3<L>) {
+fn block_solution<L: Lane>([a, b, c, d]: [&WheelMatrix<L>; 4], [p, q]: [Wheels<L>; 2]) -> (Wheels<L>, Wheels<L>) {
     let inverse = a.inverse();
     let effect = inverse.times_matrix(b);
     let alone = inverse.times(p);
@@ -81,15 +77,15 @@ fn block_solution<L: Lane>([a, b, c, d]: [&Mat3<L>; 4], [p, q]: [Vec3<L>; 2]) ->
 /// Couplings of one floor row with the wheel rows.
 #[derive(Clone, Copy)]
 struct Coupling<L> {
-    normals: Vec3<L>,
-    drives: Vec3<L>,
+    normals: Wheels<L>,
+    drives: Wheels<L>,
     residual: L,
 }
 
 impl<L: Lane> Coupling<L> {
     /// Impulse that brings the row to rest, over its mass.
     #[inline(always)]
-    fn at_rest(&self, normals: Vec3<L>, drives: Vec3<L>) -> L {
+    fn at_rest(&self, normals: Wheels<L>, drives: Wheels<L>) -> L {
         -(self.residual + self.normals.dot(normals) + self.drives.dot(drives))
     }
 
@@ -110,10 +106,10 @@ impl<L: Lane> Coupling<L> {
     /// `self` where the mask is true, no coupling elsewhere.
     #[inline(always)]
     fn only(&self, mask: L::Mask) -> Self {
-        let none = Vec3::zero(self.residual);
+        let none = Wheels::zero(self.residual);
         Self {
-            normals: Vec3::select(mask, self.normals, none),
-            drives: Vec3::select(mask, self.drives, none),
+            normals: Wheels::select(mask, self.normals, none),
+            drives: Wheels::select(mask, self.drives, none),
             residual: self.residual,
         }
     }
@@ -135,8 +131,8 @@ impl<L: Lane> Floor<L> {
         let like = conditions.friction.floor;
         let (normal, tangent) = (ball_mass.at(like), floor_compliance_inverse.at(like));
         let row = |k: usize| Coupling {
-            normals: Vec3::from(floor_normal[k]),
-            drives: Vec3::from(floor_drive[k]),
+            normals: floor_normal[k],
+            drives: floor_drive[k],
             residual: conditions.residuals.floor[k],
         };
         let rows = [row(0), row(1), row(2)];
@@ -167,8 +163,8 @@ impl<L: Lane> Floor<L> {
 
     /// Impulses that bring each floor row to rest for given wheel impulses.
     #[inline(always)]
-    pub fn trial<V: Value<L>>(&self, delassus: &Delassus<L, V>, normals: Vec3<L>, drives: Vec3<L>) -> [L; 3] {
-        let like = normals.x;
+    pub fn trial<V: Value<L>>(&self, delassus: &Delassus<L, V>, normals: Wheels<L>, drives: Wheels<L>) -> [L; 3] {
+        let like = normals[0];
         let (normal, tangent) = (delassus.ball_mass.at(like), delassus.floor_compliance_inverse.at(like));
         let [z, x, y] = &self.rows;
         [
@@ -197,32 +193,25 @@ fn eliminated<L: Lane>(wheels: &System<L>, [e, f, g]: &[Coupling<L>; 3], [z, x, 
 
 /// Difference matrix − Σ column · row.
 #[inline(always)]
-fn minus_outers<L: Lane>(matrix: &Mat3<L>, columns: &[Vec3<L>; 3], rows: &[Vec3<L>; 3]) -> Mat3<L> {
+fn minus_outers<L: Lane>(matrix: &WheelMatrix<L>, columns: &[Wheels<L>; 3], rows: &[Wheels<L>; 3]) -> WheelMatrix<L> {
     let [a, b, c] = *columns;
     matrix.minus_outer(a, rows[0]).minus_outer(b, rows[1]).minus_outer(c, rows[2])
 }
 
 /// Difference vector − Σ column · factor.
 #[inline(always)]
-fn minus_each<L: Lane>(vector: Vec3<L>, columns: &[Vec3<L>; 3], factors: [L; 3]) -> Vec3<L> {
+fn minus_each<L: Lane>(vector: Wheels<L>, columns: &[Wheels<L>; 3], factors: [L; 3]) -> Wheels<L> {
     vector.plus(columns[0], -factors[0]).plus(columns[1], -factors[1]).plus(columns[2], -factors[2])
-}
-
-/// The rows of `m` times factors.
-#[inline(always)]
-fn scaled<L: Lane>(m: &[[L; 3]; 3], factors: [L; 3]) -> Mat3<L> {
-    let row = |i: usize| Vec3::from(m[i]) * factors[i];
-    Mat3::new(row(0), row(1), row(2))
 }
 
 /// The wheel joints: joint impulses as affine functions of the impulses of the wheel rows.
 pub struct Joints<L> {
     /// Angular impulses at zero wheel impulses.
-    alone: Vec3<L>,
+    alone: Wheels<L>,
     /// Decrease per normal impulse.
-    normals: Mat3<L>,
+    normals: WheelMatrix<L>,
     /// Decrease per drive impulse.
-    drives: Mat3<L>,
+    drives: WheelMatrix<L>,
 }
 
 impl<L: Lane> Joints<L> {
@@ -231,32 +220,32 @@ impl<L: Lane> Joints<L> {
         let like = conditions.friction.floor;
         let (zero, one) = (like.zero(), like.splat(1.0));
         if !JOINTS {
-            let none = Mat3::from([[zero; 3]; 3]);
-            return Self { alone: Vec3::zero(zero), normals: none, drives: none };
+            let none = Wheels::zero(zero);
+            return Self { alone: none, normals: Wheels::all(none), drives: Wheels::all(none) };
         }
         let Delassus { joint_normal, joint_drive, joint_joint, .. } = conditions.delassus;
         let JointModes { sticks, dry } = modes;
         // A moving joint: impulse + viscous · rate = dry. A sticking joint: rate = 0.
         let factor = |i: usize| L::select(sticks[i], one, conditions.joint_friction.viscous);
         let own = |i: usize| L::select(sticks[i], zero, one);
-        let (f, o) = ([factor(0), factor(1), factor(2)], [own(0), own(1), own(2)]);
-        let mut matrix = scaled(joint_joint, f);
-        matrix.rows[0].x += o[0];
-        matrix.rows[1].y += o[1];
-        matrix.rows[2].z += o[2];
+        let (f, o) = (Wheels::from_fn(factor), Wheels::from_fn(own));
+        let mut matrix = joint_joint.scaled(f);
+        matrix[0][0] += o[0];
+        matrix[1][1] += o[1];
+        matrix[2][2] += o[2];
         let rest = |i: usize| f[i].neg_mul_add(conditions.residuals.joints[i], dry[i] * o[i]);
         let inverse = matrix.inverse();
         Self {
-            alone: inverse.times(Vec3::new(rest(0), rest(1), rest(2))),
-            normals: inverse.times_matrix(&scaled(joint_normal, f)),
-            drives: inverse.times_matrix(&scaled(joint_drive, f)),
+            alone: inverse.times(Wheels::from_fn(rest)),
+            normals: inverse.times_matrix(&joint_normal.scaled(f)),
+            drives: inverse.times_matrix(&joint_drive.scaled(f)),
         }
     }
 
     #[inline(always)]
     pub fn eliminated<V>(&self, delassus: &Delassus<L, V>, system: &System<L>) -> System<L> {
-        let n = Mat3::from(delassus.joint_normal).transposed();
-        let d = Mat3::from(delassus.joint_drive).transposed();
+        let n = delassus.joint_normal.transposed();
+        let d = delassus.joint_drive.transposed();
         System {
             normal_normal: system.normal_normal.minus(&n.times_matrix(&self.normals)),
             normal_drive: system.normal_drive.minus(&n.times_matrix(&self.drives)),
@@ -269,7 +258,7 @@ impl<L: Lane> Joints<L> {
 
     /// Angular impulses of the joints for given wheel impulses.
     #[inline(always)]
-    pub fn impulses(&self, normals: Vec3<L>, drives: Vec3<L>) -> Vec3<L> {
+    pub fn impulses(&self, normals: Wheels<L>, drives: Wheels<L>) -> Wheels<L> {
         self.alone - self.normals.times(normals) - self.drives.times(drives)
     }
 }

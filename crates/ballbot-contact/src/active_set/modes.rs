@@ -3,6 +3,7 @@
 use crate::friction::{Friction, JointFriction};
 use crate::types::PerRow;
 use ballbot_base::lanes::Lane;
+use ballbot_base::wheels::Wheels;
 
 /// Mode of each contact.
 #[derive(Clone, Copy)]
@@ -15,10 +16,10 @@ pub struct Modes<L: Lane> {
 /// Modes of the wheels on the ball.
 #[derive(Clone, Copy)]
 pub struct WheelModes<L: Lane> {
-    pub closed: [L::Mask; 3],
-    pub slips: [L::Mask; 3],
+    pub closed: Wheels<L::Mask>,
+    pub slips: Wheels<L::Mask>,
     /// Drive impulse per normal impulse of a slipping wheel.
-    pub slopes: [L; 3],
+    pub slopes: Wheels<L>,
 }
 
 /// Mode of the ball on the floor.
@@ -35,9 +36,9 @@ pub struct FloorMode<L: Lane> {
 /// Modes of dry joint friction.
 #[derive(Clone, Copy, PartialEq)]
 pub struct JointModes<L: Lane> {
-    pub sticks: [L::Mask; 3],
+    pub sticks: Wheels<L::Mask>,
     /// Angular impulse of dry friction of a moving joint.
-    pub dry: [L; 3],
+    pub dry: Wheels<L>,
 }
 
 impl<L: Lane> Modes<L> {
@@ -61,10 +62,10 @@ impl<L: Lane> WheelModes<L> {
         let slips = |i: usize| (friction.wheels[i] * trial.normals[i].max(zero)).lt(trial.drives[i].abs());
         let slope = |i: usize| L::select(trial.drives[i].lt(zero), -friction.wheels[i], friction.wheels[i]);
         Self {
-            closed: [closed(0), closed(1), closed(2)],
+            closed: Wheels::from_fn(closed),
             // An open wheel has zero drive impulse: a slope times zero load.
-            slips: [slips(0) | !closed(0), slips(1) | !closed(1), slips(2) | !closed(2)],
-            slopes: [slope(0), slope(1), slope(2)],
+            slips: Wheels([slips(0) | !closed(0), slips(1) | !closed(1), slips(2) | !closed(2)]),
+            slopes: Wheels::from_fn(slope),
         }
     }
 }
@@ -90,10 +91,10 @@ impl<L: Lane> FloorMode<L> {
 
 impl<L: Lane> JointModes<L> {
     #[inline(always)]
-    fn of(trial: &[L; 3], friction: &JointFriction<L>) -> Self {
+    fn of(trial: &Wheels<L>, friction: &JointFriction<L>) -> Self {
         let zero = friction.dry.zero();
         let sticks = |i: usize| trial[i].abs().le(friction.dry) & zero.lt(friction.dry);
         let dry = |i: usize| L::select(trial[i].lt(zero), -friction.dry, friction.dry);
-        Self { sticks: [sticks(0), sticks(1), sticks(2)], dry: [dry(0), dry(1), dry(2)] }
+        Self { sticks: Wheels::from_fn(sticks), dry: Wheels::from_fn(dry) }
     }
 }

@@ -6,6 +6,7 @@ use crate::delassus::Delassus;
 use crate::friction::{Friction, JointFriction};
 use crate::types::PerRow;
 use ballbot_base::lanes::{Cell, Lane, Value, run_one};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Largest number of changes of the modes of floor and joints for given modes of the wheels.
 const MOST_STEPS: usize = 8;
@@ -83,7 +84,8 @@ fn each<const JOINTS: bool, C: Cell>(stored: &Stored<C>, unsolved: &mut C, impul
 
 fn put<C: Cell>(impulses: &mut PerRow<C>, i: usize, one: &PerRow<f64>) {
     let PerRow { floor, normals, drives, joints } = impulses;
-    let blocks = [(floor, one.floor), (normals, one.normals), (drives, one.drives), (joints, one.joints)];
+    let (n, d, j) = (one.normals.0, one.drives.0, one.joints.0);
+    let blocks = [(floor, one.floor), (&mut normals.0, n), (&mut drives.0, d), (&mut joints.0, j)];
     for (cells, values) in blocks {
         for (cell, value) in cells.iter_mut().zip(values) {
             cell.set(i, value);
@@ -99,20 +101,24 @@ fn best<const JOINTS: bool>(conditions: &Conditions<f64, f64>, last: PerRow<f64>
     let (friction, floor) = (conditions.friction, conditions.floor());
     // Most often floor and joints need at most one mode change.
     for most_steps in [2, MOST_STEPS] {
-        for code in 0..MODES.len().pow(3) {
-            let wheels = [code % 4, code / 4 % 4, code / 16].map(
+        for code in 0..MODES.len().pow(WHEELS as u32) {
+            let wheels = Wheels([code % 4, code / 4 % 4, code / 16]).map(
                 #[inline(always)]
                 |mode| MODES[mode],
             );
-            let [(c0, s0, d0), (c1, s1, d1), (c2, s2, d2)] = wheels;
-            let [m0, m1, m2] = friction.wheels;
+            let Wheels([(c0, s0, d0), (c1, s1, d1), (c2, s2, d2)]) = wheels;
+            let [m0, m1, m2] = friction.wheels.0;
             let mut modes = Modes {
-                wheels: WheelModes { closed: [c0, c1, c2], slips: [s0, s1, s2], slopes: [d0 * m0, d1 * m1, d2 * m2] },
+                wheels: WheelModes {
+                    closed: Wheels([c0, c1, c2]),
+                    slips: Wheels([s0, s1, s2]),
+                    slopes: Wheels([d0 * m0, d1 * m1, d2 * m2]),
+                },
                 floor: FloorMode { closed: true, slips: false, direction: [0.0; 2], share: 1.0 },
                 // Without dry friction a joint cannot stick.
                 joints: JointModes {
-                    sticks: [0.0 < conditions.joint_friction.dry; 3],
-                    dry: [conditions.joint_friction.dry; 3],
+                    sticks: Wheels::all(0.0 < conditions.joint_friction.dry),
+                    dry: Wheels::all(conditions.joint_friction.dry),
                 },
             };
             for _ in 0..most_steps {

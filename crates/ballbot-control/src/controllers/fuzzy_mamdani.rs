@@ -10,6 +10,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::STATES;
 use nalgebra::DMatrix;
@@ -168,7 +169,7 @@ impl Law for FuzzyMamdani {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         _: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let Deviation { x, forward, pose } = self.tracking.deviation(state, setpoint);
         let leaning = Leaning::new(&x);
         let asked = self.position.lean(&leaning);

@@ -14,6 +14,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::STATES;
 use nalgebra::DMatrix;
@@ -307,7 +308,7 @@ impl Law for HierarchicalSlidingMode {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let adapted = self.switching.kept();
         let deviation = self.tracking.deviation(state, setpoint);
         let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(adapted));

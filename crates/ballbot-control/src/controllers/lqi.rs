@@ -15,6 +15,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SMatrix};
@@ -208,7 +209,7 @@ impl Law for Lqi {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
         let heading = pose.heading;
         let integral = [memory.get(0), memory.get(1)];
@@ -239,8 +240,7 @@ impl Law for Lqi {
             *torque += self.torque(wheel, &x, &used);
         }
         let limited = self.limits.apply_at(wanted, state, &pose, largest);
-        let [a, b, c] = limited.torques;
-        self.delayed.keep([a - reference[0], b - reference[1], c - reference[2]], &mut memory.after(Self::MEMORY));
+        self.delayed.keep(limited.torques - reference, &mut memory.after(Self::MEMORY));
         let held = far | limited.share.lt(one);
         let (p, dt) = (state.ball_position, self.sampling.control_dt);
         let next = [

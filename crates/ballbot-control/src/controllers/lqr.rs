@@ -17,6 +17,7 @@ use ballbot_base::lane_state::{LaneState, StateCells};
 use ballbot_base::lanes::{Lane, Memory, Scalar};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SVector, SymmetricEigen};
@@ -202,7 +203,7 @@ impl Lqr {
         &self,
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
-    ) -> ([L; STATES], [L; INPUTS]) {
+    ) -> ([L; STATES], Wheels<L>) {
         let Deviation { x, forward, .. } = self.tracking.deviation(state, setpoint);
         (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
     }
@@ -288,7 +289,7 @@ impl Law for Lqr {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let deviation = self.tracking.deviation(state, setpoint);
         let delays = self.delayed.kept();
         let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(delays));

@@ -15,6 +15,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::{DMatrix, Vector3};
 
 ballbot_base::fields! {
@@ -65,7 +66,7 @@ joined_fields!(LqrPiOptions: loops LqrPiLoops, delay DelayOptions);
 #[derive(Clone, Copy, Debug)]
 struct Loops {
     /// Rate of the virtual wheel, per rates of the wheels.
-    wheels: [f64; 3],
+    wheels: Wheels<f64>,
     /// Rate of the virtual wheel per (ẏ, θ̇): ẏ/r_w − (r_k/r_w) θ̇.
     moving: [f64; 2],
     /// Acceleration of the lean per error of the rate and per integral of the error.
@@ -81,7 +82,7 @@ impl Loops {
         // The wheels turn with the ball relative to the body; leaning towards y turns about −x.
         let axis_in_body = BalanceFrame::new(params).in_body(&if axis == 0 { Vector3::y() } else { -Vector3::x() });
         let inverse = Omniwheels::new(params).u.try_inverse().expect("the wheels drive the ball about every axis");
-        let wheels = (inverse.transpose() * axis_in_body).into();
+        let wheels = Wheels::of_column(inverse.transpose() * axis_in_body);
         let moving = [params.wheel_radius.recip(), -params.ball_radius / params.wheel_radius];
         let gain = moving[1] - moving[0] * plane.lever;
         let proportional = options.wheel_bandwidth * plane.toppling / gain;
@@ -210,7 +211,7 @@ impl Law for LqrPi {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let deviation = self.tracking.deviation(state, setpoint);
         let delays = self.delayed.kept();
         let observed = Self::MEMORY + delays;
@@ -236,7 +237,7 @@ impl Law for LqrPi {
             let kept = memory.get(axis);
             let reference =
                 (moving[axis] - velocity[axis]).mul_add_all(*per_speed, (leaning[axis] - rate[axis]) * *per_rate);
-            let [a, b, c] = state.wheel_speeds;
+            let Wheels([a, b, c]) = state.wheel_speeds;
             let mut measured = c.mul_add_all(wheels[2], b.mul_add_all(wheels[1], a * wheels[0])) - reference;
             if delays > 0 {
                 let (gained, leaned) = (later_velocity[axis] - velocity[axis], later_rate[axis] - rate[axis]);

@@ -9,6 +9,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 ballbot_base::fields! {
     /// Error dynamics of the attitude under [`PdInverseDynamics`], and the poles of the position. Frequencies of lean
@@ -108,7 +109,7 @@ impl Law for PdInverseDynamics {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         _: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let error = self.attitude.error(state, setpoint);
         let (v, rate) = (error.error, error.rate);
         let wanted = Vec3::new(

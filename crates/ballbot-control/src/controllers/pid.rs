@@ -8,6 +8,7 @@ use ballbot_base::kinematics::{Omniwheels, TorqueMap};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 
 ballbot_base::fields! {
@@ -32,7 +33,7 @@ ballbot_base::fields! {
 #[derive(Clone, Debug)]
 pub struct Pid {
     /// Wheel torques per virtual torque about x and y.
-    map: [[f64; 2]; 3],
+    map: Wheels<[f64; 2]>,
     frame: BalanceFrame,
     gains: PidGains,
     /// Fraction of the distance to the error that the derivative filter covers in a sample; exact for a held error.
@@ -81,7 +82,7 @@ impl Pid {
         let column = |axis: Vector3<f64>| wheels.torques_on_body(&frame.in_body(&axis), map);
         let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
         Ok(Self {
-            map: std::array::from_fn(|i| [about_x[i], about_y[i]]),
+            map: Wheels::from_fn(|i| [about_x[i], about_y[i]]),
             frame,
             filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
             gains: *gains,
@@ -127,7 +128,7 @@ impl Law for Pid {
         let constants = self
             .frame
             .add_to(Constants::default())
-            .matrix("torques_of_virtual", &self.map)
+            .matrix("torques_of_virtual", &self.map.0)
             .number("proportional", g.proportional)
             .number("integral", g.integral)
             .number("filtered_derivative", g.derivative * g.filter_coefficient)
@@ -142,7 +143,7 @@ impl Law for Pid {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let attitude = self.frame.attitude(state.body_quaternion);
         let heading = Heading::new(attitude);
         let [tilt_x, tilt_y] = attitude.tilt_components();
@@ -153,8 +154,7 @@ impl Law for Pid {
         memory.set(STARTED, zero.splat(1.0));
         let x = self.virtual_torque(0, errors[0], started, memory);
         let y = self.virtual_torque(1, errors[1], started, memory);
-        let [m0, m1, m2] = self.map;
-        let wanted = [x * m0[0] + y * m0[1], x * m1[0] + y * m1[1], x * m2[0] + y * m2[1]];
+        let wanted = self.map.map(|[of_x, of_y]| x * of_x + y * of_y);
         let limited = self.limits.apply(wanted, state, largest);
         // Limited torques cannot act on the integral: hold it.
         let saturated = limited.share.lt(zero.splat(1.0));

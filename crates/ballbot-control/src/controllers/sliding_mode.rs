@@ -9,6 +9,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 ballbot_base::fields! {
     /// Surface, switching and boundary layer of [`SlidingMode`], and the poles of the position. Quantities of the lean
@@ -136,7 +137,7 @@ impl Law for SlidingMode {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         _: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let error = self.attitude.error(state, setpoint);
         let (v, rate) = (error.error, error.rate);
         let (lean, yaw) = (&self.lean, &self.yaw);

@@ -13,6 +13,7 @@ use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::linear::STATES;
 use ballbot_models::{LeaningPlane, LinearModel};
 use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix, Vector2, Vector3, Vector4};
@@ -218,7 +219,7 @@ impl Law for TakagiSugeno {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         _: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);

@@ -8,6 +8,7 @@ use ballbot_base::error::Result;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Quat, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::linear::STATES;
 use ballbot_models::{BodyMotion, InverseDynamics, LinearModel};
 use nalgebra::DMatrix;
@@ -122,7 +123,7 @@ impl AttitudeLoop {
 
     /// Motor torques that produce v̈ = `wanted`, N·m.
     #[inline(always)]
-    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> [L; 3] {
+    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> Wheels<L> {
         let AttitudeError { error: v, scalar, relative, forward, ref motion, .. } = *error;
         // w Ω̇_e + v × Ω̇_e = 2 v̈ + ½ |Ω_e|² v
         let half = relative.norm_squared() * 0.5;

@@ -5,6 +5,7 @@ use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::SMatrix;
@@ -96,9 +97,9 @@ impl<const N: usize> Delayed<N> {
             *predicted = product(row, &x);
         }
         for (sample, response) in self.driven.iter().enumerate() {
-            let torques = memory.get3(INPUTS * sample);
+            let torques = memory.wheels(INPUTS * sample);
             for (row, predicted) in response.iter().zip(&mut predicted) {
-                *predicted += product(row, &torques);
+                *predicted += product(row, &torques.0);
             }
         }
         predicted
@@ -109,27 +110,27 @@ impl<const N: usize> Delayed<N> {
     #[inline(always)]
     pub(crate) fn acting<L: Lane>(
         &self,
-        asked: [L; 3],
-        motion_then: [L; 3],
-        motion_now: [L; 3],
+        asked: Wheels<L>,
+        motion_then: Wheels<L>,
+        motion_now: Wheels<L>,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         if self.driven.is_empty() {
             return asked;
         }
-        let before = memory.get3(0);
-        self.keep(std::array::from_fn(|wheel| asked[wheel] - motion_then[wheel]), memory);
-        std::array::from_fn(|wheel| motion_now[wheel] + before[wheel])
+        let before = memory.wheels(0);
+        self.keep(asked - motion_then, memory);
+        motion_now + before
     }
 
     /// Stores the torques of this sample as deviations from the torques of the setpoint's motion.
     #[inline(always)]
-    pub(crate) fn keep<L: Lane>(&self, torques: [L; 3], memory: &mut Memory<'_, L>) {
+    pub(crate) fn keep<L: Lane>(&self, torques: Wheels<L>, memory: &mut Memory<'_, L>) {
         let Some(last) = self.driven.len().checked_sub(1) else { return };
         for sample in 0..last {
-            let next = memory.get3(INPUTS * (sample + 1));
-            memory.set3(INPUTS * sample, next);
+            let next = memory.wheels(INPUTS * (sample + 1));
+            memory.set_wheels(INPUTS * sample, next);
         }
-        memory.set3(INPUTS * last, torques);
+        memory.set_wheels(INPUTS * last, torques);
     }
 }

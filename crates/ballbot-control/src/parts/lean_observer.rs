@@ -9,6 +9,7 @@ use ballbot_base::fields::Limit;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use nalgebra::Matrix2;
 
@@ -65,7 +66,7 @@ struct Plane {
     /// −M⁻¹: error of (θ̂₀, û₀) per error of the predicted (ẏ, θ̇).
     corrections: [[f64; 2]; 2],
     /// u per wheel torque, rad/(s²·N·m).
-    driven: [f64; 3],
+    driven: Wheels<f64>,
 }
 
 /// θ̂₀ and û₀ in the planes of the heading frame; `None` without an estimate.
@@ -107,7 +108,7 @@ impl Plane {
         Ok(Self {
             rows,
             corrections: std::array::from_fn(|i| std::array::from_fn(|j| -inverse[(i, j)])),
-            driven: std::array::from_fn(|wheel| sign * turning[(place, wheel)]),
+            driven: Wheels::from_fn(|wheel| sign * turning[(place, wheel)]),
         })
     }
 }
@@ -167,7 +168,7 @@ impl LeanObserver {
         &self,
         state: &LaneState<L>,
         pose: &Pose<L>,
-        torques: [L; 3],
+        torques: Wheels<L>,
         share: L,
         memory: &mut Memory<'_, L>,
     ) {
@@ -201,7 +202,7 @@ impl Observed {
         &self,
         state: &LaneState<L>,
         pose: &Pose<L>,
-        torques: [L; 3],
+        torques: Wheels<L>,
         share: L,
         memory: &mut Memory<'_, L>,
     ) {
@@ -215,7 +216,7 @@ impl Observed {
         let (mut velocities, mut turning) = (velocity, rate);
         for axis in 0..2 {
             let Plane { rows: [moving, leaning], driven, .. } = &self.planes[axis];
-            let [a, b, c] = torques;
+            let Wheels([a, b, c]) = torques;
             let u = c.mul_add_all(driven[2], b.mul_add_all(driven[1], a.mul_add_all(driven[0], -resting[axis])));
             let x = [lean[axis], velocity[axis], rate[axis], u];
             velocities[axis] = predicted(moving, x);

@@ -4,6 +4,7 @@ use crate::Constants;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, Matrix3, Schur};
@@ -38,7 +39,7 @@ pub(crate) struct LeanPlanes {
     /// The plane of x (tilt about y), and the plane of y (tilt about −x).
     pub(crate) planes: [LeanPlane; 2],
     /// Wheel torques per angular acceleration of the body about the axes of the heading frame, N·m·s².
-    torques: [[f64; 3]; INPUTS],
+    torques: Wheels<[f64; 3]>,
 }
 
 /// A deviation in the planes.
@@ -70,7 +71,7 @@ impl LeanPlanes {
         };
         Self {
             planes: [plane(a[(8, 3)], a[(5, 3)], -moving[(0, 1)]), plane(a[(7, 2)], -a[(6, 2)], moving[(1, 0)])],
-            torques: std::array::from_fn(|i| std::array::from_fn(|j| torques[(i, j)])),
+            torques: Wheels::from_fn(|i| std::array::from_fn(|j| torques[(i, j)])),
         }
     }
 
@@ -82,7 +83,7 @@ impl LeanPlanes {
 
     /// Adds the wheel torques per angular acceleration of the body (3 × 3).
     pub(crate) fn add_to(&self, constants: Constants) -> Constants {
-        constants.matrix("torques_of_acceleration", &self.torques)
+        constants.matrix("torques_of_acceleration", &self.torques.0)
     }
 
     /// ℓ/g, the mean of both planes, s².
@@ -93,10 +94,10 @@ impl LeanPlanes {
 
     /// Wheel torques for the accelerations of the leans and of the yaw, N·m.
     #[inline(always)]
-    pub(crate) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> [L; 3] {
+    pub(crate) fn wheel_torques<L: Lane>(&self, [x, y]: [L; 2], yaw: L) -> Wheels<L> {
         let turning = [y, -x, -yaw];
-        let [a, b, c] = &self.torques;
-        [product(a, &turning), product(b, &turning), product(c, &turning)]
+        let [a, b, c] = &self.torques.0;
+        Wheels([product(a, &turning), product(b, &turning), product(c, &turning)])
     }
 
     /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds,
@@ -105,7 +106,7 @@ impl LeanPlanes {
         let (a, b) = LinearModel::new(params).discretize(dt);
         let (places, signs) = (PLACES[axis], SIGNS[axis]);
         let torques = self.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
-        let driven = b * nalgebra::Vector3::from(torques);
+        let driven = b * torques.column();
         (
             DMatrix::from_fn(4, 4, |i, j| signs[i] * signs[j] * a[(places[i], places[j])]),
             DMatrix::from_fn(4, 1, |i, _| signs[i] * driven[places[i]]),

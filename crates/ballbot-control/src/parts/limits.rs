@@ -8,6 +8,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_models::{LoadMap, WheelLoad};
 use nalgebra::Vector3;
 
@@ -52,7 +53,7 @@ impl LimitOptions {
 #[derive(Clone, Copy, Debug)]
 pub struct Limited<L> {
     /// Wheel torques, N·m.
-    pub torques: [L; 3],
+    pub torques: Wheels<L>,
     /// Fraction of the desired tilt torque in them, from 0 to 1; a controller with an integral holds it below 1.
     pub share: L,
     /// Fraction of the desired yaw torque in them, from 0 to 1.
@@ -78,13 +79,13 @@ pub struct TorqueLimits {
 struct Traction {
     rows: [Row; ROWS],
     /// Load of each wheel in equilibrium, N.
-    loads: [f64; 3],
+    loads: Wheels<f64>,
     frame: BalanceFrame,
     /// The yaw torque of wheel torques τ is `turning` (`yaw` · τ).
-    yaw: [f64; 3],
-    turning: [f64; 3],
+    yaw: Wheels<f64>,
+    turning: Wheels<f64>,
     /// Rows u_i r_k: displacement of a wheel's contact as the ball turns relative to the body.
-    surface: [[f64; 3]; 3],
+    surface: Wheels<[f64; 3]>,
     wheel_radius: f64,
     /// Largest torque while a wheel slips, N·m.
     slipping_torque: f64,
@@ -127,7 +128,7 @@ impl Traction {
             let sum = |sign: f64, factor: f64| Row {
                 at_rest: sign * traction.at_rest + factor * load.at_rest,
                 per_tilt: std::array::from_fn(|i| sign * traction.per_tilt[i] + factor * load.per_tilt[i]),
-                per_torque: std::array::from_fn(|i| sign * traction.per_torque[i] + factor * load.per_torque[i]),
+                per_torque: Wheels::from_fn(|i| sign * traction.per_torque[i] + factor * load.per_torque[i]),
                 per_rate_squared: sign * traction.per_rate_squared + factor * load.per_rate_squared,
             };
             match k % 3 {
@@ -147,9 +148,9 @@ impl Traction {
             rows,
             loads: map.loads.map(|load| load.at_rest),
             frame,
-            yaw: (wheels.u * vertical).into(),
-            turning: (inverse * vertical).into(),
-            surface: std::array::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * params.ball_radius)),
+            yaw: Wheels::of_column(wheels.u * vertical),
+            turning: Wheels::of_column(inverse * vertical),
+            surface: Wheels::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * params.ball_radius)),
             wheel_radius: params.wheel_radius,
             slipping_torque: default_max_torque(params),
         }
@@ -158,15 +159,15 @@ impl Traction {
     /// Adds the rows (at rest, per tilt x, y, per torque of each wheel, per squared rate) and the remaining numbers.
     fn add_to(&self, constants: Constants) -> Constants {
         let rows = self.rows.map(|row| {
-            let ([x, y], [a, b, c]) = (row.per_tilt, row.per_torque);
+            let ([x, y], Wheels([a, b, c])) = (row.per_tilt, row.per_torque);
             [row.at_rest, x, y, a, b, c, row.per_rate_squared]
         });
         constants
             .matrix("traction_rows", &rows)
             .number("least_margin", LEAST_MARGIN)
-            .vector("yaw_of_torques", &self.yaw)
-            .vector("torques_of_yaw", &self.turning)
-            .matrix("surface", &self.surface)
+            .vector("yaw_of_torques", self.yaw.as_slice())
+            .vector("torques_of_yaw", self.turning.as_slice())
+            .matrix("surface", &self.surface.0)
             .number("wheel_radius", self.wheel_radius)
             .number("slipping", SLIPPING)
             .number("slipping_torque", self.slipping_torque)
@@ -199,10 +200,10 @@ impl Traction {
 
     /// The torques in two parts: the part that turns the body about the vertical, and the rest.
     #[inline(always)]
-    fn parts<L: Lane>(&self, [a, b, c]: [L; 3]) -> ([L; 3], [L; 3]) {
-        let amount = dot(&self.yaw, [a, b, c]);
-        let yaw = [amount * self.turning[0], amount * self.turning[1], amount * self.turning[2]];
-        ([a - yaw[0], b - yaw[1], c - yaw[2]], yaw)
+    fn parts<L: Lane>(&self, torques: Wheels<L>) -> (Wheels<L>, Wheels<L>) {
+        let amount = dot(&self.yaw.0, torques.0);
+        let yaw = self.turning.map(|turning| amount * turning);
+        (torques - yaw, yaw)
     }
 }
 
@@ -249,7 +250,7 @@ impl TorqueLimits {
                 per_rate_squared: share * row.per_rate_squared,
                 // Leaning towards y turns about −x.
                 per_lean: [share * tilt_y, -share * tilt_x],
-                per_acceleration: driven.map(|torques| share * dot(&row.per_torque, torques)),
+                per_acceleration: driven.map(|torques| share * dot(&row.per_torque.0, torques.0)),
             }
         })
     }
@@ -257,7 +258,7 @@ impl TorqueLimits {
     /// The applied torques for the desired torques, none above `largest` (N·m). Desired torques within the limits are
     /// unchanged to the last bit; NaN passes through.
     #[inline(always)]
-    pub fn apply<L: Lane>(&self, wanted: [L; 3], state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
+    pub fn apply<L: Lane>(&self, wanted: Wheels<L>, state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
         match &self.traction {
             Some(traction) => self.apply_at(wanted, state, &traction.frame.pose(state), largest_torque),
             None => cap(wanted, self.max_torque.min(largest_torque)),
@@ -268,7 +269,7 @@ impl TorqueLimits {
     #[inline(always)]
     pub(crate) fn apply_at<L: Lane>(
         &self,
-        wanted: [L; 3],
+        wanted: Wheels<L>,
         state: &LaneState<L>,
         pose: &Pose<L>,
         largest_torque: f64,
@@ -279,7 +280,7 @@ impl TorqueLimits {
         let bound = wanted[0].splat(max_torque);
         let mut fits = largest(wanted).le(bound);
         for (row, c) in traction.rows.iter().zip(constants) {
-            fits = fits & (dot(&row.per_torque, wanted) + c).le(c.zero());
+            fits = fits & (dot(&row.per_torque.0, wanted.0) + c).le(c.zero());
         }
         let slips = traction.slips(state);
         let limited = slips | !fits;
@@ -289,15 +290,15 @@ impl TorqueLimits {
         }
         let capped = cap(wanted, max_torque.min(traction.slipping_torque));
         let (tilting, yaw) = traction.parts(wanted);
-        let share = one / excess(traction, &constants, [bound.zero(); 3], tilting, max_torque);
-        let base = [tilting[0] * share, tilting[1] * share, tilting[2] * share];
+        let share = one / excess(traction, &constants, Wheels::zero(bound), tilting, max_torque);
+        let base = tilting * share;
         let mut left = constants;
         for (row, c) in traction.rows.iter().zip(&mut left) {
-            *c += dot(&row.per_torque, base);
+            *c += dot(&row.per_torque.0, base.0);
         }
         let yaw_share = one / excess(traction, &left, base, yaw, max_torque);
         let mut torques = wanted;
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let scaled = within(yaw[i].mul_add(yaw_share, base[i]), bound);
             let scaled = L::select(slips, capped.torques[i], scaled);
             let is_number = wanted[i].le(wanted[i]);
@@ -314,11 +315,17 @@ impl TorqueLimits {
 /// Divisor of torques, at least 1, for which they may be added to other torques. The rows have the constants
 /// `constants` at the other torques; no torque may exceed `max_torque`.
 #[inline(always)]
-fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], torques: [L; 3], max_torque: f64) -> L {
+fn excess<L: Lane>(
+    traction: &Traction,
+    constants: &[L; ROWS],
+    others: Wheels<L>,
+    torques: Wheels<L>,
+    max_torque: f64,
+) -> L {
     let least = others[0].splat(LEAST_MARGIN);
     let mut excess = least.splat(1.0);
     for (row, c) in traction.rows.iter().zip(constants) {
-        excess = (dot(&row.per_torque, torques) / (-*c).max(least)).max(excess);
+        excess = (dot(&row.per_torque.0, torques.0) / (-*c).max(least)).max(excess);
     }
     for (torque, other) in torques.into_iter().zip(others) {
         // Rate towards its bound.
@@ -331,12 +338,12 @@ fn excess<L: Lane>(traction: &Traction, constants: &[L; ROWS], others: [L; 3], t
 
 /// Scales torques down together to ±`limit`, keeping their direction; NaN passes through.
 #[inline(always)]
-fn cap<L: Lane>(torques: [L; 3], limit: f64) -> Limited<L> {
-    let [a, b, c] = torques;
+fn cap<L: Lane>(torques: Wheels<L>, limit: f64) -> Limited<L> {
+    let Wheels([a, b, c]) = torques;
     let largest = largest(torques);
     let bound = a.splat(limit);
     let scale = L::select(bound.lt(largest), bound / largest, a.splat(1.0));
-    let torques = [within(a * scale, bound), within(b * scale, bound), within(c * scale, bound)];
+    let torques = Wheels([within(a * scale, bound), within(b * scale, bound), within(c * scale, bound)]);
     Limited { torques, share: scale, yaw_share: scale }
 }
 
@@ -347,7 +354,7 @@ fn within<L: Lane>(torque: L, bound: L) -> L {
 }
 
 #[inline(always)]
-fn largest<L: Lane>([a, b, c]: [L; 3]) -> L {
+fn largest<L: Lane>(Wheels([a, b, c]): Wheels<L>) -> L {
     a.abs().max(b.abs()).max(c.abs())
 }
 

@@ -11,6 +11,7 @@ use ballbot_base::lane_state::{LaneState, StateCells};
 use ballbot_base::lanes::{EIGHT, Eight, Scalar, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
@@ -180,7 +181,7 @@ impl Controller for Mppi {
         self.memory.fill(0.0);
     }
 
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.memory);
@@ -195,7 +196,7 @@ impl Controller for Mppi {
         setpoint: &SetpointCells<f64>,
         largest: f64,
         memory: &mut [f64],
-    ) -> [f64; 3] {
+    ) -> Wheels<f64> {
         let base = self.base.torques_one(state, setpoint, largest, &mut []);
         let lane: LaneState<f64> = state.load(Scalar);
         // Diverged samples are not simulated further.
@@ -208,12 +209,12 @@ impl Controller for Mppi {
         }
         let (call, plan) = memory.split_first_mut().expect("the number of the call");
         // The decision of the last call has been applied.
-        plan.rotate_left(3);
-        let end = plan.len() - 3;
+        plan.rotate_left(WHEELS);
+        let end = plan.len() - WHEELS;
         plan[end..].fill(0.0);
         self.improve(&State::from(state.load(Scalar)), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
-        let wanted = std::array::from_fn(|i| base[i] + plan[i]);
+        let wanted = Wheels::from_fn(|i| base[i] + plan[i]);
         run_one(
             #[inline(always)]
             || self.limits.apply(wanted, &state.load(Scalar), largest).torques,
@@ -226,8 +227,8 @@ impl Controller for Mppi {
         setpoints: &SetpointCells<Eight>,
         largest: f64,
         memory: &mut [Eight],
-    ) -> [Eight; 3] {
-        let (mut torques, mut one) = ([Eight::default(); 3], vec![0.0; memory.len()]);
+    ) -> Wheels<Eight> {
+        let (mut torques, mut one) = (Wheels::<Eight>::default(), vec![0.0; memory.len()]);
         for i in 0..EIGHT {
             one.iter_mut().zip(&*memory).for_each(|(one, all)| *one = all.0[i]);
             let found = self.torques_one(&states.lane(i), &setpoints.lane(i), largest, &mut one);

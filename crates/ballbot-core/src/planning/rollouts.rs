@@ -7,6 +7,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
 use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Registers, Scalar, Wide, run_eight};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_lanes::ContactLanes;
 use std::sync::Arc;
 
@@ -41,7 +42,7 @@ pub(super) struct Rollouts {
     substeps: usize,
     groups: usize,
     /// Noise of each group and decision.
-    noise: Vec<[Eight; 3]>,
+    noise: Vec<Wheels<Eight>>,
     /// Cost of each sample.
     costs: Vec<f64>,
 }
@@ -60,7 +61,7 @@ impl Rollouts {
             robots: ContactLanes::new(&Arc::new(params.clone()), control_dt / substeps as f64),
             substeps,
             groups,
-            noise: vec![[Eight::default(); 3]; groups * decisions],
+            noise: vec![Wheels::default(); groups * decisions],
             costs: vec![0.0; groups * EIGHT],
         }
     }
@@ -86,7 +87,7 @@ impl Rollouts {
             (0..EIGHT).for_each(|i| robots.set_lane(i, &start));
             let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
             let mut cost = Eight::default();
-            let mut last = [Eight::default(); 3];
+            let mut last = Wheels::default();
             for (decision, setpoint) in setpoints.iter().enumerate() {
                 robots.read(&mut states, &mut conditions);
                 let mut torques = base.torques_eight(&states, setpoint, noise.largest, &mut []);
@@ -95,7 +96,7 @@ impl Rollouts {
                     limits,
                     objective,
                     noise,
-                    plan: &plan[3 * decision..3 * decision + 3],
+                    plan: &plan[WHEELS * decision..][..WHEELS],
                     group,
                     decision,
                     states: &states,
@@ -139,7 +140,7 @@ impl Rollouts {
                 continue;
             }
             let (group, lane) = (sample / EIGHT, sample % EIGHT);
-            for (decision, planned) in plan.chunks_exact_mut(3).enumerate() {
+            for (decision, planned) in plan.chunks_exact_mut(WHEELS).enumerate() {
                 let noise = &self.noise[group * decisions + decision];
                 planned.iter_mut().zip(noise).for_each(|(planned, noise)| *planned += share * noise.0[lane]);
             }
@@ -159,8 +160,8 @@ struct Decide<'a> {
     states: &'a StateCells<Eight>,
     setpoint: &'a SetpointCells<Eight>,
     /// Noise of the previous decision, then of this decision.
-    last: &'a mut [Eight; 3],
-    torques: &'a mut [Eight; 3],
+    last: &'a mut Wheels<Eight>,
+    torques: &'a mut Wheels<Eight>,
     cost: &'a mut Eight,
 }
 
@@ -171,8 +172,8 @@ const LANES: Eight = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
 struct Sampled<L> {
     state: LaneState<L>,
     setpoint: LaneSetpoint<L>,
-    last: [L; 3],
-    torques: [L; 3],
+    last: Wheels<L>,
+    torques: Wheels<L>,
     cost: L,
     lane: L,
 }
@@ -214,20 +215,14 @@ impl Decide<'_> {
         let mut sampled = Sampled::<L> {
             state: self.states.load(token),
             setpoint: self.setpoint.load(token),
-            last: [L::load(token, &self.last[0]), L::load(token, &self.last[1]), L::load(token, &self.last[2])],
-            torques: [
-                L::load(token, &self.torques[0]),
-                L::load(token, &self.torques[1]),
-                L::load(token, &self.torques[2]),
-            ],
+            last: Wheels::load(token, self.last),
+            torques: Wheels::load(token, self.torques),
             cost: L::load(token, self.cost),
             lane: L::load(token, &LANES),
         };
         self.decide(token, &mut sampled);
-        for wheel in 0..3 {
-            sampled.last[wheel].store(&mut self.last[wheel]);
-            sampled.torques[wheel].store(&mut self.torques[wheel]);
-        }
+        sampled.last.store(self.last);
+        sampled.torques.store(self.torques);
         sampled.cost.store(self.cost);
     }
 }
@@ -249,7 +244,7 @@ impl Kernel for Decide<'_> {
                 lane: LANES.0[i],
             };
             self.decide(Scalar, &mut sampled);
-            for wheel in 0..3 {
+            for wheel in 0..WHEELS {
                 self.last[wheel].0[i] = sampled.last[wheel];
                 self.torques[wheel].0[i] = sampled.torques[wheel];
             }

@@ -4,6 +4,7 @@ use super::options::MotorOptions;
 use ballbot_base::error::{Result, check};
 use ballbot_base::lanes::{Lane, Memory, Value};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Fraction of the speed limit over which the torque fades.
 const FADE: f64 = 0.1;
@@ -12,7 +13,7 @@ const FADE: f64 = 0.1;
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) struct Chain<V> {
     /// Torque of a command of 1 at each wheel, N·m.
-    pub torque: [V; 3],
+    pub torque: Wheels<V>,
     /// Fraction of the distance to its command that the torque covers in a model step, 1 − exp(−dt / lag); 0: no lag.
     pub share: Option<V>,
     pub curve: Option<Curve<V>>,
@@ -50,7 +51,7 @@ impl Chain<f64> {
             params.check_torque("actuators.peak_torque", peak_torque)?;
         }
         Ok(Self {
-            torque: strength.map(|share| share * action_torque),
+            torque: Wheels(strength).map(|share| share * action_torque),
             share: (lag > 0.0).then(|| -(-sim_dt / lag).exp_m1()),
             curve: (stall_torque > 0.0).then(|| Curve { stall: stall_torque, slope: stall_torque / no_load_speed }),
             limit: (speed_limit > 0.0).then(|| SpeedLimit { speed: speed_limit, share: 1.0 / (FADE * speed_limit) }),
@@ -84,18 +85,18 @@ impl Chain<f64> {
 impl<V: Copy> Chain<V> {
     /// Count of numbers that [`Chain::torques`] keeps: the torques of the lag, N·m.
     pub fn memory_len(&self) -> usize {
-        if self.share.is_some() { 3 } else { 0 }
+        if self.share.is_some() { WHEELS } else { 0 }
     }
 
     /// Torques of the next model step; the memory from `first` on holds the torques of the lag.
     #[inline(always)]
     pub fn torques<L: Lane>(
         &self,
-        mut torques: [L; 3],
-        speeds: [L; 3],
+        mut torques: Wheels<L>,
+        speeds: Wheels<L>,
         first: usize,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3]
+    ) -> Wheels<L>
     where
         V: Value<L>,
     {

@@ -4,6 +4,7 @@ use super::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
 use ballbot_base::error::Result;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 /// An actuator that is chosen when environments are created. The run-time choice costs less than compiling environments
 /// for each.
@@ -56,7 +57,7 @@ impl Actuator for Drive {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, commands: [L; 3], wheel_speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(&self, commands: Wheels<L>, wheel_speeds: Wheels<L>, memory: &mut Memory<'_, L>) -> Wheels<L> {
         of_chosen!(self, actuator => actuator.torques(commands, wheel_speeds, memory))
     }
 }

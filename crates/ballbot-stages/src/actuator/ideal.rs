@@ -2,6 +2,7 @@
 
 use super::Actuator;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::wheels::Wheels;
 
 /// A motor that gives the commanded fraction of its largest torque, instantly and at any speed.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,7 +20,8 @@ impl Actuator for Ideal {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, [a, b, c]: [L; 3], _: [L; 3], _: &mut Memory<'_, L>) -> [L; 3] {
-        [a * self.max_torque, b * self.max_torque, c * self.max_torque]
+    fn torques<L: Lane>(&self, commands: Wheels<L>, _: Wheels<L>, _: &mut Memory<'_, L>) -> Wheels<L> {
+        let [a, b, c] = commands.0;
+        Wheels([a * self.max_torque, b * self.max_torque, c * self.max_torque])
     }
 }

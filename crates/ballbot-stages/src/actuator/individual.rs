@@ -7,6 +7,7 @@ use super::options::MotorOptions;
 use ballbot_base::error::{Result, check};
 use ballbot_base::lanes::{Lane, Memory, Own};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 /// Constants of one robot, at the start of its memory.
 const CONSTANTS: usize = 11;
@@ -58,7 +59,7 @@ impl IndividualMotors {
     fn chain<L: Lane>(&self, memory: &Memory<'_, L>) -> Chain<Own<L>> {
         let own = |index: usize| Own(memory.get(index));
         Chain {
-            torque: [own(0), own(1), own(2)],
+            torque: Wheels([own(0), own(1), own(2)]),
             share: self.lag.then(|| own(3)),
             curve: self.curve.then(|| Curve { stall: own(4), slope: own(5) }),
             limit: self.limit.then(|| SpeedLimit { speed: own(6), share: own(7) }),
@@ -100,7 +101,7 @@ impl Actuator for IndividualMotors {
         let Curve { stall, slope } = chain.curve.unwrap_or(Curve { stall: NONE, slope: 0.0 });
         // The factor is at least 1 at any speed.
         let SpeedLimit { speed, share } = chain.limit.unwrap_or(SpeedLimit { speed: NONE, share: 1.0 });
-        let [a, b, c] = chain.torque;
+        let Wheels([a, b, c]) = chain.torque;
         let times = [time.fixed, time.jitter].map(|steps| steps as f64);
         let lag = chain.share.unwrap_or(0.0);
         memory[..CONSTANTS]
@@ -108,7 +109,7 @@ impl Actuator for IndividualMotors {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, mut commands: [L; 3], speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(&self, mut commands: Wheels<L>, speeds: Wheels<L>, memory: &mut Memory<'_, L>) -> Wheels<L> {
         if let Some(line) = self.line {
             let (fixed, jitter) = (memory.get(9), memory.get(10));
             commands = line.delayed(commands, fixed, jitter, memory);

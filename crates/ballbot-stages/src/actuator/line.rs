@@ -3,6 +3,7 @@
 use super::options::MotorOptions;
 use ballbot_base::error::{Result, check};
 use ballbot_base::lanes::{Cell, Lane, Memory, philox};
+use ballbot_base::wheels::Wheels;
 
 /// Maximum number of model steps of a dead time.
 const MAX_STEPS: f64 = 10_000.0;
@@ -91,7 +92,7 @@ impl Line {
 
     /// The newest command that has arrived; zeros before the first.
     #[inline(always)]
-    pub fn delayed<L: Lane>(&self, commands: [L; 3], fixed: L, jitter: L, memory: &mut Memory<'_, L>) -> [L; 3] {
+    pub fn delayed<L: Lane>(&self, commands: Wheels<L>, fixed: L, jitter: L, memory: &mut Memory<'_, L>) -> Wheels<L> {
         let step = memory.get(self.first);
         let kept = |age: usize| self.first + 1 + self.key_len() + 4 * age;
         // Robots are driven together: their control steps coincide.
@@ -118,7 +119,7 @@ impl Line {
         let goes_on = next.lt(step.splat(self.substeps as f64));
         memory.set(self.first, L::select(goes_on, next, step.zero()));
         let oldest = kept(self.commands - 1);
-        let mut out = [memory.get(oldest + 1), memory.get(oldest + 2), memory.get(oldest + 3)];
+        let mut out = memory.wheels(oldest + 1);
         for age in (0..self.commands - 1).rev() {
             let arrived = memory.get(kept(age)).le(step + (age * self.substeps) as f64);
             for (wheel, command) in out.iter_mut().enumerate() {

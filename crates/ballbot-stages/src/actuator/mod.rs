@@ -17,6 +17,7 @@ pub use options::MotorOptions;
 use ballbot_base::error::Result;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 /// The stage between a command in [-1, 1] and the torque at a wheel's shaft. Written once over lanes.
 pub trait Actuator: Clone + Send + Sync + 'static {
@@ -61,5 +62,5 @@ pub trait Actuator: Clone + Send + Sync + 'static {
 
     /// Torques of the next model step, N·m. `wheel_speeds` are the encoder rates, rad/s. An episode begins with the
     /// first model step of a control step; the commands are the same in all model steps of a control step.
-    fn torques<L: Lane>(&self, commands: [L; 3], wheel_speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3];
+    fn torques<L: Lane>(&self, commands: Wheels<L>, wheel_speeds: Wheels<L>, memory: &mut Memory<'_, L>) -> Wheels<L>;
 }

@@ -7,6 +7,7 @@ use super::options::MotorOptions;
 use ballbot_base::error::Result;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Three motors: command → delay → strength → lag → torque-speed curve → speed limit → peak torque, in each model step.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,13 +83,13 @@ impl Motors {
     /// The commands of a delay ago. The memory from `first` on holds the model step within the control step, then the
     /// commands of this control step and earlier ones, three each.
     #[inline(always)]
-    fn delayed<L: Lane>(delay: Delay, commands: [L; 3], first: usize, memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn delayed<L: Lane>(delay: Delay, commands: Wheels<L>, first: usize, memory: &mut Memory<'_, L>) -> Wheels<L> {
         let step = memory.get(first);
-        let kept = |age: usize, wheel: usize| first + 1 + 3 * age + wheel;
+        let kept = |age: usize, wheel: usize| first + 1 + WHEELS * age + wheel;
         let begins = step.le(step.zero());
         if L::any(begins) {
             for age in (1..delay.commands()).rev() {
-                for wheel in 0..3 {
+                for wheel in 0..WHEELS {
                     let (newer, own) = (memory.get(kept(age - 1, wheel)), memory.get(kept(age, wheel)));
                     memory.set(kept(age, wheel), L::select(begins, newer, own));
                 }
@@ -121,7 +122,7 @@ impl Actuator for Motors {
     fn memory_len(&self) -> usize {
         let wait = match self.wait {
             Wait::None => 0,
-            Wait::Fixed(delay) => 1 + 3 * delay.commands(),
+            Wait::Fixed(delay) => 1 + WHEELS * delay.commands(),
             Wait::Random(line, _) => line.memory_len(),
         };
         self.chain.memory_len() + wait
@@ -134,7 +135,7 @@ impl Actuator for Motors {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, commands: [L; 3], speeds: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(&self, commands: Wheels<L>, speeds: Wheels<L>, memory: &mut Memory<'_, L>) -> Wheels<L> {
         let arrived = match self.wait {
             Wait::None => commands,
             Wait::Fixed(delay) => Self::delayed(delay, commands, self.chain.memory_len(), memory),

@@ -2,6 +2,7 @@
 
 use ballbot_base::lanes::floor;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Three encoders that count ticks unless their angles are exact.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -26,10 +27,17 @@ impl<L: Lane> Encoders<L> {
     /// Begins an episode at given wheel angles, each with a phase within a tick in [0, 1); the wheels have turned by
     /// `turned` in the previous period.
     #[inline(always)]
-    pub fn begin(&self, angles: [L; 3], turned: [L; 3], phases: [L; 3], memory: &mut Memory<'_, L>, first: usize) {
-        memory.set3(first + PHASE, phases);
-        memory.set3(first + ORIGIN, angles);
-        for wheel in 0..3 {
+    pub fn begin(
+        &self,
+        angles: Wheels<L>,
+        turned: Wheels<L>,
+        phases: Wheels<L>,
+        memory: &mut Memory<'_, L>,
+        first: usize,
+    ) {
+        memory.set_wheels(first + PHASE, phases);
+        memory.set_wheels(first + ORIGIN, angles);
+        for wheel in 0..WHEELS {
             memory.set(first + LAST + wheel, self.measured(-turned[wheel], phases[wheel]));
         }
     }
@@ -39,13 +47,13 @@ impl<L: Lane> Encoders<L> {
     #[inline(always)]
     pub fn read(
         &self,
-        angles: [L; 3],
+        angles: Wheels<L>,
         due: Option<L::Mask>,
         memory: &mut Memory<'_, L>,
         first: usize,
-    ) -> ([L; 3], [L; 3]) {
+    ) -> (Wheels<L>, Wheels<L>) {
         let (mut read, mut rates) = (angles, angles);
-        for wheel in 0..3 {
+        for wheel in 0..WHEELS {
             let (phase, origin) = (memory.get(first + PHASE + wheel), memory.get(first + ORIGIN + wheel));
             let last = memory.get(first + LAST + wheel);
             let mut angle = self.measured(angles[wheel] - origin, phase);

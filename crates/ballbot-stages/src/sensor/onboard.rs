@@ -10,9 +10,10 @@ use super::{EpisodeStart, Sensor};
 use ballbot_base::control_steps::steps_of;
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Draws, Lane, Memory, Quat, Scalar, Vec3, map3, run_one};
+use ballbot_base::lanes::{Draws, Lane, Memory, Quat, Scalar, Vec3, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::Wheels;
 use std::f64::consts::TAU;
 
 /// Sensors on the body and at the wheels, read once per control step.
@@ -285,8 +286,8 @@ impl Sensor for Onboard {
                 let upright = Quat { w: 1.0, v: Vec3::new(0.0, 0.0, 0.0) };
                 let [p, q, r, _] = draws.units(PHASES);
                 let mut memory = Memory::<f64>::new(Scalar, memory);
-                let turned = map3(state.wheel_speeds, |speed| speed * period);
-                constants.encoders.begin(state.wheel_angles, turned, [p, q, r], &mut memory, ENCODERS);
+                let turned = state.wheel_speeds.map(|speed| speed * period);
+                constants.encoders.begin(state.wheel_angles, turned, Wheels([p, q, r]), &mut memory, ENCODERS);
                 memory.set3(GYRO_BIAS, self.gyro.first_bias(options.gyro_bias, &draws));
                 let bias = self.accelerometer.first_bias(options.accelerometer_bias, &draws);
                 memory.set3(ACCELEROMETER_BIAS, bias);
@@ -387,7 +388,7 @@ fn expected_errors(options: &SensorOptions, dt: f64) -> EstimatorOptions {
 
 #[inline(always)]
 fn numbers<L: Lane>(read: &Readings<L>) -> [L; NUMBERS] {
-    let ([a, b, c], [d, e, f]) = (read.wheel_angles, read.wheel_rates);
+    let (Wheels([a, b, c]), Wheels([d, e, f])) = (read.wheel_angles, read.wheel_rates);
     let (w, s) = (read.gyro, read.specific_force);
     [w.x, w.y, w.z, s.x, s.y, s.z, a, b, c, d, e, f]
 }
@@ -397,7 +398,7 @@ fn readings<L: Lane>([wx, wy, wz, sx, sy, sz, a, b, c, d, e, f]: [L; NUMBERS]) -
     Readings {
         gyro: Vec3::new(wx, wy, wz),
         specific_force: Vec3::new(sx, sy, sz),
-        wheel_angles: [a, b, c],
-        wheel_rates: [d, e, f],
+        wheel_angles: Wheels([a, b, c]),
+        wheel_rates: Wheels([d, e, f]),
     }
 }

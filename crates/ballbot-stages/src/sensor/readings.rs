@@ -1,6 +1,7 @@
 //! Readings of the sensors of a robot.
 
 use ballbot_base::lanes::{Lane, Vec3};
+use ballbot_base::wheels::Wheels;
 
 /// Readings of one robot or of eight at the end of a control step.
 #[derive(Clone, Copy, Debug)]
@@ -11,7 +12,7 @@ pub struct Readings<L: Lane> {
     /// steps since the last sample.
     pub specific_force: Vec3<L>,
     /// Rotation of each wheel relative to the body since the start of the episode, rad.
-    pub wheel_angles: [L; 3],
+    pub wheel_angles: Wheels<L>,
     /// Change of the wheel angles from one sample to the next, divided by the time between them, rad/s.
-    pub wheel_rates: [L; 3],
+    pub wheel_rates: Wheels<L>,
 }

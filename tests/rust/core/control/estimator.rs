@@ -10,7 +10,7 @@ use ballbot_core::lanes::{EIGHT, Eight, Kernel, Registers};
 use ballbot_core::lanes::{Lane, Memory, Quat, Rotation, Scalar, Vec3, Wide, run_eight, run_one};
 use ballbot_core::sensor::Readings;
 use ballbot_core::sensor::estimator::{Estimator, EstimatorOptions, Odometry};
-use ballbot_core::{Error, LaneState, ModelKind, Params, State};
+use ballbot_core::{Error, LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use record::{Filter, Noise, Plan, Record, attitude_error, crooked};
@@ -162,13 +162,13 @@ fn readings_of<L: Lane>(n: [L; 12]) -> Readings<L> {
     Readings {
         gyro: Vec3::new(n[0], n[1], n[2]),
         specific_force: Vec3::new(n[3], n[4], n[5]),
-        wheel_angles: [n[6], n[7], n[8]],
-        wheel_rates: [n[9], n[10], n[11]],
+        wheel_angles: Wheels([n[6], n[7], n[8]]),
+        wheel_rates: Wheels([n[9], n[10], n[11]]),
     }
 }
 
 fn numbers_of(r: &Readings<f64>) -> [f64; 12] {
-    let (g, f, [a, b, c], [d, e, h]) = (r.gyro, r.specific_force, r.wheel_angles, r.wheel_rates);
+    let (g, f, Wheels([a, b, c]), Wheels([d, e, h])) = (r.gyro, r.specific_force, r.wheel_angles, r.wheel_rates);
     [g.x, g.y, g.z, f.x, f.y, f.z, a, b, c, d, e, h]
 }
 

@@ -6,7 +6,7 @@ use crate::support::{any_floor_tilt, any_start, natural_rate, without_losses};
 use ballbot_core::control::{Pid, PidGains};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
-use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, mechanical_energy};
+use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, Wheels, mechanical_energy};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use std::f64::consts::{FRAC_PI_2, PI};
@@ -34,7 +34,7 @@ fn a_level_floor_leaves_no_trace() {
     assert_eq!(bits(params.gravity_vector()), bits(Vector3::new(0.0, 0.0, -params.gravity)));
     assert_eq!(bits(params.up()), bits(Vector3::z()));
     assert_eq!(params.slope_lean().unwrap(), Vector2::zeros());
-    assert_eq!(params.holding_torques(0.3).unwrap(), [0.0; 3]);
+    assert_eq!(params.holding_torques(0.3).unwrap(), Wheels::default());
 }
 
 #[test]
@@ -90,14 +90,14 @@ proptest! {
         };
         let state = State::tilted_from_equilibrium(&params, lean, yaw);
         let model = SpatialModel::new(&params, true, true);
-        let torques = Vector3::from(params.holding_torques(yaw).unwrap());
-        let found = model.accelerations(&state.body_quaternion, &Vector6::zeros(), &torques);
+        let torques = params.holding_torques(yaw).unwrap();
+        let found = model.accelerations(&state.body_quaternion, &Vector6::zeros(), torques);
         let scale = natural_rate(&params).powi(2);
         prop_assert!(found.rows(2, 4).amax() <= 1e-10 * scale, "turns: {found}");
         prop_assert!(found.rows(0, 2).amax() <= 1e-10 * scale * length, "moves: {found}");
 
         // The floor holds the weight, and the common center of mass is above its contact.
-        let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), &torques);
+        let contacts = model.contacts(&state.body_quaternion, &Vector6::zeros(), torques);
         let weight = params.up() * (mass * params.gravity);
         prop_assert!((contacts.floor_force - weight).norm() <= 1e-10 * weight.norm(), "{}", contacts.floor_force);
         let com = state.body_quaternion * params.body_com() * params.body_mass
@@ -123,7 +123,7 @@ proptest! {
                 let yaw = PI * f64::from(k) / 180.0;
                 let torques = params.holding_torques(yaw).unwrap();
                 let attitude = State::tilted_from_equilibrium(&params, lean, yaw).body_quaternion;
-                let contacts = model.contacts(&attitude, &Vector6::zeros(), &torques.into());
+                let contacts = model.contacts(&attitude, &Vector6::zeros(), torques);
                 let floor = contacts.floor_force;
                 exceeded[1] |= floor.xy().norm() > params.floor_static_friction * floor.z;
                 for (load, traction) in contacts.wheel_normal_forces.iter().zip(contacts.wheel_tractions) {
@@ -153,7 +153,7 @@ proptest! {
         let before = robot.energy();
         let scale = params.body_mass * params.gravity * params.body_com().norm() + before.abs();
         for _ in 0..10 {
-            robot.advance(&[0.0; 3], 200);
+            robot.advance(Wheels::default(), 200);
             let (now, bodies) = (robot.energy(), mechanical_energy(&params, &wheels, &robot.state()));
             prop_assert!((now - before).abs() <= 1e-9 * scale, "energy {before} becomes {now}");
             prop_assert!((now - bodies).abs() <= 1e-12 * scale, "{now}, but the bodies have {bodies}");

@@ -53,7 +53,7 @@ fn lqr_succeeds_in_the_balance_task_with_a_robot_that_leans() {
         loop {
             let torques = lqr.wheel_torques(&environment.robot().state(), &setpoint);
             let action = torques.map(|torque| (torque / config.action_torque()) as f32);
-            let outcome = environment.step(&action, &mut observation);
+            let outcome = environment.step(action.as_slice(), &mut observation);
             assert_eq!(outcome.terminated, None, "seed {seed}");
             if outcome.truncated {
                 assert!(outcome.success, "seed {seed}");

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, assert_poles, closed_loop, gain_of, made, pair, position
 use ballbot_core::control::{CascadePid, CascadePidOptions, LimitOptions, NamedLaw};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector3};
 
 /// λ of a robot that is the same on all sides.
@@ -61,10 +61,10 @@ fn the_integral_removes_a_constant_torque() {
     let offset = |pole: f64| {
         let mut controller = made("cascade_pid", &params, &[("integral_bandwidth", &[pole])]);
         let mut robot = robot(&params, ModelKind::Spatial, &State::upright(&params));
-        let biased = |_: &mut _, torques: &mut [f64; 3]| (0..3).for_each(|i| torques[i] += bias[i]);
+        let biased = |_: &mut _, torques: &mut Wheels<f64>| *torques = *torques + bias;
         let end = run(&mut robot, controller.as_mut(), 30.0, position(0.0, 0.0), biased).unwrap().end;
         let gain = gain_of(controller.as_ref(), &params);
-        let held = gain.columns(0, 2) * end.ball_position.xy();
+        let (held, bias) = (gain.columns(0, 2) * end.ball_position.xy(), bias.column());
         (end.ball_position.xy().norm(), (held - bias).norm() / bias.norm())
     };
     let ((with, _), (without, off)) = (offset(0.1), offset(0.0));

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, r
 use ballbot_core::control::{Controller, IntegralWeights, Lqr, LqrWeights, controller_kind, riccati};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::cell::RefCell;
 use std::collections::VecDeque;
@@ -123,7 +123,7 @@ pub fn stands(
     impulse: Vector3<f64>,
 ) -> bool {
     let steps = (delay / SIM_DT).round() as usize;
-    let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; steps]));
+    let on_their_way = RefCell::new(VecDeque::from(vec![Wheels::default(); steps]));
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
     let end = run(&mut robot, controller, 6.0, position(0.0, 0.0), |_, torques| {
@@ -188,7 +188,7 @@ fn behind_a_delay_no_offset_is_left() {
     let params = Params { floor_tilt: [0.0, 1_f64.to_radians()], ..Params::paper() };
     let delayed: (&str, &[f64]) = ("delay", &[0.05]);
     for (name, options) in [("lqi", vec![delayed]), ("lqr", vec![delayed, ("lean_observer", &[1.0])])] {
-        let on_their_way = RefCell::new(VecDeque::from(vec![[0.0; 3]; 50]));
+        let on_their_way = RefCell::new(VecDeque::from(vec![Wheels::default(); 50]));
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
         let mut controller = made(name, &params, &options);
         let end = run(&mut robot, controller.as_mut(), 25.0, position(0.0, 0.0), |_, torques| {

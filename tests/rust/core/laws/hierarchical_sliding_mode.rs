@@ -10,7 +10,7 @@ use ballbot_core::control::{
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels also turn with the body, at k + 1 times its rate.
@@ -122,7 +122,7 @@ fn the_surface_is_reached() {
         };
         let mut expected = s(&robot.state());
         for _ in 0..300 {
-            robot.step(&law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
+            robot.step(law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
             expected -= dt * expected * (rate + options.switching / expected.abs().max(options.layer));
             let found = s(&robot.state());
             let start = y.c2 * tilt;
@@ -151,8 +151,7 @@ fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
     for _ in 0..2000 {
         let torques = law.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
-        let all = Vector3::from(torques) + wheels;
-        robot.step(&all.into(), 10).unwrap();
+        robot.step(torques + wheels, 10).unwrap();
     }
     assert!(robot.state().tilt() < 1e-3 && robot.state().ball_velocity.norm() < 1e-3);
     (robot.state().ball_position.x, memory)
@@ -168,7 +167,7 @@ fn the_adapted_gain_is_the_closed_form_and_bounded() {
     let SlidingSurface { alpha, c1, .. } = surface(&params);
     let surface_of = |torque: f64| {
         let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
-        ((linear.b * wheels)[8] * (1.0 - alpha * c / d)).abs()
+        ((linear.b * wheels.column())[8] * (1.0 - alpha * c / d)).abs()
     };
     for torque in [0.08, -0.1] {
         let pushing = surface_of(torque);
@@ -204,14 +203,14 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
         let law = made("hierarchical_sliding_mode", &params, options);
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
         let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
-        let (mut last, mut sum) = (Vector3::zeros(), 0.0);
+        let (mut last, mut sum) = (Wheels::default(), 0.0_f64);
         for k in 0..1000 {
             let mut seen = robot.state();
             let noise = |i: f64| 0.02 * ((1e4 * (0.7 + f64::from(k) * 1.3 + i).sin()).fract());
             seen.body_angular_velocity += Vector3::new(noise(0.1), noise(0.2), 0.0);
-            let torques = Vector3::from(law.torques_one(&cells(&seen), &setpoint, f64::INFINITY, &mut memory));
-            robot.step(&torques.into(), 10).unwrap();
-            sum += (torques - last).norm_squared();
+            let torques = law.torques_one(&cells(&seen), &setpoint, f64::INFINITY, &mut memory);
+            robot.step(torques, 10).unwrap();
+            sum += (torques - last).column().norm_squared();
             last = torques;
         }
         (sum / 1000.0).sqrt()

@@ -27,7 +27,7 @@ fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Ve
         let torques = controller.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         for _ in 0..10 {
             robot.push(&(force * SIM_DT), None).unwrap();
-            robot.step(&torques, 1).unwrap();
+            robot.step(torques, 1).unwrap();
         }
     }
     (robot.state(), memory)
@@ -54,7 +54,7 @@ fn the_estimate_converges_at_its_rate() {
             let mut state = State::rolling(&params, Vector2::new(x[5], x[6]), 0.0, body, turning);
             state.ball_position += Vector3::new(x[0], x[1], 0.0);
             let setpoint = SetpointCells::from(&Setpoint::default());
-            let torques = Vector3::from(lqr.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut memory));
+            let torques = lqr.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut memory).column();
             let left = (-rate * CONTROL_DT * f64::from(k)).exp();
             let (lean, acceleration) = (0.07 * (1.0 - left), resting_acceleration * (1.0 - left));
             assert!((memory[0] - lean).abs() < 1e-9, "{rate}, sample {k}: {} rad, expected {lean}", memory[0]);
@@ -78,7 +78,7 @@ fn on_a_slope_the_estimate_is_the_closed_form() {
         let (lean, acceleration) = (&memory[at..at + 2], &memory[at + 2..at + 4]);
         // Leaning towards y turns about −x.
         assert!((lean[0] - tilt.y).abs() < 2e-5 && (lean[1] + tilt.x).abs() < 2e-5, "{name}: {lean:?}, {tilt}");
-        let turning = driven * Vector3::from(params.holding_torques(0.4).unwrap());
+        let turning = driven * params.holding_torques(0.4).unwrap().column();
         let (sin, cos) = 0.4_f64.sin_cos();
         let expected = [cos * turning[8] + sin * turning[7], sin * turning[8] - cos * turning[7]];
         for axis in 0..2 {

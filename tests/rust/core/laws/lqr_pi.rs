@@ -81,7 +81,7 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
         before = kept;
         let torques = law.torques_one(&cells, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
         let loaded: [f64; 3] = std::array::from_fn(|i| torques[i] - load[i]);
-        robot.step(&loaded, super::STEPS).unwrap();
+        robot.step(loaded, super::STEPS).unwrap();
     }
     let errors = [0, 1].map(|axis| (kept[axis] - before[axis]) / CONTROL_DT);
     println!("errors {errors:?} rad/s, integrals {kept:?}, {:?} m off", robot.state().ball_position.xy());

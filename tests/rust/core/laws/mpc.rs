@@ -57,7 +57,7 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
     for wheel in 0..3 {
         let (load, drive) = (map.loads[wheel], map.tractions[wheel]);
         let parts = |w: ballbot_core::models::WheelLoad| {
-            let row = [w.per_tilt.as_slice(), &w.per_torque].concat();
+            let row = [w.per_tilt.as_slice(), w.per_torque.as_slice()].concat();
             (w.at_rest + w.per_rate_squared * rate_squared, DVector::from_vec(row))
         };
         let ((n, per_n), (f, per_f)) = (parts(load), parts(drive));
@@ -150,8 +150,8 @@ fn the_optimum_is_that_of_an_interior_point_method() {
                 (x[4], x[9]) = (0.0, 0.0);
                 let x = DVector::from_column_slice(x.as_slice());
                 let expected = optimum(&params, &options, mpc.stage(), 0.9, &x);
-                let found = DVector::from_column_slice(&mpc.wanted(&state, &setpoint));
-                let unlimited = DVector::from_column_slice(&plain.wanted(&state, &setpoint));
+                let found = DVector::from_column_slice(mpc.wanted(&state, &setpoint).as_slice());
+                let unlimited = DVector::from_column_slice(plain.wanted(&state, &setpoint).as_slice());
                 // Nor has the regulator's yaw torque.
                 let yaw = found.sum() / 3.0 - expected.sum() / 3.0;
                 let error = (&found - &expected).add_scalar(-yaw).amax() / params.max_wheel_torque;
@@ -193,8 +193,8 @@ fn few_iterations_are_as_good_as_many() {
 }
 
 fn run_once(robot: &mut ballbot_core::Ballbot, controller: &mut dyn Controller, torques: &mut [f64; 3]) -> bool {
-    *torques = controller.wheel_torques(&robot.state(), &Setpoint::default());
-    robot.step(torques, super::STEPS).is_ok() && robot.state().tilt() < 1.0
+    *torques = controller.wheel_torques(&robot.state(), &Setpoint::default()).0;
+    robot.step(*torques, super::STEPS).is_ok() && robot.state().tilt() < 1.0
 }
 
 /// Basins and pushes of the regulator and of the prediction with limits of the lean, deg, and a fraction of the

@@ -7,7 +7,7 @@ use ballbot_core::control::{
     Controller, InverseDynamicsOptions, LimitOptions, NamedLaw, PdInverseDynamics, Setpoint, controller_kind,
 };
 use ballbot_core::models::{BallSpin, LinearModel, SpatialModel, WheelSpin};
-use ballbot_core::{Ballbot, ModelKind, Params, State, attitude};
+use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{Complex, DMatrix, Quaternion, Vector2, Vector3, Vector6};
 
 /// λ, the mean of both planes.
@@ -24,13 +24,13 @@ pub fn strong(params: &Params) -> Params {
 pub const UNLIMITED: LimitOptions = LimitOptions::capped(1e3);
 
 /// v = vec(q_e), v̇ and v̈ under the torques, for a reference at rest.
-pub fn attitude_error(params: &Params, state: &State, torques: [f64; 3], setpoint: &Setpoint) -> [Vector3<f64>; 3] {
+pub fn attitude_error(params: &Params, state: &State, torques: Wheels<f64>, setpoint: &Setpoint) -> [Vector3<f64>; 3] {
     let to_balance = params.to_balance_frame();
     let rate = state.body_angular_velocity;
     let (v, spin) = (state.ball_velocity, state.ball_angular_velocity.z);
     let velocity = Vector6::new(v.x, v.y, rate.x, rate.y, rate.z, spin);
     let model = SpatialModel::new(params, WheelSpin::Absolute, BallSpin::Free);
-    let change = model.accelerations(&state.body_quaternion, &velocity, &torques.into());
+    let change = model.accelerations(&state.body_quaternion, &velocity, torques);
     let part = |v: Vector3<f64>| Quaternion::from_imag(to_balance * v);
     let (rate, change) = (part(rate), part(change.fixed_rows::<3>(2).into_owned()));
     // The plane of x leans in proportion to the acceleration; this is for robots that are the same on all sides.
@@ -114,15 +114,15 @@ fn the_attitude_follows_its_equation_in_simulation() {
     let frequency = 1.6 * toppling(&params);
     let after = 0.2;
     let start = State::tilted_from_equilibrium(&params, Vector2::new(0.2, -0.1), 0.1);
-    let first = attitude_error(&params, &start, [0.0; 3], &Setpoint::default())[0];
+    let first = attitude_error(&params, &start, Wheels::default(), &Setpoint::default())[0];
     let left = |dt: f64| {
         let mut law = PdInverseDynamics::with_options(&params, dt, &options, &UNLIMITED).unwrap();
         let mut robot = Ballbot::new(&params, ModelKind::Spatial, dt).unwrap();
         robot.reset(&start).unwrap();
         for _ in 0..(after / dt).round() as usize {
-            robot.step(&law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
+            robot.step(law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
         }
-        attitude_error(&params, &robot.state(), [0.0; 3], &Setpoint::default())[0]
+        attitude_error(&params, &robot.state(), Wheels::default(), &Setpoint::default())[0]
     };
     let [one, two, three] = [4e-4, 2e-4, 1e-4].map(left);
     // Errors of first and second order in the sampling time.
@@ -172,7 +172,7 @@ fn a_motion_is_fed_forward() {
                 ..Setpoint::default()
             };
             off = off.max((robot.state().ball_position.xy() - setpoint.position).norm());
-            robot.step(&controller.wheel_torques(&robot.state(), &setpoint), 10).unwrap();
+            robot.step(controller.wheel_torques(&robot.state(), &setpoint), 10).unwrap();
         }
         println!("{name}: {:.2} mm", off * 1e3);
         assert!(off < 2e-3, "{name}: {off} m");

@@ -6,8 +6,8 @@ use ballbot_core::control::{
     AttitudeSlidingOptions, Controller, InverseDynamicsOptions, LimitOptions, NamedLaw, PdInverseDynamics, Setpoint,
     SlidingMode,
 };
-use ballbot_core::{Ballbot, ModelKind, Params, State};
-use nalgebra::{Vector2, Vector3};
+use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels};
+use nalgebra::Vector2;
 
 /// Published tunings of the robot Kugle about the horizontal axes and the vertical: K, η, ε.
 const PUBLISHED: [([f64; 3], [f64; 3]); 2] = [([15.0, 6.0, 0.5], [6.0, 3.0, 0.2]), ([6.0, 5.0, 0.8], [6.0, 6.0, 0.3])];
@@ -49,8 +49,8 @@ fn within_the_layer_it_is_computed_torque() {
         let mut computed = PdInverseDynamics::with_options(&params, CONTROL_DT, &equal, &UNLIMITED).unwrap();
         for state in scattered_states(&params) {
             let setpoint = Setpoint { yaw: 0.4, acceleration: Vector2::new(0.2, 0.1), ..Setpoint::default() };
-            let expected = Vector3::from(computed.wheel_torques(&state, &setpoint));
-            let found = Vector3::from(sliding.wheel_torques(&state, &setpoint));
+            let expected = computed.wheel_torques(&state, &setpoint).column();
+            let found = sliding.wheel_torques(&state, &setpoint).column();
             assert!((found - expected).amax() < 1e-9 * (1.0 + expected.amax()), "{found}, expected {expected}");
         }
     }
@@ -70,7 +70,7 @@ fn the_surface_is_reached() {
         let mut robot = Ballbot::new(&params, ModelKind::Spatial, dt).unwrap();
         robot.reset(&start).unwrap();
         let s = |state: &State| {
-            let [v, first, _] = attitude_error(&params, state, [0.0; 3], &Setpoint::default());
+            let [v, first, _] = attitude_error(&params, state, Wheels::default(), &Setpoint::default());
             (first + v * (1.8 * rate)).xy()
         };
         let first = s(&robot.state());
@@ -78,7 +78,7 @@ fn the_surface_is_reached() {
         // Along its direction: at the rate η down to the layer, from there exponentially.
         let outside = ((first.norm() - layer) / switching).max(0.0);
         for step in 1..=4000 {
-            robot.step(&law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
+            robot.step(law.wheel_torques(&robot.state(), &Setpoint::default()), 1).unwrap();
             let time = f64::from(step) * dt;
             let length = if time < outside {
                 first.norm() - switching * time

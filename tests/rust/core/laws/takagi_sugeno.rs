@@ -3,7 +3,7 @@
 use super::{CONTROL_DT, cells, gain_of, law, presets, uneven};
 use ballbot_core::control::{Controller, LimitOptions, LqrWeights, NamedLaw, Setpoint, TakagiSugeno};
 use ballbot_core::models::{BallSpin, LeaningPlane, LinearModel, SpatialModel, WheelSpin};
-use ballbot_core::{Params, State};
+use ballbot_core::{Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
 
 /// At rest at its lean a plane is the spatial model.
@@ -18,7 +18,7 @@ fn leaning_planes_are_exact_at_rest() {
                 let torques = Vector3::new(0.1, -0.2, 0.15);
                 let change = plane.a * Vector4::new(0.7, lean, 0.0, 0.0) + plane.b * torques;
                 let attitude = UnitQuaternion::from_scaled_axis(towards * lean) * to_balance;
-                let expected = model.accelerations(&attitude, &Vector6::zeros(), &torques);
+                let expected = model.accelerations(&attitude, &Vector6::zeros(), Wheels::of_column(torques));
                 let turning = towards.dot(&(to_balance * expected.fixed_rows::<3>(2).into_owned()));
                 assert!((change[2] - expected[axis]).abs() < 1e-11 && (change[3] - turning).abs() < 1e-11);
             }
@@ -75,7 +75,7 @@ fn rules_count_by_the_tilt() {
             let acceleration = -(near * (1.0 - share) + far * share);
             let expected = torques_of * direction.push(0.0) * acceleration;
             let setpoint = (&Setpoint::default()).into();
-            let found = Vector3::from(law.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut []));
+            let found = law.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut []).column();
             assert!((found - expected).amax() < 1e-9, "{degrees} deg: {found}, expected {expected}");
         }
     }

@@ -7,7 +7,7 @@ use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, ResetReq
 use ballbot_core::lanes::{Memory, Scalar};
 use ballbot_core::sensor::Exact;
 use ballbot_core::task::Balance;
-use ballbot_core::{Ballbot, ModelKind, Params, State};
+use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels};
 use std::f64::consts::PI;
 
 const SEED: u64 = 40;
@@ -60,8 +60,8 @@ fn assert_equals_singles(model: ModelKind, robots: &[Params], size: f32) {
             let commands = [0, 1, 2].map(|j| f64::from(actions[3 * i + j]));
             for _ in 0..config.substeps().unwrap() {
                 let mut memory = Memory::<f64>::new(Scalar, memory);
-                let torques = motors.torques(commands, robot.state().wheel_speeds, &mut memory);
-                robot.step(&torques, 1).unwrap();
+                let torques = motors.torques(Wheels(commands), robot.state().wheel_speeds, &mut memory);
+                robot.step(torques, 1).unwrap();
             }
             *over |= run.outcomes[i].done();
             if !*over {

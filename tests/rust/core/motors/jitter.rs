@@ -6,7 +6,7 @@ use ballbot_core::actuator::{Actuator, MotorOptions, Motors};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, ResetRequest};
 use ballbot_core::lanes::{Memory, Scalar};
 use ballbot_core::task::Balance;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 
 const SIM_DT: f64 = 0.002;
 const SUBSTEPS: usize = 5;
@@ -21,10 +21,10 @@ fn arrivals(delay: f64, delay_jitter: f64, key: [u32; 2], episode: u32, commands
     for k in 1..=commands {
         for _ in 0..SUBSTEPS {
             let command = k as f64 / 1024.0;
-            let torques =
-                motors.torques([command, -command, 0.5 * command], [0.0; 3], &mut Memory::new(Scalar, &mut memory));
+            let commands = Wheels([command, -command, 0.5 * command]);
+            let torques = motors.torques(commands, Wheels::default(), &mut Memory::new(Scalar, &mut memory));
             // All three motors get one command.
-            assert_eq!(torques, [torques[0], -torques[0], 0.5 * torques[0]]);
+            assert_eq!(torques, Wheels([torques[0], -torques[0], 0.5 * torques[0]]));
             found.push((torques[0] * 1024.0) as usize);
         }
     }

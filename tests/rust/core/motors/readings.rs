@@ -6,7 +6,7 @@ use ballbot_core::fields::Fields;
 use ballbot_core::lanes::{Memory, Scalar};
 use ballbot_core::sensor::{EpisodeStart, Onboard, Readings, Sensor, SensorOptions};
 use ballbot_core::task::Balance;
-use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{Rotation3, UnitQuaternion, Vector3};
 use std::f64::consts::{PI, TAU};
 
@@ -42,7 +42,7 @@ impl Robot {
 
 /// Gyroscope, accelerometer, wheel angles, wheel rates.
 fn numbers(readings: &Readings<f64>) -> [f64; 12] {
-    let ([a, b, c], [d, e, f]) = (readings.wheel_angles, readings.wheel_rates);
+    let (Wheels([a, b, c]), Wheels([d, e, f])) = (readings.wheel_angles, readings.wheel_rates);
     let (w, s) = (readings.gyro, readings.specific_force);
     [w.x, w.y, w.z, s.x, s.y, s.z, a, b, c, d, e, f]
 }
@@ -111,8 +111,8 @@ fn encoders_count_ticks() {
     let rate = 0.731 * tick / DT;
     let at = |k: usize| {
         let mut state = State::upright(&Params::paper());
-        state.wheel_angles = [7.0, -3.0, 0.2].map(|first| first + rate * DT * k as f64);
-        state.wheel_speeds = [rate; 3];
+        state.wheel_angles = Wheels([7.0, -3.0, 0.2]).map(|first| first + rate * DT * k as f64);
+        state.wheel_speeds = Wheels([rate; 3]);
         state
     };
     let options = SensorOptions { encoder_ticks: ticks, ..SensorOptions::default() };

@@ -3,7 +3,7 @@
 use crate::run::Run;
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, ResetRequest};
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 
 const SIM_DT: f64 = 0.001;
 
@@ -31,7 +31,7 @@ fn spinning(actuators: MotorOptions, model: ModelKind) -> Run {
 }
 
 fn speeds(run: &Run) -> [f64; 3] {
-    run.batch.state(0).unwrap().wheel_speeds
+    run.batch.state(0).unwrap().wheel_speeds.0
 }
 
 /// Acceleration of the wheels relative to the body for equal torques of 1 N·m, rad/s²: the body turns the other way.
@@ -62,7 +62,7 @@ fn free_wheel_comes_to_the_no_load_speed() {
 fn wheel_beyond_the_no_load_speed_is_braked() {
     let options = MotorOptions { stall_torque: 0.3, no_load_speed: 20.0, ..MotorOptions::default() };
     let mut run = spinning(options.clone(), ModelKind::Contact);
-    let fast = State { wheel_speeds: [30.0; 3], ..State::upright(&slippery()) };
+    let fast = State { wheel_speeds: Wheels([30.0; 3]), ..State::upright(&slippery()) };
     let starts = [Some(fast)];
     let request = ResetRequest { starts: Some(&starts), ..ResetRequest::default() };
     run.batch.reset_with(&request, &mut run.observations).unwrap();

@@ -1,7 +1,7 @@
 //! The five bodies, their constraints, and the system that gives accelerations and forces.
 
 use crate::support::general::{contacts_and_axles, steiner};
-use ballbot_core::{Params, State, rolling_rate};
+use ballbot_core::{Params, State, Wheels, rolling_rate};
 use nalgebra::{DMatrix, DVector, Matrix3, Rotation3, RowVector3, UnitQuaternion, Vector3};
 
 const BALL: usize = 0;
@@ -53,7 +53,7 @@ pub struct Robot {
     p: [Vector3<f64>; 3],
     d: [Vector3<f64>; 3],
     axles: [Vector3<f64>; 3],
-    wheel_speeds: [f64; 3],
+    wheel_speeds: Wheels<f64>,
 }
 
 /// Accelerations in the terms of [`SpatialModel`], and forces.
@@ -94,7 +94,7 @@ impl Robot {
         let ball_rate = rolling_rate(params, &state.ball_velocity) + Vector3::z() * state.ball_angular_velocity.z;
         // The ball's center moves with the body: p spans space.
         let moving = |arm: Vector3<f64>| state.ball_velocity + rate.cross(&arm);
-        let wheel_speeds = [0, 1, 2].map(|i| {
+        let wheel_speeds = Wheels::from_fn(|i| {
             let ball_surface = state.ball_velocity + ball_rate.cross(&(p[i] * params.ball_radius));
             let carried = moving(p[i] * params.ball_radius);
             (ball_surface - carried).dot(&d[i]) / params.wheel_radius

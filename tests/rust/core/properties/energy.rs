@@ -53,7 +53,7 @@ fn rises(kind: ModelKind, params: &Params, start: &State, step: f64) -> Option<[
     let scale = params.body_mass * params.gravity * params.body_com_height + lowest.abs();
     let (mut fallen, mut worst) = (false, [0.0; 2]);
     for _ in 0..(3.0 / step) as usize {
-        robot.step(&[0.0; 3], 1).expect("nothing drives it apart");
+        robot.step([0.0; 3], 1).expect("nothing drives it apart");
         let energy = robot.energy();
         lowest = lowest.min(energy);
         fallen |= robot.bot_on_floor();
@@ -103,7 +103,7 @@ proptest! {
             let mut robot = robot(kind, &params, &state, 0.005 / natural_rate(&params)).expect("they have no floor");
             let first = robot.energy();
             let scale = params.body_mass * params.gravity * params.body_com_height + first.abs();
-            robot.step(&[0.0; 3], 600).expect("nothing drives it apart");
+            robot.step([0.0; 3], 600).expect("nothing drives it apart");
             let change = (robot.energy() - first).abs() / scale;
             prop_assert!(change <= 1e-5, "{kind}: changes by {change:e}");
         }

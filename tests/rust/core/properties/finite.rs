@@ -24,7 +24,7 @@ proptest! {
             for (torques, (impulse, point, magnitude)) in drive.torques(&params).iter().zip(&pushes) {
                 let impulse = (impulse * momentum * 10.0_f64.powf(*magnitude)).map(|v| v.clamp(-1e4, 1e4));
                 robot.push(&impulse, Some(&(point * params.body_com_height))).expect("within the limits of a push");
-                let result = robot.step(torques, drive.hold);
+                let result = robot.step(*torques, drive.hold);
                 let numbers = robot.state().to_array();
                 // Rapier's multibody keeps the rates with which its step could not continue.
                 let kept = kind == ModelKind::Rigid && result.is_err();

@@ -112,9 +112,9 @@ proptest! {
                     other.load(&robot.save()).expect("of a robot like it");
                     saved = true;
                 }
-                let result = robot.step(torques, drive.hold);
+                let result = robot.step(*torques, drive.hold);
                 if saved {
-                    prop_assert_eq!(result.is_ok(), other.step(torques, drive.hold).is_ok());
+                    prop_assert_eq!(result.is_ok(), other.step(*torques, drive.hold).is_ok());
                     prop_assert_eq!(robot.state().to_array(), other.state().to_array(), "{}, saved at {}", kind, saved_at);
                     prop_assert_eq!(robot.contacts(), other.contacts(), "{}, saved at {}", kind, saved_at);
                     prop_assert_eq!(robot.time(), other.time());

@@ -3,7 +3,7 @@
 
 use super::{Drive, Run, any_drive, cases, most_apart, robot, run, run_with_grip, same_cases};
 use crate::support::{Start, any_robot, any_round_robot, any_start};
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{ModelKind, Params, State, Wheels};
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 
@@ -21,8 +21,8 @@ fn renumbered(params: &Params, state: &State) -> State {
     State {
         body_quaternion: state.body_quaternion * turn,
         body_angular_velocity: turn.inverse() * state.body_angular_velocity,
-        wheel_angles: passed_on(state.wheel_angles),
-        wheel_speeds: passed_on(state.wheel_speeds),
+        wheel_angles: Wheels(passed_on(state.wheel_angles.0)),
+        wheel_speeds: Wheels(passed_on(state.wheel_speeds.0)),
         ..state.clone()
     }
 }

@@ -77,7 +77,7 @@ fn a_push_and_a_change_of_mass_in_one_step_come_in_any_order() {
         for push_first in [true, false] {
             let mut robot = Ballbot::new(&paper, model, 0.002).unwrap();
             robot.reset(&State::tilted(&paper, [0.05, 0.02].into(), 0.4)).unwrap();
-            robot.step(&[0.02, 0.0, -0.01], 5).unwrap();
+            robot.step([0.02, 0.0, -0.01], 5).unwrap();
             if push_first && !matches!(model, ModelKind::Planar | ModelKind::Spatial) {
                 robot.push(&impulse, Some(&point)).unwrap();
                 assert!(robot.set_params(&heavy).unwrap());
@@ -86,7 +86,7 @@ fn a_push_and_a_change_of_mass_in_one_step_come_in_any_order() {
                 assert!(robot.set_params(&heavy).unwrap());
                 robot.push(&impulse, Some(&point)).unwrap();
             }
-            robot.step(&[0.0; 3], 10).unwrap();
+            robot.step([0.0; 3], 10).unwrap();
             found.push(robot.state().to_array());
         }
         for (a, b) in found[0].iter().zip(&found[1]) {

@@ -311,7 +311,7 @@ impl Bob {
         let start = State::rolling(params, Vector2::zeros(), spin, UnitQuaternion::identity(), Vector3::zeros());
         robot.reset(&start).unwrap();
         Self::of(|| {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             let state = robot.state();
             Moment {
                 height: state.body_position.z,

@@ -2,7 +2,7 @@
 
 use super::{Motion, Simulation};
 use ballbot_core::models::SpatialModel;
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{Vector2, Vector3, Vector6};
 use rand::{RngExt, SeedableRng};
 use rand_chacha::ChaCha8Rng;
@@ -37,7 +37,7 @@ fn excess(robot: &mut dyn Model, mut torques: impl FnMut(usize) -> [f64; 3], sec
         let torques = torques(k);
         for _ in 0..steps {
             let slips = robot.contacts().wheel_slip_speeds;
-            robot.step(&torques);
+            robot.step(torques);
             let contacts = robot.contacts();
             assert!(robot.healthy());
             for (i, slip) in slips.into_iter().enumerate() {
@@ -116,7 +116,7 @@ fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
         let rate = Vector3::new(draw(1.0), draw(1.0), draw(1.0));
         let torques = Vector3::new(draw(0.1), draw(0.1), draw(0.1));
         let nu = Vector6::new(velocity.x, velocity.y, rate.x, rate.y, rate.z, spin);
-        let expected = model.contacts(&body, &nu, &torques);
+        let expected = model.contacts(&body, &nu, Wheels::of_column(torques));
         if expected.friction_utilization(&params).into_iter().any(|share| share > 0.9) {
             continue;
         }
@@ -125,7 +125,7 @@ fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
         for sim_dt in [2e-3, 1e-3, 1e-4] {
             let mut robot = Simulation::Rigid.robot(&params, sim_dt);
             robot.reset(&start).unwrap();
-            robot.step(&torques.into());
+            robot.step(Wheels::of_column(torques));
             let found = robot.contacts();
             for i in 0..3 {
                 for (f, e) in [
@@ -151,7 +151,7 @@ fn loads_at_rest_do_not_settle() {
     for sim_dt in [2e-3, 1e-3, 5e-4] {
         let mut robot = Simulation::Rigid.robot(&params, sim_dt);
         for step in 0..100 {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             for load in robot.contacts().wheel_normal_forces {
                 let off = load / params.static_wheel_load() - 1.0;
                 assert!(off.abs() <= 1e-3, "{sim_dt} s, step {step}: {load} N, off by {off:e}");

@@ -11,7 +11,7 @@ fn toppled_robots_fall_to_the_floor(simulation: Simulation) {
     let start = robot.energy();
     let mut highest = start;
     for _ in 0..4000 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         highest = highest.max(robot.energy());
     }
     let state = robot.state();
@@ -54,12 +54,12 @@ fn fall(robot: &mut dyn Model, degrees: f64) -> (usize, Vec<State>) {
     let mut states = Vec::new();
     while !robot.bot_on_floor() {
         assert!(robot.time() < 2.0, "does not fall");
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         states.push(robot.state());
     }
     let touch = states.len();
     for _ in 0..100 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         states.push(robot.state());
     }
     (touch, states)
@@ -97,7 +97,7 @@ fn fallen_robots_come_to_rest_on_the_floor(simulation: Simulation) {
         let impact = states[touch - 1..].iter().map(|state| -lowest_point(&params, state)).fold(0.0, f64::max);
         let (mut before, mut rise, mut deepest) = (robot.energy(), 0.0_f64, 0.0_f64);
         for k in 0..3000 {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             rise = rise.max(robot.energy() - before);
             before = robot.energy();
             if k >= 500 {

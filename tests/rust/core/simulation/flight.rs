@@ -3,7 +3,7 @@
 use super::{Motion, Simulation, com_velocity, for_both, lifted, run};
 use crate::support::general::crooked;
 use ballbot_core::kinematics::Omniwheels;
-use ballbot_core::{Params, State};
+use ballbot_core::{Params, State, Wheels};
 use nalgebra::Vector3;
 
 fn lifted_robot_falls_freely_and_lands(simulation: Simulation) {
@@ -24,7 +24,7 @@ fn lifted_robot_falls_freely_and_lands(simulation: Simulation) {
 fn angular_momentum(params: &Params, state: &State) -> Vector3<f64> {
     let wheels = Omniwheels::new(params);
     let rate = state.body_angular_velocity;
-    let spins = Vector3::from(state.wheel_speeds) - wheels.u * rate;
+    let spins = state.wheel_speeds.column() - wheels.u * rate;
     let own = params.body_inertia_matrix() * rate;
     state.body_quaternion * (own - wheels.u.transpose() * spins * params.wheel_inertia)
 }
@@ -33,7 +33,7 @@ fn angular_momentum(params: &Params, state: &State) -> Vector3<f64> {
 fn turning_energy(params: &Params, state: &State) -> f64 {
     let wheels = Omniwheels::new(params);
     let rate = state.body_angular_velocity;
-    let spins = Vector3::from(state.wheel_speeds) - wheels.u * rate;
+    let spins = state.wheel_speeds.column() - wheels.u * rate;
     0.5 * (rate.dot(&(params.body_inertia_matrix() * rate)) + params.wheel_inertia * spins.norm_squared())
 }
 
@@ -45,9 +45,9 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
     start.ball_position.z = 20.0;
     start.body_position.z = 40.0;
     start.body_angular_velocity = Vector3::new(1.0, 2.0, -1.5).normalize() * 10.0;
-    start.wheel_speeds = [30.0, -10.0, 5.0];
+    start.wheel_speeds = Wheels([30.0, -10.0, 5.0]);
     robot.reset(&start).unwrap();
-    robot.step(&[0.0; 3]);
+    robot.step([0.0; 3]);
     let halfway = |before: &State, after: &State| {
         let body_quaternion = before.body_quaternion.slerp(&after.body_quaternion, 0.5);
         angular_momentum(params, &State { body_quaternion, ..after.clone() })
@@ -66,7 +66,7 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
     let limit = simulation.pick(sim_dt * start.body_angular_velocity.norm_squared() * root, 1e-9);
     let mut worst = [0.0_f64; 3];
     while robot.time() < 1.0 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let state = robot.state();
         let off = [
             (halfway(&last, &state) - momentum).norm() / momentum.norm(),
@@ -78,7 +78,7 @@ fn tumbling(simulation: Simulation, params: &Params, sim_dt: f64) -> [f64; 3] {
         worst = [0, 1, 2].map(|i| worst[i].max(off[i]));
         last = state;
     }
-    assert_eq!(robot.contacts().wheel_normal_forces, [0.0; 3]);
+    assert_eq!(robot.contacts().wheel_normal_forces, Wheels::default());
     assert!((last.body_angular_velocity - start.body_angular_velocity).norm() > 1.0, "does not tumble: {last:?}");
     worst
 }

@@ -3,7 +3,7 @@
 use super::{Motion, Simulation, for_both, run};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::SpatialModel;
-use ballbot_core::{Params, State};
+use ballbot_core::{Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
 
 /// Friction of the wheels does not interfere when the floor's friction is measured.
@@ -25,7 +25,7 @@ fn floor_friction_is_isotropic(simulation: Simulation) {
     for degrees in (0..360).step_by(15) {
         let direction = f64::from(degrees).to_radians();
         let torque = Vector3::new(direction.cos(), direction.sin(), 0.0) * 1.0;
-        let torques = wheels.wheel_torques(&torque, TorqueMap::Consistent).into();
+        let torques = wheels.wheel_torques(&torque, TorqueMap::Consistent).0;
         let mut robot = simulation.robot(&params, 1e-3);
         run(robot.as_mut(), torques, 40);
         let contacts = robot.contacts();
@@ -47,7 +47,8 @@ fn wheels_slip_at_the_coulomb_limit_whatever_the_yaw(simulation: Simulation) {
     // part of the ball and the body that it has to turn leave the contact f = τ c, with c from the spatial model.
     let probe = SpatialModel::new(&params, true, true);
     let upright = UnitQuaternion::identity();
-    let per_torque = probe.contacts(&upright, &Vector6::zeros(), &Vector3::repeat(1.0)).wheel_tractions[0];
+    let per_torque =
+        probe.contacts(&upright, &Vector6::zeros(), Wheels::of_column(Vector3::repeat(1.0))).wheel_tractions[0];
     let limit = 0.3 * params.static_wheel_load() / per_torque;
     for yaw in [0.0, 0.4, 1.1, 2.5, -2.0] {
         let slips = |torque: f64| {
@@ -72,7 +73,7 @@ fn slipping_wheel_spins_up_at_the_closed_form_rate(simulation: Simulation) {
         if step == 20 {
             before = spin(&robot.state());
         }
-        robot.step(&[torque; 3]);
+        robot.step([torque; 3]);
         let load = robot.contacts().wheel_normal_forces[0];
         if step >= 20 {
             friction += params.wheel_dynamic_friction * load / 20.0;
@@ -90,7 +91,7 @@ fn static_friction_holds_beyond_dynamic_friction(simulation: Simulation) {
     let slip = |torque: f64, kick: f64| {
         let mut robot = simulation.robot(&params, 1e-3);
         let mut state = State::upright(&params);
-        state.wheel_speeds = [kick; 3];
+        state.wheel_speeds = Wheels([kick; 3]);
         robot.reset(&state).unwrap();
         run(robot.as_mut(), [torque; 3], 60);
         robot.contacts().wheel_slip_speeds[0].abs()

@@ -5,7 +5,7 @@ use super::{Motion, Simulation, close, for_both};
 use crate::support::general::{any_general_robot, crooked};
 use crate::support::{Start, any_start, largest, natural_rate, torques, vector, without_losses};
 use ballbot_core::models::SpatialMotion;
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{Matrix3, Quaternion, Rotation3, UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -56,7 +56,7 @@ pub(super) fn apart(params: &Params, a: &State, b: &State) -> [f64; 2] {
             (a.ball_velocity - b.ball_velocity).norm() / (length * rate),
             (a.body_velocity - b.body_velocity).norm() / (length * rate),
             (a.body_angular_velocity - b.body_angular_velocity).norm() / rate,
-            (Vector3::from(a.wheel_speeds) - Vector3::from(b.wheel_speeds)).norm() / (rate * params.gear_ratio()),
+            (a.wheel_speeds.column() - b.wheel_speeds.column()).norm() / (rate * params.gear_ratio()),
         ]),
     ]
 }
@@ -76,15 +76,15 @@ pub(super) fn off_spatial(
     exact.reset(start).unwrap();
     found.reset(start).ok()?;
     for _ in 0..steps {
-        exact.step(motors);
-        found.step(motors);
+        exact.step(*motors);
+        found.step(*motors);
         if exact.contacts().wheel_normal_forces.into_iter().any(|load| load <= 0.0) {
             return None;
         }
     }
     let (f, e) = (found.contacts(), exact.contacts());
     let weight = (params.body_mass + params.ball_mass) * params.gravity;
-    let wheels = (Vector3::from(f.wheel_normal_forces) - Vector3::from(e.wheel_normal_forces)).amax();
+    let wheels = (f.wheel_normal_forces.column() - e.wheel_normal_forces.column()).amax();
     let loads = wheels.max((f.floor_force - e.floor_force).amax()) / weight;
     let [places, velocities] = apart(params, &found.state(), &exact.state());
     Some([places, velocities, loads])
@@ -117,9 +117,9 @@ fn robots_stand_in_their_equilibrium(simulation: Simulation) {
         robot.reset(&start).unwrap();
         let weight = params.body_mass * params.gravity;
         for _ in 0..100 {
-            robot.step(&[0.0; 3]);
-            let loads = Vector3::from(robot.contacts().wheel_normal_forces);
-            let off = (loads - Vector3::from(params.equilibrium_wheel_loads())).amax() / weight;
+            robot.step([0.0; 3]);
+            let loads = robot.contacts().wheel_normal_forces.column();
+            let off = (loads - params.equilibrium_wheel_loads().column()).amax() / weight;
             let moved = largest(apart(&params, &robot.state(), &start));
             worst = [worst[0].max(off), worst[1].max(moved)];
         }
@@ -183,8 +183,8 @@ fn motion_does_not_depend_on_the_body_axes(simulation: Simulation) {
             one.reset(&start).unwrap();
             other.reset(&axes.state(&start)).unwrap();
             for _ in 0..200 {
-                one.step(&motors);
-                other.step(&motors);
+                one.step(motors);
+                other.step(motors);
             }
             worst = worst.max(largest(apart(params, &axes.state(&one.state()), &other.state())));
         }
@@ -214,10 +214,10 @@ fn falls_do_not_depend_on_the_body_axes() {
                 other.push(&impulse, &(axes.rotation.inverse() * point));
             }
             let motors = if step < 100 { [0.6, -0.5, 0.1] } else { [0.0; 3] };
-            one.step(&motors);
-            other.step(&motors);
+            one.step(motors);
+            other.step(motors);
             let contacts = one.contacts();
-            lifted |= contacts.wheel_normal_forces == [0.0; 3];
+            lifted |= contacts.wheel_normal_forces == Wheels::default();
             if landed.is_none() && contacts.bot_on_floor {
                 landed = Some(step);
             }
@@ -269,8 +269,8 @@ fn mirror_images_move_as_the_mirrored_motion(simulation: Simulation) {
         one.reset(&start).unwrap();
         image.reset(&mirrored(&start)).unwrap();
         for _ in 0..200 {
-            one.step(&motors);
-            image.step(&motors.map(|torque| -torque));
+            one.step(motors);
+            image.step(motors.map(|torque| -torque));
         }
         worst = worst.max(largest(apart(&params, &mirrored(&one.state()), &image.state())));
     }
@@ -291,7 +291,7 @@ fn pushes_act_at_their_point(simulation: Simulation) {
         let impulse = Vector3::new(0.3, -0.2, 0.4) * (params.body_mass * size);
         let point = Vector3::new(0.5, -0.3, 0.8) * size;
         robot.push(&impulse, &point);
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let after = robot.state();
         let com = params.body_com();
         let velocity = after.body_velocity + after.body_quaternion * after.body_angular_velocity.cross(&com);
@@ -333,7 +333,7 @@ fn fallen_robots_lie_on_the_floor(simulation: Simulation) {
             robot.reset(&State::tilted(&params, tilt.into(), 0.4)).unwrap();
             let (mut deepest, mut rise, mut lowest) = (0.0_f64, 0.0_f64, robot.energy());
             for _ in 0..4000 {
-                robot.step(&[0.0; 3]);
+                robot.step([0.0; 3]);
                 lowest = lowest.min(robot.energy());
                 rise = rise.max(robot.energy() - lowest);
                 deepest = deepest.max(-lowest_point(&params, &robot.state()));

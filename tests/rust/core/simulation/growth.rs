@@ -16,7 +16,7 @@ fn growth_rate(simulation: Simulation, sim_dt: f64, azimuth: f64) -> f64 {
     robot.reset(&State::tilted(&params, Vector2::new(azimuth.cos(), azimuth.sin()) * tilt, 0.3)).unwrap();
     let [before, at, after] = [0.6, 0.8, 1.0].map(|until| {
         while robot.time() < until - 0.5 * sim_dt {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
         }
         robot.state().tilt()
     });

@@ -2,7 +2,7 @@
 
 use super::{Motion, Simulation, for_both, leaning, run};
 use ballbot_core::models::SpatialMotion;
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{Vector2, Vector3};
 
 /// The paper's robot with friction in its wheel joints: viscous, N·m/(rad/s), and dry, N·m.
@@ -23,7 +23,7 @@ fn joint_friction_slows_wheels_that_turn_in_the_air(simulation: Simulation) {
     let mut state = State::upright(&params);
     state.ball_position.z = 20.0;
     state.body_position.z = 30.0;
-    state.wheel_speeds = [20.0, 20.0, 20.0];
+    state.wheel_speeds = Wheels([20.0, 20.0, 20.0]);
     let speed_after = |damped: &Params, steps: usize| {
         let mut robot = simulation.robot(&params, 1e-4);
         robot.set_params(damped).unwrap();

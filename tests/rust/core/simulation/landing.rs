@@ -19,13 +19,13 @@ fn hop(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Hop {
     let params = robot.params().clone();
     robot.reset(&leaning(&params, 1.0)).unwrap();
     for _ in 0..50 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
     }
     robot.push(impulse, &(Vector3::z() * params.body_com_height));
     let (mut left, mut height) = (None, 0.0_f64);
     let mut before = robot.state();
     for _ in 0..500 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let loaded = robot.contacts().wheel_normal_forces.iter().any(|&load| load > 0.0);
         let state = robot.state();
         match left {
@@ -75,7 +75,7 @@ fn thrown(robot: &mut dyn Model, speed: f64) -> (f64, State) {
     robot.reset(&start).unwrap();
     let mut before = start;
     for _ in 0..500 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         if robot.contacts().floor_force.z > 0.0 {
             return (robot.time(), before);
         }
@@ -106,7 +106,7 @@ fn dropped(simulation: Simulation) -> (Box<dyn Model>, f64, f64) {
     let start = robot.energy();
     let (mut rise, mut before) = (0.0_f64, start);
     for _ in 0..450 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         rise = rise.max(robot.energy() - before);
         before = robot.energy();
         assert!(before <= start, "{} J after {} s, {start} J at first", before, robot.time());

@@ -63,7 +63,7 @@ fn wheels_pass_force_along_the_drive_direction_only(simulation: Simulation) {
     for step in 0..300 {
         let before = robot.state();
         let torques = lqr.wheel_torques(&before, &Setpoint::default());
-        robot.step(&torques);
+        robot.step(torques);
         let (after, contacts) = (robot.state(), robot.contacts());
         let momentum = (after.ball_velocity - before.ball_velocity) * params.ball_mass / robot.sim_dt();
         let mut unexplained = momentum - contacts.floor_force + Vector3::z() * params.ball_mass * params.gravity;
@@ -93,7 +93,7 @@ fn wheels_push_the_ball_but_neither_pull_nor_sink_into_it(simulation: Simulation
             if step == 50 {
                 robot.push(&blow, &Vector3::new(0.0, 0.0, 0.3));
             }
-            robot.step(&[0.05, -0.02, 0.01]);
+            robot.step([0.05, -0.02, 0.01]);
             let (state, contacts) = (robot.state(), robot.contacts());
             for load in contacts.wheel_normal_forces {
                 assert!(load >= -1e-9, "{blow}: a wheel pulls with {load} N in step {step}");

@@ -3,7 +3,7 @@
 use super::{Motion, Simulation, close, for_both, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::models::{SpatialModel, SpatialMotion};
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
 
 /// The paper's robot on a solid ball.
@@ -19,9 +19,9 @@ fn place_alone(robot: &mut dyn Model, velocity: Vector2<f64>, spin: f64) -> Stat
     let mut state = State::rolling(&params, velocity, spin, UnitQuaternion::identity(), Vector3::zeros());
     state.body_position.z += 200.0;
     state.body_velocity = Vector3::zeros();
-    state.wheel_speeds = [0.0; 3];
+    state.wheel_speeds = Wheels([0.0; 3]);
     robot.reset(&state).unwrap();
-    robot.step(&[0.0; 3]);
+    robot.step([0.0; 3]);
     robot.state()
 }
 
@@ -45,7 +45,7 @@ fn a_spinning_ball_stops_when_the_closed_form_says(simulation: Simulation) {
     for _ in 0..100 {
         let rate = robot.state().ball_angular_velocity.z;
         assert!(rate.abs() <= 1e-9, "turns with {rate:e} rad/s after its stop");
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
     }
 }
 
@@ -86,7 +86,7 @@ fn spinning_friction_holds_the_ball_under_a_turning_body(simulation: Simulation)
     let weight = (paper.ball_mass + paper.body_mass) * paper.gravity;
     let pinned = SpatialModel::new(&paper, true, false);
     let upright = UnitQuaternion::identity();
-    let held = pinned.accelerations(&upright, &Vector6::zeros(), &Vector3::repeat(torque))[4];
+    let held = pinned.accelerations(&upright, &Vector6::zeros(), Wheels::of_column(Vector3::repeat(torque)))[4];
     // Some of the torque turns the wheels against the body.
     let (k, sine) = (paper.gear_ratio(), paper.wheel_zenith.sin());
     let on_ball = 3.0 * k * sine * (torque + paper.wheel_inertia * (k + 1.0) * sine * held);
@@ -156,17 +156,17 @@ fn rollers_have_the_drag_of_the_closed_form(simulation: Simulation) {
         let velocity = Vector2::new(speed, 0.0);
         robot.reset(&State::rolling(&params, velocity, 0.0, UnitQuaternion::identity(), Vector3::zeros())).unwrap();
         // The first step establishes the loads.
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let before = robot.energy();
         let mut expected = 0.0;
         for _ in 0..20 {
             let (start, loads) = (robot.state(), robot.contacts().wheel_normal_forces);
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             let end = robot.state();
             // Of the ball against the body, which the rollers turn with it.
             let rolling = |state: &State| state.ball_angular_velocity.y - state.body_angular_velocity.y;
             let middle = 0.5 * params.ball_radius * (rolling(&start) + rolling(&end));
-            expected += drag(&params, middle, loads) * middle * 1e-3;
+            expected += drag(&params, middle, loads.0) * middle * 1e-3;
         }
         let found = before - robot.energy();
         println!("{speed} m/s: loses {found} J, closed form {expected} J, with loads at rest {fitted} N");
@@ -232,7 +232,7 @@ fn a_regulated_robot_with_losses_balances_and_obeys_its_bounds(simulation: Simul
     let mut lqr = Lqr::new(&params, 0.01).unwrap();
     for _ in 0..400 {
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-        run(robot.as_mut(), torques, 5);
+        run(robot.as_mut(), torques.0, 5);
         assert!(robot.healthy() && robot.state().tilt() < 0.2);
     }
     assert!(robot.state().tilt() < 0.03, "tilt {}", robot.state().tilt());
@@ -246,7 +246,7 @@ fn falls_with_losses_gain_no_energy(simulation: Simulation) {
     let mut lowest = robot.energy();
     let scale = params.body_mass * params.gravity * params.body_com_height;
     for _ in 0..1500 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let energy = robot.energy();
         assert!(energy - lowest <= simulation.pick(1e-2, 1e-4) * scale, "rises by {} J", energy - lowest);
         lowest = lowest.min(energy);

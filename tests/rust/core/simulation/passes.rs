@@ -15,7 +15,7 @@ fn steps_whose_passes_do_not_settle_are_unsolved() {
     start.ball_velocity = Vector3::new(-4.92, 0.76, 0.0);
     robot.reset(&start).unwrap();
     for _ in 0..10 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
     }
     let contacts = robot.contacts();
     assert_eq!((contacts.searched_steps, contacts.unsolved_steps), (1, 1));

@@ -18,7 +18,7 @@ fn pushes_change_the_momentum_by_their_impulse(simulation: Simulation) {
     let impulse = Vector3::new(0.2, -0.1, 0.05);
     let point = Vector3::new(0.03, 0.0, 0.3);
     robot.push(&impulse, &point);
-    robot.step(&[0.0; 3]);
+    robot.step([0.0; 3]);
     let state = robot.state();
     let com = Vector3::z() * params.body_com_height;
     let velocity = com_velocity(&params, &state);
@@ -28,7 +28,7 @@ fn pushes_change_the_momentum_by_their_impulse(simulation: Simulation) {
     assert!((momentum - impulse).norm() < limit * impulse.norm(), "{momentum}");
     // The wheels turn freely on their axles, which takes part of the angular impulse.
     let wheels = Omniwheels::new(&params);
-    let spin = Vector3::from(state.wheel_speeds) - wheels.u * state.body_angular_velocity;
+    let spin = state.wheel_speeds.column() - wheels.u * state.body_angular_velocity;
     let angular = Vector3::from(params.body_inertia).component_mul(&state.body_angular_velocity)
         - wheels.u.transpose() * spin * params.wheel_inertia;
     let expected = (point - com).cross(&attitude.inverse_transform_vector(&impulse));

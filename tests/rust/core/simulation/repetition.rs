@@ -2,7 +2,7 @@
 
 use super::{Motion, Simulation, for_both, run};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
-use ballbot_core::{Model, Params, State};
+use ballbot_core::{Model, Params, State, Wheels};
 use nalgebra::{Vector2, Vector3};
 
 /// A run with everything: feedback, a push, a fall.
@@ -15,7 +15,8 @@ fn eventful(robot: &mut dyn Model) -> [f64; State::LEN] {
         if k == 40 {
             robot.push(&Vector3::new(0.1, 0.2, 0.0), &Vector3::new(0.0, 0.0, 0.3));
         }
-        let torques = if k < 80 { lqr.wheel_torques(&robot.state(), &Setpoint::default()) } else { [0.3, -0.2, 0.1] };
+        let torques =
+            if k < 80 { lqr.wheel_torques(&robot.state(), &Setpoint::default()) } else { Wheels([0.3, -0.2, 0.1]) };
         run(robot, torques, 10);
         fell |= robot.bot_on_floor();
     }
@@ -40,8 +41,8 @@ fn loaded_models_continue_to_the_last_bit(simulation: Simulation) {
     let mut other = simulation.paper();
     other.load(&saved).unwrap();
     for _ in 0..300 {
-        robot.step(&[0.1, 0.0, -0.05]);
-        other.step(&[0.1, 0.0, -0.05]);
+        robot.step([0.1, 0.0, -0.05]);
+        other.step([0.1, 0.0, -0.05]);
         assert_eq!(robot.state().to_array(), other.state().to_array(), "at {} s", robot.time());
     }
     assert!(other.load(&saved[..100]).is_err());

@@ -2,7 +2,7 @@
 
 use super::{Motion, Simulation, close, for_both, run};
 use ballbot_core::kinematics::Omniwheels;
-use ballbot_core::{Model, Params, State, attitude};
+use ballbot_core::{Model, Params, State, Wheels, attitude};
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 use std::f64::consts::TAU;
 
@@ -46,7 +46,7 @@ fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
     let (mut load, mut downs, mut was) = (0.0_f64, 0_u32, 0.0);
     let steps = 2000;
     for _ in 0..steps {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let state = robot.state();
         let height = state.body_position.z - params.ball_radius;
         off = off.max((height + depths(&params, &state)[0] / cos).abs());
@@ -86,11 +86,11 @@ fn ripple_does_no_work(simulation: Simulation) {
     for (name, start, steps) in [("spinning", spinning(&params, 7.0), 1000), ("rolling", rolling(&params), 300)] {
         let mut robot = simulation.robot(&params, dt);
         robot.reset(&start).unwrap();
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let first = energy(robot.as_ref(), dt);
         let (mut off, mut bob) = (0.0_f64, 0.0_f64);
         for _ in 0..steps {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             off = off.max((energy(robot.as_ref(), dt) - first).abs());
             bob = bob.max((robot.state().body_position - robot.state().ball_position).norm());
         }
@@ -109,14 +109,14 @@ fn rolling(params: &Params) -> State {
 fn the_body_is_where_three_rims_touch_the_ball(simulation: Simulation) {
     let params = Params { roller_phases: [0.4, 2.0, -2.5], ..rippled() };
     let wheels = Omniwheels::new(&params);
-    let directions = Matrix3::from_columns(&wheels.contact_directions).transpose();
+    let directions = Matrix3::from_columns(&wheels.contact_directions.0).transpose();
     let mut robot = simulation.robot(&params, 1e-3);
     robot.reset(&rolling(&params)).unwrap();
     // The start assumes round rims; the body then settles on them.
     run(robot.as_mut(), [0.0; 3], 100);
     let (mut worst, mut apart) = (0.0_f64, 0.0_f64);
     for _ in 0..300 {
-        robot.step(&[0.0; 3]);
+        robot.step([0.0; 3]);
         let state = robot.state();
         let offset = state.body_quaternion.inverse_transform_vector(&(state.body_position - state.ball_position));
         let expected = directions.lu().solve(&-Vector3::from(depths(&params, &state))).unwrap();
@@ -137,8 +137,8 @@ fn wheels_lift_off_where_the_closed_form_says(simulation: Simulation) {
         robot.reset(&spinning(&params, top.sqrt() / params.roller_count)).unwrap();
         let mut lifted = 0;
         for _ in 0..2000 {
-            robot.step(&[0.0; 3]);
-            lifted += usize::from(robot.contacts().wheel_normal_forces == [0.0; 3]);
+            robot.step([0.0; 3]);
+            lifted += usize::from(robot.contacts().wheel_normal_forces == Wheels::default());
         }
         assert_eq!(lifted > 0, lifts, "{share}: {lifted} steps in the air");
     }
@@ -159,10 +159,10 @@ fn fast_rims_do_not_reach_deep_into_the_ball(simulation: Simulation) {
         };
         let wheels = Omniwheels::new(&params);
         let mut robot = simulation.robot(&params, 1.0 / 256.0);
-        let wheel_speeds = [330.0, -250.0, 290.0 + 10.0 * case];
+        let wheel_speeds = Wheels([330.0, -250.0, 290.0 + 10.0 * case]);
         robot.reset(&State { wheel_speeds, ..State::upright(&params) }).unwrap();
         for _ in 0..10 {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             let deepest = gaps(&params, &wheels, &robot.state()).into_iter().fold(0.0, f64::min);
             // The rest is due to the change of the wheel's rate within the step.
             assert!(deepest > -2e-3, "{deepest:e} m into the ball, {count} rollers, case {case}");
@@ -175,7 +175,7 @@ fn many_turns_change_nothing(simulation: Simulation) {
     let params = rippled();
     let [one, other] = [0.0, 1e4].map(|turns| {
         let mut robot = simulation.robot(&params, 1e-3);
-        let start = State { wheel_angles: [turns * TAU, -turns * TAU, turns * TAU], ..rolling(&params) };
+        let start = State { wheel_angles: Wheels([turns * TAU, -turns * TAU, turns * TAU]), ..rolling(&params) };
         robot.reset(&start).unwrap();
         run(robot.as_mut(), [0.01, -0.02, 0.0], 200);
         robot.state()

@@ -15,7 +15,7 @@ fn regulated_run(robot: &mut dyn Model) -> Vec<State> {
     let substeps = (0.01 / robot.sim_dt()).round() as usize;
     let control = |_| {
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-        run(robot, torques, substeps);
+        run(robot, torques.0, substeps);
         robot.state()
     };
     (0..200).map(control).collect()
@@ -65,12 +65,12 @@ fn wheels_turn_with_the_ball_and_the_ball_rolls_without_drift(simulation: Simula
         let position = Vector2::new(0.8, 0.6) * share * share * (3.0 - 2.0 * share);
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint { position, ..Setpoint::default() });
         for _ in 0..10 {
-            robot.step(&torques);
+            robot.step(torques);
             let state = robot.state();
             let ideal =
                 wheels.wheel_speeds(&state.body_quaternion, &state.ball_angular_velocity, &state.body_angular_velocity);
-            worst_slip = worst_slip.max((Vector3::from(state.wheel_speeds) - ideal).amax());
-            fastest = fastest.max(ideal.amax());
+            worst_slip = worst_slip.max((state.wheel_speeds - ideal).column().amax());
+            fastest = fastest.max(ideal.column().amax());
             let rate = state.ball_angular_velocity;
             rolled += Vector2::new(rate.y, -rate.x) * params.ball_radius * robot.sim_dt();
             deepest = deepest.max((params.ball_radius - state.ball_position.z).abs());

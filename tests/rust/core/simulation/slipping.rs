@@ -20,8 +20,8 @@ fn slip_both(params: &Params, sim_dt: f64, torques: [f64; 3]) -> [Slipped; 2] {
         run(robot.as_mut(), torques, steps);
         let (mut tractions, mut floor) = (Vector3::zeros(), Vector3::zeros());
         for _ in 0..steps {
-            robot.step(&torques);
-            tractions += Vector3::from(robot.contacts().wheel_tractions) / steps as f64;
+            robot.step(torques);
+            tractions += robot.contacts().wheel_tractions.column() / steps as f64;
             floor += robot.contacts().floor_force / steps as f64;
         }
         Slipped { robot, tractions, floor }
@@ -34,7 +34,7 @@ fn apart([rigid, contact]: &[Slipped; 2]) -> [f64; 6] {
     let (r, c) = (rigid.robot.state(), contact.robot.state());
     let share = |a: Vector3<f64>, b: Vector3<f64>| (a - b).norm() / b.norm();
     [
-        share(c.wheel_speeds.into(), r.wheel_speeds.into()),
+        share(c.wheel_speeds.column(), r.wheel_speeds.column()),
         share(c.ball_velocity, r.ball_velocity),
         share(c.ball_angular_velocity, r.ball_angular_velocity),
         share(c.body_angular_velocity, r.body_angular_velocity),
@@ -58,7 +58,7 @@ fn agree(label: &str, params: &Params, torques: [f64; 3], usual: Option<[f64; 2]
         close(&format!("{label}, {sim_dt} s: velocities"), shares, 0.0, share);
         close(&format!("{label}, {sim_dt} s: forces"), forces, 0.0, force);
         let [rigid, contact] = both.map(|slipped| slipped.robot.contacts());
-        let slip = |c: &Contacts| Vector3::from(c.wheel_slip_speeds).amax().max(c.floor_slip_velocity.norm());
+        let slip = |c: &Contacts| c.wheel_slip_speeds.column().amax().max(c.floor_slip_velocity.norm());
         assert!(slip(&rigid) > 0.05 && slip(&contact) > 0.05, "{label}: nothing slips");
     }
 }
@@ -90,7 +90,7 @@ fn slipping_balls_agree() {
         let wheels = Omniwheels::new(&params);
         for degrees in [0.0_f64, 50.0, 160.0] {
             let torque = Vector3::new(degrees.to_radians().cos(), degrees.to_radians().sin(), 0.0) * 0.8;
-            let torques = wheels.wheel_torques(&torque, TorqueMap::Consistent).into();
+            let torques = wheels.wheel_torques(&torque, TorqueMap::Consistent).0;
             agree(&format!("floor {friction}, {degrees} deg"), &params, torques, Some([2e-3, 0.03]), [2e-4, 3e-3]);
         }
     }

@@ -5,7 +5,7 @@ use super::{Motion, Simulation, close, for_both, run};
 use crate::support::general::crooked;
 use crate::support::{any_floor_tilt, any_start, largest, natural_rate, torques, vector};
 use ballbot_core::models::SpatialModel;
-use ballbot_core::{Contacts, Model, Params, State, attitude};
+use ballbot_core::{Contacts, Model, Params, State, Wheels, attitude};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector6};
 
 /// The paper's robot on a solid ball, on a floor that goes down by 0.4 rad towards its azimuth of 0.5 rad.
@@ -30,7 +30,7 @@ fn place_alone(robot: &mut dyn Model) -> State {
     let mut state = State::rolling(&params, Vector2::zeros(), 0.0, UnitQuaternion::identity(), Vector3::zeros());
     state.body_position.z += 200.0;
     robot.reset(&state).unwrap();
-    robot.step(&[0.0; 3]);
+    robot.step([0.0; 3]);
     robot.state()
 }
 
@@ -64,11 +64,11 @@ fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
 
 /// How a robot stands still on its slope, the torques that hold it, and its contact forces by `spatial`. `None` where a
 /// wheel carries almost no load: with so much friction, lifting off is also a solution.
-fn standing(params: &Params, yaw: f64) -> Option<(State, [f64; 3], Contacts)> {
+fn standing(params: &Params, yaw: f64) -> Option<(State, Wheels<f64>, Contacts)> {
     let start = State::tilted_from_equilibrium(params, params.slope_lean().ok()?, yaw);
     let held = params.holding_torques(yaw).ok()?;
     let model = SpatialModel::new(params, true, true);
-    let contacts = model.contacts(&start.body_quaternion, &Vector6::zeros(), &held.into());
+    let contacts = model.contacts(&start.body_quaternion, &Vector6::zeros(), held);
     let least = 0.1 * params.body_mass * params.gravity;
     contacts.wheel_normal_forces.into_iter().all(|load| load >= least).then_some((start, held, contacts))
 }
@@ -83,9 +83,9 @@ fn robots_stand_on_a_slope(simulation: Simulation) {
         stood += 1;
         let weight = (params.body_mass + params.ball_mass) * params.gravity;
         for _ in 0..100 {
-            robot.step(&held);
+            robot.step(held);
             let contacts = robot.contacts();
-            let loads = Vector3::from(contacts.wheel_normal_forces) - Vector3::from(expected.wheel_normal_forces);
+            let loads = contacts.wheel_normal_forces.column() - expected.wheel_normal_forces.column();
             let off = loads.amax().max((contacts.floor_force - expected.floor_force).amax()) / weight;
             worst = [worst[0].max(off), worst[1].max(largest(apart(&params, &robot.state(), &start)))];
         }
@@ -110,7 +110,7 @@ fn robots_on_a_slope_converge_to_the_spatial_model(simulation: Simulation) {
             attitude(start.tilt, 0.0) * still.body_quaternion,
             rolling.body_angular_velocity,
         );
-        let motors = (Vector3::from(held) + Vector3::from(torques(&params, &shares))).into();
+        let motors = (held + Wheels(torques(&params, &shares))).0;
         let run = |steps| off_spatial(simulation, &params, &state, &motors, steps);
         let Some(((coarse, fine), finest)) = run(100).zip(run(200)).zip(run(2000)) else { continue };
         compared += 1;
@@ -132,7 +132,7 @@ fn falls_on_a_slope_gain_no_energy(simulation: Simulation) {
         robot.reset(&State::tilted(&params, tilt.into(), 0.4)).unwrap();
         let (mut deepest, mut rise, mut lowest) = (0.0_f64, 0.0_f64, robot.energy());
         for _ in 0..3000 {
-            robot.step(&[0.0; 3]);
+            robot.step([0.0; 3]);
             lowest = lowest.min(robot.energy());
             rise = rise.max(robot.energy() - lowest);
             deepest = deepest.max(-lowest_point(&params, &robot.state()));

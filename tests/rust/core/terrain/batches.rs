@@ -59,7 +59,7 @@ fn a_robot_in_lanes_is_one_alone_to_the_last_bit() {
         robot.reset(state).unwrap();
         alone.batch.reset_with(&request, &mut alone.observations).unwrap();
         for _ in 0..20 {
-            robot.step(&[0.0; 3], 5).unwrap();
+            robot.step([0.0; 3], 5).unwrap();
             alone.step(&[0.0; 15]).unwrap();
         }
         assert_eq!(robot.state(), alone.batch.state(i).unwrap(), "robot {i}");

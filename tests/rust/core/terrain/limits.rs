@@ -95,7 +95,7 @@ fn stands(params: &Params, slope: f64, yaw: f64) -> bool {
     robot.set_terrain(Some(&Arc::new(Terrain::plane(slope, 0.0).unwrap()))).unwrap();
     robot.place_on_ground(0.0, 0.0, yaw, None).unwrap();
     let tilted = Params { floor_tilt: [0.0, -slope], ..params.clone() };
-    robot.step(&tilted.holding_torques(yaw).unwrap(), 50).unwrap();
+    robot.step(tilted.holding_torques(yaw).unwrap(), 50).unwrap();
     let State { wheel_speeds, ball_velocity, .. } = robot.state();
     let rates = wheel_speeds.into_iter().chain([ball_velocity.norm() / params.ball_radius]);
     rates.fold(0.0_f64, |most, rate| most.max(rate.abs())) < 1e-3

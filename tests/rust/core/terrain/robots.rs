@@ -38,8 +38,8 @@ fn a_sloped_surface_is_a_tilted_gravity() {
             robot.reset(&turned(&turn, &start)).unwrap();
             for k in 0..200 {
                 let torques = [0.05, -0.03, 0.02].map(|t: f64| t * f64::from(k % 7 - 3));
-                robot.step(&torques, 1).unwrap();
-                other.step(&torques, 1).unwrap();
+                robot.step(torques, 1).unwrap();
+                other.step(torques, 1).unwrap();
             }
             let apart = distance(&robot.state(), &turned(&turn, &other.state()));
             let limit = if kind == ModelKind::Rigid { 1e-6 } else { 1e-12 };
@@ -78,8 +78,8 @@ fn a_bump_far_away_changes_no_bit() {
         }
         for k in 0..50 {
             let torques = [0, 1, 2].map(|i| 1.9 * (7.0 * angle + f64::from(k / 5) + 2.0 * f64::from(i)).sin());
-            here.step(&torques, 1).unwrap();
-            there.step(&torques, 1).unwrap();
+            here.step(torques, 1).unwrap();
+            there.step(torques, 1).unwrap();
             assert!(!here.bot_on_floor());
             let bits = |robot: &Ballbot| robot.state().to_array().map(f64::to_bits);
             assert!(bits(&here) == bits(&there), "seed {seed}, step {k}");
@@ -110,8 +110,8 @@ fn a_level_terrain_is_level_ground() {
         level.reset(&start).unwrap();
         robot.reset(&start).unwrap();
         for _ in 0..300 {
-            level.step(&[0.02, -0.01, 0.0], 1).unwrap();
-            robot.step(&[0.02, -0.01, 0.0], 1).unwrap();
+            level.step([0.02, -0.01, 0.0], 1).unwrap();
+            robot.step([0.02, -0.01, 0.0], 1).unwrap();
         }
         let apart = distance(&level.state(), &robot.state());
         assert!(apart < 1e-9, "{kind}: {apart}");
@@ -136,7 +136,7 @@ fn a_robot_stands_still_on_a_slope_with_its_lean_and_torques() {
             let attitude = UnitQuaternion::from_scaled_axis(axis).inverse() * robot.state().body_quaternion;
             let heading = State { body_quaternion: attitude, ..State::upright(&params) }.yaw();
             let torques = tilted.holding_torques(heading).unwrap();
-            robot.step(&torques, 50).unwrap();
+            robot.step(torques, 50).unwrap();
             let state = robot.state();
             let speed = state.ball_velocity.norm() + state.body_angular_velocity.norm();
             assert!(speed < 1e-6, "{kind} on {slope} rad: {speed}");
@@ -155,7 +155,7 @@ fn balanced(robot: &mut Ballbot, seconds: f64) -> State {
     let steps = (0.005 / robot.sim_dt()).round() as usize;
     for _ in 0..(seconds / 0.005).round() as usize {
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint::default());
-        robot.step(&torques, steps).unwrap();
+        robot.step(torques, steps).unwrap();
     }
     robot.state()
 }
@@ -192,7 +192,7 @@ fn a_fallen_robot_comes_to_rest_on_the_ground() {
         let mut before = robot.energy();
         let mut touched = false;
         for _ in 0..400 {
-            robot.step(&[0.0; 3], 10).unwrap();
+            robot.step([0.0; 3], 10).unwrap();
             touched |= robot.bot_on_floor();
             let energy = robot.energy();
             assert!(energy < before + 2e-3, "{kind}: {energy} J after {before} J");
@@ -239,12 +239,12 @@ fn a_snapshot_continues_to_the_last_bit_and_fits_its_terrain_alone() {
     for kind in [ModelKind::Contact, ModelKind::Rigid] {
         let mut robot = on(&terrain, kind, &Params::paper(), 1e-3);
         robot.place_on_ground(0.5, 0.5, 0.1, None).unwrap();
-        robot.step(&[0.01, 0.0, -0.01], 100).unwrap();
+        robot.step([0.01, 0.0, -0.01], 100).unwrap();
         let bytes = robot.save();
-        robot.step(&[0.01, 0.0, -0.01], 100).unwrap();
+        robot.step([0.01, 0.0, -0.01], 100).unwrap();
         let mut other = on(&terrain, kind, &Params::paper(), 1e-3);
         other.load(&bytes).unwrap();
-        other.step(&[0.01, 0.0, -0.01], 100).unwrap();
+        other.step([0.01, 0.0, -0.01], 100).unwrap();
         assert_eq!(robot.state(), other.state());
         let elsewhere = on(&make(2), kind, &Params::paper(), 1e-3).load(&bytes);
         assert!(elsewhere.unwrap_err().to_string().contains("terrains differ"));
@@ -260,7 +260,7 @@ fn a_robot_with_another_ball_stands_on_the_ground_of_that_ball() {
     let mut other = on(&terrain, ModelKind::Contact, &big, 1e-3);
     for robot in [&mut robot, &mut other] {
         robot.place_on_ground(0.3, 0.2, 0.0, None).unwrap();
-        robot.step(&[0.01, 0.0, 0.0], 20).unwrap();
+        robot.step([0.01, 0.0, 0.0], 20).unwrap();
     }
     assert_eq!(robot.state(), other.state());
     let narrow = Arc::new(Terrain::generate("wave", 0, &[("wavelength", 0.36), ("slope", 0.2)]).unwrap());
@@ -283,7 +283,7 @@ fn a_robot_that_leaves_the_terrain_has_diverged() {
         let velocity = Vector3::new(-1.0, 0.0, -0.1);
         let start = State { ball_velocity: velocity, body_velocity: velocity, ..robot.state() };
         robot.reset(&start).unwrap();
-        let left = (0..500).find_map(|_| robot.step(&[0.0; 3], 1).err()).expect("it rolls down").to_string();
+        let left = (0..500).find_map(|_| robot.step([0.0; 3], 1).err()).expect("it rolls down").to_string();
         assert!(left.contains("the ball left the terrain at x = -0.5"), "{left}");
     }
     let tilted = Params { floor_tilt: [0.1, 0.0], ..params };

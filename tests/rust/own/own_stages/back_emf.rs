@@ -1,5 +1,6 @@
 //! A motor with back-EMF: the torque falls with the speed of the wheel.
 
+use ballbot_core::Wheels;
 use ballbot_core::actuator::Actuator;
 use ballbot_core::lanes::{Lane, Memory};
 
@@ -15,8 +16,7 @@ impl Actuator for BackEmf {
     const MEMORY: usize = 0;
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, commands: [L; 3], speeds: [L; 3], _: &mut Memory<'_, L>) -> [L; 3] {
-        let torque = |i: usize| speeds[i].mul_add_all(-self.loss, commands[i] * self.max_torque);
-        [torque(0), torque(1), torque(2)]
+    fn torques<L: Lane>(&self, commands: Wheels<L>, speeds: Wheels<L>, _: &mut Memory<'_, L>) -> Wheels<L> {
+        Wheels::from_fn(|i| speeds[i].mul_add_all(-self.loss, commands[i] * self.max_torque))
     }
 }

@@ -1,8 +1,8 @@
 //! A sensor that measures the state of the previous control step.
 
-use ballbot_core::LaneState;
 use ballbot_core::lanes::{Lane, Memory, Quat, Vec3};
 use ballbot_core::sensor::Sensor;
+use ballbot_core::{LaneState, Wheels};
 
 #[derive(Clone)]
 pub struct Delay;
@@ -46,7 +46,7 @@ fn numbers<L: Lane>(s: &LaneState<L>) -> [L; NUMBERS] {
     let (p, v, w) = (s.ball_position, s.ball_velocity, s.ball_angular_velocity);
     let (bp, bv, bw) = (s.body_position, s.body_velocity, s.body_angular_velocity);
     let (q, bq) = (s.ball_quaternion, s.body_quaternion);
-    let ([a, b, c], [d, e, f]) = (s.wheel_angles, s.wheel_speeds);
+    let (Wheels([a, b, c]), Wheels([d, e, f])) = (s.wheel_angles, s.wheel_speeds);
     [
         p.x, p.y, p.z, q.w, q.v.x, q.v.y, q.v.z, v.x, v.y, v.z, w.x, w.y, w.z, bp.x, bp.y, bp.z, bq.w, bq.v.x, bq.v.y,
         bq.v.z, bv.x, bv.y, bv.z, bw.x, bw.y, bw.z, a, b, c, d, e, f,
@@ -66,7 +66,7 @@ fn from_numbers<L: Lane>(n: &[L; NUMBERS]) -> LaneState<L> {
         body_quaternion: quaternion(16),
         body_velocity: vector(20),
         body_angular_velocity: vector(23),
-        wheel_angles: [n[26], n[27], n[28]],
-        wheel_speeds: [n[29], n[30], n[31]],
+        wheel_angles: Wheels([n[26], n[27], n[28]]),
+        wheel_speeds: Wheels([n[29], n[30], n[31]]),
     }
 }

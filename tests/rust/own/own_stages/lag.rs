@@ -1,5 +1,6 @@
 //! A motor whose torque follows its command with a first-order lag.
 
+use ballbot_core::Wheels;
 use ballbot_core::actuator::Actuator;
 use ballbot_core::lanes::{Lane, Memory};
 
@@ -16,11 +17,11 @@ impl Actuator for Lag {
     const MEMORY: usize = 3;
 
     #[inline(always)]
-    fn torques<L: Lane>(&self, commands: [L; 3], _: [L; 3], memory: &mut Memory<'_, L>) -> [L; 3] {
+    fn torques<L: Lane>(&self, commands: Wheels<L>, _: Wheels<L>, memory: &mut Memory<'_, L>) -> Wheels<L> {
         for (i, command) in commands.into_iter().enumerate() {
             let torque = memory.get(i);
             memory.set(i, (command * self.max_torque - torque).mul_add_all(self.share, torque));
         }
-        [memory.get(0), memory.get(1), memory.get(2)]
+        memory.wheels(0)
     }
 }

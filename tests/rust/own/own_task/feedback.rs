@@ -5,7 +5,7 @@ use ballbot_core::control::{LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling,
 use ballbot_core::fields::Limit;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::lanes::{Heading, Lane, Memory};
-use ballbot_core::{Params, Result};
+use ballbot_core::{Params, Result, Wheels};
 use nalgebra::Vector3;
 
 ballbot_core::fields! {
@@ -26,7 +26,7 @@ ballbot_core::fields! {
 pub struct Feedback {
     gains: Gains,
     /// Wheel torques per virtual torque about x and y.
-    map: [[f64; 2]; 3],
+    map: Wheels<[f64; 2]>,
     /// Fraction of the distance to the error that the low-pass covers in a sample.
     share: f64,
     limits: TorqueLimits,
@@ -46,7 +46,7 @@ impl NamedLaw for Feedback {
         let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, TorqueMap::Consistent);
         let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
         Ok(Self {
-            map: [0, 1, 2].map(|i| [about_x[i], about_y[i]]),
+            map: Wheels::from_fn(|i| [about_x[i], about_y[i]]),
             share: 1.0 - (-control_dt / gains.filter).exp(),
             gains: gains.clone(),
             limits: TorqueLimits::new(params, limits)?,
@@ -75,7 +75,7 @@ impl Law for Feedback {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let heading = Heading::new(state.body_quaternion);
         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
@@ -91,7 +91,6 @@ impl Law for Feedback {
         let rate = state.body_angular_velocity;
         let x = lean_x * self.gains.tilt - rate.x * self.gains.rate;
         let y = lean_y * self.gains.tilt - rate.y * self.gains.rate;
-        let wheel = |i: usize| x * self.map[i][0] + y * self.map[i][1];
-        self.limits.apply([wheel(0), wheel(1), wheel(2)], state, largest).torques
+        self.limits.apply(self.map.map(|[of_x, of_y]| x * of_x + y * of_y), state, largest).torques
     }
 }

@@ -5,7 +5,7 @@ use ballbot_core::fields::Limit;
 use ballbot_core::kinematics::Omniwheels;
 use ballbot_core::lanes::{Lane, Memory};
 use ballbot_core::task::{Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
-use ballbot_core::{Error, Params, Result, State};
+use ballbot_core::{Error, Params, Result, State, Wheels};
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -131,7 +131,7 @@ impl Task for Shuttle {
     ) {
         let one = step.tilt.splat(1.0);
         let tracking = one / (self.error_squared(step, memory) / (self.speed * self.speed) + 1.0);
-        let [a, b, c] = step.action;
+        let Wheels([a, b, c]) = step.action;
         let tracking = L::select(terminated, one.zero(), tracking);
         terms.term(Term::reward("tracking", 1.0, "1 / (1 + (velocity error / speed)²), 0 in a fall"), tracking);
         terms.term(Term::cost("tilt", 0.5, "(tilt / fall_tilt)²"), (step.tilt / self.fall_tilt).squared());

@@ -20,6 +20,7 @@ use ballbot_base::lane_state::{LaneState, StateCells};
 use ballbot_base::lanes::{Lane, Memory, Scalar};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
+use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::DMatrix;
@@ -125,7 +126,7 @@ impl NamedLaw for Mpc {
         let prediction = Prediction::new(
             [plane(0)?, plane(1)?],
             &limits.lean_rows(planes),
-            std::array::from_fn(|i| [x[i], y[i]]),
+            Wheels::from_fn(|i| [x[i], y[i]]),
             options.violation.powi(-2),
             options.iterations.round() as usize,
         )?;
@@ -149,7 +150,7 @@ impl Mpc {
     }
 
     /// The desired wheel torques of a robot without history, before the limits, N·m.
-    pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> [f64; 3] {
+    pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
         let mut cells = StateCells::default();
         LaneState::from(state).store(&mut cells);
         let mut plan = vec![0.0; self.kept()];
@@ -170,7 +171,7 @@ impl Mpc {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> ([L; 3], Pose<L>) {
+    ) -> (Wheels<L>, Pose<L>) {
         let deviation = self.tracking.deviation(state, setpoint);
         let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
         let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
@@ -195,7 +196,7 @@ impl Mpc {
         let [x, y] = &self.prediction.planes;
         let [first, ..] = plan;
         let added = planes.wheel_torques([first[0] * x.scale, first[1] * y.scale], zero);
-        ([wanted[0] + added[0], wanted[1] + added[1], wanted[2] + added[2]], pose)
+        (wanted + added, pose)
     }
 
     /// Initial values of the prediction. The setpoint's lean and the tilt rate of the rows are held constant.
@@ -205,7 +206,7 @@ impl Mpc {
         &Pose { tilt: [tilt_x, tilt_y], rate: turning, .. }: &Pose<L>,
         x: &[L; STATES],
         forward: [L; 2],
-        torques: [L; 3],
+        torques: Wheels<L>,
         largest: f64,
     ) -> Start<L> {
         let Leaning { position, velocity, lean, rate } = Leaning::new(x);
@@ -220,7 +221,7 @@ impl Mpc {
         Start {
             x: [[position[0], lean[0], velocity[0], rate[0]], [position[1], lean[1], velocity[1], rate[1]]],
             rows,
-            torques: [torques[0] * per_acceleration, torques[1] * per_acceleration, torques[2] * per_acceleration],
+            torques: torques * per_acceleration,
             per_acceleration,
         }
     }
@@ -249,7 +250,7 @@ impl Law for Mpc {
         setpoint: &LaneSetpoint<L>,
         largest: f64,
         memory: &mut Memory<'_, L>,
-    ) -> [L; 3] {
+    ) -> Wheels<L> {
         let (wanted, pose) = self.torques_wanted(state, setpoint, largest, memory);
         let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
         self.observer.predict(state, &pose, torques, share, &mut memory.after(Self::MEMORY));

@@ -30,7 +30,7 @@ impl Plane {
     ) -> Result<Self> {
         let (a, b) = planes.sampled(axis, params, dt);
         let torques = planes.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
-        let torques = DMatrix::from_column_slice(3, 1, &torques);
+        let torques = DMatrix::from_column_slice(3, 1, torques.as_slice());
         let cost = |i: usize| q[(PLACES[axis][i], PLACES[axis][i])];
         let q = DMatrix::from_fn(4, 4, |i, j| if i == j { cost(i) } else { 0.0 });
         let r = torques.transpose() * r * &torques;

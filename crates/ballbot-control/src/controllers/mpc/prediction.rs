@@ -4,6 +4,7 @@ use crate::parts::limits::{LeanRow, ROWS};
 use super::plane::Plane;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::wheels::Wheels;
 use nalgebra::{DMatrix, SymmetricEigen};
 
 /// Stages of the horizon.
@@ -20,7 +21,7 @@ pub(super) struct Start<L> {
     /// Constant of each row.
     pub(super) rows: [L; ROWS],
     /// Torque of each wheel in the motion of the setpoint, as a fraction of the largest torque.
-    pub(super) torques: [L; 3],
+    pub(super) torques: Wheels<L>,
     /// Torque of each wheel per acceleration of a lean, as a fraction of the largest torque: this factor times the
     /// motors' torque per acceleration.
     pub(super) per_acceleration: L,
@@ -32,7 +33,7 @@ pub(super) struct Prediction {
     pub(super) planes: [Plane; 2],
     pub(super) rows: [LeanRow; ROWS],
     /// Torque of each wheel per acceleration of a lean, N·m·s².
-    pub(super) torques: [[f64; 2]; 3],
+    pub(super) torques: Wheels<[f64; 2]>,
     /// ρ, the cost of a violation.
     pub(super) penalty: f64,
     pub(super) iterations: usize,
@@ -46,7 +47,7 @@ impl Prediction {
     pub(super) fn new(
         planes: [Plane; 2],
         rows: &[LeanRow; ROWS],
-        torques: [[f64; 2]; 3],
+        torques: Wheels<[f64; 2]>,
         penalty: f64,
         iterations: usize,
     ) -> Result<Self> {

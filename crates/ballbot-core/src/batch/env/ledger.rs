@@ -1,7 +1,7 @@
 //! Numbers that environments keep from step to step, for one robot or eight.
 
-use crate::task::ACTION_LEN;
 use ballbot_base::lanes::{Cell, EIGHT, Eight, cells};
+use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
 cells! {
@@ -11,7 +11,7 @@ cells! {
         pub steps: T,
         /// The step at which this episode is truncated.
         pub limit: T,
-        pub last_action: [T; ACTION_LEN],
+        pub last_action: Wheels<T>,
         /// The step from which a new command is due.
         pub next_command: T,
         pub reward: T,

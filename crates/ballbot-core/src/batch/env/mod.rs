@@ -33,6 +33,7 @@ use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::{Setpoint, SetpointCells};
 use ballbot_base::state::{Contacts, State};
+use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -260,8 +261,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 }
 
 /// Actions of the robots of a chunk, n × 3, within their bounds.
-fn commands<C: Cell>(actions: &[f32]) -> [C; ACTION_LEN] {
-    let mut commands = [C::default(); ACTION_LEN];
+fn commands<C: Cell>(actions: &[f32]) -> Wheels<C> {
+    let mut commands = Wheels::<C>::default();
     for (i, action) in actions.chunks_exact(ACTION_LEN).enumerate() {
         for (cell, value) in commands.iter_mut().zip(action) {
             cell.set(i, f64::from(*value).clamp(-1.0, 1.0));

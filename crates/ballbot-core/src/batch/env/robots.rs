@@ -7,7 +7,7 @@ use crate::actuator::Actuator;
 use crate::control::LaneWidth;
 use crate::robot::{Ballbot, check_push, check_state};
 use crate::sensor::Sensor;
-use crate::task::{ACTION_LEN, Task};
+use crate::task::Task;
 use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
@@ -18,6 +18,7 @@ use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
+use ballbot_base::wheels::Wheels;
 use ballbot_lanes::ContactLanes;
 use nalgebra::Vector3;
 
@@ -31,7 +32,7 @@ pub trait Robots: Send + Sync {
     fn drive<A: Actuator>(
         &mut self,
         actuator: &A,
-        commands: &[Self::Cell; ACTION_LEN],
+        commands: &Wheels<Self::Cell>,
         memory: &mut [Self::Cell],
         one: &mut [f64],
         steps: usize,
@@ -42,7 +43,7 @@ pub trait Robots: Send + Sync {
     fn conclude<T: Task, S: Sensor>(
         &self,
         step: &TaskStep<T, S>,
-        commands: &[Self::Cell; ACTION_LEN],
+        commands: &Wheels<Self::Cell>,
         com_directions: &[Self::Cell; 3],
         ledger: &mut Ledger<Self::Cell>,
         one: &mut Ledger<f64>,
@@ -136,27 +137,27 @@ impl Robots for Single {
     fn drive<A: Actuator>(
         &mut self,
         actuator: &A,
-        commands: &[f64; ACTION_LEN],
+        commands: &Wheels<f64>,
         memory: &mut [f64],
         _: &mut [f64],
         steps: usize,
     ) {
         let mut memory = Memory::<f64>::new(Scalar, memory);
         if actuator.is_held() {
-            let torques = actuator.torques(*commands, [0.0; 3], &mut memory);
-            self.robot.advance(&torques, steps);
+            let torques = actuator.torques(*commands, Wheels::default(), &mut memory);
+            self.robot.advance(torques, steps);
             return;
         }
         for _ in 0..steps {
             let torques = actuator.torques(*commands, self.robot.state().wheel_speeds, &mut memory);
-            self.robot.advance(&torques, 1);
+            self.robot.advance(torques, 1);
         }
     }
 
     fn conclude<T: Task, S: Sensor>(
         &self,
         step: &TaskStep<T, S>,
-        commands: &[f64; ACTION_LEN],
+        commands: &Wheels<f64>,
         com_directions: &[f64; 3],
         ledger: &mut Ledger<f64>,
         _: &mut Ledger<f64>,
@@ -248,7 +249,7 @@ impl Robots for ContactLanes {
     fn drive<A: Actuator>(
         &mut self,
         actuator: &A,
-        commands: &[Eight; ACTION_LEN],
+        commands: &Wheels<Eight>,
         memory: &mut [Eight],
         one: &mut [f64],
         steps: usize,
@@ -259,7 +260,7 @@ impl Robots for ContactLanes {
     fn conclude<T: Task, S: Sensor>(
         &self,
         step: &TaskStep<T, S>,
-        commands: &[Eight; ACTION_LEN],
+        commands: &Wheels<Eight>,
         com_directions: &[Eight; 3],
         ledger: &mut Ledger<Eight>,
         one: &mut Ledger<f64>,
@@ -365,7 +366,7 @@ struct Conclude<'a, T, S> {
     states: &'a StateCells<Eight>,
     measured: &'a StateCells<Eight>,
     conditions: &'a ConditionCells<Eight>,
-    commands: &'a [Eight; ACTION_LEN],
+    commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],
     ledger: &'a mut Ledger<Eight>,
     one: &'a mut Ledger<f64>,
@@ -382,7 +383,8 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
         for i in 0..EIGHT {
             let robot = LaneRobot::<f64>::load(Scalar, &self.states.lane(i), &self.conditions.lane(i));
             let measured = self.measured.lane(i).load(Scalar);
-            let [commands, com] = [self.commands, self.com_directions].map(|part| part.map(|eight| eight.0[i]));
+            let commands = self.commands.map(|eight| eight.0[i]);
+            let com = self.com_directions.map(|eight| eight.0[i]);
             Eight::take(self.ledger, i, self.one);
             self.step.run_one(&robot, &measured, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);

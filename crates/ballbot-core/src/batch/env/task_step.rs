@@ -7,10 +7,11 @@ use crate::batch::config::EnvConfig;
 use crate::batch::stage::CustomStage;
 use crate::perception::Perception;
 use crate::sensor::Sensor;
-use crate::task::{ACTION_LEN, DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
+use crate::task::{DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::{LaneRobot, LaneState, StateCells};
-use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, load3, run_one};
+use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, run_one};
+use ballbot_base::wheels::Wheels;
 use std::sync::Arc;
 
 /// A task with its sensor, shared by all chunks of a batch.
@@ -110,7 +111,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         token: L::Token,
         robot: &LaneRobot<L>,
         measured: &LaneState<L>,
-        actions: &[L::Cell; ACTION_LEN],
+        actions: &Wheels<L::Cell>,
         com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
     ) {
@@ -118,7 +119,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
         let one = zero.splat(1.0);
-        let action = load3(token, actions);
+        let action = Wheels::load(token, actions);
 
         let up = state.body_quaternion.rotation().rows[2];
         let com = Vec3::load(token, com_direction);
@@ -132,7 +133,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             tilt,
             on_floor: robot.on_floor,
             action,
-            last_action: load3(token, &episode.last_action),
+            last_action: Wheels::load(token, &episode.last_action),
             control_dt: self.control_dt,
         };
 
@@ -160,9 +161,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         L::select(truncated, one, zero).store(&mut episode.truncated);
         L::select(success, one, zero).store(&mut episode.success);
         steps.store(&mut episode.steps);
-        for (value, cell) in action.into_iter().zip(&mut episode.last_action) {
-            value.store(cell);
-        }
+        action.store(&mut episode.last_action);
         let older = observation.len() - self.rows;
         if older > 0 {
             observation.copy_within(..older, self.rows);
@@ -177,7 +176,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         &self,
         robot: &LaneRobot<f64>,
         measured: &LaneState<f64>,
-        actions: &[f64; ACTION_LEN],
+        actions: &Wheels<f64>,
         com_direction: &[f64; 3],
         ledger: &mut Ledger<f64>,
     ) {

@@ -2,6 +2,7 @@
 
 use super::covariance::{Covariance, NUMBERS, STATES};
 use ballbot_base::lanes::{Lane, Memory, Quat, Vec3};
+use ballbot_base::wheels::Wheels;
 
 /// Numbers before the covariance.
 const BEFORE: usize = 36;
@@ -39,11 +40,11 @@ pub struct Belief<L> {
     /// Mean of the gyroscope over the last step, rad/s.
     pub mean_gyro: Vec3<L>,
     /// Wheel rates of the last reading, rad/s.
-    pub wheel_rates: [L; 3],
+    pub wheel_rates: Wheels<L>,
     /// Wheel rates predicted from the estimates, rad/s.
-    pub expected: [L; 3],
+    pub expected: Wheels<L>,
     /// 1 for a wheel that slipped in the last step, else 0.
-    pub slipping: [L; 3],
+    pub slipping: Wheels<L>,
     /// 0 before the first reading of an episode, then 1.
     pub begun: L,
     /// Covariance of the estimation error.
@@ -60,19 +61,19 @@ impl<L: Lane> Belief<L> {
             *number = memory.get(CROSS + i);
         }
         Self {
-            attitude: quat(memory, 0),
-            gyro_bias: vec3(memory, 4),
+            attitude: memory.quaternion(0),
+            gyro_bias: memory.vector(4),
             velocity: [memory.get(7), memory.get(8)],
             spin: memory.get(9),
             position: [memory.get(10), memory.get(11)],
-            ball_attitude: quat(memory, 12),
+            ball_attitude: memory.quaternion(12),
             lean: [memory.get(16), memory.get(17)],
             lean_bias: [memory.get(18), memory.get(19)],
-            gyro: vec3(memory, 20),
-            mean_gyro: vec3(memory, 23),
-            wheel_rates: three(memory, 26),
-            expected: three(memory, 29),
-            slipping: three(memory, 32),
+            gyro: memory.vector(20),
+            mean_gyro: memory.vector(23),
+            wheel_rates: memory.wheels(26),
+            expected: memory.wheels(29),
+            slipping: memory.wheels(32),
             begun: memory.get(BEGUN),
             covariance: Covariance::load(memory, BEFORE),
             cross,
@@ -157,19 +158,4 @@ impl<L: Lane> Belief<L> {
             memory.set(i, L::select(mask, memory.get(i), number));
         }
     }
-}
-
-#[inline(always)]
-fn three<L: Lane>(memory: &Memory<'_, L>, first: usize) -> [L; 3] {
-    [memory.get(first), memory.get(first + 1), memory.get(first + 2)]
-}
-
-#[inline(always)]
-fn vec3<L: Lane>(memory: &Memory<'_, L>, first: usize) -> Vec3<L> {
-    three(memory, first).into()
-}
-
-#[inline(always)]
-fn quat<L: Lane>(memory: &Memory<'_, L>, first: usize) -> Quat<L> {
-    Quat { w: memory.get(first), v: vec3(memory, first + 1) }
 }

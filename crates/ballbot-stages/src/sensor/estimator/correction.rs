@@ -5,7 +5,8 @@ use super::belief::Belief;
 use super::covariance::{BIAS, SPIN, STATES, VELOCITY, dot};
 use super::gate::by_turning;
 use crate::sensor::Readings;
-use ballbot_base::lanes::{Lane, Mat3, Vec3};
+use ballbot_base::lanes::{Lane, Vec3};
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Deviation of a mean rate from the mean of both ends of a step, as a fraction of their difference: motors and models
 /// do not accelerate evenly within a step.
@@ -31,16 +32,16 @@ impl Estimator {
         let inverse_radius = 1.0 / self.odometry.ball_radius;
 
         let zero = like.zero();
-        let mut innovation = [zero; 3];
+        let mut innovation = Wheels::zero(zero);
         // Rows of H, effects of the body rate, columns of P Hᵀ + C and of C.
-        let mut h = [[zero; STATES]; 3];
-        let mut by_rate = [Vec3::zero(like); 3];
-        let mut g = [[zero; STATES]; 3];
-        let mut shared = [[zero; STATES]; 3];
+        let mut h = Wheels::all([zero; STATES]);
+        let mut by_rate = Wheels::all(Vec3::zero(like));
+        let mut g = Wheels::all([zero; STATES]);
+        let mut shared = Wheels::all([zero; STATES]);
         // Wheel rates due to the ball's rolling, and their covariance with its relative error.
-        let mut rolling = [zero; 3];
-        let mut of_rolling = [zero; 3];
-        for i in 0..3 {
+        let mut rolling = Wheels::zero(zero);
+        let mut of_rolling = Wheels::zero(zero);
+        for i in 0..WHEELS {
             let row = &self.odometry.rows[i];
             let own = Vec3::new(like.splat(row[0]), like.splat(row[1]), like.splat(row[2]));
             let c = rotation.apply(own);
@@ -77,16 +78,16 @@ impl Estimator {
             innovation[i] = readings.wheel_rates[i] - predicted;
         }
 
-        let mut s = [[zero; 3]; 3];
-        for i in 0..3 {
-            for j in 0..3 {
+        let mut s = Wheels::all(Wheels::zero(zero));
+        for i in 0..WHEELS {
+            for j in 0..WHEELS {
                 let of_rate = by_rate[i].dot(by_rate[j]) * gyro_variance;
                 s[i][j] = dot(&h[i], &g[j]) + dot(&h[j], &shared[i]) + rolling[i] * of_rolling[j] + of_rate;
             }
             let change = expected.wheel_rates[i] - belief.expected[i];
             s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
         }
-        for i in 0..3 {
+        for i in 0..WHEELS {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
             let surprise = (s[i][i] * (o.slip_gate * o.slip_gate)).lt(innovation[i].squared());
@@ -97,21 +98,21 @@ impl Estimator {
             for gain in &mut g[i] {
                 *gain = L::select(slips, zero, *gain);
             }
-            for j in [0, 1, 2] {
+            for j in 0..WHEELS {
                 let apart = if i == j { like.splat(1.0) } else { zero };
                 s[i][j] = L::select(slips, apart, s[i][j]);
                 s[j][i] = L::select(slips, apart, s[j][i]);
             }
         }
-        let inverse = Mat3::from(s).inverse();
-        let weighted = inverse.times(innovation.into());
+        let inverse = s.inverse();
+        let weighted = inverse.times(innovation);
         let mut error = [zero; STATES];
         for (j, error) in error.iter_mut().enumerate() {
-            *error = Vec3::new(g[0][j], g[1][j], g[2][j]).dot(weighted);
+            *error = Wheels([g[0][j], g[1][j], g[2][j]]).dot(weighted);
         }
-        let considered = inverse.times(of_rolling.into());
+        let considered = inverse.times(of_rolling);
         for (j, cross) in belief.cross.iter_mut().enumerate() {
-            *cross -= Vec3::new(g[0][j], g[1][j], g[2][j]).dot(considered);
+            *cross -= Wheels([g[0][j], g[1][j], g[2][j]]).dot(considered);
         }
         belief.covariance.reduce(&g, &inverse);
 

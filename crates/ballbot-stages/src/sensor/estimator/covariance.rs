@@ -1,6 +1,7 @@
 //! The covariance of the estimation error, in lanes.
 
-use ballbot_base::lanes::{Lane, Mat3, Memory, Vec3};
+use ballbot_base::lanes::{Lane, Memory, Vec3};
+use ballbot_base::wheels::{WheelMatrix, Wheels};
 
 /// Attitude (3), gyroscope bias (3), velocity (2), ball spin (1).
 pub const STATES: usize = 9;
@@ -120,11 +121,11 @@ impl<L: Lane> Covariance<L> {
 
     /// P ← P − G S⁻¹ Gᵀ for the columns `g` of G = P Hᵀ + C.
     #[inline(always)]
-    pub fn reduce(&mut self, g: &[[L; STATES]; 3], inverse: &Mat3<L>) {
+    pub fn reduce(&mut self, g: &Wheels<[L; STATES]>, inverse: &WheelMatrix<L>) {
         for i in 0..STATES {
-            let gain = inverse.times(Vec3::new(g[0][i], g[1][i], g[2][i]));
+            let gain = inverse.times(Wheels([g[0][i], g[1][i], g[2][i]]));
             for (j, ((&a, &b), &c)) in g[0].iter().zip(&g[1]).zip(&g[2]).enumerate().skip(i) {
-                let less = gain.dot(Vec3::new(a, b, c));
+                let less = gain.dot(Wheels([a, b, c]));
                 self.rows[i][j] -= less;
                 self.rows[j][i] = self.rows[i][j];
             }

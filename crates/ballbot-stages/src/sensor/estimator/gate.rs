@@ -4,6 +4,7 @@ use super::EstimatorOptions;
 use ballbot_base::constants::Constants;
 use ballbot_base::lanes::{Lane, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 
 /// Largest change of a wheel rate in a step that friction allows without slip.
 ///
@@ -17,7 +18,7 @@ use ballbot_base::params::Params;
 #[derive(Clone, Debug)]
 pub struct JumpLimit {
     /// rad/s.
-    change: [f64; 3],
+    change: Wheels<f64>,
 }
 
 impl JumpLimit {
@@ -44,7 +45,7 @@ impl JumpLimit {
 
     /// Adds the largest change of each wheel.
     pub(super) fn add_to(&self, constants: Constants) -> Constants {
-        constants.vector("largest_change", &self.change)
+        constants.vector("largest_change", self.change.as_slice())
     }
 
     /// Whether the rate of wheel `i` changes by more in a step. `change` is the change of the rate, `turning` the part

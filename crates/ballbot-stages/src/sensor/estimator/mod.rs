@@ -23,6 +23,7 @@ use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Mat3, Memory, Rotation, Vec3};
 use ballbot_base::params::Params;
+use ballbot_base::wheels::Wheels;
 use belief::Belief;
 use covariance::{Covariance, SPIN, STATES};
 use gate::JumpLimit;
@@ -58,7 +59,7 @@ pub struct Estimate<L> {
     /// frame, (m/s)²: xx, xy, yy.
     pub velocity_covariance: [L; 3],
     /// 1 for a wheel that slipped in the last step, else 0.
-    pub slipping: [L; 3],
+    pub slipping: Wheels<L>,
 }
 
 impl Estimator {
@@ -119,8 +120,8 @@ impl Estimator {
             gyro: rate,
             mean_gyro: rate,
             wheel_rates: state.wheel_speeds,
-            expected: [zero; 3],
-            slipping: [zero; 3],
+            expected: Wheels::zero(zero),
+            slipping: Wheels::zero(zero),
             begun: zero,
             covariance: Covariance::diagonal(variances),
             cross: [zero; STATES],
@@ -242,7 +243,7 @@ impl Estimator {
     ) -> [L; 2] {
         let rate = mean(belief.gyro, readings.gyro) - belief.gyro_bias;
         let rolled = self.odometry.velocity(self.odometry.ball_rate(middle, rate, readings.wheel_rates));
-        let [a, b, c] = belief.slipping;
+        let Wheels([a, b, c]) = belief.slipping;
         let slips = a.zero().lt(a + b + c);
         let by_force = [force.x, force.y];
         let mut position = belief.position;
@@ -282,7 +283,7 @@ struct Expected<L> {
     /// Angular velocity of the ball, inertial frame, rad/s.
     ball_rate: Vec3<L>,
     /// Wheel rates, rad/s.
-    wheel_rates: [L; 3],
+    wheel_rates: Wheels<L>,
 }
 
 #[inline(always)]

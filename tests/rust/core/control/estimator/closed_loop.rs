@@ -4,7 +4,7 @@ use super::options;
 use super::record::{Filter, Noise, Plan, Sensors, attitude_error, crooked, read};
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::sensor::estimator::EstimatorOptions;
-use ballbot_core::{Ballbot, ModelKind, Params, State};
+use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels};
 use nalgebra::{Vector2, Vector3};
 
 const DT: f64 = 0.01;
@@ -43,7 +43,7 @@ impl Plant {
         Self { robot, sensors, filter, estimate: start, substeps }
     }
 
-    fn step(&mut self, torques: &[f64; 3]) {
+    fn step(&mut self, torques: Wheels<f64>) {
         let before = self.robot.state();
         self.robot.step(torques, self.substeps).unwrap();
         let exact = read(self.robot.params(), &before, &self.robot.state(), DT);
@@ -61,7 +61,7 @@ fn robot_stands_on_estimates_under_noise() {
         let (mut tilt, mut away, mut gated) = (0.0_f64, 0.0_f64, 0.0);
         for _ in 0..2000 {
             let torques = lqr.wheel_torques(&plant.estimate, &Setpoint::default());
-            plant.step(&torques);
+            plant.step(torques);
             let state = plant.robot.state();
             tilt = tilt.max(state.tilt());
             away = away.max(state.ball_position.xy().norm());
@@ -92,7 +92,7 @@ fn wheels_that_grip_take_part() {
             let mut lqr = Lqr::new(&params, DT).unwrap();
             let (mut tilt, mut velocity, mut gated) = (0.0_f64, 0.0_f64, 0.0);
             for k in 0..1000 {
-                plant.step(&lqr.wheel_torques(&plant.estimate, &Plan::default().setpoint(k)));
+                plant.step(lqr.wheel_torques(&plant.estimate, &Plan::default().setpoint(k)));
                 let state = plant.robot.state();
                 gated += plant.filter.slipping().iter().sum::<f64>();
                 tilt = tilt.max(attitude_error(&state, &plant.estimate).xy().norm());
@@ -118,7 +118,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
         if k % 50 < 3 {
             torques[(k / 50) % 3] += if k % 100 < 50 { 0.5 } else { -0.5 };
         }
-        plant.step(&torques);
+        plant.step(torques);
         let state = plant.robot.state();
         slipped += usize::from(plant.robot.contacts().wheel_slip_speeds.iter().any(|s| s.abs() > 0.05));
         velocity = velocity.max((state.ball_velocity - plant.estimate.ball_velocity).norm());
@@ -155,7 +155,7 @@ fn lean_bias_of_an_unknown_center_of_mass_is_found() {
         let mut mean = Vector2::zeros();
         for k in 0..2000 {
             let state = if compensated { plant.filter.balanced(&plant.estimate) } else { plant.estimate.clone() };
-            plant.step(&lqr.wheel_torques(&state, &Setpoint::default()));
+            plant.step(lqr.wheel_torques(&state, &Setpoint::default()));
             if k >= 1500 {
                 mean += plant.robot.state().ball_position.xy() / 500.0;
             }

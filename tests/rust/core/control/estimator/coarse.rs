@@ -50,7 +50,7 @@ fn run(friction: f64, burst: f64, gates: f64) -> Seen {
         if k % 250 < 15 {
             torques[(k / 250) % 3] += if k % 500 < 250 { burst } else { -burst };
         }
-        robot.step(&torques, 2).unwrap();
+        robot.step(torques, 2).unwrap();
         let now = robot.state();
         let found = filter.update(&sensors.read(&read(&params, &before, &now, DT), DT));
         let gated = filter.slipping().iter().sum::<f64>();

@@ -6,7 +6,7 @@ use ballbot_core::lanes::{Memory, Scalar, Vec3, run_one};
 use ballbot_core::models::SpatialModel;
 use ballbot_core::sensor::Readings;
 use ballbot_core::sensor::estimator::{Estimate, Estimator, EstimatorOptions};
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Matrix3, Vector2, Vector3, Vector6};
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -70,7 +70,7 @@ pub fn read(params: &Params, before: &State, now: &State, dt: f64) -> Readings<f
         gyro: lanes(&now.body_angular_velocity),
         specific_force: lanes(&force),
         wheel_angles: now.wheel_angles,
-        wheel_rates: [0, 1, 2].map(|i| (now.wheel_angles[i] - before.wheel_angles[i]) / dt),
+        wheel_rates: Wheels::from_fn(|i| (now.wheel_angles[i] - before.wheel_angles[i]) / dt),
     }
 }
 
@@ -90,7 +90,7 @@ impl Record {
         let mut states = vec![robot.state()];
         for k in 0..plan.steps {
             let torques = lqr.wheel_torques(&robot.state(), &plan.setpoint(k));
-            robot.step(&torques, substeps).unwrap();
+            robot.step(torques, substeps).unwrap();
             states.push(robot.state());
         }
         Self::of(params, plan.dt, states)
@@ -100,7 +100,8 @@ impl Record {
     pub fn leaning(params: &Params, lean: f64, dt: f64, steps: usize) -> Self {
         let model = SpatialModel::new(params, true, true);
         let attitude = ballbot_core::attitude(Vector2::new(0.0, lean), 0.0);
-        let at = |torques: &Vector3<f64>| model.accelerations(&attitude, &Vector6::zeros(), torques);
+        let at =
+            |torques: &Vector3<f64>| model.accelerations(&attitude, &Vector6::zeros(), Wheels::of_column(*torques));
         let free = at(&Vector3::zeros());
         let columns = [0, 1, 2].map(|i| (at(&Vector3::ith(i, 1.0)) - free).fixed_rows::<3>(2).into_owned());
         let torques = Matrix3::from_columns(&columns).lu().solve(&-free.fixed_rows::<3>(2).into_owned()).unwrap();
@@ -173,12 +174,12 @@ impl Sensors {
         let force = self.normal() * self.noise.accelerometer;
         let tick = self.noise.tick;
         let angles = exact.wheel_angles.map(|angle| (angle / tick).round() * tick);
-        let last = self.last_angles.replace(angles).unwrap_or(angles);
+        let last = self.last_angles.replace(angles.0).unwrap_or(angles.0);
         Readings {
             gyro: exact.gyro + lanes(&gyro),
             specific_force: exact.specific_force + lanes(&force),
             wheel_angles: angles,
-            wheel_rates: [0, 1, 2].map(|i| (angles[i] - last[i]) / dt),
+            wheel_rates: Wheels::from_fn(|i| (angles[i] - last[i]) / dt),
         }
     }
 }
@@ -225,6 +226,6 @@ impl Filter {
     }
 
     pub fn slipping(&mut self) -> [f64; 3] {
-        self.estimate().slipping
+        self.estimate().slipping.0
     }
 }
