@@ -12,26 +12,16 @@ pub const WHEELS: usize = 3;
 
 /// One value per wheel, in the order of the wheels.
 ///
-/// It is not a vector (x, y, z):
-///
-/// ```compile_fail,E0308
-/// use ballbot_base::lanes::Vec3;
-/// use ballbot_base::wheels::Wheels;
-///
-/// let torques = Wheels([0.1, -0.2, 0.1]);
-/// let torque_on_body: Vec3<f64> = torques;
-/// ```
-///
-/// The two have no sum:
+/// It does not convert to a vector (x, y, z):
 ///
 /// ```compile_fail,E0277
 /// use ballbot_base::lanes::Vec3;
 /// use ballbot_base::wheels::Wheels;
 ///
-/// let sum = Vec3::new(0.0, 0.0, 1.0) + Wheels([0.1, -0.2, 0.1]);
+/// let torque_on_body: Vec3<f64> = Wheels([0.1, -0.2, 0.1]).into();
 /// ```
 ///
-/// A torque on the body follows from torques of the wheels by their geometry, [`Omniwheels`](crate::kinematics::Omniwheels):
+/// The geometry of the wheels, [`Omniwheels`](crate::kinematics::Omniwheels), is between the two:
 ///
 /// ```
 /// use ballbot_base::kinematics::Omniwheels;

@@ -68,7 +68,7 @@ const WHEEL: Group = Group::GROUP_2;
 const BODY: Group = Group::GROUP_3;
 const PLANE: Group = Group::GROUP_4;
 /// Collision group of each wheel.
-const WHEELS: [Group; 3] = [Group::GROUP_5, Group::GROUP_6, Group::GROUP_7];
+const WHEEL_GROUPS: Wheels<Group> = Wheels([Group::GROUP_5, Group::GROUP_6, Group::GROUP_7]);
 
 /// Recovery from overlap: the rate of a spring with 200 Hz natural frequency and damping ratio 5, without its
 /// compliance, so that a contact carries its load from the first step on.
@@ -126,7 +126,7 @@ impl World {
         };
         let touched = if level { Group::ALL } else { BALL };
         let floor_collider = world.colliders.insert(plane(touched));
-        let [a, b, c] = WHEELS;
+        let Wheels([a, b, c]) = WHEEL_GROUPS;
         let bot_planes = (!level).then(|| [BODY, a, b, c].map(|part| world.colliders.insert(plane(part))));
         let (ball, ball_collider) = world.insert_ball(params);
         let link = BodyLink::new(params, wheels)?;
@@ -226,7 +226,7 @@ impl World {
         let inserted = self.insert(
             RigidBodyBuilder::dynamic().translation(start).additional_mass_properties(mass),
             ColliderBuilder::ball(params.wheel_radius).collision_groups(InteractionGroups::new(
-                WHEEL | WHEELS[i],
+                WHEEL | WHEEL_GROUPS[i],
                 !BALL,
                 InteractionTestMode::And,
             )),
