@@ -2,6 +2,7 @@
 
 import copy
 import functools
+import math
 import pickle
 
 import numpy as np
@@ -375,3 +376,14 @@ def test_the_setpoints_are_what_the_task_asks_for():
     fallen = bb.simulate("zero", task="path", seconds=3.0, tilt=(0.1, 0.0))
     assert fallen.fell_at is not None
     assert len(fallen.setpoints["velocity"]) == len(fallen.times)
+
+
+@pytest.mark.parametrize("tilt", [(0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
+def test_a_fallen_robot_lies_on_the_ground_of_the_environment(tilt):
+    slope = bb.Terrain.plane(0.1)
+    fallen = bb.simulate("zero", seconds=2.0, tilt=tilt, env_options={"terrain": slope})
+    assert fallen.fell_at is not None
+    assert fallen.times[-1] == pytest.approx(2.0)
+    x, y, z = fallen.states[-1].ball_position
+    above = (z - slope.height(x, y)) * math.cos(0.1)
+    assert above == pytest.approx(bb.Params.paper().ball_radius, abs=2e-3)

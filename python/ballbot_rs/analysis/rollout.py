@@ -1,4 +1,4 @@
-"""Closed loops of controllers on batches: the only place where robots are stepped for analysis."""
+"""Controllers on the robots of a batch: the batch for a controller, chunks of rows, and one robot in detail."""
 
 import dataclasses
 import math
@@ -8,10 +8,11 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Ballbot, Batch, Contacts, Controller, State
+from ballbot_rs._core import Batch, Contacts, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
-from ballbot_rs.analysis.actors import Actor, core_law, make_actor, observes_estimates
-from ballbot_rs.analysis.drawn_pushes import is_push
+from ballbot_rs.analysis.actors import core_law, make_actor, observes_estimates
+from ballbot_rs.analysis.closed_loop import ClosedLoop
+from ballbot_rs.analysis.lying import lying_robot
 from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
@@ -26,6 +27,8 @@ CHUNK: Final = 50
 
 #: Tolerance, in time steps, for a controller's period to count as a multiple of the time step.
 ROUNDING: Final = 1e-6
+
+_RECORD: Final = ("states", "torques", "rewards", "terminated", "truncated", "success", "metrics", "push_counts")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -118,50 +121,18 @@ def rollout(
     """
     # The core does not know other engines.
     law = core_law(controller, batch) if isinstance(batch, Batch) else None
-    observations = batch.reset(starts=starts)
+    loop = ClosedLoop(batch, law or make_actor(controller, batch))
+    loop.reset(starts=starts)
     # Before the next episode samples other robots.
     com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
-    act = None if law is not None else make_actor(controller, batch)
     for first in range(0, steps, CHUNK):
         length = min(CHUNK, steps - first)
-        if law is not None:
-            yield _in_core(batch, law, first, length, com)
-        else:
-            assert act is not None
-            chunk, observations = _in_python(batch, act, first, length, observations, com)
-            yield chunk
-
-
-def _in_core(batch: Batch, law: Controller, first: int, length: int, com: Array) -> Chunk:
-    record = ("states", "torques", "rewards", "terminated", "truncated", "success", "metrics", "push_counts")
-    found = batch.rollout(law, length, record=record)
-    found["states"] = found["states"][:-1]
-    found["success"] &= found["terminated"] | found["truncated"]
-    # A single number per robot has no axis there.
-    found["metrics"] = found["metrics"].reshape(length, batch.num_envs, -1)
-    return Chunk(first, **found, com=com)
-
-
-def _in_python(
-    batch: Batch, act: Actor, first: int, length: int, observations: npt.NDArray[np.float32], com: Array
-) -> tuple[Chunk, npt.NDArray[np.float32]]:
-    rows = []
-    pushed = any(map(is_push, batch.draws()))
-    no_pushes = np.zeros(batch.num_envs)
-    for _ in range(length):
-        states, actions = batch.states(), act(observations)
-        observations, rewards, terminated, truncated = batch.step(actions)
-        ended = terminated | truncated
-        success = batch.endings()[0] & ended
-        if ended.any():
-            act.ended(ended)
-        torques = actions.astype(float) * batch.max_wheel_torque
-        counts = [batch.push_count(i) for i in range(batch.num_envs)] if pushed else no_pushes
-        rows.append((states, torques, rewards, terminated, truncated, success, batch.metrics(), counts))
-    columns = (np.array(column) for column in zip(*rows, strict=True))
-    states, torques, rewards, terminated, truncated, success, metrics, push_counts = columns
-    chunk = Chunk(first, states, torques, rewards, terminated, truncated, success, metrics, push_counts, com)
-    return chunk, observations
+        found: dict[str, Any] = loop.rows(length, _RECORD)
+        found["states"] = found["states"][:-1]
+        found["success"] &= found["terminated"] | found["truncated"]
+        # A single number per robot has no axis in the core.
+        found["metrics"] = found["metrics"].reshape(length, batch.num_envs, -1)
+        yield Chunk(first, **found, com=com)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -206,35 +177,36 @@ def run_one(
         setpoint: parts of the setpoint by the number of the step; None is the task's.
     """
     pushes = pushes or {}
-    act = make_actor(controller, batch)
-    observations = batch.reset(seeds=[seed], starts=[start])
+    loop = ClosedLoop(batch, make_actor(controller, batch))
+    loop.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
     estimates, commands, setpoints = _estimates(batch), [_command(batch)], [batch.setpoint(0)]
     torques: list[Array] = []
     fell_at = None
-    for step in range(steps):
-        action = act(observations, None if setpoint is None else setpoint(step))
-        for impulse, point in pushes.get(step, ()):
+
+    def push(number: int) -> None:
+        for impulse, point in pushes.get(number, ()):
             batch.push(0, impulse, point)
-        observations, _, terminated, truncated = batch.step(action)
+
+    for number, step in enumerate(loop.steps(steps, setpoint, before_motion=push)):
         if batch.ending(0)[1] == "diverged":
-            fell_at = step
+            fell_at = number
             break
-        torques.append(action[0].astype(float) * batch.max_wheel_torque)
+        torques.append(step.actions[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
         commands.append(_command(batch))
         setpoints.append(batch.setpoint(0))
-        if terminated[0]:
-            fell_at = step + 1
+        if step.terminated[0]:
+            fell_at = number + 1
             _lie(batch, states, contacts, torques, steps, pushes)
             # No event fires on a robot that lies, and no task changes its setpoint.
             draws += [draws[-1]] * (len(states) - len(draws))
             setpoints += [setpoints[-1]] * (len(states) - len(setpoints))
             break
-        if truncated[0]:
+        if step.truncated[0]:
             # The end of the ground, or of a task that sets its own last step.
             break
     return Run(
@@ -270,8 +242,9 @@ def _lie(
     """Continues after a fall, motors off, to the end of the time; without the batch, since the episode has ended."""
     if batch.model in WITHOUT_FLOOR:
         return
-    robot = Ballbot(batch.params(0), batch.model, batch.sim_dt)
-    robot.reset(states[-1])
+    robot = lying_robot(batch.params(0), batch.model, batch.sim_dt, batch.terrain, states[-1])
+    if robot is None:
+        return
     for step in range(len(torques), steps):
         for impulse, point in pushes.get(step, ()):
             robot.push(impulse, point)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Batch, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._state_rows import body_axes_of
+from ballbot_rs.analysis.closed_loop import ClosedLoop, Replay
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.parameters import Robot
@@ -66,14 +67,16 @@ class Simulator:
         count = len(windows)
         batch = self._batch(count, windows.steps, columns)
         torques = self._torques(windows, columns)
-        batch.reset(starts=_states(columns))
+        loop = ClosedLoop(
+            batch, Replay(torques[:, windows.starts + step].reshape(-1, 3) for step in range(windows.steps))
+        )
+        loop.reset(starts=_states(columns))
         upright = np.ones(len(columns) * count, dtype=np.bool_)
         kept = np.empty((windows.steps + 1, len(columns) * count, 13))
         kept[0] = batch.states()[:, _KEPT]
-        for step in range(windows.steps):
-            _, _, terminated, _ = batch.step(torques[:, windows.starts + step].reshape(-1, 3))
-            upright &= ~terminated
-            kept[step + 1] = batch.states()[:, _KEPT]
+        for row, step in enumerate(loop.steps(windows.steps), start=1):
+            upright &= ~step.terminated
+            kept[row] = batch.states()[:, _KEPT]
         return self._read(kept, windows, columns), upright.reshape(len(columns), count)
 
     def _batch(self, count: int, steps: int, columns: Sequence[Column]) -> Batch:

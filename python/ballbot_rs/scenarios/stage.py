@@ -6,8 +6,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, Controller, Params
+from ballbot_rs._core import Batch, Params
 from ballbot_rs.analysis.actors import core_law, make_actor
+from ballbot_rs.analysis.closed_loop import CONTACTS, ClosedLoop, Setpoints
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.control.laws import takes_position
 from ballbot_rs.control.policy_file import observation_layout
@@ -21,7 +22,7 @@ from ballbot_rs.scenarios.trial import Trial, trial
 Array = npt.NDArray[np.float64]
 
 #: Recorded by a rollout for the metrics.
-_RECORD: Final = ("states", "torques", "terminated", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds")
+_RECORD: Final = ("states", "torques", "terminated", *CONTACTS)
 
 #: Longest episodes: only a fall ends them.
 _ENDLESS: Final = 10**9
@@ -104,37 +105,24 @@ class Stage:
         follows = made is not None and takes_position(made)
         if self.scenario.moves and not follows:
             return None
-        law = core_law(controller, batch) or _Python(controller, batch, follows)
+        loop = ClosedLoop(batch, core_law(controller, batch) or make_actor(controller, batch))
         self._set_robots(episodes.robots)
-        observations = batch.reset(seeds=self._seeds, starts=episodes.starts)
-        if isinstance(law, _Python):
-            law.start(observations)
+        loop.reset(seeds=self._seeds, starts=episodes.starts)
         com = np.array([batch.params(i).body_com for i in range(batch.num_envs)])
         friction = np.array([batch.params(i).wheel_dynamic_friction for i in range(batch.num_envs)])
         final_tilt = self.scenario.final_tilt
         upright = UPRIGHT if final_tilt is None else math.radians(final_tilt)
         measures = Measures(batch.num_envs, batch.control_dt, episodes.measure_from, com, friction, upright)
+        setpoints: Setpoints | None = None
+        if follows:
+            setpoints = episodes.references or {"position": episodes.positions}
         at_once = max(_ROWS // len(episodes), _FEWEST)
         for first in range(0, episodes.steps, at_once):
             count = min(at_once, episodes.steps - first)
             impulses = None if episodes.impulses is None else episodes.impulses[first : first + count]
             times = np.asarray(batch.control_dt * np.arange(first, first + count + 1), dtype=np.float64)
             targets = _targets(episodes, times)
-            if isinstance(law, Controller):
-                setpoints: Any = episodes.references
-                if setpoints is None and takes_position(law):
-                    setpoints = {"position": episodes.positions}
-                rows = batch.rollout(
-                    law,
-                    count,
-                    setpoints,
-                    _RECORD,
-                    impulses=impulses,
-                    points=episodes.points,
-                    start_time=float(times[0]),
-                )
-            else:
-                rows = law.steps(count, impulses, episodes, times)
+            rows = loop.rows(count, _RECORD, setpoints, impulses, episodes.points)
             measures.add(rows, **targets)
             if measures.fell.all():
                 break
@@ -145,51 +133,6 @@ class Stage:
             return
         for i, robot in enumerate(robots):
             self._batch.set_params(i, robot)
-
-
-class _Python:
-    """A policy or a law in Python on a batch, step by step."""
-
-    def __init__(self, controller: ResolvedController, batch: Batch, follows: bool) -> None:
-        self._act = make_actor(controller, batch)
-        self._follows = follows
-        self._batch = batch
-        self._observations = np.empty((0, 0), dtype=np.float32)
-
-    def start(self, observations: npt.NDArray[np.float32]) -> None:
-        """Begins at the first observations."""
-        self._observations = observations
-
-    def steps(self, count: int, impulses: Array | None, episodes: Trial, times: Array) -> dict[str, Array]:
-        """The rows of a rollout, whose steps begin at `times`."""
-        batch = self._batch
-        rows: dict[str, list[Array]] = {name: [] for name in _RECORD}
-
-        def write() -> None:
-            rows["states"].append(batch.states())
-            contacts = batch.contacts()
-            for name in _RECORD[3:]:
-                rows[name].append(np.asarray(contacts[name]))
-
-        write()
-        for step in range(count):
-            if impulses is not None:
-                for i in np.flatnonzero(impulses[step].any(axis=-1)).tolist():
-                    batch.push(i, impulses[step, i], None if episodes.points is None else episodes.points[i])
-            actions = self._act(self._observations, self._setpoint(episodes, float(times[step])))
-            self._observations, _, terminated, _ = batch.step(actions)
-            rows["torques"].append(actions.astype(np.float64) * batch.max_wheel_torque)
-            rows["terminated"].append(np.asarray(terminated))
-            write()
-        return {name: np.array(values) for name, values in rows.items()}
-
-    def _setpoint(self, episodes: Trial, time: float) -> Any:
-        if not self._follows:
-            return None
-        if episodes.references is None:
-            return [{"position": position} for position in episodes.positions]
-        found = {id(one): one(time) for one in {id(one): one for one in episodes.references}.values()}
-        return [found[id(one)] for one in episodes.references]
 
 
 def _targets(episodes: Trial, times: Array) -> dict[str, Array]:

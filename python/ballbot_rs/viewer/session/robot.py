@@ -9,12 +9,10 @@ import numpy.typing as npt
 
 from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State, Terrain
 from ballbot_rs._errors import DivergedError
+from ballbot_rs.analysis.lying import lying_robot
 from ballbot_rs.viewer.session.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
-
-#: How far a robot is lifted, m, until it can lie: in `rigid` it sinks into the ground by a few millimeters on impact.
-LIFTS = (0.0, 0.002, 0.005, 0.01, 0.02, 0.05)
 
 #: Why a robot cannot continue, as returned by `step`.
 LEFT, DIVERGED = "left its ground", "left the range of the simulation"
@@ -172,16 +170,9 @@ class Robot:
 
     def _lie(self) -> bool:
         """Continues unpowered; False for a state from which it cannot continue."""
-        lying = Ballbot(self.params, self._setup.model, self._setup.sim_dt, self._setup.terrain)
-        state = self._batch.state(0)
-        for lift in LIFTS:
-            up = np.array([0.0, 0.0, lift])
-            lifted = state.replace(ball_position=state.ball_position + up, body_position=state.body_position + up)
-            with contextlib.suppress(ValueError):
-                lying.reset(lifted)
-                self._lying = lying
-                return True
-        return False
+        setup = self._setup
+        self._lying = lying_robot(self.params, setup.model, setup.sim_dt, setup.terrain, self._batch.state(0))
+        return self._lying is not None
 
     def push(self, impulse: npt.ArrayLike) -> None:
         """Gives the body an impulse (inertial frame, N·s) at its center of mass."""
