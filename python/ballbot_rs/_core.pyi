@@ -22,6 +22,7 @@ __all__ = [
     "MOST_HEIGHTS",
     "OBSERVATIONS",
     "PAPER_BALL_VISCOUS_FRICTION",
+    "PARAMETERS",
     "ROBOTS",
     "SCALED_BOUND",
     "SCAN_OPTIONS",
@@ -59,6 +60,13 @@ class _Option(TypedDict):
     name: str
     unit: str
     default: float | list[float]
+    limit: str
+    doc: str
+
+class _Parameter(TypedDict):
+    name: str
+    unit: str
+    default: float | list[float] | None
     limit: str
     doc: str
 
@@ -112,6 +120,7 @@ __version__: str
 PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
 ROBOTS: list[str]
+PARAMETERS: list[_Parameter]
 EVENT_SETS: list[str]
 LABELS: list[str]
 MOST_HEIGHTS: int
@@ -172,20 +181,7 @@ class Params:
 
     `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
     wheels about their own axles.
-    Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-    `body_inertia` (J_xx, J_yy, J_zz about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
-    `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
-    With default: `wheel_azimuths` (0, 120, 240 deg), `wheel_zenith_offsets` (of each wheel from `wheel_zenith`, 0 rad),
-    `body_com_offset` (x, y off the mast, 0 m), `body_products_of_inertia` (J_xy, J_xz, J_yz, signs as in a URDF,
-    0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
-    `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
-    `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
-    `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-    (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how
-    much smaller the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers per turn, 12), `roller_phases`
-    (0 rad), `floor_tilt` (rotation vector x, y that rotates a level floor into this floor, 0 rad).
-    Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
-    see `docs/conventions.md` for all ranges.
+    `PARAMETERS` has the name, unit, default, limit and description of each; those without a default are required.
 
     Raises:
         ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
@@ -195,136 +191,138 @@ class Params:
     def __new__(
         cls,
         *,
-        ball_mass: float,  # Mass M_k of the ball, kg.
-        ball_inertia: float,  # Moment of inertia J_k of the ball about any diameter, kg·m².
-        ball_radius: float,  # Radius r_k of the ball, m.
-        body_mass: float,  # Mass M_b of body and wheels, kg.
-        body_inertia: npt.ArrayLike,  # Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m².
-        body_com_height: float,  # Height l of the CoM of the body above the ball center, m.
-        wheel_mass: float,  # Mass of one wheel, kg.
-        wheel_inertia: float,  # Moment of inertia J_w of one wheel about its axle, kg·m².
-        wheel_radius: float,  # Radius r_w of a wheel, m.
-        wheel_zenith: float,  # Zenith angle α of the wheel contacts, rad.
-        wheel_azimuths: npt.ArrayLike = ...,  # Azimuths β_i of the three wheel contacts, rad.
-        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact minus `wheel_zenith`, rad.
-        body_com_offset: npt.ArrayLike = ...,  # Offset (x, y) of the CoM of the body from the mast, m.
-        body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
-        max_wheel_torque: float = 5.0,  # Largest torque of one motor, N·m.
-        gravity: float = 9.81,  # Gravitational acceleration, m/s².
-        ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor, N/(m/s).
-        wheel_viscous_friction: float = 0.0,  # Viscous friction B_vm of a wheel joint, N·m/(rad/s).
-        wheel_coulomb_friction: float = 0.0,  # Dry friction of a wheel joint, N·m.
-        wheel_static_friction: float = 1.1,  # Static friction coefficient of wheel on ball, along the drive direction.
-        wheel_dynamic_friction: float = 1.0,  # Dynamic friction coefficient of wheel on ball, along the drive direction.
-        floor_static_friction: float = 1.1,  # Static friction coefficient of the floor.
-        floor_dynamic_friction: float = 1.05,  # Dynamic friction coefficient of the floor.
-        friction_critical_velocity: float = 0.1,  # Critical slip speed of the Stribeck law, between static and dynamic friction, m/s.
-        floor_rolling_friction: float = 0.0,  # Rolling friction of the ball on the floor: largest torque against rolling per load, m.
-        floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
-        roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction.
-        roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction, s/m.
-        roller_ripple: float = 0.0,  # Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m.
-        roller_count: float = 12.0,  # Rollers of a wheel, in all its rows, that pass the ball per turn.
-        roller_phases: npt.ArrayLike = ...,  # Phase of the ripple of each wheel, rad.
-        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad.
+        ball_mass: float,  # Mass M_k of the ball; kg >= 1e-6 and <= 1e6
+        ball_inertia: float,  # Moment of inertia J_k of the ball about any diameter; kg·m² >= 1e-18 and <= 1e9
+        ball_radius: float,  # Radius r_k of the ball; m >= 1e-6 and <= 1000
+        body_mass: float,  # Mass M_b of body and wheels; kg >= 1e-6 and <= 1e6
+        body_inertia: npt.ArrayLike,  # Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes; kg·m² >= 1e-18 and <= 1e9
+        body_com_height: float,  # Height l of the CoM of the body above the ball center; m >= 1e-6 and <= 1000
+        wheel_mass: float,  # Mass of one omniwheel, part of `body_mass`; kg >= 1e-6 and <= 1e6
+        wheel_inertia: float,  # Moment of inertia J_w of one omniwheel about its axle; kg·m² >= 1e-18 and <= 1e9
+        wheel_radius: float,  # Radius r_w of a wheel; m >= 1e-6 and <= 1000
+        wheel_zenith: float,  # Zenith angle α at the ball center between the mast and a wheel contact; nominal with `wheel_zenith_offsets`; rad >= 0.001 and <= 1.5697963267948967
+        wheel_azimuths: npt.ArrayLike = ...,  # Azimuth β_i of each wheel contact about the mast; rad >= -1000 and <= 1000
+        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact minus `wheel_zenith`; rad >= -1.5 and <= 1.5
+        body_com_offset: npt.ArrayLike = ...,  # Offset (x, y) of the CoM of the body from the mast, body axes; m >= -1000 and <= 1000
+        body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`, `ixz`, `iyz`; kg·m² >= -1e9 and <= 1e9
+        max_wheel_torque: float = 5.0,  # Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle; N·m >= 1e-9 and <= 1e9
+        gravity: float = 9.81,  # Gravitational acceleration g; m/s² >= 1e-6 and <= 1e6
+        ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor; N/(m/s) >= 0 and <= 1e6
+        wheel_viscous_friction: float = 0.0,  # Viscous friction B_vm of a wheel joint; N·m/(rad/s) >= 0 and <= 1e6
+        wheel_coulomb_friction: float = 0.0,  # Dry friction of a wheel joint; N·m >= 0 and <= 1e6
+        wheel_static_friction: float = 1.1,  # Static friction coefficient of wheel on ball, along the drive direction; Table III; >= 0 and <= 1000
+        wheel_dynamic_friction: float = 1.0,  # Dynamic friction coefficient of wheel on ball, along the drive direction; Table III; >= 0 and <= 1000
+        floor_static_friction: float = 1.1,  # Static friction coefficient of the floor; Table III, other pairs; >= 0 and <= 1000
+        floor_dynamic_friction: float = 1.05,  # Dynamic friction coefficient of the floor; Table III, other pairs; >= 0 and <= 1000
+        friction_critical_velocity: float = 0.1,  # Critical slip speed of the Stribeck law, between static and dynamic friction; Table III; m/s >= 1e-9 and <= 1000
+        floor_rolling_friction: float = 0.0,  # Rolling friction of the ball on the floor: largest torque against rolling per load; m >= 0 and <= 1000
+        floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load; m >= 0 and <= 1000
+        roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction; >= 0 and <= 1000
+        roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction; s/m >= 0 and <= 1000
+        roller_ripple: float = 0.0,  # Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only; m >= 0 and <= 1000
+        roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number; >= 3 and <= 1000
+        roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`; rad >= -1000 and <= 1000
+        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`; rad >= -0.5 and <= 0.5
     ) -> Self: ...
     # End of the generated part.
+    # Generated by tools/generate.py: the properties.
     @property
     def ball_mass(self) -> float:
-        """Mass M_k of the ball, kg."""
+        """Mass M_k of the ball. (kg, >= 1e-6 and <= 1e6)"""
     @property
     def ball_inertia(self) -> float:
-        """Moment of inertia J_k of the ball about any diameter, kg·m²."""
+        """Moment of inertia J_k of the ball about any diameter. (kg·m², >= 1e-18 and <= 1e9)"""
     @property
     def ball_radius(self) -> float:
-        """Radius r_k of the ball, m."""
+        """Radius r_k of the ball. (m, >= 1e-6 and <= 1000)"""
     @property
     def body_mass(self) -> float:
-        """Mass M_b of body and wheels, kg."""
+        """Mass M_b of body and wheels. (kg, >= 1e-6 and <= 1e6)"""
     @property
     def body_inertia(self) -> tuple[float, float, float]:
-        """Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m²."""
+        """Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes. (kg·m², >= 1e-18 and <= 1e9)"""
     @property
     def body_com_height(self) -> float:
-        """Height l of the CoM of the body above the ball center, m."""
+        """Height l of the CoM of the body above the ball center. (m, >= 1e-6 and <= 1000)"""
     @property
     def wheel_mass(self) -> float:
-        """Mass of one wheel, kg."""
+        """Mass of one omniwheel, part of `body_mass`. (kg, >= 1e-6 and <= 1e6)"""
     @property
     def wheel_inertia(self) -> float:
-        """Moment of inertia J_w of one wheel about its axle, kg·m²."""
+        """Moment of inertia J_w of one omniwheel about its axle. (kg·m², >= 1e-18 and <= 1e9)"""
     @property
     def wheel_radius(self) -> float:
-        """Radius r_w of a wheel, m."""
+        """Radius r_w of a wheel. (m, >= 1e-6 and <= 1000)"""
     @property
     def wheel_zenith(self) -> float:
-        """Zenith angle α of the wheel contacts, rad."""
+        """Zenith angle α at the ball center between the mast and a wheel contact; nominal with `wheel_zenith_offsets`. (rad, >= 0.001 and <= 1.5697963267948967)"""
     @property
     def wheel_azimuths(self) -> tuple[float, float, float]:
-        """Azimuths β_i of the three wheel contacts, rad."""
+        """Azimuth β_i of each wheel contact about the mast. (rad, >= -1000 and <= 1000)"""
     @property
     def wheel_zenith_offsets(self) -> tuple[float, float, float]:
-        """Zenith of each wheel contact minus `wheel_zenith`, rad."""
+        """Zenith of each wheel contact minus `wheel_zenith`. (rad, >= -1.5 and <= 1.5)"""
     @property
     def body_com_offset(self) -> tuple[float, float]:
-        """Offset (x, y) of the CoM of the body from the mast, m."""
+        """Offset (x, y) of the CoM of the body from the mast, body axes. (m, >= -1000 and <= 1000)"""
     @property
     def body_products_of_inertia(self) -> tuple[float, float, float]:
-        """Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²."""
+        """Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`, `ixz`, `iyz`. (kg·m², >= -1e9 and <= 1e9)"""
     @property
     def max_wheel_torque(self) -> float:
-        """Largest torque of one motor, N·m."""
+        """Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle. (N·m, >= 1e-9 and <= 1e9)"""
     @property
     def gravity(self) -> float:
-        """Gravitational acceleration, m/s²."""
+        """Gravitational acceleration g. (m/s², >= 1e-6 and <= 1e6)"""
     @property
     def ball_viscous_friction(self) -> float:
-        """Viscous friction B_vk of the ball on the floor, N/(m/s)."""
+        """Viscous friction B_vk of the ball on the floor. (N/(m/s), >= 0 and <= 1e6)"""
     @property
     def wheel_viscous_friction(self) -> float:
-        """Viscous friction B_vm of a wheel joint, N·m/(rad/s)."""
+        """Viscous friction B_vm of a wheel joint. (N·m/(rad/s), >= 0 and <= 1e6)"""
     @property
     def wheel_coulomb_friction(self) -> float:
-        """Dry friction of a wheel joint, N·m."""
+        """Dry friction of a wheel joint. (N·m, >= 0 and <= 1e6)"""
     @property
     def wheel_static_friction(self) -> float:
-        """Static friction coefficient of wheel on ball, along the drive direction."""
+        """Static friction coefficient of wheel on ball, along the drive direction; Table III. (>= 0 and <= 1000)"""
     @property
     def wheel_dynamic_friction(self) -> float:
-        """Dynamic friction coefficient of wheel on ball, along the drive direction."""
+        """Dynamic friction coefficient of wheel on ball, along the drive direction; Table III. (>= 0 and <= 1000)"""
     @property
     def floor_static_friction(self) -> float:
-        """Static friction coefficient of the floor."""
+        """Static friction coefficient of the floor; Table III, other pairs. (>= 0 and <= 1000)"""
     @property
     def floor_dynamic_friction(self) -> float:
-        """Dynamic friction coefficient of the floor."""
+        """Dynamic friction coefficient of the floor; Table III, other pairs. (>= 0 and <= 1000)"""
     @property
     def friction_critical_velocity(self) -> float:
-        """Critical slip speed of the Stribeck law, between static and dynamic friction, m/s."""
+        """Critical slip speed of the Stribeck law, between static and dynamic friction; Table III. (m/s, >= 1e-9 and <= 1000)"""
     @property
     def floor_rolling_friction(self) -> float:
-        """Rolling friction of the ball on the floor: largest torque against rolling per load, m."""
+        """Rolling friction of the ball on the floor: largest torque against rolling per load. (m, >= 0 and <= 1000)"""
     @property
     def floor_spinning_friction(self) -> float:
-        """Spinning friction of the ball on the floor: largest torque about the vertical per load, m."""
+        """Spinning friction of the ball on the floor: largest torque about the vertical per load. (m, >= 0 and <= 1000)"""
     @property
     def roller_friction(self) -> float:
-        """Friction coefficient of the rollers of a wheel, along its free direction."""
+        """Friction coefficient of the rollers of a wheel, along its free direction. (>= 0 and <= 1000)"""
     @property
     def roller_friction_slope(self) -> float:
-        """Growth of that coefficient with the speed of the ball along the free direction, s/m."""
+        """Growth of that coefficient with the speed of the ball along the free direction. (s/m, >= 0 and <= 1000)"""
     @property
     def roller_ripple(self) -> float:
-        """Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m."""
+        """Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only. (m, >= 0 and <= 1000)"""
     @property
     def roller_count(self) -> float:
-        """Rollers of a wheel, in all its rows, that pass the ball per turn."""
+        """Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number. (>= 3 and <= 1000)"""
     @property
     def roller_phases(self) -> tuple[float, float, float]:
-        """Phase of the ripple of each wheel, rad."""
+        """Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)"""
     @property
     def floor_tilt(self) -> tuple[float, float]:
-        """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad."""
+        """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)"""
+    # End of the generated part.
     @property
     def gravity_vector(self) -> tuple[float, float, float]:
         """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor."""

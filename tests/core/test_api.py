@@ -31,7 +31,7 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs._core import CONTROLLERS
+from ballbot_rs._core import CONTROLLERS, PARAMETERS
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.options import BalanceOptions, CommonOptions
 from tests.support.paths import ROOT
@@ -196,6 +196,22 @@ class TestParams:
     def test_defaults(self):
         required = {k: v for k, v in Params.paper().to_dict().items() if "friction" not in k and k != "gravity"}
         assert Params(**required).gravity == 9.81
+
+    def test_parameters_are_described(self, paper):
+        assert [parameter["name"] for parameter in PARAMETERS] == list(paper.to_dict())
+        for parameter in PARAMETERS:
+            name, default = parameter["name"], parameter["default"]
+            doc = getattr(Params, name).__doc__
+            assert doc.startswith(parameter["doc"])
+            assert parameter["limit"] in doc
+            assert parameter["unit"] in doc
+            changes = {key: value for key, value in paper.to_dict().items() if key != name}
+            if default is None:
+                with pytest.raises(ValueError, match=f"parameter {name} is missing"):
+                    Params(**changes)
+            else:
+                value = getattr(Params(**changes), name)
+                assert value == (tuple(default) if isinstance(default, list) else default)
 
     def test_attributes_are_listed_and_read_only(self, paper):
         assert set(paper.to_dict()) <= set(dir(paper))

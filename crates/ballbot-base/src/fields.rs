@@ -99,12 +99,16 @@ pub struct Field {
     pub len: usize,
     /// Limit of each value.
     pub limit: Limit,
+    /// Whether it has no default.
+    pub required: bool,
 }
 
 /// A number or an array of numbers as a slice.
-pub trait Numbers {
+pub trait Numbers: Copy {
     /// Number of values.
     const LEN: usize;
+    /// The value of a field without a default.
+    const UNSET: Self;
     /// For reading.
     fn as_slice(&self) -> &[f64];
     /// For writing.
@@ -113,6 +117,7 @@ pub trait Numbers {
 
 impl Numbers for f64 {
     const LEN: usize = 1;
+    const UNSET: Self = f64::NAN;
     fn as_slice(&self) -> &[f64] {
         slice::from_ref(self)
     }
@@ -123,6 +128,7 @@ impl Numbers for f64 {
 
 impl<const N: usize> Numbers for [f64; N] {
     const LEN: usize = N;
+    const UNSET: Self = [f64::NAN; N];
     fn as_slice(&self) -> &[f64] {
         self
     }
@@ -132,24 +138,67 @@ impl<const N: usize> Numbers for [f64; N] {
 }
 
 /// A struct of numbers defined by [`crate::fields!`].
-pub trait Fields: Clone + Default {
+pub trait Fields: Clone {
     /// Descriptions, in the order of the struct's fields.
     const FIELDS: &'static [Field];
 
+    /// All fields at their defaults; NaN without a default.
+    fn defaults() -> Self;
+
+    /// Values of each field, in the order of [`Fields::FIELDS`].
+    fn slices(&self) -> impl Iterator<Item = &[f64]>;
+
+    /// Mutable values of each field, in the order of [`Fields::FIELDS`].
+    fn slices_mut(&mut self) -> impl Iterator<Item = &mut [f64]>;
+
     /// Values of a field; `index` refers to [`Fields::FIELDS`].
-    fn values(&self, index: usize) -> &[f64];
+    fn values(&self, index: usize) -> &[f64] {
+        self.slices().nth(index).expect("an index of FIELDS")
+    }
 
     /// Mutable values of a field.
-    fn values_mut(&mut self, index: usize) -> &mut [f64];
+    fn values_mut(&mut self, index: usize) -> &mut [f64] {
+        self.slices_mut().nth(index).expect("an index of FIELDS")
+    }
+
+    /// Index of a field in [`Fields::FIELDS`].
+    fn index_of(name: &str) -> Option<usize> {
+        Self::FIELDS.iter().position(|field| field.name == name)
+    }
+
+    /// All numbers, in the order of the fields.
+    fn numbers(&self) -> Vec<f64> {
+        self.slices().flatten().copied().collect()
+    }
+
+    /// The inverse of [`Fields::numbers`], unchecked; `None` for a wrong number of values.
+    fn from_numbers(numbers: &[f64]) -> Option<Self> {
+        let mut fields = Self::defaults();
+        let mut rest = numbers;
+        for values in fields.slices_mut() {
+            let (first, others) = rest.split_at_checked(values.len())?;
+            values.copy_from_slice(first);
+            rest = others;
+        }
+        rest.is_empty().then_some(fields)
+    }
 
     /// Sets a field by its name.
     ///
     /// # Errors
     /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
-        let Some(index) = Self::FIELDS.iter().position(|field| field.name == name) else {
+        self.set_of("option", name, values)
+    }
+
+    /// [`Fields::set`]; `kind` describes an unknown name in its error.
+    ///
+    /// # Errors
+    /// As [`Fields::set`].
+    fn set_of(&mut self, kind: &'static str, name: &str, values: &[f64]) -> Result<()> {
+        let Some(index) = Self::index_of(name) else {
             let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
-            return Err(Error::unknown("option", name, &known));
+            return Err(Error::unknown(kind, name, &known));
         };
         let field = self.values_mut(index);
         if values.len() != field.len() {
@@ -169,13 +218,9 @@ pub trait Fields: Clone + Default {
         stage: &str,
         fields: impl IntoIterator<Item = (&'n str, &'v [f64])>,
     ) -> Result<Self> {
-        let mut options = Self::default();
+        let mut options = Self::defaults();
         for (name, values) in fields {
-            if !Self::FIELDS.iter().any(|field| field.name == name) {
-                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
-                return Err(Error::unknown(kind, name, &known));
-            }
-            options.set(name, values).map_err(|error| error.of_option(stage))?;
+            options.set_of(kind, name, values).map_err(|error| error.of_option(stage))?;
         }
         Ok(options)
     }
@@ -185,8 +230,9 @@ pub trait Fields: Clone + Default {
     /// # Errors
     /// [`Error::OutOfRange`] naming the first number outside its limit.
     fn check_limits(&self) -> Result<()> {
-        for (index, field) in Self::FIELDS.iter().enumerate() {
-            for (i, &value) in self.values(index).iter().enumerate() {
+        // Nothing is formatted unless a value is wrong: events create robots at each reset.
+        for (field, values) in Self::FIELDS.iter().zip(self.slices()) {
+            for (i, &value) in values.iter().enumerate() {
                 if !field.limit.contains(value) {
                     let name = if field.len == 1 { field.name.to_owned() } else { format!("{}[{i}]", field.name) };
                     let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
@@ -205,7 +251,7 @@ pub struct OptionDescription {
     pub name: &'static str,
     /// Its unit; empty for a pure number.
     pub unit: &'static str,
-    /// Default values: one, or one per array element.
+    /// Default values: one, or one per array element; none without a default.
     pub default: Vec<f64>,
     /// Valid range of the values, in words.
     pub limit: String,
@@ -215,19 +261,19 @@ pub struct OptionDescription {
 
 /// The options of a struct of fields.
 pub fn describe_options<F: Fields>() -> Vec<OptionDescription> {
-    let defaults = F::default();
-    let describe = |(index, field): (usize, &Field)| OptionDescription {
+    let defaults = F::defaults();
+    let describe = |(field, values): (&Field, &[f64])| OptionDescription {
         name: field.name,
         unit: field.unit,
-        default: defaults.values(index).to_vec(),
+        default: if field.required { Vec::new() } else { values.to_vec() },
         limit: field.limit.to_string(),
         doc: field.doc.trim().replace("\n ", "\n"),
     };
-    F::FIELDS.iter().enumerate().map(describe).collect()
+    F::FIELDS.iter().zip(defaults.slices()).map(describe).collect()
 }
 
 /// Defines a struct of numbers: each field with its documentation, default, unit and limit. The struct implements
-/// `Default` and [`Fields`].
+/// [`Fields`], and `Default` if every field has a default.
 #[macro_export]
 macro_rules! fields {
     (
@@ -236,16 +282,57 @@ macro_rules! fields {
             $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr;)*
         }
     ) => {
-        $(#[$meta])*
-        #[derive(Clone, Debug, PartialEq)]
-        pub struct $name {
-            $($(#[doc = $doc])+ pub $field: $type,)*
+        $crate::fields! {
+            @
+            $(#[$meta])*
+            pub struct $name {
+                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit;)*
+            }
         }
 
         impl Default for $name {
             fn default() -> Self {
-                Self { $($field: $default,)* }
+                <Self as $crate::fields::Fields>::defaults()
             }
+        }
+    };
+    (
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            required {
+                $($(#[doc = $r_doc:literal])+ pub $r_field:ident: $r_type:ty, $r_unit:literal, $r_limit:expr;)*
+            }
+            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr;)*
+        }
+    ) => {
+        $crate::fields! {
+            @
+            $(#[$meta])*
+            pub struct $name {
+                $($(#[doc = $r_doc])+ pub $r_field: $r_type
+                    = <$r_type as $crate::fields::Numbers>::UNSET, true, $r_unit, $r_limit;)*
+                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit;)*
+            }
+        }
+    };
+    (
+        @
+        $(#[$meta:meta])*
+        pub struct $name:ident {
+            $(
+                $(#[doc = $doc:literal])+
+                pub $field:ident: $type:ty = $default:expr, $required:literal, $unit:literal, $limit:expr;
+            )*
+        }
+    ) => {
+        $(#[$meta])*
+        #[derive(Clone, Debug, PartialEq)]
+        pub struct $name {
+            $(
+                $(#[doc = $doc])+
+                #[doc = concat!("\n\nUnit: \"", $unit, "\", limit: `", stringify!($limit), "`.")]
+                pub $field: $type,
+            )*
         }
 
         impl $crate::fields::Fields for $name {
@@ -255,15 +342,19 @@ macro_rules! fields {
                 doc: concat!($($doc),+),
                 len: <$type as $crate::fields::Numbers>::LEN,
                 limit: $limit,
+                required: $required,
             },)*];
 
-            fn values(&self, index: usize) -> &[f64] {
-                [$($crate::fields::Numbers::as_slice(&self.$field),)*][index]
+            fn defaults() -> Self {
+                Self { $($field: $default,)* }
             }
 
-            fn values_mut(&mut self, index: usize) -> &mut [f64] {
-                let fields = [$($crate::fields::Numbers::as_mut_slice(&mut self.$field),)*];
-                fields.into_iter().nth(index).expect("an index of FIELDS")
+            fn slices(&self) -> impl Iterator<Item = &[f64]> {
+                [$($crate::fields::Numbers::as_slice(&self.$field),)*].into_iter()
+            }
+
+            fn slices_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+                [$($crate::fields::Numbers::as_mut_slice(&mut self.$field),)*].into_iter()
             }
         }
     };

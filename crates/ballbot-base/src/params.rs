@@ -7,118 +7,12 @@ mod presets;
 pub mod robot_file;
 mod rollers;
 
-use crate::error::{Error, Result, check, finite, positive};
-use crate::fields::Limit;
+use crate::error::{Error, Result, check, positive};
+use crate::fields;
+use crate::fields::{Fields, Limit};
 use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt;
-use std::slice;
-
-/// Access to a parameter as a slice, for scalars and vectors.
-trait Value: Copy {
-    const UNSET: Self;
-    fn as_slice(&self) -> &[f64];
-    fn as_mut_slice(&mut self) -> &mut [f64];
-}
-
-impl Value for f64 {
-    const UNSET: Self = f64::NAN;
-    fn as_slice(&self) -> &[f64] {
-        slice::from_ref(self)
-    }
-    fn as_mut_slice(&mut self) -> &mut [f64] {
-        slice::from_mut(self)
-    }
-}
-
-impl<const N: usize> Value for [f64; N] {
-    const UNSET: Self = [f64::NAN; N];
-    fn as_slice(&self) -> &[f64] {
-        self
-    }
-    fn as_mut_slice(&mut self) -> &mut [f64] {
-        self
-    }
-}
-
-/// Defines the struct [`Params`] and the access to its fields by name.
-macro_rules! parameters {
-    (
-        required { $($(#[$required_doc:meta])* $required:ident: $required_type:ty, $required_limit:expr;)* }
-        optional { $($(#[$optional_doc:meta])* $optional:ident: $optional_type:ty = $default:expr, $optional_limit:expr;)* }
-    ) => {
-        /// Physical parameters of one robot on one floor. SI units and radians.
-        ///
-        /// `body_*` describe everything above the ball as one rigid body. They include the **mass** of the wheels and
-        /// exclude the inertia of the wheels about their axles, which eq. (2) of the paper adds separately. The body
-        /// frame has its origin at the ball center and z along the mast. The defaults of the optional parameters define
-        /// a symmetric robot: the center of mass (CoM) of the body on the mast, the body axes its principal axes, equal
-        /// wheels 120 deg apart.
-        #[derive(Clone, Debug, PartialEq)]
-        pub struct Params {
-            $($(#[$required_doc])* pub $required: $required_type,)*
-            $($(#[$optional_doc])* pub $optional: $optional_type,)*
-        }
-
-        impl Params {
-            /// Names of all parameters, in the order of the struct's fields.
-            pub const NAMES: &'static [&'static str] = &[$(stringify!($required),)* $(stringify!($optional),)*];
-
-            /// Limits of the numbers of each parameter, in the order of [`Params::NAMES`]: far beyond any robot, and
-            /// far from values at which sums and products lose accuracy.
-            pub const LIMITS: &'static [Limit] = &[$($required_limit,)* $($optional_limit,)*];
-
-            /// Number of values of each parameter, in the order of [`Params::NAMES`].
-            pub const WIDTHS: &'static [usize] = &[
-                $(size_of::<$required_type>() / size_of::<f64>(),)*
-                $(size_of::<$optional_type>() / size_of::<f64>(),)*
-            ];
-
-            /// Parameters with required values unset and all others at their defaults.
-            fn unset() -> Self {
-                Self { $($required: Value::UNSET,)* $($optional: $default,)* }
-            }
-
-            /// Names and values of all parameters; a scalar is a slice of one.
-            pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
-                [$((stringify!($required), self.$required.as_slice()),)*
-                 $((stringify!($optional), self.$optional.as_slice()),)*].into_iter()
-            }
-
-            /// Values of all parameters, in the order of [`Params::NAMES`], vectors flattened.
-            pub fn numbers(&self) -> Vec<f64> {
-                self.fields().flat_map(|(_, values)| values).copied().collect()
-            }
-
-            /// The inverse of [`Params::numbers`], without validation; `None` for a wrong number of values.
-            pub fn from_numbers(numbers: &[f64]) -> Option<Self> {
-                let mut params = Self::unset();
-                let mut rest = numbers;
-                for name in Self::NAMES {
-                    let field = params.field_mut(name)?;
-                    let (values, others) = rest.split_at_checked(field.len())?;
-                    field.copy_from_slice(values);
-                    rest = others;
-                }
-                rest.is_empty().then_some(params)
-            }
-
-            /// Mutable values of a parameter; `index` refers to [`Params::NAMES`].
-            pub fn values_mut(&mut self, index: usize) -> &mut [f64] {
-                let fields = [$(self.$required.as_mut_slice(),)* $(self.$optional.as_mut_slice(),)*];
-                fields.into_iter().nth(index).expect("an index of NAMES")
-            }
-
-            fn field_mut(&mut self, name: &str) -> Option<&mut [f64]> {
-                match name {
-                    $(stringify!($required) => Some(self.$required.as_mut_slice()),)*
-                    $(stringify!($optional) => Some(self.$optional.as_mut_slice()),)*
-                    _ => None,
-                }
-            }
-        }
-    };
-}
 
 /// Mass, kg.
 const MASS: Limit = Limit::from(1e-6).to(1e6);
@@ -128,6 +22,8 @@ const INERTIA: Limit = Limit::from(1e-18).to(1e9);
 const LENGTH: Limit = Limit::from(1e-6).to(1e3);
 /// Zenith angle, rad.
 const ZENITH: Limit = Limit::from(1e-3).to(FRAC_PI_2 - 1e-3);
+/// Viscous friction, N/(m/s) or N·m/(rad/s).
+const VISCOUS: Limit = Limit::from(0.0).to(1e6);
 /// Lever arm of a friction torque, m.
 const LEVER: Limit = Limit::from(0.0).to(1e3);
 /// Friction coefficient.
@@ -145,79 +41,87 @@ const MAX_EIGENVALUE_STEPS: usize = 1000;
 /// Largest ratio of the wheels' inertia, as a mass at their rims, to the mass of the robot.
 const MAX_RIM_RATIO: f64 = 1e9;
 
-parameters! {
-    required {
-        /// Mass M_k of the ball, kg.
-        ball_mass: f64, MASS;
-        /// Moment of inertia J_k of the ball about any diameter, kg·m².
-        ball_inertia: f64, INERTIA;
-        /// Radius r_k of the ball, m.
-        ball_radius: f64, LENGTH;
-        /// Mass M_b of body and wheels, kg.
-        body_mass: f64, MASS;
-        /// Moments of inertia (J_b, J_b, J_z) of the body about its CoM along the body axes, kg·m².
-        body_inertia: [f64; 3], INERTIA;
-        /// Height l of the CoM of the body above the ball center, m.
-        body_com_height: f64, LENGTH;
-        /// Mass of one omniwheel (part of `body_mass`), kg.
-        wheel_mass: f64, MASS;
-        /// Moment of inertia J_w of one omniwheel about its axle, kg·m².
-        wheel_inertia: f64, INERTIA;
-        /// Radius r_w of a wheel, m.
-        wheel_radius: f64, LENGTH;
-        /// Zenith angle α: angle at the ball center between the mast and a wheel contact, rad; nominal where
-        /// `wheel_zenith_offsets` are not zero.
-        wheel_zenith: f64, ZENITH;
-    }
-    optional {
-        /// Azimuth β_i of each wheel contact about the mast, rad. Default 0, 120, 240 deg.
-        wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], Limit::from(-1e3).to(1e3);
-        /// Zenith of each wheel contact less `wheel_zenith`, rad. Default 0.
-        wheel_zenith_offsets: [f64; 3] = [0.0; 3], Limit::from(-1.5).to(1.5);
-        /// Place (x, y) of the CoM of the body off the mast, body axes, m. Default 0.
-        body_com_offset: [f64; 2] = [0.0; 2], Limit::from(-1e3).to(1e3);
-        /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m²; with the sign of a URDF's
-        /// `ixy`, `ixz`, `iyz`. Default 0.
-        body_products_of_inertia: [f64; 3] = [0.0; 3], Limit::from(-1e9).to(1e9);
-        /// Largest torque of one motor, N·m. Default 5, where the torques of the paper's Fig. 6c settle.
-        max_wheel_torque: f64 = 5.0, Limit::from(1e-9).to(1e9);
-        /// Gravitational acceleration g, m/s². Default 9.81.
-        gravity: f64 = 9.81, Limit::from(1e-6).to(1e6);
-        /// Viscous friction B_vk of the ball on the floor, N/(m/s). Default 0.
-        ball_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
-        /// Viscous friction B_vm of a wheel joint, N·m/(rad/s). Default 0.
-        wheel_viscous_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
-        /// Dry friction of a wheel joint, N·m. Default 0.
-        wheel_coulomb_friction: f64 = 0.0, Limit::from(0.0).to(1e6);
-        /// Static friction coefficient of wheel on ball, along the drive direction. Default 1.1 (Table III).
-        wheel_static_friction: f64 = 1.1, FRICTION;
-        /// Dynamic friction coefficient of wheel on ball, along the drive direction. Default 1.0 (Table III).
-        wheel_dynamic_friction: f64 = 1.0, FRICTION;
-        /// Static friction coefficient of the floor. Default 1.1 (Table III, other pairs).
-        floor_static_friction: f64 = 1.1, FRICTION;
-        /// Dynamic friction coefficient of the floor. Default 1.05 (Table III, other pairs).
-        floor_dynamic_friction: f64 = 1.05, FRICTION;
-        /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s. Default 0.1 (Table III).
-        friction_critical_velocity: f64 = 0.1, Limit::from(1e-9).to(1e3);
-        /// Rolling friction of the ball on the floor: largest torque against rolling per load, m. Default 0.
-        floor_rolling_friction: f64 = 0.0, LEVER;
-        /// Spinning friction of the ball on the floor: largest torque about the vertical per load, m. Default 0.
-        floor_spinning_friction: f64 = 0.0, LEVER;
-        /// Friction coefficient of the rollers of a wheel, along its free direction. Default 0.
-        roller_friction: f64 = 0.0, FRICTION;
-        /// Growth of that coefficient with the speed of the ball along the free direction, s/m. Default 0.
-        roller_friction_slope: f64 = 0.0, FRICTION;
-        /// Ripple A of a wheel's rim: how much less its radius is between two rollers than in the middle of one, m. Default
-        /// 0, round wheels. Of `contact` and `rigid` only.
-        roller_ripple: f64 = 0.0, LEVER;
-        /// Rollers n of a wheel that pass the ball in a turn, of all its rows; a whole number. Default 12.
-        roller_count: f64 = 12.0, Limit::from(3.0).to(1e3);
+fields! {
+    /// Physical parameters of one robot on one floor. SI units and radians.
+    ///
+    /// `body_*` describe everything above the ball as one rigid body. They include the **mass** of the wheels and
+    /// exclude the inertia of the wheels about their axles, which eq. (2) of the paper adds separately. The body
+    /// frame has its origin at the ball center and z along the mast. The defaults of the optional parameters define
+    /// a symmetric robot: the center of mass (CoM) of the body on the mast, the body axes its principal axes, equal
+    /// wheels 120 deg apart.
+    ///
+    /// Limits are far beyond any robot, and far from values at which sums and products lose accuracy.
+    pub struct Params {
+        required {
+            /// Mass M_k of the ball.
+            pub ball_mass: f64, "kg", MASS;
+            /// Moment of inertia J_k of the ball about any diameter.
+            pub ball_inertia: f64, "kg·m²", INERTIA;
+            /// Radius r_k of the ball.
+            pub ball_radius: f64, "m", LENGTH;
+            /// Mass M_b of body and wheels.
+            pub body_mass: f64, "kg", MASS;
+            /// Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes.
+            pub body_inertia: [f64; 3], "kg·m²", INERTIA;
+            /// Height l of the CoM of the body above the ball center.
+            pub body_com_height: f64, "m", LENGTH;
+            /// Mass of one omniwheel, part of `body_mass`.
+            pub wheel_mass: f64, "kg", MASS;
+            /// Moment of inertia J_w of one omniwheel about its axle.
+            pub wheel_inertia: f64, "kg·m²", INERTIA;
+            /// Radius r_w of a wheel.
+            pub wheel_radius: f64, "m", LENGTH;
+            /// Zenith angle α at the ball center between the mast and a wheel contact; nominal with `wheel_zenith_offsets`.
+            pub wheel_zenith: f64, "rad", ZENITH;
+        }
+        /// Azimuth β_i of each wheel contact about the mast.
+        pub wheel_azimuths: [f64; 3] = [0.0, TAU / 3.0, 2.0 * TAU / 3.0], "rad", Limit::from(-1e3).to(1e3);
+        /// Zenith of each wheel contact minus `wheel_zenith`.
+        pub wheel_zenith_offsets: [f64; 3] = [0.0; 3], "rad", Limit::from(-1.5).to(1.5);
+        /// Offset (x, y) of the CoM of the body from the mast, body axes.
+        pub body_com_offset: [f64; 2] = [0.0; 2], "m", Limit::from(-1e3).to(1e3);
+        /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`,
+        /// `ixz`, `iyz`.
+        pub body_products_of_inertia: [f64; 3] = [0.0; 3], "kg·m²", Limit::from(-1e9).to(1e9);
+        /// Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle.
+        pub max_wheel_torque: f64 = 5.0, "N·m", Limit::from(1e-9).to(1e9);
+        /// Gravitational acceleration g.
+        pub gravity: f64 = 9.81, "m/s²", Limit::from(1e-6).to(1e6);
+        /// Viscous friction B_vk of the ball on the floor.
+        pub ball_viscous_friction: f64 = 0.0, "N/(m/s)", VISCOUS;
+        /// Viscous friction B_vm of a wheel joint.
+        pub wheel_viscous_friction: f64 = 0.0, "N·m/(rad/s)", VISCOUS;
+        /// Dry friction of a wheel joint.
+        pub wheel_coulomb_friction: f64 = 0.0, "N·m", Limit::from(0.0).to(1e6);
+        /// Static friction coefficient of wheel on ball, along the drive direction; Table III.
+        pub wheel_static_friction: f64 = 1.1, "", FRICTION;
+        /// Dynamic friction coefficient of wheel on ball, along the drive direction; Table III.
+        pub wheel_dynamic_friction: f64 = 1.0, "", FRICTION;
+        /// Static friction coefficient of the floor; Table III, other pairs.
+        pub floor_static_friction: f64 = 1.1, "", FRICTION;
+        /// Dynamic friction coefficient of the floor; Table III, other pairs.
+        pub floor_dynamic_friction: f64 = 1.05, "", FRICTION;
+        /// Critical slip speed of the Stribeck law, between static and dynamic friction; Table III.
+        pub friction_critical_velocity: f64 = 0.1, "m/s", Limit::from(1e-9).to(1e3);
+        /// Rolling friction of the ball on the floor: largest torque against rolling per load.
+        pub floor_rolling_friction: f64 = 0.0, "m", LEVER;
+        /// Spinning friction of the ball on the floor: largest torque about the vertical per load.
+        pub floor_spinning_friction: f64 = 0.0, "m", LEVER;
+        /// Friction coefficient of the rollers of a wheel, along its free direction.
+        pub roller_friction: f64 = 0.0, "", FRICTION;
+        /// Growth of that coefficient with the speed of the ball along the free direction.
+        pub roller_friction_slope: f64 = 0.0, "s/m", FRICTION;
+        /// Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller;
+        /// 0: round wheels. Of `contact` and `rigid` only.
+        pub roller_ripple: f64 = 0.0, "m", LEVER;
+        /// Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number.
+        pub roller_count: f64 = 12.0, "", Limit::from(3.0).to(1e3);
         /// Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below
-        /// `wheel_radius`, rad. Default 0.
-        roller_phases: [f64; 3] = [0.0; 3], Limit::from(-1e3).to(1e3);
-        /// Rotation vector (x, y), in the frame of the floor, that turns a level floor into this one, rad; its length, the slope,
-        /// is at most 0.5. Gravity is [`Params::gravity_vector`]. Default 0.
-        floor_tilt: [f64; 2] = [0.0; 2], Limit::from(-0.5).to(0.5);
+        /// `wheel_radius`.
+        pub roller_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
+        /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the
+        /// slope, is at most 0.5. Gravity is `gravity_vector`.
+        pub floor_tilt: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
     }
 }
 
@@ -226,6 +130,11 @@ parameters! {
 pub const PAPER_BALL_VISCOUS_FRICTION: f64 = 49.849;
 
 impl Params {
+    /// Names and values of all parameters; a scalar is a slice of one.
+    pub fn fields(&self) -> impl Iterator<Item = (&'static str, &[f64])> {
+        Self::FIELDS.iter().map(|field| field.name).zip(self.slices())
+    }
+
     /// Parameters from named values; a scalar is a slice of one.
     ///
     /// # Errors
@@ -233,14 +142,11 @@ impl Params {
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut given = Vec::new();
         let fields = fields.into_iter().inspect(|(name, _)| given.push(*name));
-        let params = Self::unset().assign(fields)?;
-        for (name, values) in Self::unset().fields() {
-            if values[0].is_nan() && !given.contains(&name) {
-                return Err(Error::MissingParameter { name });
-            }
+        let params = Self::defaults().assign(fields)?;
+        match Self::FIELDS.iter().find(|field| field.required && !given.contains(&field.name)) {
+            Some(field) => Err(Error::MissingParameter { name: field.name }),
+            None => params.validate().map(|()| params),
         }
-        params.validate()?;
-        Ok(params)
     }
 
     /// Copy with some values changed.
@@ -255,13 +161,7 @@ impl Params {
 
     fn assign<'n, 'v>(mut self, values: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         for (name, values) in values {
-            let Some(field) = self.field_mut(name) else {
-                return Err(Error::unknown("parameter", name, Self::NAMES));
-            };
-            if values.len() != field.len() {
-                return Err(Error::Length { name: name.into(), found: values.len(), expected: field.len() });
-            }
-            field.copy_from_slice(values);
+            self.set_of("parameter", name, values)?;
         }
         Ok(self)
     }
@@ -271,53 +171,13 @@ impl Params {
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
     pub fn validate(&self) -> Result<()> {
-        for (name, values) in self.fields() {
-            finite(name, values)?;
-        }
-        self.validate_signs()?;
-        self.validate_magnitudes()?;
+        self.check_limits()?;
+        self.validate_rims()?;
         self.validate_masses()?;
         self.validate_geometry()?;
         self.validate_friction()?;
         self.validate_rollers()?;
         self.validate_slope()
-    }
-
-    fn validate_signs(&self) -> Result<()> {
-        for (name, value) in [
-            ("ball_mass", self.ball_mass),
-            ("ball_inertia", self.ball_inertia),
-            ("ball_radius", self.ball_radius),
-            ("body_mass", self.body_mass),
-            ("body_com_height", self.body_com_height),
-            ("wheel_mass", self.wheel_mass),
-            ("wheel_inertia", self.wheel_inertia),
-            ("wheel_radius", self.wheel_radius),
-            ("max_wheel_torque", self.max_wheel_torque),
-            ("gravity", self.gravity),
-            ("friction_critical_velocity", self.friction_critical_velocity),
-        ] {
-            positive(name, value)?;
-        }
-        for (i, &moment) in self.body_inertia.iter().enumerate() {
-            positive(format_args!("body_inertia[{i}]"), moment)?;
-        }
-        check("wheel_zenith", self.wheel_zenith, "between 0 and pi/2 rad, exclusive", |a| a > 0.0 && a < FRAC_PI_2)?;
-        for (name, value) in [
-            ("ball_viscous_friction", self.ball_viscous_friction),
-            ("wheel_viscous_friction", self.wheel_viscous_friction),
-            ("wheel_coulomb_friction", self.wheel_coulomb_friction),
-            ("wheel_dynamic_friction", self.wheel_dynamic_friction),
-            ("floor_dynamic_friction", self.floor_dynamic_friction),
-            ("floor_rolling_friction", self.floor_rolling_friction),
-            ("floor_spinning_friction", self.floor_spinning_friction),
-            ("roller_friction", self.roller_friction),
-            ("roller_friction_slope", self.roller_friction_slope),
-            ("roller_ripple", self.roller_ripple),
-        ] {
-            check(name, value, ">= 0", |v| v >= 0.0)?;
-        }
-        Ok(())
     }
 
     /// Checks that a torque of a motor, called `name`, is within `max_wheel_torque`.
@@ -331,18 +191,8 @@ impl Params {
         Ok(())
     }
 
-    /// Checks that the numbers are neither so large nor so small that the equations of motion overflow or lose all digits.
-    fn validate_magnitudes(&self) -> Result<()> {
-        for ((name, values), limit) in self.fields().zip(Self::LIMITS) {
-            for (i, &value) in values.iter().enumerate() {
-                let inside = |v: f64| limit.contains(v);
-                // Nothing is formatted unless a value is wrong: events create robots at each reset.
-                match values.len() {
-                    1 => check(name, value, limit, inside)?,
-                    _ => check(format_args!("{name}[{i}]"), value, limit, inside)?,
-                };
-            }
-        }
+    /// Checks that the rims of the wheels are not so heavy that the equations of motion lose all digits.
+    fn validate_rims(&self) -> Result<()> {
         let most = MAX_RIM_RATIO * (self.ball_mass + self.body_mass);
         check(
             "wheel_inertia / wheel_radius^2",

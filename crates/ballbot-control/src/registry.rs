@@ -41,7 +41,7 @@ pub type MakeController = fn(
 /// # Errors
 /// As [`Fields::set`] and [`Fields::check_limits`].
 pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
-    let mut fields = F::default();
+    let mut fields = F::defaults();
     options.iter().try_for_each(|(name, values)| fields.set(name, values))?;
     fields.check_limits()?;
     Ok(fields)

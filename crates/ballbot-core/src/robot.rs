@@ -4,6 +4,7 @@ mod standing;
 
 use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::error::{Error, Result, check};
+use ballbot_base::fields::Fields;
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};

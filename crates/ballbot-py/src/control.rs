@@ -330,7 +330,7 @@ impl PyPid {
 /// A struct of fields from keyword arguments.
 fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
     let known: Vec<_> = F::FIELDS.iter().map(|field| field.name).collect();
-    let mut fields = F::default();
+    let mut fields = F::defaults();
     for (name, values) in options(class, keywords, &known)? {
         fields.set(&name, &values).map_err(to_python)?;
     }

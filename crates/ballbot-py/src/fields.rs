@@ -29,8 +29,8 @@ pub(crate) fn named_numbers(kind: &str, options: &Bound<'_, PyMapping>) -> PyRes
 /// All fields by name: a number or a list each.
 pub(crate) fn field_dict<'py, F: Fields>(py: Python<'py>, fields: &F) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
-    for (index, field) in F::FIELDS.iter().enumerate() {
-        match fields.values(index) {
+    for (field, values) in F::FIELDS.iter().zip(fields.slices()) {
+        match values {
             [number] => dict.set_item(field.name, number)?,
             numbers => dict.set_item(field.name, numbers)?,
         }

@@ -50,7 +50,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("LABELS", ballbot_core::render::Label::NAMES)?;
     tasks::add_to(module)?;
     events::add_to(module)?;
-    module.add_class::<params::PyParams>()?;
+    params::add_to(module)?;
     module.add_class::<state::PyState>()?;
     module.add_class::<state::PyContacts>()?;
     module.add_class::<terrain::PyTerrain>()?;

@@ -2,36 +2,43 @@
 
 use crate::errors::{call, to_python};
 use crate::numbers::{one_or_more, real};
+use ballbot_core::fields::{Fields, describe_options};
 use ballbot_core::{Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyTuple};
+use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use std::path::PathBuf;
 
 /// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
 ///
 /// `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
 /// wheels about their own axles.
-/// Without default: `ball_mass` (kg), `ball_inertia` (about a diameter, kg·m²), `ball_radius` (m), `body_mass` (kg),
-/// `body_inertia` (J_xx, J_yy, J_zz about the body's CoM, kg·m²), `body_com_height` (above the ball center, m),
-/// `wheel_mass` (kg), `wheel_inertia` (about the axle, kg·m²), `wheel_radius` (m), `wheel_zenith` (rad).
-/// With default: `wheel_azimuths` (0, 120, 240 deg), `wheel_zenith_offsets` (of each wheel from `wheel_zenith`, 0 rad),
-/// `body_com_offset` (x, y off the mast, 0 m), `body_products_of_inertia` (J_xy, J_xz, J_yz, signs as in a URDF,
-/// 0 kg·m²), `max_wheel_torque` (5 N·m), `gravity` (9.81 m/s²), `ball_viscous_friction` (0 N/(m/s)),
-/// `wheel_viscous_friction` (0 N·m/(rad/s)), `wheel_coulomb_friction` (0 N·m), `wheel_static_friction` (1.1),
-/// `wheel_dynamic_friction` (1.0), `floor_static_friction` (1.1), `floor_dynamic_friction` (1.05),
-/// `friction_critical_velocity` (0.1 m/s), `floor_rolling_friction` (0 m, torque per load), `floor_spinning_friction`
-/// (0 m, torque about the vertical per load), `roller_friction` (0), `roller_friction_slope` (0 s/m), `roller_ripple` (how
-/// much smaller the radius of a wheel is between two rollers, 0 m), `roller_count` (rollers per turn, 12), `roller_phases`
-/// (0 rad), `floor_tilt` (rotation vector x, y that rotates a level floor into this floor, 0 rad).
-/// Masses are from 1e-6 to 1e6 kg, moments of inertia from 1e-18 to 1e9 kg·m², lengths from 1e-6 to 1e3 m;
-/// see `docs/conventions.md` for all ranges.
+/// `PARAMETERS` has the name, unit, default, limit and description of each; those without a default are required.
 ///
 /// Raises:
 ///     ValueError: a value is missing, unknown, not finite, or out of range; the message has value and limit.
 #[pyclass(name = "Params", module = "ballbot_rs", frozen, eq)]
 #[derive(Clone, PartialEq)]
 pub(crate) struct PyParams(pub Params);
+
+/// Adds the class, with a property for each parameter.
+pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
+    let py = module.py();
+    module.add_class::<PyParams>()?;
+    let class = py.get_type::<PyParams>();
+    let property = py.import("builtins")?.getattr("property")?;
+    for (index, field) in describe_options::<Params>().into_iter().enumerate() {
+        let get = move |args: &Bound<'_, PyTuple>, _: Option<&Bound<'_, PyDict>>| {
+            let params = args.get_item(0)?.cast_into::<PyParams>()?;
+            to_object(args.py(), params.get().0.values(index)).map(Bound::unbind)
+        };
+        let unit = if field.unit.is_empty() { String::new() } else { format!("{}, ", field.unit) };
+        let doc = format!("{} ({unit}{})", field.doc, field.limit);
+        let get = PyCFunction::new_closure(py, None, None, get)?;
+        class.setattr(field.name, property.call1((get, py.None(), py.None(), doc))?)?;
+    }
+    Ok(())
+}
 
 /// Keyword arguments as named slices of numbers.
 fn fields(kwargs: Option<&Bound<'_, PyDict>>) -> PyResult<Vec<(String, Vec<f64>)>> {
@@ -130,198 +137,6 @@ impl PyParams {
             dict.set_item(name, to_object(py, values)?)?;
         }
         Ok(dict)
-    }
-
-    /// Mass M_k of the ball, kg.
-    #[getter]
-    fn ball_mass(&self) -> f64 {
-        self.0.ball_mass
-    }
-
-    /// Moment of inertia J_k of the ball about any diameter, kg·m².
-    #[getter]
-    fn ball_inertia(&self) -> f64 {
-        self.0.ball_inertia
-    }
-
-    /// Radius r_k of the ball, m.
-    #[getter]
-    fn ball_radius(&self) -> f64 {
-        self.0.ball_radius
-    }
-
-    /// Mass M_b of body and wheels, kg.
-    #[getter]
-    fn body_mass(&self) -> f64 {
-        self.0.body_mass
-    }
-
-    /// Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes, kg·m².
-    #[getter]
-    fn body_inertia(&self) -> (f64, f64, f64) {
-        self.0.body_inertia.into()
-    }
-
-    /// Height l of the CoM of the body above the ball center, m.
-    #[getter]
-    fn body_com_height(&self) -> f64 {
-        self.0.body_com_height
-    }
-
-    /// Mass of one wheel, kg.
-    #[getter]
-    fn wheel_mass(&self) -> f64 {
-        self.0.wheel_mass
-    }
-
-    /// Moment of inertia J_w of one wheel about its axle, kg·m².
-    #[getter]
-    fn wheel_inertia(&self) -> f64 {
-        self.0.wheel_inertia
-    }
-
-    /// Radius r_w of a wheel, m.
-    #[getter]
-    fn wheel_radius(&self) -> f64 {
-        self.0.wheel_radius
-    }
-
-    /// Zenith angle α of the wheel contacts, rad.
-    #[getter]
-    fn wheel_zenith(&self) -> f64 {
-        self.0.wheel_zenith
-    }
-
-    /// Azimuths β_i of the three wheel contacts, rad.
-    #[getter]
-    fn wheel_azimuths(&self) -> (f64, f64, f64) {
-        self.0.wheel_azimuths.into()
-    }
-
-    /// Zenith of each wheel contact minus `wheel_zenith`, rad.
-    #[getter]
-    fn wheel_zenith_offsets(&self) -> (f64, f64, f64) {
-        self.0.wheel_zenith_offsets.into()
-    }
-
-    /// Offset (x, y) of the CoM of the body from the mast, m.
-    #[getter]
-    fn body_com_offset(&self) -> (f64, f64) {
-        self.0.body_com_offset.into()
-    }
-
-    /// Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, kg·m².
-    #[getter]
-    fn body_products_of_inertia(&self) -> (f64, f64, f64) {
-        self.0.body_products_of_inertia.into()
-    }
-
-    /// Largest torque of one motor, N·m.
-    #[getter]
-    fn max_wheel_torque(&self) -> f64 {
-        self.0.max_wheel_torque
-    }
-
-    /// Gravitational acceleration, m/s².
-    #[getter]
-    fn gravity(&self) -> f64 {
-        self.0.gravity
-    }
-
-    /// Viscous friction B_vk of the ball on the floor, N/(m/s).
-    #[getter]
-    fn ball_viscous_friction(&self) -> f64 {
-        self.0.ball_viscous_friction
-    }
-
-    /// Viscous friction B_vm of a wheel joint, N·m/(rad/s).
-    #[getter]
-    fn wheel_viscous_friction(&self) -> f64 {
-        self.0.wheel_viscous_friction
-    }
-
-    /// Dry friction of a wheel joint, N·m.
-    #[getter]
-    fn wheel_coulomb_friction(&self) -> f64 {
-        self.0.wheel_coulomb_friction
-    }
-
-    /// Static friction coefficient of wheel on ball, along the drive direction.
-    #[getter]
-    fn wheel_static_friction(&self) -> f64 {
-        self.0.wheel_static_friction
-    }
-
-    /// Dynamic friction coefficient of wheel on ball, along the drive direction.
-    #[getter]
-    fn wheel_dynamic_friction(&self) -> f64 {
-        self.0.wheel_dynamic_friction
-    }
-
-    /// Static friction coefficient of the floor.
-    #[getter]
-    fn floor_static_friction(&self) -> f64 {
-        self.0.floor_static_friction
-    }
-
-    /// Dynamic friction coefficient of the floor.
-    #[getter]
-    fn floor_dynamic_friction(&self) -> f64 {
-        self.0.floor_dynamic_friction
-    }
-
-    /// Critical slip speed of the Stribeck law, between static and dynamic friction, m/s.
-    #[getter]
-    fn friction_critical_velocity(&self) -> f64 {
-        self.0.friction_critical_velocity
-    }
-
-    /// Rolling friction of the ball on the floor: largest torque against rolling per load, m.
-    #[getter]
-    fn floor_rolling_friction(&self) -> f64 {
-        self.0.floor_rolling_friction
-    }
-
-    /// Spinning friction of the ball on the floor: largest torque about the vertical per load, m.
-    #[getter]
-    fn floor_spinning_friction(&self) -> f64 {
-        self.0.floor_spinning_friction
-    }
-
-    /// Friction coefficient of the rollers of a wheel, along its free direction.
-    #[getter]
-    fn roller_friction(&self) -> f64 {
-        self.0.roller_friction
-    }
-
-    /// Growth of that coefficient with the speed of the ball along the free direction, s/m.
-    #[getter]
-    fn roller_friction_slope(&self) -> f64 {
-        self.0.roller_friction_slope
-    }
-
-    /// Ripple of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller, m.
-    #[getter]
-    fn roller_ripple(&self) -> f64 {
-        self.0.roller_ripple
-    }
-
-    /// Rollers of a wheel, in all its rows, that pass the ball per turn.
-    #[getter]
-    fn roller_count(&self) -> f64 {
-        self.0.roller_count
-    }
-
-    /// Phase of the ripple of each wheel, rad.
-    #[getter]
-    fn roller_phases(&self) -> (f64, f64, f64) {
-        self.0.roller_phases.into()
-    }
-
-    /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor, rad.
-    #[getter]
-    fn floor_tilt(&self) -> (f64, f64) {
-        self.0.floor_tilt.into()
     }
 
     /// Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor.

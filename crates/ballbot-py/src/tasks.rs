@@ -17,6 +17,7 @@ fn option<'py>(py: Python<'py>, option: &OptionDescription) -> PyResult<Bound<'p
     dict.set_item("name", option.name)?;
     dict.set_item("unit", option.unit)?;
     match option.default.as_slice() {
+        [] => dict.set_item("default", py.None())?,
         [number] => dict.set_item("default", number)?,
         numbers => dict.set_item("default", numbers)?,
     }
@@ -112,6 +113,7 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("CONTROLLERS", controllers(py)?)?;
     module.add("MODELS", ModelKind::ALL.map(ModelKind::name))?;
     module.add("ROBOTS", Params::preset_names())?;
+    module.add("PARAMETERS", options(py, &describe_options::<Params>())?)?;
     module.add("ACTUATORS", MotorOptions::preset_names())?;
     module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
     module.add("SENSORS", SensorOptions::preset_names())?;

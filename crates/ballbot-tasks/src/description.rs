@@ -67,7 +67,7 @@ impl Terms<f64> for Collected {
 impl TaskDescription {
     /// Description of the task `T`: its rows and terms are read off an upright robot at rest.
     pub fn of<T: Task>() -> Self {
-        let task = T::default();
+        let task = T::defaults();
         let mut memory = vec![0.0; T::MEMORY];
         let mut metrics = Vec::<Metric>::new();
         task.measure(&memory, 0.01, &mut metrics);

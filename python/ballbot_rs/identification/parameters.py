@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import ACTUATOR_OPTIONS, Params
+from ballbot_rs._core import ACTUATOR_OPTIONS, PARAMETERS, Params
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification.motors import LIMITS as MOTOR_LIMITS
 from ballbot_rs.identification.motors import Motors
@@ -145,27 +145,16 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
     return Fitted(tuple(fields), names, tuple(places), limits[:, 0], limits[:, 1], scales, start)
 
 
+#: Units of everything that can be fitted.
+_UNITS: Final[Mapping[str, str]] = {
+    **{row["name"]: row["unit"] for row in (*PARAMETERS, *ACTUATOR_OPTIONS)},
+    **{name: unit for name, (unit, _) in BIASES.items()},
+}
+
+
 def unit_of(field: str) -> str:
     """Unit of a field."""
-    if field in BIASES:
-        return BIASES[field][0]
-    for option in ACTUATOR_OPTIONS:
-        if option["name"] == field:
-            return option["unit"]
-    return _UNITS.get(field, "")
-
-
-_UNITS: Final[Mapping[str, str]] = {
-    **dict.fromkeys(("ball_mass", "body_mass", "wheel_mass"), "kg"),
-    **dict.fromkeys(("ball_inertia", "body_inertia", "wheel_inertia", "body_products_of_inertia"), "kg·m²"),
-    **dict.fromkeys(("ball_radius", "wheel_radius", "body_com_height", "body_com_offset"), "m"),
-    **dict.fromkeys(("wheel_zenith", "wheel_azimuths", "wheel_zenith_offsets"), "rad"),
-    "gravity": "m/s²",
-    "ball_viscous_friction": "N/(m/s)",
-    "wheel_viscous_friction": "N·m/(rad/s)",
-    "wheel_coulomb_friction": "N·m",
-    "friction_critical_velocity": "m/s",
-}
+    return _UNITS[field]
 
 
 def _value(base: Robot, field: str) -> Any:

@@ -1,5 +1,6 @@
 //! Parameters: what is rejected with which message, and that no conversion loses a value.
 
+use ballbot_core::fields::Fields;
 use ballbot_core::{Error, Params};
 use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI, TAU};
 use std::fmt::Write;
@@ -23,14 +24,15 @@ fn assert_refused(refusals: &[Refusal<'_>]) {
 
 #[test]
 fn parameters_that_are_not_finite_are_refused() {
-    for (name, values) in Params::paper().fields() {
+    for ((name, values), field) in Params::paper().fields().zip(Params::FIELDS) {
+        let limit = format!("{} {}", field.limit, field.unit);
         for index in 0..values.len() {
             for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
                 let mut values = values.to_vec();
                 values[index] = bad;
                 let error = Params::paper().replace([(name, values.as_slice())]).unwrap_err().to_string();
                 let place = if values.len() == 1 { name.to_owned() } else { format!("{name}[{index}]") };
-                assert_eq!(error, format!("{place} = {bad} is out of range: it must be finite"));
+                assert_eq!(error, format!("{place} = {bad} is out of range: it must be {}", limit.trim_end()));
             }
         }
     }
@@ -52,10 +54,14 @@ fn parameters_that_are_not_positive_are_refused() {
         "friction_critical_velocity",
     ] {
         for value in [0.0, -1.5] {
-            assert_refused(&[(name, &[value], [&format!("{name} = {value} "), "> 0"])]);
+            assert_refused(&[(name, &[value], [&format!("{name} = {value} "), "must be >= 1e-"])]);
         }
     }
-    assert_refused(&[("body_inertia", &[0.01, 0.0, 0.01], ["body_inertia[1] = 0 ", "> 0"])]);
+    assert_refused(&[(
+        "body_inertia",
+        &[0.01, 0.0, 0.01],
+        ["body_inertia[1] = 0 ", "must be >= 1e-18 and <= 1e9 kg·m²"],
+    )]);
 }
 
 /// `values` with one of them replaced.
@@ -68,7 +74,8 @@ fn with_value(values: &[f64], index: usize, value: f64) -> Vec<f64> {
 #[test]
 fn parameters_beyond_their_documented_range_are_refused() {
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/conventions.md")).unwrap();
-    for ((name, values), limit) in Params::paper().fields().zip(Params::LIMITS) {
+    for ((name, values), field) in Params::paper().fields().zip(Params::FIELDS) {
+        let limit = field.limit;
         let row = page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).unwrap();
         assert!(row.contains(&format!("| {limit} |")), "the range of {name} is {limit}: {row}");
         for index in 0..values.len() {
@@ -152,7 +159,7 @@ fn wheels_are_part_of_the_body() {
 #[test]
 fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
     for zenith in [0.0, FRAC_PI_2, -0.3, 2.0] {
-        assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "between 0 and pi/2"])]);
+        assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "must be >= 0.001 and <= 1.569"])]);
     }
     for (offset, zenith) in [(FRAC_PI_4, FRAC_PI_2), (-FRAC_PI_4, 0.0), (FRAC_PI_4 - 5e-4, FRAC_PI_2 - 5e-4)] {
         let error = Params::paper().replace([("wheel_zenith_offsets", &[0.0, offset, 0.0][..])]).unwrap_err();
@@ -228,8 +235,8 @@ fn impossible_products_of_inertia_are_refused() {
 fn unknown_names_and_wrong_lengths_are_refused() {
     let error = Params::paper().replace([("ball_weight", &[1.0][..])]).unwrap_err();
     assert!(matches!(&error, Error::UnknownName { name, .. } if name == "ball_weight"), "{error:?}");
-    for known in Params::NAMES {
-        assert!(error.to_string().contains(known), "{error} does not list {known}");
+    for known in Params::FIELDS {
+        assert!(error.to_string().contains(known.name), "{error} does not list {}", known.name);
     }
     for (name, values, expected) in
         [("body_inertia", &[0.05, 0.05][..], 3), ("ball_mass", &[1.0, 2.0][..], 1), ("ball_mass", &[][..], 1)]
@@ -263,15 +270,15 @@ fn missing_parameters_are_named_and_optional_ones_have_defaults() {
         "wheel_zenith",
     ];
     let paper = Params::paper();
-    for name in Params::NAMES {
+    for name in Params::FIELDS.iter().map(|field| field.name) {
         match from_fields(&fields_without(&paper, name)) {
             Err(error) => {
-                assert!(required.contains(name), "{name} has no default: {error}");
+                assert!(required.contains(&name), "{name} has no default: {error}");
                 assert_eq!(error.to_string(), format!("parameter {name} is missing"));
             }
             // The paper's robot has every optional value at its default.
             Ok(params) => {
-                assert!(!required.contains(name), "{name} is not required");
+                assert!(!required.contains(&name), "{name} is not required");
                 assert_eq!(params, paper, "default of {name}");
             }
         }
@@ -300,10 +307,9 @@ fn unlike_any_other() -> Params {
 #[test]
 fn fields_round_trip() {
     let params = unlike_any_other();
-    let names: Vec<_> = params.fields().map(|(name, _)| name).collect();
-    assert_eq!(names, Params::NAMES);
+    assert!(params.fields().map(|(name, _)| name).eq(Params::FIELDS.iter().map(|field| field.name)));
     // Five vectors of three and two of two.
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::NAMES.len() + 5 * 2 + 2);
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::FIELDS.len() + 5 * 2 + 2);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

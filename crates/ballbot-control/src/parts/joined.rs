@@ -19,28 +19,16 @@ macro_rules! joined_fields {
                 fields
             };
 
-            fn values(&self, index: usize) -> &[f64] {
-                let mut first = 0;
-                $(
-                    let index_in_part = index - first;
-                    first += <$Part as ::ballbot_base::fields::Fields>::FIELDS.len();
-                    if index < first {
-                        return self.$part.values(index_in_part);
-                    }
-                )+
-                panic!("{index} is not below {first}, the number of fields")
+            fn defaults() -> Self {
+                Self::default()
             }
 
-            fn values_mut(&mut self, index: usize) -> &mut [f64] {
-                let mut first = 0;
-                $(
-                    let index_in_part = index - first;
-                    first += <$Part as ::ballbot_base::fields::Fields>::FIELDS.len();
-                    if index < first {
-                        return self.$part.values_mut(index_in_part);
-                    }
-                )+
-                panic!("{index} is not below {first}, the number of fields")
+            fn slices(&self) -> impl Iterator<Item = &[f64]> {
+                ::std::iter::empty()$(.chain(self.$part.slices()))+
+            }
+
+            fn slices_mut(&mut self) -> impl Iterator<Item = &mut [f64]> {
+                ::std::iter::empty()$(.chain(self.$part.slices_mut()))+
             }
         }
     };

@@ -11,6 +11,7 @@ use crate::robot::{Ballbot, ModelKind, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
 use ballbot_base::error::{Error, Result, check, positive};
+use ballbot_base::fields::Fields;
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{Ground, Terrain, static_lean};
@@ -89,7 +90,7 @@ impl<T: Task> Default for EnvConfig<T> {
             history: 1,
             scale_observations: true,
             reward: RewardScales::of(&TaskDescription::of::<T>().terms),
-            task: T::default(),
+            task: T::defaults(),
             events: Vec::new(),
             stage: None,
         }
@@ -116,13 +117,12 @@ impl<T: Task> EnvConfig<T> {
     pub(super) fn numbers(&self) -> Vec<f64> {
         let scaled = f64::from(u8::from(self.scale_observations));
         let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
-        let options = (0..T::FIELDS.len()).flat_map(|index| self.task.values(index));
         let sensors = self.sensors.iter().flat_map(|sensors| sensors.numbers());
         let estimated = self.observation == Observation::Sensors;
         let observed = [f64::from(u8::from(estimated)), self.history as f64];
         let estimator = estimated.then(|| self.params.numbers());
         let numbers =
-            own.into_iter().chain(self.reward.values()).chain(options.copied()).chain(self.actuators.numbers());
+            own.into_iter().chain(self.reward.values()).chain(self.task.numbers()).chain(self.actuators.numbers());
         let terrain = self.terrain.iter().flat_map(|terrain| {
             let print = terrain.fingerprint();
             [print as u32, (print >> 32) as u32].map(f64::from)

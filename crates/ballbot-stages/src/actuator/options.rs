@@ -123,11 +123,6 @@ impl MotorOptions {
         ["delay", "delay_jitter"].contains(&Self::FIELDS[index].name)
     }
 
-    /// All numbers, in the order of the fields.
-    pub fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
-        (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
-    }
-
     /// Checks the numbers against their limits and each other.
     ///
     /// # Errors

@@ -148,11 +148,6 @@ impl SensorOptions {
         Self::FIELDS[index].name == "latency"
     }
 
-    /// All numbers, in the order of the fields.
-    pub fn numbers(&self) -> impl Iterator<Item = f64> + '_ {
-        (0..Self::FIELDS.len()).flat_map(|index| self.values(index)).copied()
-    }
-
     /// Control steps of `control_dt` (s) in the latency.
     ///
     /// # Errors

@@ -9,6 +9,7 @@ use crate::perception::{Reading, Seen};
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::error::Result;
+use ballbot_base::fields::Fields;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
 use ballbot_base::snapshot;

@@ -5,6 +5,7 @@ use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
 use crate::robot::check_push;
 use ballbot_base::error::{Error, Result, check, finite};
+use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -152,7 +153,7 @@ fn followers(term: &str) -> Vec<usize> {
         return Vec::new();
     };
     let follows = |name: &str| name.starts_with(&prefix) && name.ends_with(suffix);
-    (0..Params::NAMES.len()).filter(|&index| follows(Params::NAMES[index])).collect()
+    (0..Params::FIELDS.len()).filter(|&index| follows(Params::FIELDS[index].name)).collect()
 }
 
 impl Planned {
@@ -167,7 +168,11 @@ impl Planned {
         } else {
             let (table, index) = Table::find(&event.term, &[PUSH])?;
             let followers = if table == Table::Params { followers(&event.term) } else { Vec::new() };
-            (Target::Field { table, index, followers }, table.width(index), table.grain(index, sim_dt, control_dt))
+            (
+                Target::Field { table, index, followers },
+                table.fields()[index].len,
+                table.grain(index, sim_dt, control_dt),
+            )
         };
         let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
         let most = i64::MAX.unsigned_abs();
@@ -196,7 +201,7 @@ impl Planned {
     /// Whether it requires separate motors for each robot.
     fn changes_motors(&self) -> bool {
         match self.target {
-            Target::Field { table: Table::Params, index, .. } => Params::NAMES[index] == "max_wheel_torque",
+            Target::Field { table: Table::Params, index, .. } => Params::FIELDS[index].name == "max_wheel_torque",
             Target::Field { table: Table::Actuators, .. } => true,
             Target::Field { table: Table::Sensors, .. } | Target::Push => false,
         }

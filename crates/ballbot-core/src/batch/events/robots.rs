@@ -6,6 +6,7 @@ use super::sampler::{ATTEMPTS, Source};
 use super::setup::{Setup, Stages};
 use crate::batch::env::robots::{Robots, refused};
 use ballbot_base::error::Result;
+use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;

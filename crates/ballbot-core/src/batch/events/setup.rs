@@ -3,7 +3,7 @@
 use crate::actuator::MotorOptions;
 use crate::sensor::SensorOptions;
 use ballbot_base::error::{Error, Result};
-use ballbot_base::fields::Fields;
+use ballbot_base::fields::{Field, Fields};
 use ballbot_base::params::Params;
 
 /// A robot with the options of its stages.
@@ -40,21 +40,12 @@ impl Table {
         }
     }
 
-    /// Names of its numbers.
-    fn names(self) -> Vec<&'static str> {
+    /// Descriptions of its numbers.
+    pub const fn fields(self) -> &'static [Field] {
         match self {
-            Self::Params => Params::NAMES.to_vec(),
-            Self::Actuators => MotorOptions::FIELDS.iter().map(|field| field.name).collect(),
-            Self::Sensors => SensorOptions::FIELDS.iter().map(|field| field.name).collect(),
-        }
-    }
-
-    /// How many numbers one of them has.
-    pub fn width(self, index: usize) -> usize {
-        match self {
-            Self::Params => Params::WIDTHS[index],
-            Self::Actuators => MotorOptions::FIELDS[index].len,
-            Self::Sensors => SensorOptions::FIELDS[index].len,
+            Self::Params => Params::FIELDS,
+            Self::Actuators => MotorOptions::FIELDS,
+            Self::Sensors => SensorOptions::FIELDS,
         }
     }
 
@@ -74,10 +65,10 @@ impl Table {
     pub fn find(term: &str, others: &[&str]) -> Result<(Self, usize)> {
         let place = |table: Self| {
             let name = term.strip_prefix(table.prefix())?;
-            Some((table, table.names().iter().position(|known| *known == name)?))
+            Some((table, table.fields().iter().position(|known| known.name == name)?))
         };
         Self::ALL.into_iter().find_map(place).ok_or_else(|| {
-            let all = |table: Self| table.names().into_iter().map(move |name| format!("{}{name}", table.prefix()));
+            let all = |table: Self| table.fields().iter().map(move |field| format!("{}{}", table.prefix(), field.name));
             let known: Vec<_> = Self::ALL.into_iter().flat_map(all).collect();
             let known: Vec<_> = others.iter().copied().chain(known.iter().map(String::as_str)).collect();
             Error::unknown("term", term, &known)
