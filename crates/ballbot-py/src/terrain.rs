@@ -260,11 +260,11 @@ pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
     for kind in TerrainKind::ALL {
         let parameters = PyDict::new(py);
-        for parameter in kind.all_parameters() {
+        for parameter in (kind.parameters)() {
             let one = PyDict::new(py);
-            one.set_item("default", parameter.default)?;
+            one.set_item("default", parameter.default[0])?;
             one.set_item("unit", parameter.unit)?;
-            one.set_item("limit", parameter.limit.to_string())?;
+            one.set_item("limit", parameter.limit)?;
             one.set_item("doc", parameter.doc)?;
             parameters.set_item(parameter.name, one)?;
         }

@@ -23,7 +23,6 @@ pub use frame::Frame;
 pub use ground::Ground;
 pub use kinds::TerrainKind;
 pub use limits::SlopeLimits;
-pub use parameters::Parameter;
 pub use patch::Patch;
 pub use placement::static_lean;
 pub use placement::upright_on;
