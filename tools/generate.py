@@ -10,24 +10,21 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "python")]
 
-from generate import classes, pages, stub  # noqa: E402
+from generate import classes, pages, stub, tables  # noqa: E402
 
 
 def files() -> dict[Path, str]:
     """The content of every generated file."""
     package = ROOT / "python" / "ballbot_rs"
     core = package / "_core.pyi"
-    actuators = ROOT / "docs" / "actuators.md"
-    sensors = ROOT / "docs" / "sensors.md"
-    perception = ROOT / "docs" / "perception.md"
+    docs = ROOT / "docs"
+    stages = {page for _, _, page, _ in tables.STAGES}
     return {
         package / "envs" / "options.py": classes.options(),
         package / "envs" / "tasks.py": classes.tasks(),
         core: stub.filled(core.read_text(encoding="utf-8")),
-        actuators: pages.actuators(actuators.read_text(encoding="utf-8")),
-        perception: pages.perception(perception.read_text(encoding="utf-8")),
-        sensors: pages.sensors(sensors.read_text(encoding="utf-8")),
-        **{ROOT / "docs" / "tasks" / name: text for name, text in pages.pages().items()},
+        **{docs / page: pages.with_options(page, (docs / page).read_text(encoding="utf-8")) for page in stages},
+        **{docs / "tasks" / name: text for name, text in pages.pages().items()},
     }
 
 

@@ -5,13 +5,17 @@ from collections.abc import Iterable, Sequence
 from typing import Any
 
 from ballbot_rs._core import (
+    ACTUATOR_OPTIONS,
     ACTUATORS,
     CONTROLLERS,
+    DEPTH_OPTIONS,
     EVENT_SETS,
     MODELS,
     OBSERVATIONS,
     ROBOTS,
     SCALED_BOUND,
+    SCAN_OPTIONS,
+    SENSOR_OPTIONS,
     SENSORS,
     TASKS,
     Batch,
@@ -57,6 +61,15 @@ COMMON = (
      f"{', '.join(EVENT_SETS)}, FILE.toml, or a list of dicts",
      "Random properties of the robots, and pushes; `docs/randomization.md`."),
 )  # fmt: skip
+
+
+#: Types of options that are tables: name, description, page, and rows.
+STAGES = (
+    ("Actuators", "motors", "actuators.md", ACTUATOR_OPTIONS),
+    ("Sensors", "sensors", "sensors.md", SENSOR_OPTIONS),
+    ("Scan", "a height scan", "perception.md", SCAN_OPTIONS),
+    ("Depth", "a depth camera", "perception.md", DEPTH_OPTIONS),
+)
 
 
 def number(value: float) -> str:

@@ -19,6 +19,7 @@ pub mod lanes;
 pub mod memory;
 pub mod model;
 pub mod names;
+pub mod options;
 pub mod params;
 pub mod setpoint;
 pub mod snapshot;

@@ -1,6 +1,5 @@
 //! `Batch`: the environments behind every Python front end.
 
-use crate::actuators::to_dict;
 use crate::control::{PyController, setpoints};
 use crate::convert::{OPTION_COUNT, finite_elements, objects, read_elements, shaped, vector};
 use crate::errors::{call, not_pickled, to_python};
@@ -857,7 +856,7 @@ impl PyBatch {
         py: Python<'py>,
         #[pyo3(from_py_with = index)] index: usize,
     ) -> PyResult<Bound<'py, PyDict>> {
-        to_dict(py, self.inner.read()?.batch.actuators(index).map_err(to_python)?)
+        field_dict(py, self.inner.read()?.batch.actuators(index).map_err(to_python)?)
     }
 
     /// All options of the sensors of environment `index`: from the batch (exact sensors by default), as changed by

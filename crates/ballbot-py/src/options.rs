@@ -1,12 +1,11 @@
 //! Options of a task and of its environments, from and to Python.
 
-use crate::actuators::{actuators, to_object};
 use crate::errors::to_python;
 use crate::events::{events, to_list};
+use crate::fields::{option, optional_dict};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
 use crate::perception::{instrument, instrument_object, levels, levels_object};
-use crate::sensors::{sensors, sensors_object};
 use crate::terrain::{terrain, terrain_object};
 use ballbot_core::batch::TaskConfig;
 use ballbot_core::task::TaskDescription;
@@ -28,8 +27,8 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             config.set_model(model.parse().map_err(to_python)?);
         }
         "terrain" => config.set_terrain(terrain(value)?),
-        "actuators" => config.set_actuators(actuators(value)?),
-        "sensors" => config.set_sensors(sensors(value)?),
+        "actuators" => config.set_actuators(option(value)?.unwrap_or_default()),
+        "sensors" => config.set_sensors(option(value)?),
         "scan" => config.set_scan(instrument(value)?),
         "depth" => config.set_depth(instrument(value)?),
         "level" => config.set_levels(levels(value)?),
@@ -81,8 +80,8 @@ pub(crate) fn resolved<'py>(
         }
     }
     resolved.set_item("terrain", terrain_object(py, config.terrain())?)?;
-    resolved.set_item("actuators", to_object(py, config.actuators())?)?;
-    resolved.set_item("sensors", sensors_object(py, config.sensors())?)?;
+    resolved.set_item("actuators", optional_dict(py, Some(config.actuators()).filter(|motors| !motors.is_ideal()))?)?;
+    resolved.set_item("sensors", optional_dict(py, config.sensors())?)?;
     resolved.set_item("scan", instrument_object(py, config.scan())?)?;
     resolved.set_item("depth", instrument_object(py, config.depth())?)?;
     resolved.set_item("level", levels_object(py, config.levels())?)?;

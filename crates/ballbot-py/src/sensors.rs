@@ -1,50 +1,21 @@
-//! Sensors of environments, from and to Python.
+//! Sensors of environments, from Python, and their readings.
 
 use crate::control::constants_dict;
 use crate::errors::{call, to_python};
-use crate::fields::{field_dict, named_numbers};
+use crate::fields::{Door, load, option};
 use crate::numbers::real;
-use crate::params::{or_paper, toml_path};
+use crate::params::or_paper;
 use ballbot_core::batch::Batch;
 use ballbot_core::sensor::{Onboard, SensorOptions};
 use numpy::{PyArray1, PyArrayMethods};
-use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::PyDict;
 
 /// Names of the parts of readings, three numbers each.
 const PARTS: [&str; 4] = ["gyro", "specific_force", "wheel_angles", "wheel_rates"];
 
-/// Sensors from None (no sensors), a mapping of options, a name or the path of a TOML file.
-pub(crate) fn sensors(value: &Bound<'_, PyAny>) -> PyResult<Option<SensorOptions>> {
-    if value.is_none() {
-        return Ok(None);
-    }
-    if let Ok(options) = value.cast::<PyMapping>() {
-        let fields = named_numbers("sensors", options)?;
-        let fields = fields.iter().map(|(name, values)| (name.as_str(), values.as_slice()));
-        return SensorOptions::from_fields(fields).map(Some).map_err(to_python);
-    }
-    let options = named(value).unwrap_or_else(|| {
-        let kind = value.get_type().name()?;
-        let expected = "a dict of options, a name, the path of a TOML file, or None";
-        Err(PyTypeError::new_err(format!("sensors must be {expected}, not {kind}")))
-    })?;
-    Ok(Some(options))
-}
-
-/// Sensors from a name or the path of a TOML file; `None` for anything else.
-fn named(value: &Bound<'_, PyAny>) -> Option<PyResult<SensorOptions>> {
-    if let Some(path) = toml_path(value) {
-        return Some(call(|| SensorOptions::from_toml_file(&path)));
-    }
-    let name = value.extract::<String>().ok()?;
-    Some(SensorOptions::preset(&name).map_err(to_python))
-}
-
-/// All options of sensors by name; None for robots without sensors.
-pub(crate) fn sensors_object(py: Python<'_>, options: Option<&SensorOptions>) -> PyResult<Option<Py<PyDict>>> {
-    options.map(|options| field_dict(py, options).map(Bound::unbind)).transpose()
+impl Door for SensorOptions {
+    const FILES: &'static str = "a TOML file";
 }
 
 /// Result of [`crate::batch::PyBatch::readings`].
@@ -91,7 +62,7 @@ pub(crate) fn estimator_constants<'py>(
     #[pyo3(from_py_with = real)] control_dt: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let params = or_paper(params)?;
-    let options = sensors.map_or(Ok(None), self::sensors)?.unwrap_or_default();
+    let options = sensors.map_or(Ok(None), option::<SensorOptions>)?.unwrap_or_default();
     let onboard = call(|| Onboard::new(&options, control_dt, Some(&params)))?;
     let estimator = onboard.estimator().expect("it was made with one");
     constants_dict(py, &estimator.constants())
@@ -107,9 +78,5 @@ pub(crate) fn estimator_constants<'py>(
 ///     OSError: the file cannot be read.
 #[pyfunction]
 pub(crate) fn load_sensors<'py>(py: Python<'py>, name_or_path: &Bound<'py, PyAny>) -> PyResult<Bound<'py, PyDict>> {
-    let options = named(name_or_path).unwrap_or_else(|| {
-        let kind = name_or_path.get_type().name()?;
-        Err(PyTypeError::new_err(format!("name_or_path must be a name or the path of a TOML file, not {kind}")))
-    })?;
-    field_dict(py, &options)
+    load::<SensorOptions>(py, name_or_path)
 }

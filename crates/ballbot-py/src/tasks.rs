@@ -5,6 +5,7 @@ use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Observation, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
+use ballbot_core::options::PublishedOptions;
 use ballbot_core::perception::{DepthOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{Geometry, SCALED_BOUND};

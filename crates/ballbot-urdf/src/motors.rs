@@ -3,6 +3,7 @@
 use super::checked::{Checked, TOLERANCE, read_file, refuse};
 use super::tree::Tree;
 use ballbot_base::error::Result;
+use ballbot_base::options::OptionTable;
 use ballbot_stages::actuator::MotorOptions;
 use std::path::Path;
 
@@ -20,7 +21,7 @@ pub fn motors_from_urdf(bot: &Path) -> Result<MotorOptions> {
 ///
 /// # Errors
 /// [`ballbot_base::Error::Urdf`] for malformed text, unless there are three wheels, and for limits that differ or that
-/// [`MotorOptions::validate`] rejects.
+/// [`OptionTable::validate`] rejects.
 pub fn motors_from_urdf_text(bot: &str) -> Result<MotorOptions> {
     read_motors("bot URDF", bot)
 }

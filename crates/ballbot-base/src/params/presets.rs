@@ -38,7 +38,7 @@ impl Params {
     }
 
     /// Parameters from TOML text, one key per field. Tables `[actuators]` and `[sensors]` are read by
-    /// `MotorOptions::from_toml` and `SensorOptions::from_toml`.
+    /// `PublishedOptions::from_toml`.
     ///
     /// # Errors
     /// [`Error::Decode`] for malformed text or values that are not numbers; errors of [`Params::from_fields`].

@@ -2,6 +2,7 @@
 
 use crate::error::{Error, Result};
 use crate::files;
+use std::collections::HashMap;
 use std::path::Path;
 
 /// Name and text of each file in `robots/`, listed by the build script.
@@ -20,11 +21,8 @@ const NAMES: [&str; PRESETS.len()] = {
     names
 };
 
-/// The table of the motors.
-const ACTUATORS: &str = "actuators";
-
-/// The table of the sensors.
-const SENSORS: &str = "sensors";
+/// The tables of options.
+const TABLES: [&str; 2] = ["actuators", "sensors"];
 
 /// Numbers by name, one or several per name.
 pub type NamedNumbers = Vec<(String, Vec<f64>)>;
@@ -33,10 +31,8 @@ pub type NamedNumbers = Vec<(String, Vec<f64>)>;
 pub struct RobotFile {
     /// Parameters.
     pub params: NamedNumbers,
-    /// Options of the motors.
-    pub actuators: Option<NamedNumbers>,
-    /// Options of the sensors.
-    pub sensors: Option<NamedNumbers>,
+    /// Options of the motors and sensors, by the name of their table.
+    pub options: HashMap<&'static str, NamedNumbers>,
 }
 
 impl RobotFile {
@@ -71,13 +67,15 @@ impl RobotFile {
     /// [`Error::Decode`] for malformed text or values that are not numbers.
     pub fn parse(text: &str) -> Result<Self> {
         let mut table: toml::Table = text.parse().map_err(|e: toml::de::Error| decode(e.to_string()))?;
-        let mut options = |name: &str| match table.remove(name) {
-            Some(toml::Value::Table(options)) => numbers(&options).map(Some),
-            Some(other) => Err(decode(format!("{name} = {other} is not a table"))),
-            None => Ok(None),
-        };
-        let (actuators, sensors) = (options(ACTUATORS)?, options(SENSORS)?);
-        Ok(Self { params: numbers(&table)?, actuators, sensors })
+        let mut options = HashMap::new();
+        for name in TABLES {
+            match table.remove(name) {
+                Some(toml::Value::Table(found)) => drop(options.insert(name, numbers(&found)?)),
+                Some(other) => return Err(decode(format!("{name} = {other} is not a table"))),
+                None => (),
+            }
+        }
+        Ok(Self { params: numbers(&table)?, options })
     }
 }
 

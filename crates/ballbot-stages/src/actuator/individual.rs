@@ -6,6 +6,7 @@ use super::line::{DeadTime, Line};
 use super::options::MotorOptions;
 use ballbot_base::error::{Result, check};
 use ballbot_base::lanes::{Lane, Memory, Own};
+use ballbot_base::options::OptionTable;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
 

@@ -6,6 +6,7 @@ use super::line::{DeadTime, Line};
 use super::options::MotorOptions;
 use ballbot_base::error::Result;
 use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::options::OptionTable;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::{WHEELS, Wheels};
 
@@ -47,7 +48,7 @@ impl Motors {
     /// is `action_torque` (N·m).
     ///
     /// # Errors
-    /// The errors of [`MotorOptions::validate`]; [`ballbot_base::Error::OutOfRange`] for a delay that is not a whole
+    /// The errors of [`OptionTable::validate`]; [`ballbot_base::Error::OutOfRange`] for a delay that is not a whole
     /// number of model steps, and for motors that [`Motors::check_robot`] rejects.
     pub fn new(
         options: &MotorOptions,

@@ -3,17 +3,10 @@
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::params::robot_file::RobotFile;
-use std::path::Path;
+use ballbot_base::options::{OptionTable, PublishedOptions};
 
 /// Smallest speed limit and no-load speed, rad/s.
 const LEAST_SPEED: f64 = 1e-3;
-
-/// What a name of motors is called in messages.
-const KIND: &str = "actuators";
-
-/// The name of ideal motors.
-const IDEAL: &str = "ideal";
 
 fields! {
     /// What a motor does between the command of an action and the torque at its wheel. The default is ideal. SI units and
@@ -39,80 +32,6 @@ fields! {
 }
 
 impl MotorOptions {
-    /// Options from named numbers, the others at their defaults. A single `strength` applies to all three motors.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`MotorOptions::validate`].
-    pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
-        let mut options = Self::default();
-        for (name, values) in fields {
-            let Some(index) = Self::FIELDS.iter().position(|field| field.name == name) else {
-                let known: Vec<_> = Self::FIELDS.iter().map(|field| field.name).collect();
-                return Err(Error::unknown("option of actuators", name, &known));
-            };
-            let field = options.values_mut(index);
-            match values {
-                [value] => field.fill(*value),
-                _ if values.len() == field.len() => field.copy_from_slice(values),
-                _ => {
-                    let (found, expected) = (values.len(), field.len());
-                    return Err(Error::Length { name: name.into(), found, expected }.of_option(KIND));
-                }
-            }
-        }
-        options.validate()?;
-        Ok(options)
-    }
-
-    /// Motors by name: `ideal`, or a robot with published motors.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] for a name that is not in [`MotorOptions::preset_names`].
-    pub fn preset(name: &str) -> Result<Self> {
-        if name == IDEAL {
-            return Ok(Self::default());
-        }
-        let file = RobotFile::preset(name).transpose()?;
-        match file.and_then(|file| file.actuators) {
-            Some(fields) => Self::from_named(&fields),
-            None => Err(Error::unknown(KIND, name, &Self::preset_names())),
-        }
-    }
-
-    /// Names that [`MotorOptions::preset`] accepts: `ideal`, and the robots whose motors are published.
-    pub fn preset_names() -> Vec<&'static str> {
-        let published = RobotFile::preset_names().iter().copied().filter(|name| {
-            let file = RobotFile::preset(name).and_then(Result::ok);
-            file.is_some_and(|file| file.actuators.is_some())
-        });
-        [IDEAL].into_iter().chain(published).collect()
-    }
-
-    /// Motors from the table `[actuators]` of a robot's TOML file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
-    /// [`MotorOptions::from_toml`] gives.
-    pub fn from_toml_file(path: &Path) -> Result<Self> {
-        RobotFile::read(path, Self::from_toml)
-    }
-
-    /// Motors from the table `[actuators]` of TOML text.
-    ///
-    /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
-    /// [`MotorOptions::from_fields`].
-    pub fn from_toml(text: &str) -> Result<Self> {
-        match RobotFile::parse(text)?.actuators {
-            Some(fields) => Self::from_named(&fields),
-            None => Err(Error::Decode { what: "actuators".into(), reason: "there is no table [actuators]".into() }),
-        }
-    }
-
-    fn from_named(fields: &[(String, Vec<f64>)]) -> Result<Self> {
-        Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
-    }
-
     /// Whether the torque equals the command, instantly and at any speed.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
@@ -122,13 +41,14 @@ impl MotorOptions {
     pub fn in_model_steps(index: usize) -> bool {
         ["delay", "delay_jitter"].contains(&Self::FIELDS[index].name)
     }
+}
 
-    /// Checks the numbers against their limits and each other.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
-    pub fn validate(&self) -> Result<()> {
-        self.check_limits().map_err(|error| error.of_option(KIND))?;
+impl OptionTable for MotorOptions {
+    const NAME: &'static str = "actuators";
+    const KIND: &'static str = "option of actuators";
+    const FILLS: bool = true;
+
+    fn check_relations(&self) -> Result<()> {
         let (stall, speed) = (self.stall_torque, self.no_load_speed);
         if (stall > 0.0) != (speed > 0.0) {
             return Err(Error::Inconsistent(format!(
@@ -137,13 +57,13 @@ impl MotorOptions {
             )));
         }
         for (name, value) in [("no_load_speed", speed), ("speed_limit", self.speed_limit)] {
-            check(
-                format_args!("actuators.{name}"),
-                value,
-                format_args!("0 (none) or at least {LEAST_SPEED} rad/s"),
-                |v| v == 0.0 || v >= LEAST_SPEED,
-            )?;
+            let limit = format_args!("0 (none) or at least {LEAST_SPEED} rad/s");
+            check(name, value, limit, |v| v == 0.0 || v >= LEAST_SPEED)?;
         }
         Ok(())
     }
+}
+
+impl PublishedOptions for MotorOptions {
+    const DEFAULT: &'static str = "ideal";
 }

@@ -2,23 +2,16 @@
 
 use super::estimator::MAX_DT;
 use ballbot_base::control_steps::{self, steps_of};
-use ballbot_base::error::{Error, Result, check};
+use ballbot_base::error::{Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::params::robot_file::RobotFile;
-use std::path::Path;
+use ballbot_base::options::{OptionTable, PublishedOptions};
 
 /// Smallest range of a sensor that has a range.
 const LEAST_RANGE: f64 = 1e-6;
 
 /// Smallest sampling rate of a sensor that has a rate, Hz.
 const LEAST_RATE: f64 = 1e-3;
-
-/// What a name of sensors is called in messages.
-const KIND: &str = "sensors";
-
-/// The name of exact sensors.
-const EXACT: &str = "exact";
 
 fields! {
     /// What a gyroscope, an accelerometer and three encoders read. The default is exact. SI units and radians; the three
@@ -61,70 +54,11 @@ fields! {
 }
 
 impl SensorOptions {
-    /// Options from named numbers, the others at their defaults.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`]; the errors of [`SensorOptions::validate`].
-    pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
-        let options = Self::with_fields("option of sensors", KIND, fields)?;
-        options.validate()?;
-        Ok(options)
-    }
-
-    /// Sensors by name: `exact`, or a robot with published sensors.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] for a name that is not in [`SensorOptions::preset_names`].
-    pub fn preset(name: &str) -> Result<Self> {
-        if name == EXACT {
-            return Ok(Self::default());
-        }
-        let file = RobotFile::preset(name).transpose()?;
-        match file.and_then(|file| file.sensors) {
-            Some(fields) => Self::from_named(&fields),
-            None => Err(Error::unknown(KIND, name, &Self::preset_names())),
-        }
-    }
-
-    /// Names that [`SensorOptions::preset`] accepts: `exact`, and the robots whose sensors are published.
-    pub fn preset_names() -> Vec<&'static str> {
-        let published = RobotFile::preset_names().iter().copied().filter(|name| {
-            let file = RobotFile::preset(name).and_then(Result::ok);
-            file.is_some_and(|file| file.sensors.is_some())
-        });
-        [EXACT].into_iter().chain(published).collect()
-    }
-
-    /// Sensors from the table `[sensors]` of a robot's TOML file.
-    ///
-    /// # Errors
-    /// [`Error::Io`] for a file that cannot be read; [`Error::Decode`] with the file and the reason that
-    /// [`SensorOptions::from_toml`] gives.
-    pub fn from_toml_file(path: &Path) -> Result<Self> {
-        RobotFile::read(path, Self::from_toml)
-    }
-
-    /// Sensors from the table `[sensors]` of TOML text.
-    ///
-    /// # Errors
-    /// [`Error::Decode`] for malformed text, values that are not numbers, or no such table; the errors of
-    /// [`SensorOptions::from_fields`].
-    pub fn from_toml(text: &str) -> Result<Self> {
-        match RobotFile::parse(text)?.sensors {
-            Some(fields) => Self::from_named(&fields),
-            None => Err(Error::Decode { what: KIND.into(), reason: "there is no table [sensors]".into() }),
-        }
-    }
-
-    fn from_named(fields: &[(String, Vec<f64>)]) -> Result<Self> {
-        Self::from_fields(fields.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
-    }
-
     /// Checks the options of sensors that are read every `control_dt` (s), with an estimator if `estimated`.
     ///
     /// # Errors
-    /// The errors of [`SensorOptions::validate`] and [`SensorOptions::latency_steps`]; with an estimator
-    /// [`Error::OutOfRange`] for `control_dt` above 1 s, and unless every sensor is sampled in every control step.
+    /// The errors of [`OptionTable::validate`] and [`SensorOptions::latency_steps`]; with an estimator
+    /// [`ballbot_base::Error::OutOfRange`] for `control_dt` above 1 s, and unless every sensor is sampled in every control step.
     pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
         self.validate()?;
         self.latency_steps(control_dt)?;
@@ -138,7 +72,7 @@ impl SensorOptions {
                 "0 or at least the control rate, {} Hz, with observation = sensors (control_dt = {control_dt} s)",
                 1.0 / control_dt
             );
-            check(format_args!("{KIND}.{name}"), rate, limit, |rate| steps_of(rate, control_dt) <= 1.0)?;
+            check(format_args!("{}.{name}", Self::NAME), rate, limit, |rate| steps_of(rate, control_dt) <= 1.0)?;
         }
         Ok(())
     }
@@ -151,36 +85,32 @@ impl SensorOptions {
     /// Control steps of `control_dt` (s) in the latency.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] unless it is a whole number of at most 100.
+    /// [`ballbot_base::Error::OutOfRange`] unless it is a whole number of at most 100.
     pub fn latency_steps(&self, control_dt: f64) -> Result<usize> {
-        control_steps::latency_steps(self.latency, control_dt).map_err(|error| error.of_option(KIND))
+        control_steps::latency_steps(self.latency, control_dt).map_err(|error| error.of_option(Self::NAME))
     }
+}
 
-    /// Checks the numbers against their limits.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] naming the value and the limit.
-    pub fn validate(&self) -> Result<()> {
-        self.check_limits().map_err(|error| error.of_option(KIND))?;
+impl OptionTable for SensorOptions {
+    const NAME: &'static str = "sensors";
+    const KIND: &'static str = "option of sensors";
+
+    fn check_relations(&self) -> Result<()> {
         for (name, range, unit) in
             [("gyro_range", self.gyro_range, "rad/s"), ("accelerometer_range", self.accelerometer_range, "m/s²")]
         {
-            check(
-                format_args!("{KIND}.{name}"),
-                range,
-                format_args!("0 (any) or at least {LEAST_RANGE} {unit}"),
-                |r| r == 0.0 || r >= LEAST_RANGE,
-            )?;
+            let limit = format_args!("0 (any) or at least {LEAST_RANGE} {unit}");
+            check(name, range, limit, |r| r == 0.0 || r >= LEAST_RANGE)?;
         }
         for (name, rate) in [("imu_rate", self.imu_rate), ("encoder_rate", self.encoder_rate)] {
-            check(
-                format_args!("{KIND}.{name}"),
-                rate,
-                format_args!("0 (every control step) or at least {LEAST_RATE} Hz"),
-                |r| r == 0.0 || r >= LEAST_RATE,
-            )?;
+            let limit = format_args!("0 (every control step) or at least {LEAST_RATE} Hz");
+            check(name, rate, limit, |r| r == 0.0 || r >= LEAST_RATE)?;
         }
-        check("sensors.encoder_ticks", self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
+        check("encoder_ticks", self.encoder_ticks, "0 (exact) or at least 1", |n| n == 0.0 || n >= 1.0)?;
         Ok(())
     }
+}
+
+impl PublishedOptions for SensorOptions {
+    const DEFAULT: &'static str = "exact";
 }

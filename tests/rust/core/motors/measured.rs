@@ -4,6 +4,7 @@ use super::models;
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Under, When};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights};
+use ballbot_core::options::PublishedOptions;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
 use ballbot_core::{ModelKind, Params, State};

@@ -4,6 +4,7 @@ use super::{TORQUE, everything};
 use ballbot_core::actuator::{MotorOptions, Motors};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment};
 use ballbot_core::fields::Fields;
+use ballbot_core::options::PublishedOptions;
 use ballbot_core::{Error, ModelKind, Params, Result};
 use std::path::Path;
 

@@ -4,6 +4,7 @@ use super::models;
 use crate::run::{Run, actions};
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Event, Observation, ResetRequest, When};
 use ballbot_core::fields::Fields;
+use ballbot_core::options::{OptionTable, PublishedOptions};
 use ballbot_core::sensor::{Readings, SensorOptions};
 use ballbot_core::task::Balance;
 use ballbot_core::{ModelKind, Params};
