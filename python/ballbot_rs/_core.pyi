@@ -16,6 +16,7 @@ __all__ = [
     "ACTUATOR_OPTIONS",
     "CONTROLLERS",
     "DEPTH_OPTIONS",
+    "ENVIRONMENT_OPTIONS",
     "EVENT_SETS",
     "LABELS",
     "MODELS",
@@ -60,6 +61,13 @@ class _Option(TypedDict):
     name: str
     unit: str
     default: float | list[float]
+    limit: str
+    doc: str
+
+class _Scalar(TypedDict):
+    name: str
+    type: Literal["float", "float | None", "int", "bool"]
+    unit: str
     limit: str
     doc: str
 
@@ -124,6 +132,7 @@ PARAMETERS: list[_Parameter]
 EVENT_SETS: list[str]
 LABELS: list[str]
 MOST_HEIGHTS: int
+ENVIRONMENT_OPTIONS: list[_Scalar]
 ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
 SENSORS: list[str]

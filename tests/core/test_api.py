@@ -31,7 +31,7 @@ from ballbot_rs import (
     virtual_to_wheel_torques,
     wheel_to_virtual_torques,
 )
-from ballbot_rs._core import CONTROLLERS, PARAMETERS
+from ballbot_rs._core import CONTROLLERS, ENVIRONMENT_OPTIONS, PARAMETERS
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.options import BalanceOptions, CommonOptions
 from tests.support.paths import ROOT
@@ -439,6 +439,22 @@ def test_the_linear_model_names_what_it_is_in(paper):
     a, b = model.discretize(1e-6)
     np.testing.assert_allclose((a - np.eye(10)) / 1e-6, model.A, atol=1e-3)
     np.testing.assert_allclose(b / 1e-6, model.B, rtol=1e-3, atol=1e-3)
+
+
+def test_scalar_options_of_environments_are_described():
+    options = Batch(1, num_threads=1).options
+    kinds = {"float": float, "float | None": float, "int": int, "bool": bool}
+    described = {option["name"]: option for option in ENVIRONMENT_OPTIONS}
+    assert list(described) == list(options)[: len(described)]
+    for name, option in described.items():
+        assert type(options[name]) is kinds[option["type"]], name
+        assert option["doc"].endswith("."), name
+    with pytest.raises(ValueError, match="control_dt = -1 is out of range"):
+        Batch(1, control_dt=-1.0)
+    with pytest.raises(ValueError, match=r"history = 1.5 .* a whole number"):
+        Batch(1, history=1.5)
+    with pytest.raises(ValueError, match=r"scale_observations = 2 .* 0 or 1"):
+        Batch(1, scale_observations=2)
 
 
 def test_every_option_that_the_core_has_is_documented():

@@ -42,7 +42,7 @@ CASES = {
     "torque": (
         lambda: bb.BalanceEnv(max_wheel_torque=5e-324),
         ValueError,
-        "max_wheel_torque = 5e-324 .* least 1e-9 N·m",
+        "max_wheel_torque = 5e-324 .* >= 1e-9 N·m",
     ),
     "endless file": (lambda: bb.Params.from_urdf("/dev/zero", "x"), OSError, "cannot read /dev/zero: .* regular file"),
     # A reward of NaN.

@@ -9,11 +9,11 @@ from ballbot_rs._core import (
     ACTUATORS,
     CONTROLLERS,
     DEPTH_OPTIONS,
+    ENVIRONMENT_OPTIONS,
     EVENT_SETS,
     MODELS,
     OBSERVATIONS,
     ROBOTS,
-    SCALED_BOUND,
     SCAN_OPTIONS,
     SENSOR_OPTIONS,
     SENSORS,
@@ -21,16 +21,26 @@ from ballbot_rs._core import (
     Batch,
 )
 
+#: Options that may be None in Python only, and the meaning of None.
+_NONE = {"max_episode_steps": "never"}
+
+
+def _scalar(option: Any) -> tuple[str, str, str, str, str]:
+    """Name, type, unit, limit and description of an option that is a single number."""
+    name, kind, doc = option["name"], option["type"], option["doc"]
+    if name in _NONE:
+        kind, doc = f"{kind} | None", f"{doc.removesuffix('.')}; None: {_NONE[name]}."
+    return name, kind, option["unit"], option["limit"], doc
+
+
+_SCALARS = tuple(map(_scalar, ENVIRONMENT_OPTIONS))
+
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
      "The robot: parameters, the name of a preset, or the path of a TOML file."),
     ("model", "Model | str", "", ", ".join(MODELS), "Model of the robot."),
-    ("sim_dt", "float", "s", "> 0", "Time step of the model."),
-    ("control_dt", "float", "s", "a whole multiple of `sim_dt`", "Time between two actions."),
-    ("max_episode_steps", "int | None", "", ">= 1", "Steps after which an episode is truncated; None: never."),
-    ("max_wheel_torque", "float | None", "N·m", "> 0 and <= `params.max_wheel_torque`",
-     "Torque of an action of 1; None follows from the traction of the upright robot."),
+    *_SCALARS,
     ("terrain", "Terrain | str | Mapping[str, Any] | None", "",
      "a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters",
      "The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that "
@@ -47,9 +57,6 @@ COMMON = (
      "Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
      "What policies and controllers observe: the true state, or what follows from the readings of the sensors."),
-    ("history", "int", "", ">= 1 and <= 1000", "Number of the last observations that are given together."),
-    ("scale_observations", "bool", "", "",
-     f"Whether each row, less its value at rest, is divided by its typical magnitude, within ±{SCALED_BOUND:g}."),
     ("reward", "Mapping[str, float | Function | str]", "",
      "finite scales, functions, or their names as module:function",
      "Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md."),

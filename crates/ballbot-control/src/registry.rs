@@ -65,7 +65,7 @@ pub trait NamedLaw: Law + Sized + 'static {
     const LIMITS: LimitOptions = LimitOptions::TRACTION;
 
     /// Its options.
-    type Options: Fields;
+    type Options: Fields + Default;
 
     /// All of these, for [`register_controller`].
     const KIND: ControllerKind = ControllerKind {

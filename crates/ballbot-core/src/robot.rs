@@ -4,7 +4,7 @@ mod standing;
 
 use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::error::{Error, Result, check};
-use ballbot_base::fields::Fields;
+use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
@@ -109,7 +109,7 @@ impl FromStr for ModelKind {
 }
 
 /// Time steps that the models support, s.
-const SIM_DT: std::ops::RangeInclusive<f64> = 1e-6..=0.02;
+pub(crate) const SIM_DT: Limit = Limit::from(1e-6).to(0.02);
 
 /// Limits of a push, N·s and m: far beyond what a robot survives, far below what overflows.
 const MAX_IMPULSE: f64 = 1e4;
@@ -410,8 +410,7 @@ struct Snapshot {
 
 /// Checks the time step of a model.
 pub(crate) fn check_sim_dt(sim_dt: f64) -> Result<f64> {
-    let limit = format_args!("within {} to {} s", SIM_DT.start(), SIM_DT.end());
-    check("sim_dt", sim_dt, limit, |dt| SIM_DT.contains(&dt))
+    check("sim_dt", sim_dt, format_args!("{SIM_DT} s"), |dt| SIM_DT.contains(dt))
 }
 
 /// Checks the bounds of a state that all models share: finite, within the limits of a valid state, ball above the

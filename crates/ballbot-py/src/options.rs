@@ -7,7 +7,8 @@ use crate::numbers::one_or_more;
 use crate::params::or_paper;
 use crate::perception::{instrument, instrument_object, levels, levels_object};
 use crate::terrain::{terrain, terrain_object};
-use ballbot_core::batch::TaskConfig;
+use ballbot_core::batch::{SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
+use ballbot_core::fields::OptionDescription;
 use ballbot_core::task::TaskDescription;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -46,7 +47,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             }
         }
         "events" => config.set_events(events(value)?),
-        "max_wheel_torque" if value.is_none() => (),
+        _ if value.is_none() && is_optional(name) => (),
         _ if config.get(name).is_none() => {
             return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
         }
@@ -62,6 +63,11 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
     Ok(())
 }
 
+/// Whether None stands for a value that follows from other options.
+fn is_optional(name: &str) -> bool {
+    SCALAR_OPTIONS.iter().any(|option| option.name == name && option.kind == ScalarKind::OptionalReal)
+}
+
 /// All options with the values in use, except `params` and `model`.
 pub(crate) fn resolved<'py>(
     py: Python<'py>,
@@ -69,22 +75,26 @@ pub(crate) fn resolved<'py>(
     task: &TaskDescription,
 ) -> PyResult<Bound<'py, PyDict>> {
     let resolved = PyDict::new(py);
-    let own = task.options.iter().map(|option| option.name);
-    let common = ["sim_dt", "control_dt", "max_episode_steps", "max_wheel_torque", "scale_observations", "history"];
-    for name in common.into_iter().chain(own) {
+    for ScalarOption { name, kind, .. } in SCALAR_OPTIONS {
+        let value = config.get(name).unwrap_or_default()[0];
+        match kind {
+            ScalarKind::Real | ScalarKind::OptionalReal => resolved.set_item(name, value)?,
+            ScalarKind::Whole => resolved.set_item(name, value as u64)?,
+            ScalarKind::Flag => resolved.set_item(name, value != 0.0)?,
+        }
+    }
+    for OptionDescription { name, .. } in &task.options {
         match config.get(name).unwrap_or_default().as_slice() {
-            [flag] if name == "scale_observations" => resolved.set_item(name, *flag != 0.0)?,
-            [steps] if matches!(name, "max_episode_steps" | "history") => resolved.set_item(name, *steps as u64)?,
             [number] => resolved.set_item(name, number)?,
             numbers => resolved.set_item(name, numbers)?,
         }
     }
-    resolved.set_item("terrain", terrain_object(py, config.terrain())?)?;
+    resolved.set_item("terrain", terrain_object(py, config.terrain().as_ref())?)?;
     resolved.set_item("actuators", optional_dict(py, Some(config.actuators()).filter(|motors| !motors.is_ideal()))?)?;
-    resolved.set_item("sensors", optional_dict(py, config.sensors())?)?;
+    resolved.set_item("sensors", optional_dict(py, config.sensors().as_ref())?)?;
     resolved.set_item("scan", instrument_object(py, config.scan())?)?;
     resolved.set_item("depth", instrument_object(py, config.depth())?)?;
-    resolved.set_item("level", levels_object(py, config.levels())?)?;
+    resolved.set_item("level", levels_object(py, *config.levels())?)?;
     resolved.set_item("observation", config.observation().name())?;
     let reward = PyDict::new(py);
     for (name, scale) in config.reward() {

@@ -2,7 +2,7 @@
 
 use crate::errors::to_python;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Observation, task_kinds};
+use ballbot_core::batch::{Observation, SCALAR_OPTIONS, ScalarKind, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::options::PublishedOptions;
@@ -106,6 +106,27 @@ pub(crate) fn controllers(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     Ok(controllers)
 }
 
+/// Options of every environment that are single numbers.
+fn scalars(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
+    let scalars = PyList::empty(py);
+    for option in SCALAR_OPTIONS {
+        let (kind, limit) = match option.kind {
+            ScalarKind::Real => ("float", option.limit.to_string()),
+            ScalarKind::OptionalReal => ("float | None", option.limit.to_string()),
+            ScalarKind::Whole => ("int", option.limit.to_string()),
+            ScalarKind::Flag => ("bool", String::new()),
+        };
+        let dict = PyDict::new(py);
+        dict.set_item("name", option.name)?;
+        dict.set_item("type", kind)?;
+        dict.set_item("unit", option.unit)?;
+        dict.set_item("limit", limit)?;
+        dict.set_item("doc", option.doc.trim())?;
+        scalars.append(dict)?;
+    }
+    Ok(scalars)
+}
+
 /// Adds the tables of names.
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
@@ -115,6 +136,7 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("MODELS", ModelKind::ALL.map(ModelKind::name))?;
     module.add("ROBOTS", Params::preset_names())?;
     module.add("PARAMETERS", options(py, &describe_options::<Params>())?)?;
+    module.add("ENVIRONMENT_OPTIONS", scalars(py)?)?;
     module.add("ACTUATORS", MotorOptions::preset_names())?;
     module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
     module.add("SENSORS", SensorOptions::preset_names())?;

@@ -150,15 +150,19 @@ class CommonOptions(TypedDict, total=False):
     params: "Params | str | PathLike[str] | Mapping[str, Any]"
     #: Model of the robot. (planar, spatial, contact, rigid)
     model: Model | str
-    #: Time step of the model. (s, > 0)
+    #: Time step of the model. (s, >= 1e-6 and <= 0.02)
     sim_dt: float
-    #: Time between two actions. (s, a whole multiple of `sim_dt`)
+    #: Time between two actions, a whole multiple of `sim_dt`. (s, > 0)
     control_dt: float
     #: Steps after which an episode is truncated; None: never. (>= 1)
     max_episode_steps: int | None
-    #: Torque of an action of 1; None follows from the traction of the upright robot. (N·m, > 0 and <=
-    #: `params.max_wheel_torque`)
+    #: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright robot:
+    #: an untrained policy then explores torques that balance a robot, not torques that throw it. (N·m, >= 1e-9)
     max_wheel_torque: float | None
+    #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+    scale_observations: bool
+    #: Number of the last observations that are given together. (>= 1 and <= 1000)
+    history: int
     #: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves
     #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     terrain: "Terrain | str | Mapping[str, Any] | None"
@@ -179,10 +183,6 @@ class CommonOptions(TypedDict, total=False):
     #: What policies and controllers observe: the true state, or what follows from the readings of the sensors.
     #: (ground_truth, sensors)
     observation: Observed | str
-    #: Number of the last observations that are given together. (>= 1 and <= 1000)
-    history: int
-    #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-    scale_observations: bool
     #: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (finite scales,
     #: functions, or their names as module:function)
     reward: "Mapping[str, float | Function | str]"

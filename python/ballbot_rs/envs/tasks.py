@@ -88,11 +88,15 @@ class BalanceEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -108,9 +112,6 @@ class BalanceEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -278,11 +279,15 @@ class VelocityEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -298,9 +303,6 @@ class VelocityEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -472,11 +474,15 @@ class GoalEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -492,9 +498,6 @@ class GoalEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -680,11 +683,15 @@ class PathEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -700,9 +707,6 @@ class PathEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -859,11 +863,15 @@ class PushEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -879,9 +887,6 @@ class PushEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -1055,11 +1060,15 @@ class TerrainEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1075,9 +1084,6 @@ class TerrainEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
@@ -1232,11 +1238,15 @@ class OpenBallBotEnv(BallbotEnv):
     - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
       asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
-    - `sim_dt`: Time step of the model. (default 0.002 s; > 0)
-    - `control_dt`: Time between two actions. (default 0.01 s; a whole multiple of `sim_dt`)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 800; >= 1)
-    - `max_wheel_torque`: Torque of an action of 1; None follows from the traction of the upright robot. (default None;
-      > 0 and <= `params.max_wheel_torque`)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+      (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1252,9 +1262,6 @@ class OpenBallBotEnv(BallbotEnv):
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
       sensors. (default ground_truth; ground_truth, sensors)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
-    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
-      (default True)
     - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
       see above; finite scales, functions, or their names as module:function)
     - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or

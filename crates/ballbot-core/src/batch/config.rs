@@ -3,99 +3,71 @@
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
 use super::levels::Levels;
 use super::observation_source::Observation;
+use super::scalars::{Scalar, ScalarOption, env_config};
 use super::stage::CustomStage;
 use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};
-use crate::robot::{Ballbot, ModelKind, check_sim_dt};
+use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
 use ballbot_base::error::{Error, Result, check, positive};
-use ballbot_base::fields::Fields;
+use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{Ground, Terrain, static_lean};
 use std::sync::Arc;
 
-/// Maximum number of observations that are given together.
-const MAX_HISTORY: usize = 1000;
-
-/// Least torque of an action of 1, N·m.
-const LEAST_TORQUE: f64 = 1e-9;
-
-/// A robot, its model, the time steps, and a task. SI units and radians.
-#[derive(Clone, Debug, PartialEq)]
-pub struct EnvConfig<T> {
-    /// The robots, unless [`super::Batch::set_params`] makes them differ.
-    pub params: Params,
-    /// Their model.
-    pub model: ModelKind,
-    /// Time step of the model, s.
-    pub sim_dt: f64,
-    /// Time between two actions, s; a whole multiple of `sim_dt`.
-    pub control_dt: f64,
-    /// Steps after which an episode is truncated.
-    pub max_episode_steps: usize,
-    /// Torque of an action of 1, N·m; at most the motors' limit. `None` is [`default_max_torque`], at which no wheel of
-    /// the upright robot slips: an untrained policy then explores torques that balance a robot, not torques that throw it.
-    pub max_wheel_torque: Option<f64>,
-    /// The ground; `None` for the ground of the task, which is level for most tasks. Starts are moved to the ground
-    /// with the static lean there; an episode that leaves the ground is truncated.
-    pub terrain: Option<Arc<Terrain>>,
-    /// The motors between actions and torques.
-    pub actuators: MotorOptions,
-    /// The sensors of the robots; `None` for robots without sensors, which have no readings.
-    pub sensors: Option<SensorOptions>,
-    /// The height scan, if the robots have one.
-    pub scan: Option<ScanOptions>,
-    /// The depth camera, if the robots have one.
-    pub depth: Option<DepthOptions>,
-    /// Levels of the tiles that episodes begin on, if the terrain has tiles.
-    pub levels: Levels,
-    /// Source of the rows of an observation.
-    pub observation: Observation,
-    /// How many of the last observations are given together.
-    pub history: usize,
-    /// Whether observations are scaled: each row less its value at rest upright, over its typical magnitude, within ±10.
-    pub scale_observations: bool,
-    /// Scales of the reward's terms.
-    pub reward: RewardScales,
-    /// Options of the task.
-    pub task: T,
-    /// Randomization of the robots and pushes, in addition to random starts.
-    pub events: Vec<Event>,
-    /// Reward terms, observation rows and terminations that the caller computes.
-    pub stage: Option<CustomStage>,
+env_config! {
+    /// A robot, its model, the time steps, and a task. SI units and radians.
+    pub struct EnvConfig<T> {
+        scalars {
+            /// Time step of the model.
+            pub sim_dt: f64 = 0.002, "s", SIM_DT;
+            /// Time between two actions, a whole multiple of `sim_dt`.
+            pub control_dt: f64 = 0.01, "s", Limit::POSITIVE;
+            /// Steps after which an episode is truncated.
+            pub max_episode_steps: usize = T::MAX_EPISODE_STEPS, "", Limit::from(1.0);
+            /// Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright
+            /// robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+            pub max_wheel_torque: Option<f64> = None, "N·m", Limit::from(1e-9);
+            /// Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+            pub scale_observations: bool = true, "", Limit::FINITE;
+            /// Number of the last observations that are given together.
+            pub history: usize = 1, "", Limit::from(1.0).to(1000.0);
+        }
+        /// The robots, unless [`super::Batch::set_params`] makes them differ.
+        pub params: Params = Params::paper();
+        /// Their model.
+        pub model: ModelKind = ModelKind::default();
+        /// The ground; `None` for the ground of the task, which is level for most tasks. Starts are moved to the ground
+        /// with the static lean there; an episode that leaves the ground is truncated.
+        pub terrain: Option<Arc<Terrain>> = None;
+        /// The motors between actions and torques.
+        pub actuators: MotorOptions = MotorOptions::default();
+        /// The sensors of the robots; `None` for robots without sensors, which have no readings.
+        pub sensors: Option<SensorOptions> = None;
+        /// The height scan, if the robots have one.
+        pub scan: Option<ScanOptions> = None;
+        /// The depth camera, if the robots have one.
+        pub depth: Option<DepthOptions> = None;
+        /// Levels of the tiles that episodes begin on, if the terrain has tiles.
+        pub levels: Levels = Levels::default();
+        /// Source of the rows of an observation.
+        pub observation: Observation = Observation::default();
+        /// Scales of the reward's terms.
+        pub reward: RewardScales = RewardScales::of(&TaskDescription::of::<T>().terms);
+        /// Options of the task.
+        pub task: T = T::defaults();
+        /// Randomization of the robots and pushes, in addition to random starts.
+        pub events: Vec<Event> = Vec::new();
+        /// Reward terms, observation rows and terminations that the caller computes.
+        pub stage: Option<CustomStage> = None;
+    }
 }
 
 /// [`EnvConfig`] of the balance task.
 pub type BalanceConfig = EnvConfig<Balance>;
-
-impl<T: Task> Default for EnvConfig<T> {
-    fn default() -> Self {
-        Self {
-            params: Params::paper(),
-            model: ModelKind::default(),
-            sim_dt: 0.002,
-            control_dt: 0.01,
-            max_episode_steps: T::MAX_EPISODE_STEPS,
-            max_wheel_torque: None,
-            terrain: None,
-            actuators: MotorOptions::default(),
-            sensors: None,
-            scan: None,
-            depth: None,
-            levels: Levels::default(),
-            observation: Observation::default(),
-            history: 1,
-            scale_observations: true,
-            reward: RewardScales::of(&TaskDescription::of::<T>().terms),
-            task: T::defaults(),
-            events: Vec::new(),
-            stage: None,
-        }
-    }
-}
 
 impl<T: Task> EnvConfig<T> {
     /// The task with what the stage of the caller adds.
@@ -109,17 +81,25 @@ impl<T: Task> EnvConfig<T> {
 
     /// Torque of an action of 1, N·m.
     pub fn action_torque(&self) -> f64 {
-        self.max_wheel_torque.unwrap_or_else(|| default_max_torque(&self.params))
+        self.max_wheel_torque.unwrap_or_else(|| self.derived("max_wheel_torque"))
+    }
+
+    /// The value of an option that is `None`.
+    fn derived(&self, name: &str) -> f64 {
+        match name {
+            "max_wheel_torque" => default_max_torque(&self.params),
+            other => unreachable!("{other} has a value"),
+        }
     }
 
     /// All numbers that the future of an environment depends on, except its robot's parameters. An estimator is
     /// designed for the robot before events and `set_params`, which a snapshot does not store otherwise.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        let scaled = f64::from(u8::from(self.scale_observations));
-        let own = [self.sim_dt, self.control_dt, self.max_episode_steps as f64, self.action_torque(), scaled];
+        // The number of the last option, `history`, is among the numbers of what is observed.
+        let [own @ .., history] = self.scalars();
         let sensors = self.sensors.iter().flat_map(|sensors| sensors.numbers());
         let estimated = self.observation == Observation::Sensors;
-        let observed = [f64::from(u8::from(estimated)), self.history as f64];
+        let observed = [f64::from(u8::from(estimated)), history];
         let estimator = estimated.then(|| self.params.numbers());
         let numbers =
             own.into_iter().chain(self.reward.values()).chain(self.task.numbers()).chain(self.actuators.numbers());
@@ -237,13 +217,7 @@ impl<T: Task> EnvConfig<T> {
     pub fn validate(&self) -> Result<()> {
         self.params.validate()?;
         self.substeps()?;
-        if self.max_episode_steps == 0 {
-            return Err(Error::Inconsistent("max_episode_steps = 0, it must be at least 1".into()));
-        }
-        let history = self.history as f64;
-        check("history", history, format_args!("a whole number from 1 to {MAX_HISTORY}"), |n| {
-            (1.0..=MAX_HISTORY as f64).contains(&n)
-        })?;
+        SCALAR_OPTIONS.iter().zip(self.scalars()).try_for_each(|(option, value)| option.check(value))?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;
         self.onboard()?;
@@ -412,11 +386,8 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// [`Error::OutOfRange`] if an action exceeds the motors' limit.
     pub(super) fn validate_robot(&self, params: &Params) -> Result<()> {
-        let torque = positive("max_wheel_torque", self.action_torque())?;
-        // Controllers divide by it.
-        check("max_wheel_torque", torque, format_args!("at least {LEAST_TORQUE:e} N·m"), |t| t >= LEAST_TORQUE)?;
         let motors = self.not_ideal()?;
-        check_drive(torque, motors.as_ref(), params, self.sim_dt)
+        check_drive(self.action_torque(), motors.as_ref(), params, self.sim_dt)
     }
 }
 

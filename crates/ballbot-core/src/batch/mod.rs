@@ -18,6 +18,7 @@ mod observation_source;
 mod pieces;
 mod registry;
 mod reset;
+mod scalars;
 mod single;
 mod stage;
 
@@ -25,7 +26,7 @@ pub use autoreset::Autoreset;
 pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers, StepResults};
 pub use closed_loop::Under;
-pub use config::{BalanceConfig, EnvConfig};
+pub use config::{BalanceConfig, EnvConfig, SCALAR_OPTIONS};
 pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
@@ -34,5 +35,6 @@ pub use levels::Levels;
 pub use observation_source::Observation;
 pub use registry::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
 pub use reset::ResetRequest;
+pub use scalars::{ScalarKind, ScalarOption};
 pub use single::Environment;
 pub use stage::{BatchStage, CustomStage, ROBOT_ROW_LEN, RobotRows, StageLayout, StageResults};

@@ -2,7 +2,7 @@
 
 use super::autoreset::Autoreset;
 use super::batch::Batch;
-use super::config::EnvConfig;
+use super::config::{EnvConfig, SCALAR_OPTIONS};
 use super::events::Event;
 use super::levels::Levels;
 use super::observation_source::Observation;
@@ -18,24 +18,57 @@ use ballbot_base::terrain::Terrain;
 use std::marker::PhantomData;
 use std::sync::{Arc, PoisonError, RwLock};
 
+/// The options of [`EnvConfig`] that are not single numbers: getter, setter and type.
+macro_rules! structured {
+    ($expand:ident) => {
+        $expand! {
+            /// The robots' parameters.
+            params, set_params: Params;
+            /// The model.
+            model, set_model: ModelKind;
+            /// The ground.
+            terrain, set_terrain: Option<Arc<Terrain>>;
+            /// The motors.
+            actuators, set_actuators: MotorOptions;
+            /// The sensors.
+            sensors, set_sensors: Option<SensorOptions>;
+            /// The levels of the tiles that episodes begin on.
+            levels, set_levels: Levels;
+            /// The observation source.
+            observation, set_observation: Observation;
+            /// The events.
+            events, set_events: Vec<Event>;
+            /// The stage of the caller.
+            stage, set_stage: Option<CustomStage>;
+        }
+    };
+}
+
+macro_rules! declared {
+    ($($(#[$doc:meta])* $name:ident, $set:ident: $type:ty;)*) => {$(
+        $(#[$doc])*
+        fn $name(&self) -> &$type;
+        #[doc = concat!("Replaces [`TaskConfig::", stringify!($name), "`].")]
+        fn $set(&mut self, value: $type);
+    )*};
+}
+
+macro_rules! defined {
+    ($($(#[$doc:meta])* $name:ident, $set:ident: $type:ty;)*) => {$(
+        fn $name(&self) -> &$type {
+            &self.$name
+        }
+
+        fn $set(&mut self, value: $type) {
+            self.$name = value;
+        }
+    )*};
+}
+
 /// A configuration of a task that is known only by name.
 pub trait TaskConfig: Send {
-    /// Replaces the robots' parameters.
-    fn set_params(&mut self, params: Params);
-    /// Replaces the model.
-    fn set_model(&mut self, model: ModelKind);
-    /// Replaces the ground.
-    fn set_terrain(&mut self, terrain: Option<Arc<Terrain>>);
-    /// The ground.
-    fn terrain(&self) -> Option<&Arc<Terrain>>;
-    /// Replaces the motors.
-    fn set_actuators(&mut self, actuators: MotorOptions);
-    /// The motors.
-    fn actuators(&self) -> &MotorOptions;
-    /// Replaces the sensors.
-    fn set_sensors(&mut self, sensors: Option<SensorOptions>);
-    /// The sensors.
-    fn sensors(&self) -> Option<&SensorOptions>;
+    structured!(declared);
+
     /// Replaces the height scan.
     fn set_scan(&mut self, scan: Option<ScanOptions>);
     /// The height scan.
@@ -44,14 +77,6 @@ pub trait TaskConfig: Send {
     fn set_depth(&mut self, depth: Option<DepthOptions>);
     /// The depth camera.
     fn depth(&self) -> Option<&DepthOptions>;
-    /// Replaces the levels of the tiles that episodes begin on.
-    fn set_levels(&mut self, levels: Levels);
-    /// The levels of the tiles that episodes begin on.
-    fn levels(&self) -> Levels;
-    /// Replaces the observation source.
-    fn set_observation(&mut self, observation: Observation);
-    /// The observation source.
-    fn observation(&self) -> Observation;
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///
     /// # Errors
@@ -66,12 +91,6 @@ pub trait TaskConfig: Send {
     fn set_reward(&mut self, name: &str, scale: f64) -> Result<()>;
     /// The scales of all reward terms.
     fn reward(&self) -> Vec<(&'static str, f64)>;
-    /// Replaces the events.
-    fn set_events(&mut self, events: Vec<Event>);
-    /// The events.
-    fn events(&self) -> &[Event];
-    /// Replaces the stage of the caller.
-    fn set_stage(&mut self, stage: Option<CustomStage>);
     /// The environments.
     ///
     /// # Errors
@@ -150,37 +169,7 @@ pub fn task_kind(name: &str) -> Result<&'static dyn TaskKind> {
 }
 
 impl<T: Task> TaskConfig for EnvConfig<T> {
-    fn set_params(&mut self, params: Params) {
-        self.params = params;
-    }
-
-    fn set_model(&mut self, model: ModelKind) {
-        self.model = model;
-    }
-
-    fn set_terrain(&mut self, terrain: Option<Arc<Terrain>>) {
-        self.terrain = terrain;
-    }
-
-    fn terrain(&self) -> Option<&Arc<Terrain>> {
-        self.terrain.as_ref()
-    }
-
-    fn set_actuators(&mut self, actuators: MotorOptions) {
-        self.actuators = actuators;
-    }
-
-    fn actuators(&self) -> &MotorOptions {
-        &self.actuators
-    }
-
-    fn set_sensors(&mut self, sensors: Option<SensorOptions>) {
-        self.sensors = sensors;
-    }
-
-    fn sensors(&self) -> Option<&SensorOptions> {
-        self.sensors.as_ref()
-    }
+    structured!(defined);
 
     fn set_scan(&mut self, scan: Option<ScanOptions>) {
         self.scan = scan;
@@ -198,68 +187,22 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
         self.depth.as_ref()
     }
 
-    fn set_levels(&mut self, levels: Levels) {
-        self.levels = levels;
-    }
-
-    fn levels(&self) -> Levels {
-        self.levels
-    }
-
-    fn set_observation(&mut self, observation: Observation) {
-        self.observation = observation;
-    }
-
-    fn observation(&self) -> Observation {
-        self.observation
-    }
-
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
-        let one = || match values {
-            [value] => Ok(*value),
-            _ => Err(Error::Length { name: name.into(), found: values.len(), expected: 1 }),
-        };
-        match name {
-            "sim_dt" => self.sim_dt = one()?,
-            "control_dt" => self.control_dt = one()?,
-            "max_wheel_torque" => self.max_wheel_torque = Some(one()?),
-            "scale_observations" => {
-                let flag =
-                    ballbot_base::error::check(name, one()?, "0 or 1 (False or True)", |f| f == 0.0 || f == 1.0)?;
-                self.scale_observations = flag != 0.0;
-            }
-            "history" => {
-                let length = one()?;
-                ballbot_base::error::check(name, length, "a whole number from 1 on", |n| {
-                    (1.0..=f64::from(u32::MAX)).contains(&n) && n.fract() == 0.0
-                })?;
-                self.history = length as usize;
-            }
-            "max_episode_steps" => {
-                let steps = one()?;
-                ballbot_base::error::check(name, steps, "a whole number from 1 to 2^53", |s| {
-                    (1.0..=9_007_199_254_740_992.0).contains(&s) && s.fract() == 0.0
-                })?;
-                self.max_episode_steps = steps as usize;
-            }
-            _ => self.task.set(name, values)?,
+        if !SCALAR_OPTIONS.iter().any(|option| option.name == name) {
+            return self.task.set(name, values);
         }
-        Ok(())
+        match values {
+            [value] => self.set_scalar(name, *value).expect("a scalar option"),
+            _ => Err(Error::Length { name: name.into(), found: values.len(), expected: 1 }),
+        }
     }
 
     fn get(&self, name: &str) -> Option<Vec<f64>> {
-        Some(match name {
-            "sim_dt" => vec![self.sim_dt],
-            "control_dt" => vec![self.control_dt],
-            "max_wheel_torque" => vec![self.action_torque()],
-            "scale_observations" => vec![f64::from(u8::from(self.scale_observations))],
-            "history" => vec![self.history as f64],
-            "max_episode_steps" => vec![self.max_episode_steps as f64],
-            _ => {
-                let index = T::FIELDS.iter().position(|field| field.name == name)?;
-                self.task.values(index).to_vec()
-            }
-        })
+        let scalar = SCALAR_OPTIONS.iter().zip(self.scalars()).find(|(option, _)| option.name == name);
+        match scalar {
+            Some((_, value)) => Some(vec![value]),
+            None => T::index_of(name).map(|index| self.task.values(index).to_vec()),
+        }
     }
 
     fn set_reward(&mut self, name: &str, scale: f64) -> Result<()> {
@@ -268,18 +211,6 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn reward(&self) -> Vec<(&'static str, f64)> {
         self.reward.names().zip(self.reward.values()).collect()
-    }
-
-    fn set_events(&mut self, events: Vec<Event>) {
-        self.events = events;
-    }
-
-    fn events(&self) -> &[Event] {
-        &self.events
-    }
-
-    fn set_stage(&mut self, stage: Option<CustomStage>) {
-        self.stage = stage;
     }
 
     fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {
