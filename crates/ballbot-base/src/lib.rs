@@ -21,6 +21,7 @@ pub mod model;
 pub mod names;
 pub mod options;
 pub mod params;
+pub mod registry;
 pub mod setpoint;
 pub mod snapshot;
 pub mod state;

@@ -5,7 +5,7 @@ use crate::{Controller, Law, LimitOptions, SETPOINT_PARTS};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::{Fields, OptionDescription, describe_options};
 use ballbot_base::params::Params;
-use std::sync::{PoisonError, RwLock};
+use ballbot_base::registry::{Named, Registry};
 
 /// A controller known by its name.
 #[derive(Clone, Debug)]
@@ -26,6 +26,12 @@ pub struct ControllerKind {
     pub options: fn() -> Vec<OptionDescription>,
     /// Constructor.
     pub make: MakeController,
+}
+
+impl Named for ControllerKind {
+    fn name(&self) -> &'static str {
+        self.name
+    }
 }
 
 /// Makes a controller for `params`, sampled every `control_dt` seconds, with limited torques, from options by name.
@@ -96,8 +102,7 @@ pub trait NamedLaw: Law + Sized + 'static {
     }
 }
 
-/// The controllers of other crates.
-static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
+static REGISTRY: Registry<ControllerKind> = Registry::new("controller", CONTROLLERS);
 
 /// Registers a controller by its name, like the controllers of this crate; [`Law`] has an example.
 ///
@@ -105,20 +110,15 @@ static REGISTERED: RwLock<Vec<ControllerKind>> = RwLock::new(Vec::new());
 /// [`Error::Inconsistent`] if its name is taken; [`Error::UnknownName`] if it follows a part that a setpoint does not
 /// have.
 pub fn register_controller(kind: ControllerKind) -> Result<()> {
-    if controller_kinds().iter().any(|known| known.name == kind.name) {
-        return Err(Error::Inconsistent(format!("there is a controller '{}' already", kind.name)));
-    }
     if let Some(part) = kind.parts.iter().find(|part| !SETPOINT_PARTS.contains(part)) {
         return Err(Error::unknown("part of a setpoint", part, &SETPOINT_PARTS));
     }
-    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(kind);
-    Ok(())
+    REGISTRY.register(kind)
 }
 
 /// All controllers.
 pub fn controller_kinds() -> Vec<ControllerKind> {
-    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
-    CONTROLLERS.iter().chain(registered.iter()).cloned().collect()
+    REGISTRY.all()
 }
 
 /// A controller by its name.
@@ -126,8 +126,5 @@ pub fn controller_kinds() -> Vec<ControllerKind> {
 /// # Errors
 /// [`Error::UnknownName`] if it does not exist.
 pub fn controller_kind(name: &str) -> Result<ControllerKind> {
-    let kinds = controller_kinds();
-    let names: Vec<_> = kinds.iter().map(|kind| kind.name).collect();
-    let found = kinds.iter().find(|kind| kind.name == name).cloned();
-    found.ok_or_else(|| Error::unknown("controller", name, &names))
+    REGISTRY.find(name)
 }
