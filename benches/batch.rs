@@ -9,7 +9,7 @@ mod runner;
 
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{BalanceConfig, Event, load_events};
-use ballbot_core::perception::{DepthOptions, ScanOptions};
+use ballbot_core::perception::{DepthOptions, Instruments, LidarOptions, ScanOptions};
 use ballbot_core::terrain::Terrain;
 use ballbot_core::{ModelKind, Params};
 use criterion::{Criterion, SamplingMode, Throughput, criterion_group, criterion_main};
@@ -99,22 +99,23 @@ fn ground(criterion: &mut Criterion) {
     group.finish();
 }
 
-/// Cost of a height scan and a depth camera at 25 Hz in a step on uneven ground.
+/// Cost of instruments in a step on uneven ground.
 fn perception(criterion: &mut Criterion) {
     const ENVS: usize = 256;
     let hills = Arc::new(Terrain::generate("noise", 0, &[("slope", 0.15)]).expect("the default size"));
     let mut group = criterion.benchmark_group("perception");
     group.throughput(Throughput::Elements(ENVS as u64));
-    let scan = Some(ScanOptions::default());
-    let depth = |far| Some(DepthOptions { far, ..DepthOptions::default() });
-    for (name, scan, depth) in [
-        ("nothing", None, None),
-        ("scan of 11 by 11", scan, None),
-        ("depth of 32 by 24 to 3 m", None, depth(3.0)),
-        ("depth of 32 by 24 to 10 m", None, depth(10.0)),
+    let none = Instruments::default();
+    let depth = |far| none.clone().with(DepthOptions { far, ..DepthOptions::default() });
+    for (name, instruments) in [
+        ("nothing", none.clone()),
+        ("scan of 11 by 11", none.clone().with(ScanOptions::default())),
+        ("depth of 32 by 24 to 3 m", depth(3.0)),
+        ("depth of 32 by 24 to 10 m", depth(10.0)),
+        ("lidar of 72 beams to 5 m", none.clone().with(LidarOptions::default())),
     ] {
         let terrain = Some(Arc::clone(&hills));
-        let config = BalanceConfig { terrain, scan, depth, ..runner::config(ModelKind::Contact) };
+        let config = BalanceConfig { terrain, instruments, ..runner::config(ModelKind::Contact) };
         let mut runner = Runner::of(&config, ENVS, Some(1));
         group.bench_function(name, |b| b.iter(|| runner.step()));
     }

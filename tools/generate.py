@@ -18,7 +18,7 @@ def files() -> dict[Path, str]:
     package = ROOT / "python" / "ballbot_rs"
     core = package / "_core.pyi"
     docs = ROOT / "docs"
-    stages = {page for _, _, page, _ in tables.STAGES}
+    stages = {stage[2] for stage in tables.STAGES}
     return {
         package / "envs" / "options.py": classes.options(),
         package / "envs" / "tasks.py": classes.tasks(),

@@ -15,9 +15,9 @@ __all__ = [
     "ACTUATORS",
     "ACTUATOR_OPTIONS",
     "CONTROLLERS",
-    "DEPTH_OPTIONS",
     "ENVIRONMENT_OPTIONS",
     "EVENT_SETS",
+    "INSTRUMENTS",
     "LABELS",
     "MODELS",
     "MOST_HEIGHTS",
@@ -26,7 +26,6 @@ __all__ = [
     "PARAMETERS",
     "ROBOTS",
     "SCALED_BOUND",
-    "SCAN_OPTIONS",
     "SENSORS",
     "SENSOR_OPTIONS",
     "TASKS",
@@ -52,6 +51,7 @@ __all__ = [
     "load_actuators",
     "load_events",
     "load_sensors",
+    "reading_bounds",
     "terrain_kinds",
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
@@ -124,6 +124,11 @@ class _Controller(TypedDict):
     traction: float | None
     options: list[_Option]
 
+class _Instrument(TypedDict):
+    title: str
+    about: str
+    options: list[_Option]
+
 __version__: str
 PAPER_BALL_VISCOUS_FRICTION: float
 MODELS: list[str]
@@ -137,8 +142,7 @@ ACTUATORS: list[str]
 ACTUATOR_OPTIONS: list[_Option]
 SENSORS: list[str]
 SENSOR_OPTIONS: list[_Option]
-SCAN_OPTIONS: list[_Option]
-DEPTH_OPTIONS: list[_Option]
+INSTRUMENTS: dict[str, _Instrument]
 OBSERVATIONS: list[str]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
@@ -818,6 +822,9 @@ def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
         OSError: the file cannot be read.
     """
 
+def reading_bounds(options: Mapping[str, Any], scaled: bool) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+    """Least and largest numbers, float32, of the readings of the instruments in options of an environment, in the order of an observation."""
+
 def estimator_constants(
     params: _Robot | None = None,
     sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
@@ -1223,10 +1230,11 @@ class Batch:
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-            None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, `scan` and `depth` (dicts
-            of options; None means the robots have none), `level`, `observation` ("ground_truth" or "sensors"),
-            `history` (how many of the last observations are given together), `scale_observations`, `reward` (scales
-            by term), `events` (as in `load_events`: randomization and pushes), and the options of the task.
+            None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
+            in `INSTRUMENTS` (dicts of options; None: none), `level`, `observation`
+            ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
+            `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
+            and the options of the task.
 
     Raises:
         ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -1296,9 +1304,7 @@ class Batch:
         """How many of the last observations are given together."""
     @property
     def observation_len(self) -> int:
-        """Length of an observation: its rows, `history` times, newest last; then the readings of the height scan and of
-        the depth camera.
-        """
+        """Length of an observation: its rows, `history` times, newest last; then the readings of the instruments."""
     @property
     def scale_observations(self) -> bool:
         """Whether observations are scaled."""
@@ -1437,22 +1443,15 @@ class Batch:
         """
     @property
     def observation_layout(self) -> dict[str, tuple[int, ...]]:
-        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan`
-        and `depth` if the robots have them, in the shapes of `scans` and `depths`.
+        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and the
+        instruments of the robots, as in `perceived`.
         """
-    def scans(self, index: int | None = None) -> npt.NDArray[np.float32]:
-        """Last readings of the height scans, float32, m: how far the ground is below the lowest point of the ball at each point of
-        the grid. Shape (num_envs, y, x), or (y, x) of environment `index`; zeros before the first reset.
+    def perceived(self, name: str, index: int | None = None) -> npt.NDArray[np.float32]:
+        """Last readings of an instrument, float32, in its unit (docs/perception.md). Shape (num_envs, ...) as in
+        `observation_layout`, or (...) of environment `index`; zeros before the first reset.
 
         Raises:
-            ValueError: the robots have no height scan (`scan=`).
-        """
-    def depths(self, index: int | None = None) -> npt.NDArray[np.float32]:
-        """Last pictures of the depth cameras, float32, m along the optical axis, rows from the top. Shape (num_envs, rows, columns),
-        or (rows, columns) of environment `index`; zeros before the first reset.
-
-        Raises:
-            ValueError: the robots have no depth camera (`depth=`).
+            ValueError: there is no such instrument, or the robots do not have it.
         """
     def levels(self) -> npt.NDArray[np.int64]:
         """Levels of the tiles that the current episodes began on, shape (num_envs,), int64; 0 for terrains without tiles."""

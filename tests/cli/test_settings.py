@@ -72,7 +72,7 @@ def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config
 
 
 def test_instruments_have_parts(capsys):
-    code, _, err = run(capsys, "evaluate", "--episodes", 1, "--set", "scan.points=[3, 3]", "--set", "depth.size=[4, 3]")
+    code, _, err = run(capsys, "evaluate", "--episodes", 1, "--set", "scan.points=[3, 3]", "--set", "lidar.beams=5")
     assert (code, err) == (0, "")
     code, _, err = run(capsys, "evaluate", "--episodes", 1, "--set", "scan.point=[3, 3]")
     assert code == 1

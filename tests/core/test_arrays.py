@@ -63,6 +63,7 @@ def _seeing(task="velocity"):
         observation="sensors",
         scan={"points": (3, 2)},
         depth={"size": (4, 3)},
+        lidar={"beams": 5},
         events="mild",
     )
     batch.reset()

@@ -56,6 +56,7 @@ OPTIONS: dict[str, list[Any]] = {
     "sensors": [{"gyro_noise": 0.1}],
     "scan": [{"points": (2, 3)}],
     "depth": [{"size": (2, 3)}],
+    "lidar": [{"beams": 5}],
     "level": [1],
     "velocity.level": [With(1, terrain=LEVELS)],
     "observation": [With("sensors", sensors={"gyro_noise": 0.1})],

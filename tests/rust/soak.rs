@@ -7,7 +7,7 @@
 
 use ballbot_core::actuator::MotorOptions;
 use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Observation, Outcome, StepBuffers, load_events};
-use ballbot_core::perception::{DepthOptions, ScanOptions};
+use ballbot_core::perception::{DepthOptions, Instruments, LidarOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, DIVERGED, Goal};
 use ballbot_core::terrain::Terrain;
@@ -82,14 +82,16 @@ impl Soak {
                 latency: 0.02,
                 ..SensorOptions::default()
             }),
-            scan: Some(ScanOptions {
-                points: [5.0, 4.0],
-                noise: 0.01,
-                dropout: 0.1,
-                latency: 0.02,
-                ..Default::default()
-            }),
-            depth: Some(DepthOptions { size: [6.0, 4.0], dropout: 0.1, freeze: 0.05, ..Default::default() }),
+            instruments: Instruments::default()
+                .with(ScanOptions {
+                    points: [5.0, 4.0],
+                    noise: 0.01,
+                    dropout: 0.1,
+                    latency: 0.02,
+                    ..Default::default()
+                })
+                .with(DepthOptions { size: [6.0, 4.0], dropout: 0.1, freeze: 0.05, ..Default::default() })
+                .with(LidarOptions { beams: 12.0, noise: 0.01, dropout: 0.1, ..Default::default() }),
             observation: Observation::Sensors,
             history: 2,
             task: Goal { fall_tilt: 1.5, ..Goal::default() },

@@ -59,6 +59,7 @@ NESTED: dict[str, Callable[[Any], Any]] = {
     "sensors.gyro_noise": lambda odd: bb.BalanceEnv(sensors={"gyro_noise": odd}),
     "scan.points": lambda odd: bb.BalanceEnv(scan={"points": odd}),
     "depth.size": lambda odd: bb.BalanceEnv(depth={"size": odd}),
+    "lidar.position": lambda odd: bb.BalanceEnv(lidar={"position": odd}),
     "reward.alive": lambda odd: bb.BalanceEnv(reward={"alive": odd}),
     "events.range": lambda odd: bb.BalanceEnv(events=[{"term": "gravity", "range": odd}]),
     "terrain.cell": lambda odd: bb.BalanceEnv(terrain={"kind": "wave", "cell": odd}),

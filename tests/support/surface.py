@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs._core import INSTRUMENTS
 from tests.support.paths import ASSETS, ROBOTS
 
 #: Functions that are not called here, and why.
@@ -251,6 +252,7 @@ RIGHT: dict[str, list[Any]] = {
     "dt": [0.01],
     "mapping": ["consistent", "as_printed"],
     "Controller.name": [*bb._core.CONTROLLERS],
+    "perceived.name": [*INSTRUMENTS],
     "name": ["kugle"],
     "max_torque": [None, 0.1],
     "max_wheel_torque": [1.0],
@@ -316,6 +318,7 @@ RIGHT: dict[str, list[Any]] = {
     "load_sensors.name_or_path": ["exact", "kugle", ROBOTS / "kugle.toml"],
     "scan": [None, {}, {"points": (3, 2), "noise": 0.01, "latency": 0.0}],
     "depth": [None, {"size": (4, 3), "freeze": 0.5}],
+    "lidar": [None, {"beams": 5, "noise": 0.01, "stabilized": 1}],
     "level": [None],
     "observation": ["ground_truth", "sensors"],
     "history": [1, 3],
@@ -364,8 +367,7 @@ _COMMON = [
     "max_episode_steps",
     "actuators",
     "sensors",
-    "scan",
-    "depth",
+    *INSTRUMENTS,
     "level",
     "observation",
     "history",

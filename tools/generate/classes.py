@@ -34,7 +34,7 @@ def options() -> str:
         "    from ballbot_rs.envs.own.stage import Function\n",
         f"Model = Literal[{_names(MODELS)}]",
         f"Observed = Literal[{_names(OBSERVATIONS)}]\n\n",
-        *(_options_of(name, f"{what}; docs/{page}", rows) for name, what, page, rows in tables.STAGES),
+        *(_options_of(name, f"{what}; docs/{page}", rows) for name, what, page, _, rows in tables.STAGES),
         'class CommonOptions(TypedDict, total=False):\n    """Options of every task."""\n',
     ]
     for name, kind, unit, limit, doc in tables.COMMON:

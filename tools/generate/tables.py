@@ -8,13 +8,12 @@ from ballbot_rs._core import (
     ACTUATOR_OPTIONS,
     ACTUATORS,
     CONTROLLERS,
-    DEPTH_OPTIONS,
     ENVIRONMENT_OPTIONS,
     EVENT_SETS,
+    INSTRUMENTS,
     MODELS,
     OBSERVATIONS,
     ROBOTS,
-    SCAN_OPTIONS,
     SENSOR_OPTIONS,
     SENSORS,
     TASKS,
@@ -35,6 +34,11 @@ def _scalar(option: Any) -> tuple[str, str, str, str, str]:
 
 _SCALARS = tuple(map(_scalar, ENVIRONMENT_OPTIONS))
 
+
+def instrument_class(name: str) -> str:
+    """The name of the type of an instrument's options: range_finder becomes RangeFinder."""
+    return name.title().replace("_", "")
+
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
@@ -49,10 +53,9 @@ COMMON = (
      "The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors. docs/actuators.md."),
     ("sensors", "Sensors | str | PathLike[str] | None", "", f"{', '.join(SENSORS)}, or FILE.toml",
      "The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md."),
-    ("scan", "Scan | None", "", "options",
-     "A height scan of the ground, whose numbers follow the rows of the observation; None: none. docs/perception.md."),
-    ("depth", "Depth | None", "", "options",
-     "A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md."),
+    *((name, f"{instrument_class(name)} | None", "", "options",
+       f"{known['title']}, whose numbers follow the rows of the observation; None: none. docs/perception.md.")
+      for name, known in INSTRUMENTS.items()),
     ("level", "int | str | None", "", "a level of the terrain, curriculum, or None",
      "Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md."),
     ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
@@ -70,12 +73,20 @@ COMMON = (
 )  # fmt: skip
 
 
-#: Types of options that are tables: name, description, page, and rows.
+#: Types of options that are tables: name, description, page, the text before the table, and rows.
 STAGES = (
-    ("Actuators", "motors", "actuators.md", ACTUATOR_OPTIONS),
-    ("Sensors", "sensors", "sensors.md", SENSOR_OPTIONS),
-    ("Scan", "a height scan", "perception.md", SCAN_OPTIONS),
-    ("Depth", "a depth camera", "perception.md", DEPTH_OPTIONS),
+    ("Actuators", "motors", "actuators.md", "", ACTUATOR_OPTIONS),
+    ("Sensors", "sensors", "sensors.md", "", SENSOR_OPTIONS),
+    *(
+        (
+            instrument_class(name),
+            f"the instrument `{name}`",
+            "perception.md",
+            f"## {known['title']}\n\nOption `{name}`. {known['about']}\n\n",
+            known["options"],
+        )
+        for name, known in INSTRUMENTS.items()
+    ),
 )
 
 

@@ -10,7 +10,7 @@ use crate::infos::StepInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, resolved};
 use crate::params::{PyParams, or_paper};
-use crate::perception::{missing, perceived};
+use crate::perception::perceived;
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets, record_names};
 use crate::sensors::readings;
 use crate::signals::interruptible;
@@ -25,7 +25,7 @@ use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyBytes, PyDict, PyList};
+use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
 use pyo3::{PyTraverseError, PyVisit};
 use std::sync::Arc;
 
@@ -42,10 +42,11 @@ use std::sync::Arc;
 ///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-///         None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, `scan` and `depth` (dicts
-///         of options; None means the robots have none), `level`, `observation` ("ground_truth" or "sensors"),
-///         `history` (how many of the last observations are given together), `scale_observations`, `reward` (scales
-///         by term), `events` (as in `load_events`: randomization and pushes), and the options of the task.
+///         None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, instruments by their names
+///         in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
+///         ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
+///         `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
+///         and the options of the task.
 ///
 /// Raises:
 ///     ValueError: an unknown name, or a number out of range; the message has the value and the limit.
@@ -255,15 +256,9 @@ impl PyBatch {
     #[getter]
     fn options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let options = self.options.bind(py).copy()?;
-        if let Some(reward) = options.get_item("reward")? {
-            options.set_item("reward", reward.cast::<PyDict>()?.copy()?)?;
-        }
-        if let Some(Ok(actuators)) = options.get_item("actuators")?.map(|found| found.cast_into::<PyDict>()) {
-            options.set_item("actuators", actuators.copy()?)?;
-        }
-        for name in ["sensors", "scan", "depth"] {
-            if let Some(Ok(found)) = options.get_item(name)?.map(|found| found.cast_into::<PyDict>()) {
-                options.set_item(name, found.copy()?)?;
+        for (name, value) in self.options.bind(py) {
+            if let Ok(part) = value.cast::<PyDict>() {
+                options.set_item(name, part.copy()?)?;
             }
         }
         if let Some(events) = options.get_item("events")? {
@@ -314,8 +309,7 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.history())
     }
 
-    /// Length of an observation: its rows, `history` times, newest last; then the readings of the height scan and of
-    /// the depth camera.
+    /// Length of an observation: its rows, `history` times, newest last; then the readings of the instruments.
     #[getter]
     fn observation_len(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.observation_len())
@@ -698,8 +692,8 @@ impl PyBatch {
         readings(py, &self.inner.read()?.batch, index)
     }
 
-    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and `scan`
-    /// and `depth` if the robots have them, in the shapes of `scans` and `depths`.
+    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and the
+    /// instruments of the robots, as in `perceived`.
     #[getter]
     fn observation_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let inner = self.inner.read()?;
@@ -708,46 +702,25 @@ impl PyBatch {
         let seen = batch.perception();
         let state = batch.observation_len() - seen.map_or(0, |seen| seen.width());
         layout.set_item("state", (state,))?;
-        for (name, shape) in
-            [("scan", seen.and_then(Perception::scan_shape)), ("depth", seen.and_then(Perception::depth_shape))]
-        {
-            if let Some([rows, columns]) = shape {
-                layout.set_item(name, (rows, columns))?;
-            }
+        for channel in seen.map_or(&[][..], Perception::channels) {
+            layout.set_item(channel.name(), PyTuple::new(py, channel.shape())?)?;
         }
         Ok(layout)
     }
 
-    /// Last readings of the height scans, float32, m: how far the ground is below the lowest point of the ball at each point of
-    /// the grid. Shape (num_envs, y, x), or (y, x) of environment `index`; zeros before the first reset.
+    /// Last readings of an instrument, float32, in its unit (docs/perception.md). Shape (num_envs, ...) as in
+    /// `observation_layout`, or (...) of environment `index`; zeros before the first reset.
     ///
     /// Raises:
-    ///     ValueError: the robots have no height scan (`scan=`).
-    #[pyo3(signature = (index=None))]
-    fn scans<'py>(
+    ///     ValueError: there is no such instrument, or the robots do not have it.
+    #[pyo3(signature = (name, index=None))]
+    fn perceived<'py>(
         &self,
         py: Python<'py>,
+        name: &str,
         #[pyo3(from_py_with = optional_index)] index: Option<usize>,
     ) -> PyResult<Bound<'py, PyAny>> {
-        let inner = self.inner.read()?;
-        let shape = inner.batch.perception().and_then(Perception::scan_shape).ok_or_else(|| missing("scan"))?;
-        perceived(py, &inner.batch, index, 0, shape)
-    }
-
-    /// Last pictures of the depth cameras, float32, m along the optical axis, rows from the top. Shape (num_envs, rows, columns),
-    /// or (rows, columns) of environment `index`; zeros before the first reset.
-    ///
-    /// Raises:
-    ///     ValueError: the robots have no depth camera (`depth=`).
-    #[pyo3(signature = (index=None))]
-    fn depths<'py>(
-        &self,
-        py: Python<'py>,
-        #[pyo3(from_py_with = optional_index)] index: Option<usize>,
-    ) -> PyResult<Bound<'py, PyAny>> {
-        let inner = self.inner.read()?;
-        let shape = inner.batch.perception().and_then(Perception::depth_shape).ok_or_else(|| missing("depth"))?;
-        perceived(py, &inner.batch, index, 1, shape)
+        perceived(py, &self.inner.read()?.batch, name, index)
     }
 
     /// Levels of the tiles that the current episodes began on, shape (num_envs,), int64; 0 for terrains without tiles.

@@ -72,6 +72,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(actuators::load_actuators, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::load_sensors, module)?)?;
     module.add_function(wrap_pyfunction!(sensors::estimator_constants, module)?)?;
+    module.add_function(wrap_pyfunction!(perception::reading_bounds, module)?)?;
     module.add_function(wrap_pyfunction!(models::virtual_to_wheel_torques, module)?)?;
     module.add_function(wrap_pyfunction!(models::wheel_to_virtual_torques, module)?)?;
     Ok(())

@@ -5,10 +5,11 @@ use crate::events::{events, to_list};
 use crate::fields::{option, optional_dict};
 use crate::numbers::one_or_more;
 use crate::params::or_paper;
-use crate::perception::{instrument, instrument_object, levels, levels_object};
+use crate::perception::{instrument, levels, levels_object, set_instruments};
 use crate::terrain::{terrain, terrain_object};
 use ballbot_core::batch::{SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
 use ballbot_core::fields::OptionDescription;
+use ballbot_core::perception::instrument_kind;
 use ballbot_core::task::TaskDescription;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
@@ -30,8 +31,6 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         "terrain" => config.set_terrain(terrain(value)?),
         "actuators" => config.set_actuators(option(value)?.unwrap_or_default()),
         "sensors" => config.set_sensors(option(value)?),
-        "scan" => config.set_scan(instrument(value)?),
-        "depth" => config.set_depth(instrument(value)?),
         "level" => config.set_levels(levels(value)?),
         "observation" => {
             let observation: String = value.extract().map_err(|_| wrong("the name of a kind of observation"))?;
@@ -48,6 +47,10 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         }
         "events" => config.set_events(events(value)?),
         _ if value.is_none() && is_optional(name) => (),
+        _ if instrument_kind(name).is_ok() => match instrument(name, value)? {
+            Some(instrument) => config.instruments_mut().set(instrument),
+            None => config.instruments_mut().remove(name),
+        },
         _ if config.get(name).is_none() => {
             return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
         }
@@ -92,8 +95,7 @@ pub(crate) fn resolved<'py>(
     resolved.set_item("terrain", terrain_object(py, config.terrain().as_ref())?)?;
     resolved.set_item("actuators", optional_dict(py, Some(config.actuators()).filter(|motors| !motors.is_ideal()))?)?;
     resolved.set_item("sensors", optional_dict(py, config.sensors().as_ref())?)?;
-    resolved.set_item("scan", instrument_object(py, config.scan())?)?;
-    resolved.set_item("depth", instrument_object(py, config.depth())?)?;
+    set_instruments(&resolved, config.instruments())?;
     resolved.set_item("level", levels_object(py, *config.levels())?)?;
     resolved.set_item("observation", config.observation().name())?;
     let reward = PyDict::new(py);

@@ -1,31 +1,71 @@
 //! Instruments that observe the ground, and levels of terrains, from and to Python.
 
 use crate::errors::to_python;
-use crate::fields::{field_dict, named_numbers};
+use crate::fields::named_numbers;
 use ballbot_core::batch::{Batch, Levels};
-use ballbot_core::perception::Instrument;
+use ballbot_core::perception::{AnyInstrument, Instruments, instrument_kind, instrument_kinds};
 use numpy::{PyArray1, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping, PyString};
+use std::sync::Arc;
 
-/// Options of an instrument from None (none) or a mapping.
-pub(crate) fn instrument<I: Instrument>(value: &Bound<'_, PyAny>) -> PyResult<Option<I>> {
+/// An instrument by its name, from None (none) or a mapping of its options.
+pub(crate) fn instrument(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<dyn AnyInstrument>>> {
     if value.is_none() {
         return Ok(None);
     }
     let Ok(options) = value.cast::<PyMapping>() else {
         let kind = value.get_type().name()?;
-        return Err(PyTypeError::new_err(format!("{} must be a dict of options or None, not {kind}", I::NAME)));
+        return Err(PyTypeError::new_err(format!("{name} must be a dict of options or None, not {kind}")));
     };
-    let fields = named_numbers(I::NAME, options)?;
-    let fields = fields.iter().map(|(name, values)| (name.as_str(), values.as_slice()));
-    I::from_fields(fields).map(Some).map_err(to_python)
+    let numbers = named_numbers(name, options)?;
+    let options: Vec<_> = numbers.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+    let kind = instrument_kind(name).map_err(to_python)?;
+    (kind.make)(&options).map(Some).map_err(to_python)
 }
 
-/// All options of an instrument by name; None for robots without it.
-pub(crate) fn instrument_object<I: Instrument>(py: Python<'_>, options: Option<&I>) -> PyResult<Option<Py<PyDict>>> {
-    options.map(|options| field_dict(py, options).map(Bound::unbind)).transpose()
+/// Sets every instrument by its name in a dict of options: its options, or None.
+pub(crate) fn set_instruments(resolved: &Bound<'_, PyDict>, instruments: &Instruments) -> PyResult<()> {
+    for kind in instrument_kinds() {
+        let Some(instrument) = instruments.get(kind.name) else {
+            resolved.set_item(kind.name, resolved.py().None())?;
+            continue;
+        };
+        let options = PyDict::new(resolved.py());
+        for (name, values) in instrument.options() {
+            match values {
+                [number] => options.set_item(name, number)?,
+                numbers => options.set_item(name, numbers)?,
+            }
+        }
+        resolved.set_item(kind.name, options)?;
+    }
+    Ok(())
+}
+
+type Bounds<'py> = (Bound<'py, PyArray1<f32>>, Bound<'py, PyArray1<f32>>);
+
+/// Least and largest numbers, float32, of the readings of the instruments in options of an environment, in the order of an observation.
+#[pyfunction]
+pub(crate) fn reading_bounds<'py>(
+    py: Python<'py>,
+    options: &Bound<'py, PyMapping>,
+    scaled: bool,
+) -> PyResult<Bounds<'py>> {
+    let (mut low, mut high) = (Vec::new(), Vec::new());
+    for kind in instrument_kinds() {
+        if !options.contains(kind.name)? {
+            continue;
+        }
+        if let Some(instrument) = instrument(kind.name, &options.get_item(kind.name)?)? {
+            let count = instrument.shape().iter().product::<usize>();
+            let [least, largest] = instrument.bounds(scaled);
+            low.resize(low.len() + count, least);
+            high.resize(high.len() + count, largest);
+        }
+    }
+    Ok((PyArray1::from_vec(py, low), PyArray1::from_vec(py, high)))
 }
 
 /// The name of the curriculum of levels.
@@ -62,32 +102,23 @@ pub(crate) fn levels_object(py: Python<'_>, levels: Levels) -> PyResult<Bound<'_
     })
 }
 
-/// The error for reading an instrument that the robots do not have.
-pub(crate) fn missing(name: &str) -> PyErr {
-    PyValueError::new_err(format!(
-        "the robots have no {name}: make the environments with {name}={{}}, or options in it"
-    ))
-}
-
-/// Readings of an instrument, one array per robot, or the array of robot `index`; `shape` is the shape of one reading.
+/// Readings of an instrument, one array per robot, or the array of robot `index`.
 pub(crate) fn perceived<'py>(
     py: Python<'py>,
     batch: &Batch,
+    name: &str,
     index: Option<usize>,
-    which: usize,
-    [rows, columns]: [usize; 2],
 ) -> PyResult<Bound<'py, PyAny>> {
     if let Some(index) = index {
         batch.check_index(index).map_err(to_python)?;
     }
+    let shape = batch.instrument(name).map_err(to_python)?.shape();
     let chosen = index.map_or(0..batch.len(), |index| index..index + 1);
-    let mut values = Vec::with_capacity(chosen.len() * rows * columns);
-    for i in chosen.clone() {
-        values.extend_from_slice(batch.perceived(i).map_err(to_python)?[which]);
+    let mut values = Vec::with_capacity(chosen.len() * shape.iter().product::<usize>());
+    let leading = index.is_none().then_some(chosen.len());
+    for i in chosen {
+        values.extend_from_slice(batch.perceived(i, name).map_err(to_python)?);
     }
-    let array = PyArray1::from_vec(py, values);
-    Ok(match index {
-        Some(_) => array.reshape([rows, columns])?.into_any(),
-        None => array.reshape([chosen.len(), rows, columns])?.into_any(),
-    })
+    let shape: Vec<_> = leading.into_iter().chain(shape.iter().copied()).collect();
+    Ok(PyArray1::from_vec(py, values).reshape(shape)?.into_any())
 }

@@ -6,7 +6,7 @@ use ballbot_core::batch::{Observation, SCALAR_OPTIONS, ScalarKind, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::options::PublishedOptions;
-use ballbot_core::perception::{DepthOptions, ScanOptions};
+use ballbot_core::perception::instrument_kinds;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{Geometry, SCALED_BOUND};
 use ballbot_core::{ModelKind, Params, planning};
@@ -127,6 +127,19 @@ fn scalars(py: Python<'_>) -> PyResult<Bound<'_, PyList>> {
     Ok(scalars)
 }
 
+/// Instruments by name, in the order of an observation: title, description, options.
+fn instruments(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let instruments = PyDict::new(py);
+    for kind in instrument_kinds() {
+        let instrument = PyDict::new(py);
+        instrument.set_item("title", kind.title)?;
+        instrument.set_item("about", kind.about)?;
+        instrument.set_item("options", options(py, &(kind.options)())?)?;
+        instruments.set_item(kind.name, instrument)?;
+    }
+    Ok(instruments)
+}
+
 /// Adds the tables of names.
 pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     let py = module.py();
@@ -141,8 +154,7 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("ACTUATOR_OPTIONS", options(py, &describe_options::<MotorOptions>())?)?;
     module.add("SENSORS", SensorOptions::preset_names())?;
     module.add("SENSOR_OPTIONS", options(py, &describe_options::<SensorOptions>())?)?;
-    module.add("SCAN_OPTIONS", options(py, &describe_options::<ScanOptions>())?)?;
-    module.add("DEPTH_OPTIONS", options(py, &describe_options::<DepthOptions>())?)?;
+    module.add("INSTRUMENTS", instruments(py)?)?;
     module.add("OBSERVATIONS", Observation::ALL.map(Observation::name))?;
     module.add("SCALED_BOUND", SCALED_BOUND)
 }

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
 
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import Params, load_actuators, load_sensors
+from ballbot_rs._core import INSTRUMENTS, Params, load_actuators, load_sensors
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS
 from ballbot_rs.envs.registration import DEFAULT_TASK
@@ -53,9 +53,7 @@ _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
     "actuators": lambda motors: dict(load_actuators(motors) if isinstance(motors, str) else motors or {}),
     "sensors": lambda sensors: dict(load_sensors(sensors) if isinstance(sensors, str) else sensors or {}),
     "terrain": lambda terrain: {"kind": terrain} if isinstance(terrain, str) else dict(terrain or {}),
-    "scan": lambda scan: dict(scan or {}),
-    "depth": lambda depth: dict(depth or {}),
-    **{option: lambda functions: dict(functions or {}) for option in FUNCTION_OPTIONS},
+    **{option: lambda parts: dict(parts or {}) for option in (*INSTRUMENTS, *FUNCTION_OPTIONS)},
 }
 
 

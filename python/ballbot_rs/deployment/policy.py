@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs import __version__
-from ballbot_rs._core import SCALED_BOUND, TASKS
+from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, TASKS
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
@@ -38,7 +38,7 @@ def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
     file = Path(fspath(path))
     policy = OnnxPolicy(file, task)
     options = policy.env_options
-    for part in ("scan", "depth", "rows"):
+    for part in (*INSTRUMENTS, "rows"):
         if options.get(part) is not None:
             raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
     rows = [dict(row) for row in TASKS[policy.task]["observation"]]

@@ -210,13 +210,9 @@ class OneRobot(SharedAttributes):
         """The terms that sum to the last reward; zeros right after a reset."""
         return self._batch.reward_terms(self._index)
 
-    def scan(self) -> npt.NDArray[np.float32]:
-        """Last reading of the height scan, m, shape (y, x); see `Batch.scans`."""
-        return self._batch.scans(self._index)
-
-    def depth(self) -> npt.NDArray[np.float32]:
-        """Last picture of the depth camera, m, shape (rows, columns); see `Batch.depths`."""
-        return self._batch.depths(self._index)
+    def perceived(self, name: str) -> npt.NDArray[np.float32]:
+        """Last reading of an instrument, in the shape of `observation_layout`; see `Batch.perceived`."""
+        return self._batch.perceived(name, self._index)
 
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Gives the body an impulse; see `Ballbot.push`."""
@@ -300,13 +296,9 @@ class ManyRobots(SharedAttributes):
         """Full states, shape (num_envs, 32), rows as in `State.to_array`."""
         return self._batch.states()
 
-    def scans(self) -> npt.NDArray[np.float32]:
-        """Last readings of the height scans, m, shape (num_envs, y, x); see `Batch.scans`."""
-        return self._batch.scans()
-
-    def depths(self) -> npt.NDArray[np.float32]:
-        """Last pictures of the depth cameras, m, shape (num_envs, rows, columns); see `Batch.depths`."""
-        return self._batch.depths()
+    def perceived(self, name: str) -> npt.NDArray[np.float32]:
+        """Last readings of an instrument, first axis over robots; see `Batch.perceived`."""
+        return self._batch.perceived(name)
 
     def levels(self) -> npt.NDArray[np.int64]:
         """Levels of the tiles of the terrain that the episodes began on, shape (num_envs,); see `Batch.levels`."""

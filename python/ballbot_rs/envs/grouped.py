@@ -1,4 +1,4 @@
-"""Observations in groups: state, height scan and depth picture, each in a separate space."""
+"""Observations in groups: state and the reading of each instrument, each in a separate space."""
 
 from collections.abc import Mapping
 from typing import Any
@@ -38,7 +38,7 @@ class Groups:
 
 
 class GroupedObservations(gymnasium.ObservationWrapper[Any, Any, Any]):
-    """A `BallbotEnv` whose observation is a dict: `state`, and `scan` and `depth` if the robot has them."""
+    """A `BallbotEnv` whose observation is a dict: `state`, and the robot's instruments by name."""
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)

@@ -87,7 +87,7 @@ class Sensors(TypedDict, total=False):
 
 
 class Scan(TypedDict, total=False):
-    """Options of a height scan; docs/perception.md."""
+    """Options of the instrument `scan`; docs/perception.md."""
 
     #: Points along heading x and y, whole numbers. (>= 1 and <= 256)
     points: npt.ArrayLike
@@ -109,7 +109,7 @@ class Scan(TypedDict, total=False):
 
 
 class Depth(TypedDict, total=False):
-    """Options of a depth camera; docs/perception.md."""
+    """Options of the instrument `depth`; docs/perception.md."""
 
     #: Columns and rows of pixels, whole numbers. (>= 1 and <= 256)
     size: npt.ArrayLike
@@ -139,6 +139,39 @@ class Depth(TypedDict, total=False):
     freeze: float
     #: Standard deviation of the camera's mounting error about each body axis, sampled for each episode. (rad, >= 0 and
     #: <= 0.5)
+    misalignment: float
+
+
+class Lidar(TypedDict, total=False):
+    """Options of the instrument `lidar`; docs/perception.md."""
+
+    #: Count of beams, a whole number. (>= 1 and <= 4096)
+    beams: float
+    #: Angle that the beams divide evenly, centered on the axis ahead; 2 pi is a whole turn. (rad, > 0 and <= 2 pi)
+    field_of_view: float
+    #: The lidar in the body frame, whose origin is the ball's center; outside of the ball. (m, >= -10 and <= 10)
+    position: npt.ArrayLike
+    #: Angle of the ring's plane below the horizontal plane of the body, ahead of it. (rad, >= -1.5707963267948966 and
+    #: <= pi/2)
+    pitch: float
+    #: Angle of each beam below the ring's plane: the beams form a cone. (rad, >= -1.5707963267948966 and <= pi/2)
+    depression: float
+    #: 1: a gimbal keeps the lidar level and turns it with the heading; 0: it is fixed to the body. (>= 0 and <= 1)
+    stabilized: float
+    #: Smaller ranges read as this value. (m, >= 0.001 and <= 100)
+    min_range: float
+    #: Larger ranges, and beams that hit nothing, read as this value. (m, >= 0.01 and <= 100)
+    max_range: float
+    #: Turns in a second, held in between; 0: one at each control step, which is also the maximum. (Hz, >= 0 and <= 1e6)
+    rate: float
+    #: Age of a turn when it is read, a whole number of control steps; at most 100 of them. (s, >= 0 and <= 100)
+    latency: float
+    #: Standard deviation of the noise of a range. (m, >= 0 and <= 10)
+    noise: float
+    #: Fraction of the beams without an echo, which read as `max_range`. (>= 0 and <= 1)
+    dropout: float
+    #: Standard deviation of the lidar's mounting error about each axis, sampled for each episode. (rad, >= 0 and <=
+    #: 0.5)
     misalignment: float
 
 
@@ -172,11 +205,12 @@ class CommonOptions(TypedDict, total=False):
     #: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (exact, kugle, or
     #: FILE.toml)
     sensors: Sensors | str | PathLike[str] | None
-    #: A height scan of the ground, whose numbers follow the rows of the observation; None: none. docs/perception.md.
-    #: (options)
+    #: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (options)
     scan: Scan | None
-    #: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (options)
+    #: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (options)
     depth: Depth | None
+    #: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (options)
+    lidar: Lidar | None
     #: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (a level of the
     #: terrain, curriculum, or None)
     level: int | str | None

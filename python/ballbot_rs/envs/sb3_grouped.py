@@ -10,7 +10,7 @@ from ballbot_rs.envs.sb3 import BallbotVecEnv
 
 
 class GroupedVecEnv(VecEnvWrapper):
-    """A `BallbotVecEnv` whose observations are dicts: `state`, and `scan` and `depth` if the robots have them.
+    """A `BallbotVecEnv` whose observations are dicts: `state`, and the robots' instruments by name.
 
     `PPO("MultiInputPolicy", GroupedVecEnv(env))` learns from it.
     """

@@ -104,10 +104,12 @@ class BalanceEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -295,10 +297,12 @@ class VelocityEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -490,10 +494,12 @@ class GoalEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -699,10 +705,12 @@ class PathEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -879,10 +887,12 @@ class PushEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -1076,10 +1086,12 @@ class TerrainEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
@@ -1254,10 +1266,12 @@ class OpenBallBotEnv(BallbotEnv):
       docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
     - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
       exact, kugle, or FILE.toml)
-    - `scan`: A height scan of the ground, whose numbers follow the rows of the observation; None: none.
-      docs/perception.md. (default None; options)
-    - `depth`: A depth camera, whose numbers follow the numbers of the scan; None: none. docs/perception.md. (default
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
       None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
     - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
       None; a level of the terrain, curriculum, or None)
     - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the

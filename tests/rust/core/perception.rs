@@ -1,7 +1,8 @@
-//! Height scans and depth cameras against closed forms, and in environments.
+//! Instruments against closed forms, and in environments.
 
 mod batches;
 mod depth;
+mod lidar;
 mod scan;
 
 use crate::run::Run;

@@ -25,8 +25,11 @@ pub struct TerrainKind {
     pub doc: &'static str,
     /// Its parameters, first its own; a plane has no edges and no grid, and tiles determine theirs.
     pub parameters: fn() -> Vec<OptionDescription>,
-    generate: fn(u64, &[(&str, f64)]) -> Result<Terrain>,
+    generate: Generate,
 }
+
+/// Makes a terrain from a seed and parameters by name.
+type Generate = fn(u64, &[(&str, f64)]) -> Result<Terrain>;
 
 impl TerrainKind {
     /// All kinds.

@@ -2,7 +2,7 @@
 
 use super::batch::Batch;
 use crate::actuator::MotorOptions;
-use crate::perception::Perception;
+use crate::perception::{Channel, Perception, instrument_kind};
 use crate::sensor::Readings;
 use crate::sensor::SensorOptions;
 use ballbot_base::error::{Error, Result, check};
@@ -200,8 +200,7 @@ impl Batch {
         Ok(())
     }
 
-    /// Length of an observation: its rows, [`Batch::history`] times, then the readings of the height scan and the depth
-    /// camera.
+    /// Length of an observation: its rows, [`Batch::history`] times, then the readings of the instruments.
     pub fn observation_len(&self) -> usize {
         self.description.rows.len() * self.history + self.perception.as_ref().map_or(0, |seen| seen.width())
     }
@@ -211,14 +210,31 @@ impl Batch {
         self.perception.as_deref()
     }
 
-    /// Last readings of the height scan and the depth camera of one robot, m, unscaled; empty for instruments that it
-    /// does not have.
+    /// The instrument of a name.
     ///
     /// # Errors
-    /// As [`Batch::state`].
-    pub fn perceived(&self, index: usize) -> Result<[&[f32]; 2]> {
+    /// [`Error::UnknownName`] if there is no such instrument; [`Error::Inconsistent`] if the robots do not have it.
+    pub fn instrument(&self, name: &str) -> Result<&Channel> {
+        Ok(&self.channels()[self.channel(name)?])
+    }
+
+    /// Last reading of an instrument of one robot, unscaled.
+    ///
+    /// # Errors
+    /// As [`Batch::state`] and [`Batch::instrument`].
+    pub fn perceived(&self, index: usize, name: &str) -> Result<&[f32]> {
         let (chunk, i) = self.locate(index)?;
-        Ok(self.chunks[chunk].perceived(i))
+        Ok(self.chunks[chunk].perceived(i, self.channel(name)?))
+    }
+
+    fn channels(&self) -> &[Channel] {
+        self.perception().map_or(&[], Perception::channels)
+    }
+
+    fn channel(&self, name: &str) -> Result<usize> {
+        let missing = || Error::Inconsistent(format!("the robots have no {name}: make the environments with {name}"));
+        let found = self.channels().iter().position(|channel| channel.name() == name);
+        found.ok_or_else(|| instrument_kind(name).err().unwrap_or_else(missing))
     }
 
     /// How many of the last observations are given together.

@@ -7,7 +7,7 @@ use super::scalars::{Scalar, ScalarOption, env_config};
 use super::stage::CustomStage;
 use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
 use crate::control::default_max_torque;
-use crate::perception::{DepthOptions, Instrument, Perception, ScanOptions};
+use crate::perception::{Instruments, Perception};
 use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
 use crate::task::{Balance, RewardScales, Task, TaskDescription};
@@ -47,10 +47,8 @@ env_config! {
         pub actuators: MotorOptions = MotorOptions::default();
         /// The sensors of the robots; `None` for robots without sensors, which have no readings.
         pub sensors: Option<SensorOptions> = None;
-        /// The height scan, if the robots have one.
-        pub scan: Option<ScanOptions> = None;
-        /// The depth camera, if the robots have one.
-        pub depth: Option<DepthOptions> = None;
+        /// The instruments that observe the ground.
+        pub instruments: Instruments = Instruments::default();
         /// Levels of the tiles that episodes begin on, if the terrain has tiles.
         pub levels: Levels = Levels::default();
         /// Source of the rows of an observation.
@@ -107,11 +105,7 @@ impl<T: Task> EnvConfig<T> {
             let print = terrain.fingerprint();
             [print as u32, (print >> 32) as u32].map(f64::from)
         });
-        let numbers = numbers.chain(terrain);
-        let scan = self.scan.iter().flat_map(Instrument::numbers);
-        let seen = scan.chain(self.depth.iter().flat_map(Instrument::numbers)).chain([self.levels.number()]);
-        let seen: Vec<_> = seen.collect();
-        let numbers = numbers.chain(seen);
+        let numbers = numbers.chain(terrain).chain(self.instruments.numbers()).chain([self.levels.number()]);
         let added = self.stage.iter().flat_map(|stage| &stage.0.layout().terms).map(|term| term.scale);
         numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).chain(added).collect()
     }
@@ -176,8 +170,7 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// The errors of [`Perception::new`].
     pub fn perception(&self) -> Result<Option<Perception>> {
-        let (scan, depth) = (self.scan.as_ref(), self.depth.as_ref());
-        Perception::new(scan, depth, &self.params, self.control_dt, self.scale_observations)
+        Perception::new(&self.instruments, &self.params, self.control_dt, self.scale_observations)
     }
 
     /// The options of the stages before events.

@@ -8,15 +8,16 @@ use super::levels::Levels;
 use super::observation_source::Observation;
 use super::stage::CustomStage;
 use crate::actuator::MotorOptions;
-use crate::perception::{DepthOptions, ScanOptions};
+use crate::perception::Instruments;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
+use ballbot_base::registry::{Named, Registry};
 use ballbot_base::terrain::Terrain;
 use std::marker::PhantomData;
-use std::sync::{Arc, PoisonError, RwLock};
+use std::sync::Arc;
 
 /// The options of [`EnvConfig`] that are not single numbers: getter, setter and type.
 macro_rules! structured {
@@ -69,14 +70,11 @@ macro_rules! defined {
 pub trait TaskConfig: Send {
     structured!(declared);
 
-    /// Replaces the height scan.
-    fn set_scan(&mut self, scan: Option<ScanOptions>);
-    /// The height scan.
-    fn scan(&self) -> Option<&ScanOptions>;
-    /// Replaces the depth camera.
-    fn set_depth(&mut self, depth: Option<DepthOptions>);
-    /// The depth camera.
-    fn depth(&self) -> Option<&DepthOptions>;
+    /// The instruments.
+    fn instruments(&self) -> &Instruments;
+    /// The same, to be changed.
+    fn instruments_mut(&mut self) -> &mut Instruments;
+
     /// Sets an option by its name: a time step, a torque, a switch (0 or 1), or an option of the task.
     ///
     /// # Errors
@@ -106,6 +104,12 @@ pub trait TaskKind: Sync {
     fn config(&self) -> Box<dyn TaskConfig>;
 }
 
+impl Named for &'static dyn TaskKind {
+    fn name(&self) -> &'static str {
+        self.description().name
+    }
+}
+
 struct Kind<T>(PhantomData<fn() -> T>);
 
 impl<T: Task> TaskKind for Kind<T> {
@@ -132,26 +136,19 @@ static TASKS: [&dyn TaskKind; 7] = [
 /// Robots for tasks that are defined outside the core: not a task by itself, so it is not listed.
 static BARE: &dyn TaskKind = &Kind::<Bare>(PhantomData);
 
-/// The tasks of other crates.
-static REGISTERED: RwLock<Vec<&'static dyn TaskKind>> = RwLock::new(Vec::new());
+static REGISTRY: Registry<&dyn TaskKind> = Registry::new("task", &TASKS);
 
 /// Registers a task by its name, like the tasks of this crate; see the example of [`Task`].
 ///
 /// # Errors
 /// [`Error::Inconsistent`] if its name is taken.
 pub fn register_task<T: Task>() -> Result<()> {
-    if task_kinds().iter().any(|kind| kind.description().name == T::NAME) {
-        return Err(Error::Inconsistent(format!("there is a task '{}' already", T::NAME)));
-    }
-    let kind: &'static dyn TaskKind = Box::leak(Box::new(Kind::<T>(PhantomData)));
-    REGISTERED.write().unwrap_or_else(PoisonError::into_inner).push(kind);
-    Ok(())
+    REGISTRY.register(Box::leak(Box::new(Kind::<T>(PhantomData))))
 }
 
 /// All tasks.
 pub fn task_kinds() -> Vec<&'static dyn TaskKind> {
-    let registered = REGISTERED.read().unwrap_or_else(PoisonError::into_inner);
-    TASKS.into_iter().chain(registered.iter().copied()).collect()
+    REGISTRY.all()
 }
 
 /// A task by its name; `bare` is [`Bare`].
@@ -159,32 +156,18 @@ pub fn task_kinds() -> Vec<&'static dyn TaskKind> {
 /// # Errors
 /// [`Error::UnknownName`] if there is no such task.
 pub fn task_kind(name: &str) -> Result<&'static dyn TaskKind> {
-    if name == Bare::NAME {
-        return Ok(BARE);
-    }
-    let kinds = task_kinds();
-    let names: Vec<_> = kinds.iter().map(|kind| kind.description().name).collect();
-    let found = names.iter().position(|known| *known == name);
-    found.map(|i| kinds[i]).ok_or_else(|| Error::unknown("task", name, &names))
+    if name == Bare::NAME { Ok(BARE) } else { REGISTRY.find(name) }
 }
 
 impl<T: Task> TaskConfig for EnvConfig<T> {
     structured!(defined);
 
-    fn set_scan(&mut self, scan: Option<ScanOptions>) {
-        self.scan = scan;
+    fn instruments(&self) -> &Instruments {
+        &self.instruments
     }
 
-    fn scan(&self) -> Option<&ScanOptions> {
-        self.scan.as_ref()
-    }
-
-    fn set_depth(&mut self, depth: Option<DepthOptions>) {
-        self.depth = depth;
-    }
-
-    fn depth(&self) -> Option<&DepthOptions> {
-        self.depth.as_ref()
+    fn instruments_mut(&mut self) -> &mut Instruments {
+        &mut self.instruments
     }
 
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {

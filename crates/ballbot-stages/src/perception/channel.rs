@@ -1,47 +1,23 @@
 //! An instrument with its clock: pending samples, and the current reading.
 
 use super::clock::Clock;
-use super::options::Instrument;
+use super::instrument::{AnyInstrument, Instrument, Random, Reads, Sample};
 use super::view::View;
 use ballbot_base::error::Result;
-use ballbot_base::lanes::{Draws, Scalar};
 use ballbot_base::terrain::Terrain;
 use serde::{Deserialize, Serialize};
 
-/// A sensor that reads the ground.
-pub trait Reads {
-    /// Constants of an episode.
-    fn constants(&self, draws: &Draws<f64>) -> [f64; 3];
-
-    /// Reads from a view; for the `first` reading of an episode, `out` holds no older reading.
-    fn read(
-        &self,
-        view: &View,
-        terrain: Option<&Terrain>,
-        constants: &[f64; 3],
-        draws: &Draws<f64>,
-        first: bool,
-        out: &mut [f32],
-    );
-}
-
 /// Source of the random numbers of a robot's episode.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default)]
 pub struct Source {
     pub key: [u32; 2],
     pub episode: u32,
 }
 
-impl Source {
-    fn draws(&self, sample: u64) -> Draws<f64> {
-        Draws::new(Scalar, self.key.map(f64::from), f64::from(self.episode), sample as f64)
-    }
-}
-
 /// Memory of an instrument for a robot.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Reading {
-    /// The last reading, m.
+    /// The last reading.
     pub values: Vec<f32>,
     /// Views of the pending samples.
     views: Vec<View>,
@@ -60,52 +36,77 @@ impl Reading {
 }
 
 /// An instrument of all robots of a batch.
-#[derive(Clone, Debug)]
-pub struct Channel<I> {
-    instrument: I,
+#[derive(Debug)]
+pub struct Channel {
+    name: &'static str,
+    /// Its place among all instruments.
+    index: u32,
+    reader: Box<dyn Reads>,
     clock: Clock,
-    /// Rows and columns of a reading.
-    shape: [usize; 2],
-    /// Factor from m to the numbers of an observation.
+    shape: Vec<usize>,
+    /// Factor from a reading to the numbers of an observation.
     gain: f32,
 }
 
-impl<I: Reads> Channel<I> {
-    pub fn new<O: Instrument>(options: &O, make: impl Fn(&O) -> I, gain: f32, control_dt: f64) -> Result<Self> {
-        options.validate()?;
-        Ok(Self { instrument: make(options), clock: options.clock(control_dt)?, shape: options.shape(), gain })
+impl Channel {
+    pub(super) fn new<I: Instrument>(instrument: &I, index: u32, control_dt: f64, scaled: bool) -> Result<Self> {
+        let [rate, latency] = instrument.timing();
+        Ok(Self {
+            name: I::NAME,
+            index,
+            reader: instrument.reader(),
+            clock: Clock::new(rate, latency, control_dt).map_err(|error| error.of_option(I::NAME))?,
+            shape: instrument.shape(),
+            gain: instrument.range().gain(scaled),
+        })
     }
 
-    pub fn len(&self) -> usize {
-        self.shape[0] * self.shape[1]
+    /// Name of the instrument.
+    pub fn name(&self) -> &'static str {
+        self.name
     }
 
-    pub fn shape(&self) -> [usize; 2] {
-        self.shape
+    /// Count of numbers of a reading.
+    pub fn width(&self) -> usize {
+        self.shape.iter().product()
     }
 
-    pub fn bytes(&self) -> usize {
-        self.len() * size_of::<f32>() + self.clock.slots() * size_of::<View>()
+    /// Lengths of a reading, the slowest index first.
+    pub fn shape(&self) -> &[usize] {
+        &self.shape
     }
 
-    pub fn nothing(&self) -> Reading {
-        Reading { values: vec![0.0; self.len()], views: vec![View::default(); self.clock.slots()], constants: [0.0; 3] }
+    pub(super) fn bytes(&self) -> usize {
+        self.width() * size_of::<f32>() + self.clock.slots() * size_of::<View>()
+    }
+
+    pub(super) fn nothing(&self) -> Reading {
+        Reading {
+            values: vec![0.0; self.width()],
+            views: vec![View::default(); self.clock.slots()],
+            constants: [0.0; 3],
+        }
+    }
+
+    fn random(&self, source: &Source, sample: u64) -> Random {
+        Random::new(source.key, source.episode, sample, self.index)
     }
 
     /// Samples the constants of the episode.
-    pub fn fix(&self, reading: &mut Reading, source: &Source) {
-        reading.constants = self.instrument.constants(&source.draws(0));
+    pub(super) fn fix(&self, reading: &mut Reading, source: &Source) {
+        reading.constants = self.reader.constants(&self.random(source, 0));
     }
 
     /// Reads at the start of an episode.
-    pub fn begin(&self, reading: &mut Reading, view: &View, terrain: Option<&Terrain>, source: &Source) {
+    pub(super) fn begin(&self, reading: &mut Reading, view: &View, terrain: Option<&Terrain>, source: &Source) {
         reading.views.fill(*view);
         let Reading { values, constants, .. } = reading;
-        self.instrument.read(view, terrain, constants, &source.draws(0), true, values);
+        let random = &self.random(source, 0);
+        self.reader.read(&Sample { view, terrain, constants, random, is_first: true }, values);
     }
 
     /// Takes the samples and readings that are due.
-    pub fn step(
+    pub(super) fn step(
         &self,
         reading: &mut Reading,
         step: u64,
@@ -121,12 +122,13 @@ impl<I: Reads> Channel<I> {
             let view = &views[self.clock.slot(sample)];
             // A diverged state ends its episode; no view is taken from it.
             if view.is_finite() {
-                self.instrument.read(view, terrain, constants, &source.draws(sample), false, values);
+                let random = &self.random(source, sample);
+                self.reader.read(&Sample { view, terrain, constants, random, is_first: false }, values);
             }
         }
     }
 
-    pub fn write(&self, reading: &Reading, out: &mut [f32]) {
+    pub(super) fn write(&self, reading: &Reading, out: &mut [f32]) {
         for (out, value) in out.iter_mut().zip(&reading.values) {
             *out = value * self.gain;
         }

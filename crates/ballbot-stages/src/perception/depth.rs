@@ -1,25 +1,94 @@
 //! The depth camera: distances to ground and ball along the optical axis of a camera on the body.
 
-use super::channel::Reads;
-use super::options::DepthOptions;
-use super::view::View;
-use ballbot_base::lanes::{Draws, run_one};
-use ballbot_base::terrain::{PLACES, Rays, Terrain, each};
+use super::instrument::{Instrument, Random, Range, Reads, Sample};
+use super::rays::{require_outside_ball, to_ground, to_sphere};
+use ballbot_base::error::{Result, check};
+use ballbot_base::fields;
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::run_one;
+use ballbot_base::params::Params;
+use ballbot_base::terrain::{PLACES, Rays, Terrain};
 use nalgebra::{Matrix3, Rotation3, Vector3};
-
-/// Height above the ground at which a ray follows the tangent there, m.
-const MET: f64 = 1e-4;
+use std::f64::consts::{FRAC_PI_2, PI};
 
 /// Block of random numbers of the mounting and of frozen pictures, and first blocks of noise and holes: four pixels
 /// share a block.
-const MOUNTING: u32 = 3 << 20;
-const FREEZE: u32 = (3 << 20) + 1;
-const NOISE: u32 = 4 << 20;
-const HOLES: u32 = 5 << 20;
+const MOUNTING: u32 = 0;
+const FREEZE: u32 = 1;
+const NOISE: u32 = 1 << 20;
+const HOLES: u32 = 2 << 20;
+
+fields! {
+    /// A camera on the body that reads distances along its optical axis. SI units and radians.
+    pub struct DepthOptions {
+        /// Columns and rows of pixels, whole numbers.
+        pub size: [f64; 2] = [32.0, 24.0], "", Limit::from(1.0).to(256.0);
+        /// Angle between the upper and the lower edge of the picture; pixels are square.
+        pub field_of_view: f64 = 1.0, "rad", Limit::above(0.0).below(PI);
+        /// The camera in the body frame, whose origin is the ball's center; outside of the ball.
+        pub position: [f64; 3] = [0.2, 0.0, 0.3], "m", Limit::from(-10.0).to(10.0);
+        /// Angle of the optical axis below the horizontal plane of the body.
+        pub pitch: f64 = 0.6, "rad", Limit::from(-FRAC_PI_2).to(FRAC_PI_2);
+        /// Angle of the optical axis from body x towards body y.
+        pub yaw: f64 = 0.0, "rad", Limit::from(-PI).to(PI);
+        /// Smaller depths read as this value.
+        pub near: f64 = 0.05, "m", Limit::from(1e-3).to(100.0);
+        /// Larger depths, and pixels without a surface, read as this value.
+        pub far: f64 = 3.0, "m", Limit::from(1e-2).to(100.0);
+        /// Pictures in a second, held in between; 0: one at each control step, which is also the maximum.
+        pub rate: f64 = 25.0, "Hz", Limit::from(0.0).to(1e6);
+        /// Age of a picture when it is read, a whole number of control steps; at most 100 of them.
+        pub latency: f64 = 0.0, "s", Limit::from(0.0).to(100.0);
+        /// Standard deviation of the noise of a pixel: the first number, m, and the second, 1/m, times its squared depth.
+        pub noise: [f64; 2] = [0.0; 2], "", Limit::from(0.0).to(10.0);
+        /// Fraction of the pixels that are holes, which read as `far`.
+        pub dropout: f64 = 0.0, "", Limit::from(0.0).to(1.0);
+        /// Fraction of the pictures that are dropped; the previous picture stays.
+        pub freeze: f64 = 0.0, "", Limit::from(0.0).to(1.0);
+        /// Standard deviation of the camera's mounting error about each body axis, sampled for each episode.
+        pub misalignment: f64 = 0.0, "rad", Limit::from(0.0).to(0.5);
+    }
+}
+
+impl Instrument for DepthOptions {
+    const NAME: &'static str = "depth";
+    const KIND: &'static str = "option of depth";
+    const TITLE: &'static str = "Depth camera";
+    const ABOUT: &'static str = "\
+A pinhole camera on the body. A pixel reads the distance along the optical axis (not along its ray) of the first object
+that the ray through its center hits: the ground or the robot's own ball. Anything nearer than `near` reads as `near`;
+anything farther than `far`, and the sky, as `far`. Beyond the edges of a terrain there is nothing. The robot's body and
+wheels are not in the image. A reading has the rows of the picture from the top, each from the left. Scaled observations
+are fractions of `far`.";
+
+    fn lengths(&self) -> (&'static str, &[f64]) {
+        ("size", &self.size)
+    }
+
+    fn timing(&self) -> [f64; 2] {
+        [self.rate, self.latency]
+    }
+
+    fn range(&self) -> Range {
+        Range { low: 0.0, high: self.far, typical: self.far }
+    }
+
+    fn check_options(&self) -> Result<()> {
+        check("near", self.near, format_args!("below far = {} m", self.far), |near| near < self.far).map(drop)
+    }
+
+    fn check_robot(&self, params: &Params) -> Result<()> {
+        require_outside_ball("depth.position", &self.position, params)
+    }
+
+    fn reader(&self) -> Box<dyn Reads> {
+        Box::new(Depth::new(self))
+    }
+}
 
 /// A depth camera.
 #[derive(Clone, Debug)]
-pub struct Depth {
+struct Depth {
     options: DepthOptions,
     columns: usize,
     /// Directions to the right, up and forward, columns, in the body frame.
@@ -31,7 +100,7 @@ pub struct Depth {
 }
 
 impl Depth {
-    pub fn new(options: &DepthOptions) -> Self {
+    fn new(options: &DepthOptions) -> Self {
         let [columns, rows] = options.size;
         let pitch = 2.0 * (0.5 * options.field_of_view).tan() / rows;
         let (sin, cos) = options.pitch.sin_cos();
@@ -49,26 +118,19 @@ impl Depth {
 
 impl Reads for Depth {
     /// Constants of an episode: the rotation vector of the mounting, rad.
-    fn constants(&self, draws: &Draws<f64>) -> [f64; 3] {
+    fn constants(&self, random: &Random) -> [f64; 3] {
         if self.options.misalignment == 0.0 {
             return [0.0; 3];
         }
-        let [x, y, z, _] = draws.normals(MOUNTING);
+        let [x, y, z, _] = random.normals(MOUNTING);
         [x, y, z].map(|angle| angle * self.options.misalignment)
     }
 
     /// Writes the depth of each pixel, m, rows from the top, each from the left.
-    fn read(
-        &self,
-        view: &View,
-        terrain: Option<&Terrain>,
-        mounting: &[f64; 3],
-        draws: &Draws<f64>,
-        first: bool,
-        out: &mut [f32],
-    ) {
+    fn read(&self, sample: &Sample, out: &mut [f32]) {
+        let Sample { view, terrain, constants: mounting, random, is_first } = *sample;
         let DepthOptions { near, far, freeze, .. } = self.options;
-        if freeze > 0.0 && !first && draws.units(FREEZE)[0] < freeze {
+        if freeze > 0.0 && !is_first && random.units(FREEZE)[0] < freeze {
             return;
         }
         let attitude = view.rotation();
@@ -103,15 +165,12 @@ impl Reads for Depth {
                             let course = Course::of(&ray);
                             rays.from[i] = course.clear_share(&lower[i], steepest);
                             lower[i] = course;
-                            rays.limit[i] = match entry(&arm, &ray, outside) {
+                            rays.limit[i] = match to_sphere(&arm, &ray, outside) {
                                 Some(share) if share < far => share,
                                 _ => far,
                             };
                         }
-                        let met = match terrain {
-                            Some(terrain) => terrain.meet(&eye, &rays, MET),
-                            None => level(&eye, &rays),
-                        };
+                        let met = to_ground(terrain, &eye, &rays);
                         let pixels = &mut out[row * self.columns..][columns.clone()];
                         for (i, pixel) in pixels.iter_mut().enumerate() {
                             let share = met[i].min(rays.limit[i]);
@@ -123,16 +182,16 @@ impl Reads for Depth {
                 }
             },
         );
-        self.add_errors(draws, out);
+        self.add_errors(random, out);
     }
 }
 
 impl Depth {
-    fn add_errors(&self, draws: &Draws<f64>, out: &mut [f32]) {
+    fn add_errors(&self, random: &Random, out: &mut [f32]) {
         let DepthOptions { near, far, noise: [constant, growing], dropout, .. } = self.options;
         if constant > 0.0 || growing > 0.0 {
             for (block, pixels) in out.chunks_mut(4).enumerate() {
-                for (pixel, normal) in pixels.iter_mut().zip(draws.normals(NOISE + block as u32)) {
+                for (pixel, normal) in pixels.iter_mut().zip(random.normals(NOISE + block as u32)) {
                     let depth = f64::from(*pixel);
                     // Nothing is measured beyond this.
                     if depth < far {
@@ -144,7 +203,7 @@ impl Depth {
         }
         if dropout > 0.0 {
             for (block, pixels) in out.chunks_mut(4).enumerate() {
-                for (pixel, unit) in pixels.iter_mut().zip(draws.units(HOLES + block as u32)) {
+                for (pixel, unit) in pixels.iter_mut().zip(random.units(HOLES + block as u32)) {
                     if unit < dropout {
                         *pixel = far as f32;
                     }
@@ -183,27 +242,4 @@ impl Course {
         let is_above = above > 0.0 && above * above > aside && lower.shares > 0.0;
         if is_above { lower.clear * self.shares } else { 0.0 }
     }
-}
-
-/// Intersections of rays with level ground.
-#[inline(always)]
-fn level<const N: usize>(eye: &Vector3<f64>, rays: &Rays<N>) -> [f64; N] {
-    each(
-        #[inline(always)]
-        |i| match rays.direction[2][i] {
-            _ if eye.z < 0.0 => 0.0,
-            z if z < 0.0 => -eye.z / z,
-            _ => f64::INFINITY,
-        },
-    )
-}
-
-/// The parameter of `ray` at which it enters a sphere whose center is at −`arm` from its origin; `outside` is the
-/// squared length of the arm minus the squared radius, positive.
-#[inline(always)]
-fn entry(arm: &Vector3<f64>, ray: &Vector3<f64>, outside: f64) -> Option<f64> {
-    let towards = -arm.dot(ray);
-    let length = ray.norm_squared();
-    let root = towards * towards - length * outside;
-    if towards > 0.0 && outside > 0.0 && root >= 0.0 { Some((towards - root.sqrt()) / length) } else { None }
 }

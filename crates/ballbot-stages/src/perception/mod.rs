@@ -1,155 +1,110 @@
-//! Perception of the ground: a height scan and a depth camera.
+//! Perception of the ground: instruments that observe the terrain that models roll on.
 //!
-//! Both observe the terrain that models roll on. A reading is a row of numbers in a robot's observation, after the rows
-//! of its task.
+//! A reading is a part of a robot's observation, after the rows of its task.
 
 mod channel;
 pub mod clock;
 mod depth;
-mod options;
+mod instrument;
+mod kinds;
+mod lidar;
+mod rays;
 mod scan;
 mod view;
 
-pub use channel::Reading;
-pub use options::{DepthOptions, Instrument, ScanOptions};
+pub use channel::{Channel, Reading};
+pub use depth::DepthOptions;
+pub use instrument::{AnyInstrument, Instrument, Random, Range, Reads, Sample};
+pub use kinds::{InstrumentKind, Instruments, instrument_kind, instrument_kinds, register_instrument};
+pub use lidar::LidarOptions;
+pub use scan::ScanOptions;
 pub use view::View;
 
-use ballbot_base::error::{Result, check};
+use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
 use ballbot_base::terrain::Terrain;
-use channel::{Channel, Source};
-use depth::Depth;
-use scan::Scan;
+use channel::Source;
 
 /// The instruments of all robots of a batch.
-#[derive(Clone, Debug)]
+#[derive(Debug)]
 pub struct Perception {
-    scan: Option<Channel<Scan>>,
-    depth: Option<Channel<Depth>>,
+    channels: Vec<Channel>,
 }
 
 /// The readings of one robot.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Seen {
-    /// Reading of the height scan; empty without a scan.
-    pub scan: Reading,
-    /// Reading of the depth camera; empty without a camera.
-    pub depth: Reading,
-    key: [u32; 2],
-    episode: u32,
+    /// A reading of each instrument.
+    pub readings: Vec<Reading>,
+    source: Source,
 }
 
 impl Perception {
     /// Instruments that are read every `control_dt`, s. Numbers of observations are scaled if `scaled`; otherwise they are
-    /// in m. `None` without instruments.
+    /// in their units. `None` without instruments.
     ///
     /// # Errors
-    /// The errors of [`Instrument::validate`] and [`Instrument::clock`]; [`ballbot_base::Error::OutOfRange`] for a
-    /// camera inside the ball.
-    pub fn new(
-        scan: Option<&ScanOptions>,
-        depth: Option<&DepthOptions>,
-        params: &Params,
-        control_dt: f64,
-        scaled: bool,
-    ) -> Result<Option<Self>> {
-        let scan = scan.map(|options| {
-            let gain = if scaled { 1.0 / scan::TYPICAL } else { 1.0 };
-            Channel::new(options, Scan::new, gain, control_dt)
-        });
-        let depth = depth.map(|options| {
-            let distance = options.position.iter().map(|part| part * part).sum::<f64>().sqrt();
-            let words = format_args!("above ball_radius = {} m: the camera is outside of the ball", params.ball_radius);
-            check("distance of depth.position from the ball's center", distance, words, |d| d > params.ball_radius)?;
-            let gain = if scaled { (1.0 / options.far) as f32 } else { 1.0 };
-            Channel::new(options, Depth::new, gain, control_dt)
-        });
-        let (scan, depth) = (scan.transpose()?, depth.transpose()?);
-        Ok((scan.is_some() || depth.is_some()).then_some(Self { scan, depth }))
+    /// The errors of [`AnyInstrument::channel`]; [`Error::UnknownName`] for an instrument that is not registered.
+    pub fn new(instruments: &Instruments, params: &Params, control_dt: f64, scaled: bool) -> Result<Option<Self>> {
+        let names: Vec<_> = instrument_kinds().iter().map(|kind| kind.name).collect();
+        let channel = |instrument: &dyn AnyInstrument| {
+            let place = names.iter().position(|name| *name == instrument.name());
+            let index = place.ok_or_else(|| Error::unknown("instrument", instrument.name(), &names))?;
+            instrument.channel(index as u32, params, control_dt, scaled)
+        };
+        let channels = instruments.iter().map(channel).collect::<Result<Vec<_>>>()?;
+        Ok((!channels.is_empty()).then_some(Self { channels }))
+    }
+
+    /// The instruments, in the order of their numbers in an observation.
+    pub fn channels(&self) -> &[Channel] {
+        &self.channels
     }
 
     /// Count of numbers that it adds to an observation.
     pub fn width(&self) -> usize {
-        self.scan_len() + self.depth_len()
-    }
-
-    /// Count of numbers of the height scan; they come first.
-    pub fn scan_len(&self) -> usize {
-        self.scan.as_ref().map_or(0, Channel::len)
-    }
-
-    /// Count of numbers of the depth camera.
-    pub fn depth_len(&self) -> usize {
-        self.depth.as_ref().map_or(0, Channel::len)
-    }
-
-    /// Rows and columns of a reading of the height scan: heading y and x.
-    pub fn scan_shape(&self) -> Option<[usize; 2]> {
-        self.scan.as_ref().map(Channel::shape)
-    }
-
-    /// Rows and columns of a picture of the depth camera.
-    pub fn depth_shape(&self) -> Option<[usize; 2]> {
-        self.depth.as_ref().map(Channel::shape)
+        self.channels.iter().map(Channel::width).sum()
     }
 
     /// Approximate memory for each robot, bytes.
     pub fn bytes(&self) -> usize {
-        self.scan.as_ref().map_or(0, Channel::bytes) + self.depth.as_ref().map_or(0, Channel::bytes)
+        self.channels.iter().map(Channel::bytes).sum()
     }
 
     /// The readings of a robot before its first episode: zeros.
     pub fn nothing(&self) -> Seen {
-        Seen {
-            scan: self.scan.as_ref().map_or_else(Reading::default, Channel::nothing),
-            depth: self.depth.as_ref().map_or_else(Reading::default, Channel::nothing),
-            ..Seen::default()
-        }
+        Seen { readings: self.channels.iter().map(Channel::nothing).collect(), source: Source::default() }
     }
 
     /// Begins an episode under the key of a robot's random numbers, and reads for the first time.
     pub fn begin(&self, seen: &mut Seen, key: [u32; 2], episode: u32, view: &View, terrain: Option<&Terrain>) {
-        let source = self.restore(seen, key, episode);
-        if let Some(scan) = &self.scan {
-            scan.begin(&mut seen.scan, view, terrain, &source);
-        }
-        if let Some(depth) = &self.depth {
-            depth.begin(&mut seen.depth, view, terrain, &source);
+        self.restore(seen, key, episode);
+        for (channel, reading) in self.channels.iter().zip(&mut seen.readings) {
+            channel.begin(reading, view, terrain, &seen.source);
         }
     }
 
     /// Continues an episode whose readings were restored.
-    pub fn restore(&self, seen: &mut Seen, key: [u32; 2], episode: u32) -> Source {
-        (seen.key, seen.episode) = (key, episode);
-        let source = Source { key, episode };
-        if let Some(scan) = &self.scan {
-            scan.fix(&mut seen.scan, &source);
+    pub fn restore(&self, seen: &mut Seen, key: [u32; 2], episode: u32) {
+        seen.source = Source { key, episode };
+        for (channel, reading) in self.channels.iter().zip(&mut seen.readings) {
+            channel.fix(reading, &seen.source);
         }
-        if let Some(depth) = &self.depth {
-            depth.fix(&mut seen.depth, &source);
-        }
-        source
     }
 
     /// Takes the samples and readings that are due at a step of the episode.
     pub fn step(&self, seen: &mut Seen, step: u64, view: &dyn Fn() -> View, terrain: Option<&Terrain>) {
-        let source = Source { key: seen.key, episode: seen.episode };
-        if let Some(scan) = &self.scan {
-            scan.step(&mut seen.scan, step, view, terrain, &source);
-        }
-        if let Some(depth) = &self.depth {
-            depth.step(&mut seen.depth, step, view, terrain, &source);
+        for (channel, reading) in self.channels.iter().zip(&mut seen.readings) {
+            channel.step(reading, step, view, terrain, &seen.source);
         }
     }
 
     /// Writes the readings in the form of an observation.
-    pub fn write(&self, seen: &Seen, out: &mut [f32]) {
-        let (heights, depths) = out.split_at_mut(self.scan_len());
-        if let Some(scan) = &self.scan {
-            scan.write(&seen.scan, heights);
-        }
-        if let Some(depth) = &self.depth {
-            depth.write(&seen.depth, depths);
+    pub fn write(&self, seen: &Seen, mut out: &mut [f32]) {
+        for (channel, reading) in self.channels.iter().zip(&seen.readings) {
+            let (part, rest) = out.split_at_mut(channel.width());
+            channel.write(reading, part);
+            out = rest;
         }
     }
 }

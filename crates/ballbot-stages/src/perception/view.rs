@@ -29,12 +29,14 @@ impl View {
         self.ball.iter().chain(&self.attitude).all(|number| number.is_finite()) && self.ball_radius.is_finite()
     }
 
-    pub(super) fn quaternion(&self) -> Quat<f64> {
+    /// Attitude of the body.
+    pub fn quaternion(&self) -> Quat<f64> {
         let [w, x, y, z] = self.attitude;
         Quat { w, v: Vec3::new(x, y, z) }
     }
 
-    pub(super) fn rotation(&self) -> Rotation3<f64> {
+    /// The same as a matrix, from the body frame to the inertial frame.
+    pub fn rotation(&self) -> Rotation3<f64> {
         let [w, x, y, z] = self.attitude;
         UnitQuaternion::new_normalize(Quaternion::new(w, x, y, z)).to_rotation_matrix()
     }

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded
-from ballbot_rs._core import TASKS, Params
+from ballbot_rs._core import INSTRUMENTS, TASKS, Params
 from ballbot_rs.control.reference import RATE, Reference
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import PARTS, Setpoint
@@ -374,7 +374,7 @@ def objective_of(
         ValueError: a controller that does not fit the robot or the task.
     """
     if task == DEFAULT_TASK:
-        for name in ("scan", "depth", "rows"):
+        for name in (*INSTRUMENTS, "rows"):
             if controller.env_options.get(name) is not None:
                 raise ValueError(f"{controller.name} was trained with {name}, which the page does not have for {task}")
         return Balancing(controller, params, num_robots)

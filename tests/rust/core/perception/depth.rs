@@ -75,13 +75,13 @@ fn pictures_are_those_of_planes_and_of_the_ball() {
         let plane = Arc::new(Terrain::plane(slope, 2.1).unwrap());
         let terrain = (slope > 0.0).then_some(&plane);
         let mut config = bare(terrain);
-        config.set_depth(Some(options.clone()));
+        config.instruments_mut().set(Arc::new(options.clone()));
         let mut run = begun(&*config, &standing(terrain, [0.3, 0.1], -0.8, [0.04, -0.03]));
         let (mut of_ball, mut of_sky) = (0, 0);
         for k in 0..20 {
             let state = run.batch.state(0).unwrap();
             let (eye, rays) = rays(&state, &options);
-            for (pixel, (ray, read)) in rays.iter().zip(run.batch.perceived(0).unwrap()[1]).enumerate() {
+            for (pixel, (ray, read)) in rays.iter().zip(run.batch.perceived(0, "depth").unwrap()).enumerate() {
                 let normal = plane.normal(0.0, 0.0);
                 let closing = -normal.dot(ray);
                 let ground = if closing > 0.0 { normal.dot(&eye) / closing } else { f64::INFINITY };
@@ -102,13 +102,13 @@ fn pictures_of_hills_are_those_of_small_steps_along_each_ray() {
     let terrain = hills();
     let options = DepthOptions { size: [20.0, 15.0], pitch: 0.35, field_of_view: 1.2, rate: 0.0, ..Default::default() };
     let mut config = bare(Some(&terrain));
-    config.set_depth(Some(options.clone()));
+    config.instruments_mut().set(Arc::new(options.clone()));
     for (place, yaw) in [([0.0, 0.0], 0.3), ([1.2, -1.5], 2.0), ([-2.5, 2.2], -2.4)] {
         let run = begun(&*config, &standing(Some(&terrain), place, yaw, [0.03, 0.1]));
         let state = run.batch.state(0).unwrap();
         let (eye, rays) = rays(&state, &options);
         let edges = terrain.half_size();
-        for (pixel, (ray, read)) in rays.iter().zip(run.batch.perceived(0).unwrap()[1]).enumerate() {
+        for (pixel, (ray, read)) in rays.iter().zip(run.batch.perceived(0, "depth").unwrap()).enumerate() {
             let ground = to_ground(&eye, ray, &terrain, options.far);
             let at = eye + ray * ground;
             if at.x.abs() > edges[0] || at.y.abs() > edges[1] {
@@ -124,11 +124,11 @@ fn pictures_of_hills_are_those_of_small_steps_along_each_ray() {
 fn errors_of_pictures_are_those_that_were_asked_for() {
     let read = |options: DepthOptions| {
         let mut config = bare(None);
-        config.set_depth(Some(DepthOptions { size: [64.0, 48.0], rate: 0.0, far: 2.0, ..options }));
+        config.instruments_mut().set(Arc::new(DepthOptions { size: [64.0, 48.0], rate: 0.0, far: 2.0, ..options }));
         let mut run = begun(&*config, &standing(None, [0.0; 2], 0.0, [0.0; 2]));
-        let first = run.batch.perceived(0).unwrap()[1].to_vec();
+        let first = run.batch.perceived(0, "depth").unwrap().to_vec();
         run.step(&[0.0; 3]).unwrap();
-        (first, run.batch.perceived(0).unwrap()[1].to_vec())
+        (first, run.batch.perceived(0, "depth").unwrap().to_vec())
     };
     let (exact, still) = read(DepthOptions::default());
     assert!(exact.iter().zip(&still).all(|(a, b)| (a - b).abs() < 1e-3));

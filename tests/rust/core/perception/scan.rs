@@ -39,12 +39,12 @@ fn scans_are_the_heights_at_the_points_of_the_grid() {
     for terrain in [None, Some(&plane), Some(&hills())] {
         for yaw in [0.0, 1.3, -2.6] {
             let mut config = bare(terrain);
-            config.set_scan(Some(options.clone()));
+            config.instruments_mut().set(Arc::new(options.clone()));
             let start = standing(terrain, [0.4, -0.7], yaw, [0.02, 0.05]);
             let mut run = begun(&*config, &start);
             for k in 0..30 {
                 let state = run.batch.state(0).unwrap();
-                let read = run.batch.perceived(0).unwrap()[0].to_vec();
+                let read = run.batch.perceived(0, "scan").unwrap().to_vec();
                 assert_close(&read, &expected(&state, terrain.map(|terrain| &**terrain), &options));
                 assert_eq!(run.observations[run.observations.len() - 28..], read);
                 drive(&mut run, k);
@@ -56,14 +56,14 @@ fn scans_are_the_heights_at_the_points_of_the_grid() {
 #[test]
 fn level_ground_reads_zero_and_far_ground_the_bound() {
     let mut config = bare(None);
-    config.set_scan(Some(ScanOptions::default()));
+    config.instruments_mut().set(Arc::new(ScanOptions::default()));
     let run = begun(&*config, &standing(None, [3.0, 1.0], 0.4, [0.0; 2]));
-    assert!(run.batch.perceived(0).unwrap()[0].iter().all(|height| height.abs() < 1e-7));
+    assert!(run.batch.perceived(0, "scan").unwrap().iter().all(|height| height.abs() < 1e-7));
     let steep = Arc::new(Terrain::plane(0.3, 0.0).unwrap());
     let mut config = bare(Some(&steep));
-    config.set_scan(Some(ScanOptions { points: [3.0, 1.0], spacing: 6.0, ..Default::default() }));
+    config.instruments_mut().set(Arc::new(ScanOptions { points: [3.0, 1.0], spacing: 6.0, ..Default::default() }));
     let run = begun(&*config, &standing(Some(&steep), [0.0; 2], 0.0, [0.0; 2]));
-    let [below, _, above] = run.batch.perceived(0).unwrap()[0] else { panic!("three points") };
+    let [below, _, above] = run.batch.perceived(0, "scan").unwrap() else { panic!("three points") };
     assert_eq!([*below, *above], [1.0, -1.0]);
 }
 
@@ -73,12 +73,12 @@ fn scans_are_held_between_samples_and_read_late() {
     // A sample every 4 control steps, read 6 later.
     let options = ScanOptions { points: [3.0, 3.0], rate: 25.0, latency: 0.06, ..Default::default() };
     let mut config = bare(Some(&terrain));
-    config.set_scan(Some(options.clone()));
+    config.instruments_mut().set(Arc::new(options.clone()));
     let mut run = begun(&*config, &standing(Some(&terrain), [0.1, 0.2], 0.5, [0.02, 0.0]));
     let mut states = vec![run.batch.state(0).unwrap()];
     for k in 0..40_usize {
         let sample = k.saturating_sub(6) / 4 * 4;
-        assert_close(run.batch.perceived(0).unwrap()[0], &expected(&states[sample], Some(&terrain), &options));
+        assert_close(run.batch.perceived(0, "scan").unwrap(), &expected(&states[sample], Some(&terrain), &options));
         run.step(&[0.0; 3]).unwrap();
         assert!(!run.terminated[0]);
         states.push(run.batch.state(0).unwrap());
@@ -89,11 +89,11 @@ fn scans_are_held_between_samples_and_read_late() {
 fn errors_have_the_size_that_they_are_given() {
     let read = |options: ScanOptions| {
         let mut config = bare(None);
-        config.set_scan(Some(ScanOptions { points: [64.0, 64.0], rate: 0.0, ..options }));
+        config.instruments_mut().set(Arc::new(ScanOptions { points: [64.0, 64.0], rate: 0.0, ..options }));
         let mut run = begun(&*config, &standing(None, [0.0; 2], 0.0, [0.0; 2]));
-        let first = run.batch.perceived(0).unwrap()[0].to_vec();
+        let first = run.batch.perceived(0, "scan").unwrap().to_vec();
         run.step(&[0.0; 3]).unwrap();
-        (first, run.batch.perceived(0).unwrap()[0].to_vec())
+        (first, run.batch.perceived(0, "scan").unwrap().to_vec())
     };
     let deviation = |values: &[f32]| {
         let square: f64 = values.iter().map(|value| f64::from(*value).powi(2)).sum();
@@ -115,13 +115,18 @@ fn errors_have_the_size_that_they_are_given() {
 fn a_drift_moves_the_grid() {
     let plane = Arc::new(Terrain::plane(0.2, 0.0).unwrap());
     let mut config = bare(Some(&plane));
-    config.set_scan(Some(ScanOptions { points: [1.0, 1.0], rate: 0.0, drift: [0.05, 0.0], ..Default::default() }));
+    config.instruments_mut().set(Arc::new(ScanOptions {
+        points: [1.0, 1.0],
+        rate: 0.0,
+        drift: [0.05, 0.0],
+        ..Default::default()
+    }));
     let run = super::made(&*config, 256, 1);
     let mut squares = 0.0;
     for i in 0..256 {
         let state = run.batch.state(i).unwrap();
         let exact = state.ball_position.z - Params::paper().ball_radius - plane.height(state.ball_position.x, 0.0);
-        squares += ((f64::from(run.batch.perceived(i).unwrap()[0][0]) - exact) / 0.2_f64.tan()).powi(2);
+        squares += ((f64::from(run.batch.perceived(i, "scan").unwrap()[0]) - exact) / 0.2_f64.tan()).powi(2);
     }
     assert!(((squares / 256.0).sqrt() - 0.05).abs() < 0.008, "{}", (squares / 256.0).sqrt());
 }

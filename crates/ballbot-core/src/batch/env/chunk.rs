@@ -68,8 +68,8 @@ pub trait Chunk: Send + Sync {
     /// Writes the last observation.
     fn observation(&self, i: usize, out: &mut [f32]);
 
-    /// Last readings of the height scan and the depth camera, m.
-    fn perceived(&self, i: usize) -> [&[f32]; 2];
+    /// Last reading of an instrument that the robot has, by its place among them.
+    fn perceived(&self, i: usize, place: usize) -> &[f32];
 
     /// Level of the tile of the current episode.
     fn level(&self, i: usize) -> usize;

@@ -510,8 +510,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.ledger.episode.limit.set(i, steps.clamp(1, self.config.max_episode_steps) as f64);
     }
 
-    fn perceived(&self, i: usize) -> [&[f32]; 2] {
-        self.sight.as_ref().map_or([&[]; 2], |sight| [&sight.seen[i].scan.values, &sight.seen[i].depth.values])
+    fn perceived(&self, i: usize, place: usize) -> &[f32] {
+        self.sight.as_ref().map_or(&[], |sight| &sight.seen[i].readings[place].values)
     }
 
     fn level(&self, i: usize) -> usize {

@@ -4,7 +4,7 @@ use super::Environments;
 use super::robots::Robots;
 use crate::actuator::Actuator;
 use crate::batch::events::key_of;
-use crate::perception::{Perception, Seen, View};
+use crate::perception::{Channel, Perception, Reading, Seen, View};
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::lanes::Cell;
@@ -45,9 +45,18 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         sight.perception.begin(&mut sight.seen[i], key, self.episodes[i], &view, terrain);
     }
 
-    /// Restores what the instruments of robot `i` depend on, except their readings.
-    pub fn restore_perceiving(&mut self, i: usize) {
+    /// Readings of the instruments of robot `i` by name.
+    pub fn seen(&self, i: usize) -> impl Iterator<Item = (&'static str, &Reading)> {
+        self.sight.iter().flat_map(move |sight| {
+            let names = sight.perception.channels().iter().map(Channel::name);
+            names.zip(&sight.seen[i].readings)
+        })
+    }
+
+    /// Continues from saved readings of robot `i`, under its current random numbers.
+    pub fn restore_perceiving(&mut self, i: usize, readings: impl Iterator<Item = Reading>) {
         let Some(sight) = &mut self.sight else { return };
+        sight.seen[i].readings.iter_mut().zip(readings).for_each(|(reading, saved)| *reading = saved);
         sight.perception.restore(&mut sight.seen[i], key(self.rngs[i].get_seed()), self.episodes[i]);
     }
 

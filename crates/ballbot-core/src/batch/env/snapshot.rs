@@ -5,7 +5,7 @@ use super::ledger::{Ledger, Ledgers};
 use super::robots::{Robots, refused};
 use crate::actuator::Actuator;
 use crate::batch::events::Saved;
-use crate::perception::{Reading, Seen};
+use crate::perception::Reading;
 use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::error::Result;
@@ -34,7 +34,8 @@ struct Snapshot {
     events: Option<Saved>,
     next_seed: Option<u64>,
     level: u32,
-    seen: Option<[Reading; 2]>,
+    /// Readings of the instruments by name.
+    seen: Vec<(String, Reading)>,
 }
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -56,22 +57,15 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             events: self.events.as_ref().map(|events| events.save(i)),
             next_seed: self.next_seeds[i],
             level: self.levels[i],
-            seen: self.sight.as_ref().map(|sight| {
-                let Seen { scan, depth, .. } = &sight.seen[i];
-                [scan.clone(), depth.clone()]
-            }),
+            seen: self.seen(i).map(|(name, reading)| (name.to_owned(), reading.clone())).collect(),
         })
     }
 
-    fn perceived_fits(&self, i: usize, saved: Option<&[Reading; 2]>) -> bool {
-        match (&self.sight, saved) {
-            (None, None) => true,
-            (Some(sight), Some([scan, depth])) => {
-                let Seen { scan: own_scan, depth: own_depth, .. } = &sight.seen[i];
-                own_scan.fits(scan) && own_depth.fits(depth)
-            }
-            _ => false,
-        }
+    fn perceived_fits(&self, i: usize, saved: &[(String, Reading)]) -> bool {
+        let fits = |((name, reading), (saved_name, saved)): ((&str, &Reading), &(String, Reading))| {
+            name == saved_name && reading.fits(saved)
+        };
+        self.seen(i).count() == saved.len() && self.seen(i).zip(saved).all(fits)
     }
 
     /// As [`super::chunk::Chunk::load`].
@@ -96,7 +90,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         if !self.one.fits(&snapshot.ledger) {
             return Err(refused("its task or stages keep other numbers".into()));
         }
-        if !self.perceived_fits(i, snapshot.seen.as_ref()) {
+        if !self.perceived_fits(i, &snapshot.seen) {
             return Err(refused("its instruments read other numbers".into()));
         }
         let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
@@ -133,10 +127,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
         self.levels[i] = snapshot.level;
-        if let (Some(sight), Some([scan, depth])) = (&mut self.sight, snapshot.seen) {
-            (sight.seen[i].scan, sight.seen[i].depth) = (scan, depth);
-            self.restore_perceiving(i);
-        }
+        self.restore_perceiving(i, snapshot.seen.into_iter().map(|(_, reading)| reading));
         self.forget_metrics(i);
         self.inform(i);
         self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
