@@ -122,10 +122,12 @@ def fixed_option(task: str, name: str) -> str | None:
     return f"{name} is fixed once an environment is made: make one with {name}=..." if is_option else None
 
 
-class SharedAttributes:
-    """Attributes that all robots of a batch share."""
+class BatchAttributes:
+    """Attributes of one robot of a batch, or of all robots, with arrays whose first axis is over robots."""
 
     _batch: Batch
+    #: Number of the robot; None is all robots.
+    _index: int | None = None
 
     @property
     def model(self) -> str:
@@ -152,33 +154,33 @@ class SharedAttributes:
         """Parts of an observation by name, in order, with their shapes; see `Batch.observation_layout`."""
         return self._batch.observation_layout
 
-
-class OneRobot(SharedAttributes):
-    """One robot of a batch."""
-
-    _index: int = 0
-
     @property
     def params(self) -> Params:
-        """The robot's parameters."""
-        return self._batch.params(self._index)
+        """Parameters of the robot, or of the first of all robots: events and `set_params` may change a single robot."""
+        return self._batch.params(self._index or 0)
 
     @property
     def nominal_params(self) -> Params:
-        """The robot's parameters without events, which controllers use."""
-        return self._batch.nominal_params(self._index)
+        """`params` without events, which controllers use."""
+        return self._batch.nominal_params(self._index or 0)
 
     def draws(self) -> dict[str, Any]:
-        """Samples of the events for the robot, by term, each a number or an array; see `Batch.draws`."""
+        """Samples of the events, by term, each a number or an array; see `Batch.draws`."""
         return self._batch.draws(self._index)
 
     def readings(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Last readings of the robot's sensors by name, shape (3,) each; see `Batch.readings`."""
+        """Last readings of the sensors by name, shape (3,) or (num_envs, 3) each; see `Batch.readings`."""
         return self._batch.readings(self._index)
 
     def privileged_observations(self) -> npt.NDArray[np.float32]:
-        """The rows of the observation from the true state, shape (k,); see `Batch.privileged_observations`."""
+        """The rows of the observations from the true states; see `Batch.privileged_observations`."""
         return self._batch.privileged_observations(self._index)
+
+
+class OneRobot(BatchAttributes):
+    """One robot of a batch."""
+
+    _index: int = 0
 
     @property
     def state(self) -> State:
@@ -223,30 +225,8 @@ class OneRobot(SharedAttributes):
         self._batch.set_params(self._index, params)
 
 
-class ManyRobots(SharedAttributes):
+class ManyRobots(BatchAttributes):
     """All robots of a batch."""
-
-    @property
-    def params(self) -> Params:
-        """Parameters of the first robot; the same for all robots unless `set_params` or events changed one."""
-        return self._batch.params(0)
-
-    @property
-    def nominal_params(self) -> Params:
-        """Parameters of the first robot without events, which controllers use."""
-        return self._batch.nominal_params(0)
-
-    def draws(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Samples of the events, by term, first axis over robots; see `Batch.draws`."""
-        return self._batch.draws()
-
-    def readings(self) -> dict[str, npt.NDArray[np.float64]]:
-        """Last readings of the sensors by name, shape (num_envs, 3) each; see `Batch.readings`."""
-        return self._batch.readings()
-
-    def privileged_observations(self) -> npt.NDArray[np.float32]:
-        """The rows of the observations from the true states; see `Batch.privileged_observations`."""
-        return self._batch.privileged_observations()
 
     @property
     def command(self) -> npt.NDArray[np.float64]:
@@ -313,7 +293,7 @@ class ManyRobots(SharedAttributes):
         return range(self._batch.num_envs) if index is None else (index,)
 
 
-class BatchEnv(SharedAttributes):
+class BatchEnv(BatchAttributes):
     """Owns a `Batch` and carries it through `copy` and `pickle` with everything the future depends on."""
 
     task: str

@@ -15,7 +15,7 @@ mod view;
 pub use channel::{Channel, Reading};
 pub use depth::DepthOptions;
 pub use instrument::{AnyInstrument, Instrument, Random, Range, Reads, Sample};
-pub use kinds::{InstrumentKind, Instruments, instrument_kind, instrument_kinds, register_instrument};
+pub use kinds::{InstrumentKind, Instruments, MakeInstrument, instrument_kind, instrument_kinds, register_instrument};
 pub use lidar::LidarOptions;
 pub use scan::ScanOptions;
 pub use view::View;
