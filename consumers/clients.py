@@ -28,4 +28,5 @@ CLIENTS: Final = (
     Client("rsl-rl", "rsl_rl", "adapter of `BallbotVectorEnv`, same_step, PPO"),
     Client("RLlib", "rllib", "`make_vec` by id, PPO"),
     Client("PufferLib", "pufferlib", "adapter of `BallbotVectorEnv`, same_step, PuffeRL"),
+    Client("Minari", "minari", "`DataCollector(record_infos=True)`, linear regression"),
 )
