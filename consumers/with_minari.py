@@ -56,6 +56,4 @@ if __name__ == "__main__":
     acted = np.concatenate([episode.actions for episode in episodes])
     # The last action is not a part of the state.
     gain, *_ = np.linalg.lstsq(observed[:, :-3], acted, rcond=None)
-    finish(
-        len(acted), timer, lambda observations: observations[:, :-3] @ gain, "infos of all tasks; imitates LQR"
-    )
+    finish(len(acted), timer, lambda observations: observations[:, :-3] @ gain, "infos of all tasks; imitates LQR")
