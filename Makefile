@@ -100,14 +100,10 @@ test-builds: $(INSTALLED)
 test-ray: $(RAY_INSTALLED)
 	PYTHONPATH="$(abspath python)" $(RAY_VENV)/bin/python -m pytest tests/distributed
 
-# A macro declares their modules, which cargo fmt does not follow.
-FORMAT_CONTROLLERS = rustfmt --edition 2024 $(wildcard crates/ballbot-control/src/controllers/*.rs crates/ballbot-control/src/controllers/*/mod.rs)
-
 lint: $(INSTALLED)
 	@cargo fmt --version >/dev/null 2>&1 || { echo "rustfmt is missing: rustup component add rustfmt" >&2; exit 1; }
 	@cargo clippy --version >/dev/null 2>&1 || { echo "clippy is missing: rustup component add clippy" >&2; exit 1; }
 	cargo fmt --all --check
-	$(FORMAT_CONTROLLERS) --check
 	cargo clippy --locked --workspace --all-targets -- -D warnings
 	cargo clippy --locked --package ballbot-core --no-default-features -- -D warnings
 	for feature in $(FEATURES); do \
@@ -188,7 +184,6 @@ cad: $(CAD_INSTALLED)
 
 format: $(INSTALLED)
 	cargo fmt --all
-	$(FORMAT_CONTROLLERS)
 	$(BIN)/ruff format .
 
 clean:

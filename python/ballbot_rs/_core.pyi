@@ -204,38 +204,38 @@ class Params:
     def __new__(
         cls,
         *,
-        ball_mass: float,  # Mass M_k of the ball; kg >= 1e-6 and <= 1e6
-        ball_inertia: float,  # Moment of inertia J_k of the ball about any diameter; kg·m² >= 1e-18 and <= 1e9
-        ball_radius: float,  # Radius r_k of the ball; m >= 1e-6 and <= 1000
-        body_mass: float,  # Mass M_b of body and wheels; kg >= 1e-6 and <= 1e6
-        body_inertia: npt.ArrayLike,  # Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes; kg·m² >= 1e-18 and <= 1e9
-        body_com_height: float,  # Height l of the CoM of the body above the ball center; m >= 1e-6 and <= 1000
-        wheel_mass: float,  # Mass of one omniwheel, part of `body_mass`; kg >= 1e-6 and <= 1e6
-        wheel_inertia: float,  # Moment of inertia J_w of one omniwheel about its axle; kg·m² >= 1e-18 and <= 1e9
-        wheel_radius: float,  # Radius r_w of a wheel; m >= 1e-6 and <= 1000
-        wheel_zenith: float,  # Zenith angle α at the ball center between the mast and a wheel contact; nominal with `wheel_zenith_offsets`; rad >= 0.001 and <= 1.5697963267948967
-        wheel_azimuths: npt.ArrayLike = ...,  # Azimuth β_i of each wheel contact about the mast; rad >= -1000 and <= 1000
-        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact minus `wheel_zenith`; rad >= -1.5 and <= 1.5
-        body_com_offset: npt.ArrayLike = ...,  # Offset (x, y) of the CoM of the body from the mast, body axes; m >= -1000 and <= 1000
-        body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`, `ixz`, `iyz`; kg·m² >= -1e9 and <= 1e9
-        max_wheel_torque: float = 5.0,  # Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle; N·m >= 1e-9 and <= 1e9
-        gravity: float = 9.81,  # Gravitational acceleration g; m/s² >= 1e-6 and <= 1e6
-        ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor; N/(m/s) >= 0 and <= 1e6
-        wheel_viscous_friction: float = 0.0,  # Viscous friction B_vm of a wheel joint; N·m/(rad/s) >= 0 and <= 1e6
-        wheel_coulomb_friction: float = 0.0,  # Dry friction of a wheel joint; N·m >= 0 and <= 1e6
-        wheel_static_friction: float = 1.1,  # Static friction coefficient of wheel on ball, along the drive direction; Table III; >= 0 and <= 1000
-        wheel_dynamic_friction: float = 1.0,  # Dynamic friction coefficient of wheel on ball, along the drive direction; Table III; >= 0 and <= 1000
-        floor_static_friction: float = 1.1,  # Static friction coefficient of the floor; Table III, other pairs; >= 0 and <= 1000
-        floor_dynamic_friction: float = 1.05,  # Dynamic friction coefficient of the floor; Table III, other pairs; >= 0 and <= 1000
-        friction_critical_velocity: float = 0.1,  # Critical slip speed of the Stribeck law, between static and dynamic friction; Table III; m/s >= 1e-9 and <= 1000
-        floor_rolling_friction: float = 0.0,  # Rolling friction of the ball on the floor: largest torque against rolling per load; m >= 0 and <= 1000
-        floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load; m >= 0 and <= 1000
-        roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction; >= 0 and <= 1000
-        roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction; s/m >= 0 and <= 1000
-        roller_ripple: float = 0.0,  # Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only; m >= 0 and <= 1000
-        roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number; >= 3 and <= 1000
-        roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`; rad >= -1000 and <= 1000
-        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`; rad >= -0.5 and <= 0.5
+        ball_mass: float,  # Mass M_k of the ball. (kg, >= 1e-6 and <= 1e6)
+        ball_inertia: float,  # Moment of inertia J_k of the ball about any diameter. (kg·m², >= 1e-18 and <= 1e9)
+        ball_radius: float,  # Radius r_k of the ball. (m, >= 1e-6 and <= 1000)
+        body_mass: float,  # Mass M_b of body and wheels. (kg, >= 1e-6 and <= 1e6)
+        body_inertia: npt.ArrayLike,  # Moments of inertia (J_xx, J_yy, J_zz) of the body about its CoM along the body axes. (kg·m², >= 1e-18 and <= 1e9)
+        body_com_height: float,  # Height l of the CoM of the body above the ball center. (m, >= 1e-6 and <= 1000)
+        wheel_mass: float,  # Mass of one omniwheel, part of `body_mass`. (kg, >= 1e-6 and <= 1e6)
+        wheel_inertia: float,  # Moment of inertia J_w of one omniwheel about its axle. (kg·m², >= 1e-18 and <= 1e9)
+        wheel_radius: float,  # Radius r_w of a wheel. (m, >= 1e-6 and <= 1000)
+        wheel_zenith: float,  # Zenith angle α at the ball center between the mast and a wheel contact; nominal with `wheel_zenith_offsets`. (rad, >= 0.001 and <= 1.5697963267948967)
+        wheel_azimuths: npt.ArrayLike = ...,  # Azimuth β_i of each wheel contact about the mast. (rad, >= -1000 and <= 1000)
+        wheel_zenith_offsets: npt.ArrayLike = ...,  # Zenith of each wheel contact minus `wheel_zenith`. (rad, >= -1.5 and <= 1.5)
+        body_com_offset: npt.ArrayLike = ...,  # Offset (x, y) of the CoM of the body from the mast, body axes. (m, >= -1000 and <= 1000)
+        body_products_of_inertia: npt.ArrayLike = ...,  # Entries (J_xy, J_xz, J_yz) of the inertia matrix of the body about its CoM, with the signs of a URDF's `ixy`, `ixz`, `iyz`. (kg·m², >= -1e9 and <= 1e9)
+        max_wheel_torque: float = 5.0,  # Largest torque of one motor; by default the torque at which the torques of the paper's Fig. 6c settle. (N·m, >= 1e-9 and <= 1e9)
+        gravity: float = 9.81,  # Gravitational acceleration g. (m/s², >= 1e-6 and <= 1e6)
+        ball_viscous_friction: float = 0.0,  # Viscous friction B_vk of the ball on the floor. (N/(m/s), >= 0 and <= 1e6)
+        wheel_viscous_friction: float = 0.0,  # Viscous friction B_vm of a wheel joint. (N·m/(rad/s), >= 0 and <= 1e6)
+        wheel_coulomb_friction: float = 0.0,  # Dry friction of a wheel joint. (N·m, >= 0 and <= 1e6)
+        wheel_static_friction: float = 1.1,  # Static friction coefficient of wheel on ball, along the drive direction; Table III. (>= 0 and <= 1000)
+        wheel_dynamic_friction: float = 1.0,  # Dynamic friction coefficient of wheel on ball, along the drive direction; Table III. (>= 0 and <= 1000)
+        floor_static_friction: float = 1.1,  # Static friction coefficient of the floor; Table III, other pairs. (>= 0 and <= 1000)
+        floor_dynamic_friction: float = 1.05,  # Dynamic friction coefficient of the floor; Table III, other pairs. (>= 0 and <= 1000)
+        friction_critical_velocity: float = 0.1,  # Critical slip speed of the Stribeck law, between static and dynamic friction; Table III. (m/s, >= 1e-9 and <= 1000)
+        floor_rolling_friction: float = 0.0,  # Rolling friction of the ball on the floor: largest torque against rolling per load. (m, >= 0 and <= 1000)
+        floor_spinning_friction: float = 0.0,  # Spinning friction of the ball on the floor: largest torque about the vertical per load. (m, >= 0 and <= 1000)
+        roller_friction: float = 0.0,  # Friction coefficient of the rollers of a wheel, along its free direction. (>= 0 and <= 1000)
+        roller_friction_slope: float = 0.0,  # Growth of that coefficient with the speed of the ball along the free direction. (s/m, >= 0 and <= 1000)
+        roller_ripple: float = 0.0,  # Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only. (m, >= 0 and <= 1000)
+        roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number. (>= 3 and <= 1000)
+        roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)
+        floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)
     ) -> Self: ...
     # End of the generated part.
     # Generated by tools/generate.py: the properties.
@@ -340,7 +340,7 @@ class Params:
     def gravity_vector(self) -> tuple[float, float, float]:
         """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor."""
     def slope_lean(self) -> tuple[float, float]:
-        """Tilt (x, y) from the floor's normal at which the robot stays at rest on the slope of `floor_tilt`, rad, as
+        """Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
@@ -660,7 +660,7 @@ class Ballbot:
     def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
         """Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
         is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
-        it stays at rest on the slope there.
+        it stands still on the slope there.
 
         Raises:
             ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
@@ -1230,8 +1230,8 @@ class Batch:
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-            None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
-            in `INSTRUMENTS` (dicts of options; None: none), `level`, `observation`
+            None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, instruments by their names
+            in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
             ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
             `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
             and the options of the task.
@@ -1399,6 +1399,7 @@ class Batch:
 
         Raises:
             ValueError: the task has no command, the command has the wrong shape, or a number is beyond its bound.
+                After an exception of a function of `stage` all environments must be reset.
         """
     @overload
     def reward_terms(self, index: None = None) -> _Array: ...

@@ -255,6 +255,19 @@ def test_a_copy_after_an_exception_is_reset_first(make, copied, broken):
     assert rewards(twin) == rewards(env)
 
 
+def test_a_command_whose_rows_fail_requires_a_reset(broken):
+    batch = new_batch(3, task="velocity", options={"rows": {"breaks": Breaks}})
+    batch.reset()
+    broken.append(True)
+    with pytest.raises(ValueError, match="not now"):
+        batch.set_command(1, [0.1, 0.0, 0.0])
+    broken.clear()
+    with pytest.raises(ValueError, match="reset all environments"):
+        batch.step(np.zeros((3, 3)))
+    batch.reset()
+    batch.step(np.zeros((3, 3)))
+
+
 def test_a_command_or_a_look_at_one_robot_computes_rows_of_that_robot_only():
     called = []
 

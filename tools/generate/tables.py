@@ -39,6 +39,7 @@ def instrument_class(name: str) -> str:
     """The name of the type of an instrument's options: range_finder becomes RangeFinder."""
     return name.title().replace("_", "")
 
+
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",

@@ -552,11 +552,12 @@ impl PyBatch {
     ///
     /// Raises:
     ///     ValueError: the task has no command, the command has the wrong shape, or a number is beyond its bound.
+    ///         After an exception of a function of `stage` all environments must be reset.
     fn set_command(&self, #[pyo3(from_py_with = index)] index: usize, command: &Bound<'_, PyAny>) -> PyResult<()> {
         let mut inner = self.inner.write()?;
         let len = inner.batch.task().command.len();
         let command = finite_elements("command", command, &[(len > 0).then_some(len)], OPTION_COUNT)?;
-        inner.batch.set_command(index, &command).map_err(to_python)
+        self.or_raised(inner.batch.set_command(index, &command).map_err(to_python))
     }
 
     /// Current setpoint of the task for the robot of environment `index`, by part, as `Controller` takes it.

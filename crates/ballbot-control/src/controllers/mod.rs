@@ -1,28 +1,42 @@
-//! The controllers: each is one file and one line of the list below.
+//! The controllers: each is one file, and its lines here.
 
 use crate::{ControllerKind, NamedLaw};
 
-/// Declares the file of each controller, re-exports its items and registers it, in the order of public lists.
-macro_rules! controllers {
-    ($($file:ident::$Law:ident,)+) => {
-        $(mod $file;)+
-        $(pub use $file::*;)+
+mod cascade_pid;
+mod fuzzy_mamdani;
+mod hierarchical_sliding_mode;
+mod lqi;
+mod lqr;
+mod lqr_pi;
+mod mpc;
+mod pd_inverse_dynamics;
+mod pid;
+mod sliding_mode;
+mod takagi_sugeno;
 
-        /// The controllers of this crate.
-        pub(crate) static CONTROLLERS: &[ControllerKind] = &[$(<$Law as NamedLaw>::KIND),+];
-    };
-}
+pub use cascade_pid::*;
+pub use fuzzy_mamdani::*;
+pub use hierarchical_sliding_mode::*;
+pub use lqi::*;
+pub use lqr::*;
+pub use lqr_pi::*;
+pub use mpc::*;
+pub use pd_inverse_dynamics::*;
+pub use pid::*;
+pub use sliding_mode::*;
+pub use takagi_sugeno::*;
 
-controllers! {
-    lqr::Lqr,
-    pid::Pid,
-    lqi::Lqi,
-    lqr_pi::LqrPi,
-    mpc::Mpc,
-    cascade_pid::CascadePid,
-    hierarchical_sliding_mode::HierarchicalSlidingMode,
-    pd_inverse_dynamics::PdInverseDynamics,
-    sliding_mode::SlidingMode,
-    fuzzy_mamdani::FuzzyMamdani,
-    takagi_sugeno::TakagiSugeno,
-}
+/// The controllers of this crate, in the order of public lists.
+pub(crate) static CONTROLLERS: &[ControllerKind] = &[
+    Lqr::KIND,
+    Pid::KIND,
+    Lqi::KIND,
+    LqrPi::KIND,
+    Mpc::KIND,
+    CascadePid::KIND,
+    HierarchicalSlidingMode::KIND,
+    PdInverseDynamics::KIND,
+    SlidingMode::KIND,
+    FuzzyMamdani::KIND,
+    TakagiSugeno::KIND,
+];

@@ -1,7 +1,7 @@
 //! The optimization problem of the predictive controller, and its solution by an accelerated gradient method.
 
-use crate::parts::limits::{LeanRow, ROWS};
 use super::plane::Plane;
+use crate::parts::limits::{LeanRow, ROWS};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::wheels::Wheels;
