@@ -68,7 +68,10 @@ fn time_steps_out_of_range_are_refused() {
     for kind in ModelKind::ALL {
         for sim_dt in [0.0, -0.001, 9e-7, 0.0201, f64::NAN, f64::INFINITY] {
             let error = Ballbot::new(&Params::paper(), kind, sim_dt).err().expect("accepted").to_string();
-            assert!(error.starts_with(&format!("sim_dt = {sim_dt} ")) && error.contains("0.000001 to 0.02"), "{error}");
+            assert!(
+                error.starts_with(&format!("sim_dt = {sim_dt} ")) && error.contains(">= 1e-6 and <= 0.02 s"),
+                "{error}"
+            );
         }
         for sim_dt in [1e-6, 0.02] {
             assert_eq!(Ballbot::new(&Params::paper(), kind, sim_dt).unwrap().sim_dt(), sim_dt);

@@ -391,7 +391,7 @@ fn every_bad_number_is_named() {
     }
     for history in [0, 1001] {
         let config = BalanceConfig { history, ..BalanceConfig::default() };
-        assert_refused(&config, &[&format!("history = {history}"), "from 1 to 1000"]);
+        assert_refused(&config, &[&format!("history = {history}"), ">= 1 and <= 1000"]);
     }
     let error = SensorOptions::from_fields([("gyro", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("unknown option of sensors 'gyro': expected one of gyro_noise"), "{error}");

@@ -56,8 +56,9 @@ fn ranges_on_planes_are_exact_for_each_beam() {
     };
     let stabilized = LidarOptions { stabilized: 1.0, ..body_fixed };
     let steep = LidarOptions { depression: 1.2, position: [0.0, 0.0, 0.3], ..body_fixed };
+    let far = LidarOptions { depression: 0.03, pitch: 0.0, ..body_fixed };
     let (mut of_ball, mut of_plane, mut of_nothing) = (0, 0, 0);
-    for options in [body_fixed, stabilized, steep] {
+    for options in [body_fixed, stabilized, steep, far] {
         for slope in [0.0, 0.2] {
             let plane = Arc::new(Terrain::plane(slope, 2.1).unwrap());
             let terrain = (slope > 0.0).then_some(&plane);
@@ -111,7 +112,7 @@ fn beams_are_counterclockwise_about_the_axis_ahead() {
     // Four beams at -135, -45, 45 and 135 deg from ahead, on a plane that rises along x, seen with a yaw of 45 deg:
     // at -90, 0, 90 and 180 deg of the plane.
     let plane = Arc::new(Terrain::plane(0.3, 0.0).unwrap());
-    let options = LidarOptions { beams: 4.0, depression: 0.35, stabilized: 1.0, max_range: 50.0, ..Default::default() };
+    let options = LidarOptions { beams: 4.0, depression: 0.25, stabilized: 1.0, max_range: 50.0, ..Default::default() };
     let run = lidar(Some(&plane), &options, &standing(Some(&plane), [0.0; 2], 0.25 * PI, [0.0; 2]));
     let [right, up, left, down] = ranges(&run) else { panic!("four beams") };
     assert!((right - left).abs() < 1e-5 && up < left && *down == 50.0, "{:?}", ranges(&run));
@@ -194,7 +195,9 @@ fn errors_have_the_size_that_they_are_given() {
 #[test]
 fn a_mounting_error_turns_the_ring() {
     let mut config = bare(None);
-    let options = LidarOptions { beams: 1.0, depression: 0.6, misalignment: 0.02, ..Default::default() };
+    // Without the tilt of the robots at their starts.
+    let options =
+        LidarOptions { beams: 1.0, depression: 0.6, stabilized: 1.0, misalignment: 0.02, ..Default::default() };
     config.instruments_mut().set(Arc::new(options));
     let run = made(&*config, 512, 1);
     let height = Params::paper().ball_radius + 0.4;
