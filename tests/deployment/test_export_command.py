@@ -57,7 +57,7 @@ def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
     [
         ([], "takes one of RUN, --controller and --estimator"),
         (["runs/mine", "--controller", "lqr"], "takes one of RUN, --controller and --estimator"),
-        (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, lqi"),
+        (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, pid, lqi"),
         (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
             ["runs/mine", "-o", "policy.c"],

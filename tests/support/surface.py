@@ -33,6 +33,7 @@ LEFT_OUT = {
     "Metrics": "a plain record",
     "ControllerInfo": "a plain record",
     "estimator_constants": "for the export to C; tests/deployment has its bad input",
+    "reading_bounds": "for the spaces of environments, whose options are called with anything",
     "Outcome": "a plain record",
     "Tuned": "a plain record",
     "Scale": "closed forms of Params; tests/scenarios has them",
