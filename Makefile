@@ -81,7 +81,7 @@ train: $(TRAIN_INSTALLED)
 	$(BIN)/ballbot train balance --seed $(SEED)
 
 # With the features and the profile of the extension, so that the crates are compiled once for both.
-TESTED := control core py tasks tests
+TESTED := base control core py tasks tests
 CARGO_TEST = cargo test --locked --release $(TESTED:%=--package ballbot-%)
 PYTEST = $(BIN)/pytest --numprocesses 2 --dist worksteal --durations 25
 
