@@ -124,7 +124,7 @@ def option_rows(task: str) -> list[list[str]]:
 
 
 def stage_rows(options: Iterable[Any]) -> list[list[str]]:
-    """Name, unit, default, limit and meaning of every option of motors or sensors."""
+    """Name, unit, default, limit and meaning of every option of a table."""
     facts = ((option, values(option["default"]), option["doc"].replace("\n", " ")) for option in options)
     return [[f"`{option['name']}`", option["unit"], default, option["limit"], doc] for option, default, doc in facts]
 

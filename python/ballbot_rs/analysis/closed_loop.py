@@ -18,7 +18,7 @@ Setpoints: TypeAlias = Sequence[Reference] | Mapping[str, Array]
 #: Called with the number of a step.
 Hook: TypeAlias = Callable[[int], None]
 
-#: Names of records with a row before the first step: the state, and contacts by the names of `Batch.contacts`.
+#: Records of contacts, by the names of `Batch.contacts`; like the states, they have a row before the first step.
 CONTACTS: Final = ("wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds")
 
 
