@@ -1,5 +1,6 @@
 //! The error type of the crate: every message names the offending value and the violated limit.
 
+use std::borrow::Cow;
 use std::fmt;
 use std::path::PathBuf;
 
@@ -31,7 +32,7 @@ pub enum Error {
     #[error("unknown {kind} '{name}': expected one of {known}")]
     UnknownName {
         /// Kind of the name, as in "model".
-        kind: &'static str,
+        kind: Cow<'static, str>,
         /// The given name.
         name: String,
         /// The accepted names.
@@ -117,17 +118,20 @@ impl fmt::Display for Readable {
 
 impl Error {
     /// An [`Error::UnknownName`] that lists the `known` names and suggests a name similar to `name`.
-    pub fn unknown(kind: &'static str, name: &str, known: &[&str]) -> Self {
-        Self::UnknownName { kind, name: name.into(), known: one_of(name, known) }
+    pub fn unknown(kind: impl Into<Cow<'static, str>>, name: &str, known: &[&str]) -> Self {
+        Self::UnknownName { kind: kind.into(), name: name.into(), known: one_of(name, known) }
     }
 
-    /// The error for an option of a stage: the stage precedes the option's name.
-    pub fn of_option(self, stage: &str) -> Self {
+    /// The error for an option of a table: the table's name precedes the option's, or is the kind of an unknown name.
+    pub fn of_option(self, table: &str) -> Self {
         match self {
             Self::OutOfRange { name, value, limit } => {
-                Self::OutOfRange { name: format!("{stage}.{name}"), value, limit }
+                Self::OutOfRange { name: format!("{table}.{name}"), value, limit }
             }
-            Self::Length { name, found, expected } => Self::Length { name: format!("{stage}.{name}"), found, expected },
+            Self::Length { name, found, expected } => Self::Length { name: format!("{table}.{name}"), found, expected },
+            Self::UnknownName { name, known, .. } => {
+                Self::UnknownName { kind: format!("option of {table}").into(), name, known }
+            }
             other => other,
         }
     }

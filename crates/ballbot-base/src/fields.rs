@@ -1,7 +1,7 @@
 //! Numbers described in one place: name, unit, default, limit and documentation.
 
 use crate::error::{Error, Result};
-use std::f64::consts::{PI, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, TAU};
 use std::fmt;
 use std::slice;
 
@@ -56,10 +56,11 @@ struct Named(f64);
 
 impl fmt::Display for Named {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let sign = if self.0 < 0.0 { "-" } else { "" };
         match self.0 {
-            v if v == PI => f.write_str("pi"),
-            v if v == TAU => f.write_str("2 pi"),
-            v if v == 0.5 * PI => f.write_str("pi/2"),
+            v if v.abs() == PI => write!(f, "{sign}pi"),
+            v if v.abs() == TAU => write!(f, "{sign}2 pi"),
+            v if v.abs() == FRAC_PI_2 => write!(f, "{sign}pi/2"),
             v if v != 0.0 && !(1e-4..1e6).contains(&v.abs()) => write!(f, "{v:e}"),
             v => write!(f, "{v}"),
         }
@@ -206,23 +207,6 @@ pub trait Fields: Clone {
         }
         field.copy_from_slice(values);
         Ok(())
-    }
-
-    /// The defaults with some fields set by name. `kind` describes an unknown name in its error; other errors name the
-    /// option of `stage`.
-    ///
-    /// # Errors
-    /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
-    fn with_fields<'n, 'v>(
-        kind: &'static str,
-        stage: &str,
-        fields: impl IntoIterator<Item = (&'n str, &'v [f64])>,
-    ) -> Result<Self> {
-        let mut options = Self::defaults();
-        for (name, values) in fields {
-            options.set_of(kind, name, values).map_err(|error| error.of_option(stage))?;
-        }
-        Ok(options)
     }
 
     /// Checks every number against the limit of its field.

@@ -9,8 +9,6 @@ use std::path::Path;
 pub trait OptionTable: Fields {
     /// Name of the option, also in front of its fields in messages.
     const NAME: &'static str;
-    /// Kind of an unknown field in messages.
-    const KIND: &'static str;
     /// Whether one number sets every value of a field.
     const FILLS: bool = false;
 
@@ -18,7 +16,9 @@ pub trait OptionTable: Fields {
     ///
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Inconsistent`], naming the value and the limit.
-    fn check_relations(&self) -> Result<()>;
+    fn check_relations(&self) -> Result<()> {
+        Ok(())
+    }
 
     /// Options from named numbers, the others at their defaults.
     ///
@@ -29,7 +29,7 @@ pub trait OptionTable: Fields {
         for (name, values) in fields {
             match (Self::index_of(name), values) {
                 (Some(index), [value]) if Self::FILLS => options.values_mut(index).fill(*value),
-                _ => options.set_of(Self::KIND, name, values).map_err(|error| error.of_option(Self::NAME))?,
+                _ => options.set(name, values).map_err(|error| error.of_option(Self::NAME))?,
             }
         }
         options.validate()?;

@@ -73,11 +73,19 @@ pub(crate) fn named_numbers(kind: &str, options: &Bound<'_, PyMapping>) -> PyRes
 
 /// All fields by name: a number or a list each.
 pub(crate) fn field_dict<'py, F: Fields>(py: Python<'py>, fields: &F) -> PyResult<Bound<'py, PyDict>> {
+    dict_of(py, F::FIELDS.iter().map(|field| field.name).zip(fields.slices()))
+}
+
+/// Named values as a dict: a number or a list each.
+pub(crate) fn dict_of<'py, 'v>(
+    py: Python<'py>,
+    fields: impl IntoIterator<Item = (&'static str, &'v [f64])>,
+) -> PyResult<Bound<'py, PyDict>> {
     let dict = PyDict::new(py);
-    for (field, values) in F::FIELDS.iter().zip(fields.slices()) {
+    for (name, values) in fields {
         match values {
-            [number] => dict.set_item(field.name, number)?,
-            numbers => dict.set_item(field.name, numbers)?,
+            [number] => dict.set_item(name, number)?,
+            numbers => dict.set_item(name, numbers)?,
         }
     }
     Ok(dict)

@@ -1,7 +1,7 @@
 //! Instruments that observe the ground, and levels of terrains, from and to Python.
 
 use crate::errors::to_python;
-use crate::fields::named_numbers;
+use crate::fields::{dict_of, named_numbers};
 use ballbot_core::batch::{Batch, Levels};
 use ballbot_core::perception::{AnyInstrument, Instruments, instrument_kind, instrument_kinds};
 use numpy::{PyArray1, PyArrayMethods};
@@ -28,18 +28,8 @@ pub(crate) fn instrument(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Optio
 /// Sets every instrument by its name in a dict of options: its options, or None.
 pub(crate) fn set_instruments(resolved: &Bound<'_, PyDict>, instruments: &Instruments) -> PyResult<()> {
     for kind in instrument_kinds() {
-        let Some(instrument) = instruments.get(kind.name) else {
-            resolved.set_item(kind.name, resolved.py().None())?;
-            continue;
-        };
-        let options = PyDict::new(resolved.py());
-        for (name, values) in instrument.options() {
-            match values {
-                [number] => options.set_item(name, number)?,
-                numbers => options.set_item(name, numbers)?,
-            }
-        }
-        resolved.set_item(kind.name, options)?;
+        let options = instruments.get(kind.name).map(|instrument| dict_of(resolved.py(), instrument.options()));
+        resolved.set_item(kind.name, options.transpose()?)?;
     }
     Ok(())
 }

@@ -4,6 +4,7 @@ use crate::run::Run;
 use ballbot_core::Result;
 use ballbot_core::batch::{Autoreset, task_kind};
 use ballbot_core::fields::Limit;
+use ballbot_core::options::OptionTable;
 use ballbot_core::perception::{
     Instrument, Range, Reads, Sample, instrument_kind, instrument_kinds, register_instrument,
 };
@@ -20,9 +21,11 @@ ballbot_core::fields! {
     }
 }
 
-impl Instrument for Corners {
+impl OptionTable for Corners {
     const NAME: &'static str = "corners";
-    const KIND: &'static str = "option of corners";
+}
+
+impl Instrument for Corners {
     const TITLE: &'static str = "Corners";
     const ABOUT: &'static str = "Heights of points of the body.";
 

@@ -93,21 +93,24 @@ impl<T: Task> EnvConfig<T> {
     /// All numbers that the future of an environment depends on, except its robot's parameters. An estimator is
     /// designed for the robot before events and `set_params`, which a snapshot does not store otherwise.
     pub(super) fn numbers(&self) -> Vec<f64> {
-        // The number of the last option, `history`, is among the numbers of what is observed.
-        let [own @ .., history] = self.scalars();
-        let sensors = self.sensors.iter().flat_map(|sensors| sensors.numbers());
-        let estimated = self.observation == Observation::Sensors;
-        let observed = [f64::from(u8::from(estimated)), history];
-        let estimator = estimated.then(|| self.params.numbers());
-        let numbers =
-            own.into_iter().chain(self.reward.values()).chain(self.task.numbers()).chain(self.actuators.numbers());
-        let terrain = self.terrain.iter().flat_map(|terrain| {
+        let mut numbers = self.scalars().to_vec();
+        numbers.extend(self.reward.values());
+        numbers.extend(self.task.numbers());
+        numbers.extend(self.actuators.numbers());
+        if let Some(terrain) = &self.terrain {
             let print = terrain.fingerprint();
-            [print as u32, (print >> 32) as u32].map(f64::from)
-        });
-        let numbers = numbers.chain(terrain).chain(self.instruments.numbers()).chain([self.levels.number()]);
-        let added = self.stage.iter().flat_map(|stage| &stage.0.layout().terms).map(|term| term.scale);
-        numbers.chain(observed).chain(sensors).chain(estimator.into_iter().flatten()).chain(added).collect()
+            numbers.extend([print as u32, (print >> 32) as u32].map(f64::from));
+        }
+        numbers.extend(self.instruments.numbers());
+        numbers.push(self.levels.number());
+        let estimated = self.observation == Observation::Sensors;
+        numbers.push(f64::from(u8::from(estimated)));
+        numbers.extend(self.sensors.iter().flat_map(|sensors| sensors.numbers()));
+        if estimated {
+            numbers.extend(self.params.numbers());
+        }
+        numbers.extend(self.stage.iter().flat_map(|stage| &stage.0.layout().terms).map(|term| term.scale));
+        numbers
     }
 
     /// The stage between actions and torques.

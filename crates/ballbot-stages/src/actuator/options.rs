@@ -45,7 +45,6 @@ impl MotorOptions {
 
 impl OptionTable for MotorOptions {
     const NAME: &'static str = "actuators";
-    const KIND: &'static str = "option of actuators";
     const FILLS: bool = true;
 
     fn check_relations(&self) -> Result<()> {

@@ -6,6 +6,7 @@ use ballbot_base::error::{Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::run_one;
+use ballbot_base::options::OptionTable;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{PLACES, Rays, Terrain};
 use nalgebra::{Matrix3, Rotation3, Vector3};
@@ -50,9 +51,15 @@ fields! {
     }
 }
 
-impl Instrument for DepthOptions {
+impl OptionTable for DepthOptions {
     const NAME: &'static str = "depth";
-    const KIND: &'static str = "option of depth";
+
+    fn check_relations(&self) -> Result<()> {
+        check("near", self.near, format_args!("below far = {} m", self.far), |near| near < self.far).map(drop)
+    }
+}
+
+impl Instrument for DepthOptions {
     const TITLE: &'static str = "Depth camera";
     const ABOUT: &'static str = "\
 A pinhole camera on the body. A pixel reads the distance along the optical axis (not along its ray) of the first object
@@ -71,10 +78,6 @@ are fractions of `far`.";
 
     fn range(&self) -> Range {
         Range { low: 0.0, high: self.far, typical: self.far }
-    }
-
-    fn check_options(&self) -> Result<()> {
-        check("near", self.near, format_args!("below far = {} m", self.far), |near| near < self.far).map(drop)
     }
 
     fn check_robot(&self, params: &Params) -> Result<()> {

@@ -3,8 +3,8 @@
 use super::channel::Channel;
 use super::view::View;
 use ballbot_base::error::{Result, check};
-use ballbot_base::fields::Fields;
 use ballbot_base::lanes::{Draws, Scalar};
+use ballbot_base::options::OptionTable;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::Terrain;
 use std::fmt::Debug;
@@ -17,13 +17,7 @@ const MOST_NUMBERS: f64 = 65536.0;
 const BLOCKS: u32 = 3 << 20;
 
 /// An instrument, defined by the struct of its options. [`super::register_instrument`] makes it known by name.
-pub trait Instrument: Fields + Debug + Send + Sync + 'static {
-    /// Name of the environment option that holds its options.
-    const NAME: &'static str;
-
-    /// Name of its options in messages: "option of NAME".
-    const KIND: &'static str;
-
+pub trait Instrument: OptionTable + Debug + Send + Sync + 'static {
     /// Its title in the documentation.
     const TITLE: &'static str;
 
@@ -38,14 +32,6 @@ pub trait Instrument: Fields + Debug + Send + Sync + 'static {
 
     /// Range of the numbers of a reading.
     fn range(&self) -> Range;
-
-    /// Checks options against each other.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] naming the value and the limit.
-    fn check_options(&self) -> Result<()> {
-        Ok(())
-    }
 
     /// Checks options against the robot.
     ///
@@ -139,7 +125,7 @@ impl Random {
 
 /// An instrument whose type is not known.
 pub trait AnyInstrument: Debug + Send + Sync {
-    /// [`Instrument::NAME`].
+    /// [`OptionTable::NAME`].
     fn name(&self) -> &'static str;
 
     /// All options with their values.
@@ -183,8 +169,7 @@ impl<I: Instrument> AnyInstrument for I {
     }
 
     fn validate(&self) -> Result<()> {
-        let check_all = || {
-            self.check_limits()?;
+        let check_lengths = || -> Result<()> {
             let (name, lengths) = self.lengths();
             for length in lengths {
                 check(name, *length, "a whole number", |number| number.fract() == 0.0)?;
@@ -193,13 +178,14 @@ impl<I: Instrument> AnyInstrument for I {
             check(format_args!("product of {name}"), count, format_args!("at most {MOST_NUMBERS}"), |n| {
                 n <= MOST_NUMBERS
             })?;
-            self.check_options()
+            Ok(())
         };
-        check_all().map_err(|error| error.of_option(I::NAME))
+        OptionTable::validate(self)?;
+        check_lengths().map_err(|error| error.of_option(I::NAME))
     }
 
     fn channel(&self, index: u32, params: &Params, control_dt: f64, scaled: bool) -> Result<Channel> {
-        self.validate()?;
+        AnyInstrument::validate(self)?;
         self.check_robot(params)?;
         Channel::new(self, index, control_dt, scaled)
     }
@@ -208,9 +194,9 @@ impl<I: Instrument> AnyInstrument for I {
 /// An instrument from named options, the others at their defaults.
 ///
 /// # Errors
-/// [`ballbot_base::Error::UnknownName`] and [`ballbot_base::Error::Length`]; the errors of [`AnyInstrument::validate`].
+/// The errors of [`OptionTable::from_fields`] and [`AnyInstrument::validate`].
 pub(super) fn from_options<I: Instrument>(options: &[(&str, &[f64])]) -> Result<Arc<dyn AnyInstrument>> {
-    let instrument = I::with_fields(I::KIND, I::NAME, options.iter().copied())?;
-    instrument.validate()?;
+    let instrument = I::from_fields(options.iter().copied())?;
+    AnyInstrument::validate(&instrument)?;
     Ok(Arc::new(instrument))
 }

@@ -10,7 +10,7 @@ use std::sync::Arc;
 /// An instrument known by its name.
 #[derive(Clone, Copy, Debug)]
 pub struct InstrumentKind {
-    /// [`Instrument::NAME`].
+    /// [`ballbot_base::options::OptionTable::NAME`].
     pub name: &'static str,
     /// [`Instrument::TITLE`].
     pub title: &'static str,

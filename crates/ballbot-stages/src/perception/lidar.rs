@@ -6,6 +6,7 @@ use ballbot_base::error::{Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Heading, run_one};
+use ballbot_base::options::OptionTable;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{PLACES, Rays, each};
 use nalgebra::{Rotation3, Vector3};
@@ -48,9 +49,17 @@ fields! {
     }
 }
 
-impl Instrument for LidarOptions {
+impl OptionTable for LidarOptions {
     const NAME: &'static str = "lidar";
-    const KIND: &'static str = "option of lidar";
+
+    fn check_relations(&self) -> Result<()> {
+        check("stabilized", self.stabilized, "0 or 1", |flag| flag == 0.0 || flag == 1.0)?;
+        let limit = format_args!("below max_range = {} m", self.max_range);
+        check("min_range", self.min_range, limit, |range| range < self.max_range).map(drop)
+    }
+}
+
+impl Instrument for LidarOptions {
     const TITLE: &'static str = "Lidar";
     const ABOUT: &'static str = "\
 A range finder that turns about an axis of the body, or, with `stabilized`, about the vertical. A reading has a number for
@@ -69,12 +78,6 @@ and wheels are not hit. All beams of a turn are taken at the same time. Scaled o
 
     fn range(&self) -> Range {
         Range { low: 0.0, high: self.max_range, typical: self.max_range }
-    }
-
-    fn check_options(&self) -> Result<()> {
-        check("stabilized", self.stabilized, "0 or 1", |flag| flag == 0.0 || flag == 1.0)?;
-        let limit = format_args!("below max_range = {} m", self.max_range);
-        check("min_range", self.min_range, limit, |range| range < self.max_range).map(drop)
     }
 
     fn check_robot(&self, params: &Params) -> Result<()> {

@@ -4,6 +4,7 @@ use super::instrument::{Instrument, Random, Range, Reads, Sample};
 use ballbot_base::fields;
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Heading, run_one};
+use ballbot_base::options::OptionTable;
 use ballbot_base::terrain::{PLACES, each};
 
 /// Largest magnitude of a height, m.
@@ -38,9 +39,11 @@ fields! {
     }
 }
 
-impl Instrument for ScanOptions {
+impl OptionTable for ScanOptions {
     const NAME: &'static str = "scan";
-    const KIND: &'static str = "option of scan";
+}
+
+impl Instrument for ScanOptions {
     const TITLE: &'static str = "Height scan";
     const ABOUT: &'static str = "\
 A grid of points about the ball that turns with the heading. A reading is `z_ball - ball_radius - height(x, y)`: 0 on

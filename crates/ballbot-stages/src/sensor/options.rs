@@ -93,7 +93,6 @@ impl SensorOptions {
 
 impl OptionTable for SensorOptions {
     const NAME: &'static str = "sensors";
-    const KIND: &'static str = "option of sensors";
 
     fn check_relations(&self) -> Result<()> {
         for (name, range, unit) in
