@@ -102,6 +102,8 @@ pub struct Field {
     pub limit: Limit,
     /// Whether it has no default.
     pub required: bool,
+    /// Whether its default is for the robot of the paper, and follows from the size of other robots.
+    pub scaled: bool,
 }
 
 /// A number or an array of numbers as a slice.
@@ -143,8 +145,32 @@ pub trait Fields: Clone {
     /// Descriptions, in the order of the struct's fields.
     const FIELDS: &'static [Field];
 
-    /// All fields at their defaults; NaN without a default.
+    /// All fields at their defaults, scaled ones for the robot of the paper; NaN without a default.
     fn defaults() -> Self;
+
+    /// All fields at their defaults, but NaN where [`Fields::fitted`] sets the default of a robot.
+    fn unset() -> Self {
+        let mut fields = Self::defaults();
+        for (field, values) in Self::FIELDS.iter().zip(fields.slices_mut()) {
+            if field.scaled {
+                values.fill(f64::NAN);
+            }
+        }
+        fields
+    }
+
+    /// The same with the defaults of a robot where fields are unset; `factor` scales a default by its unit.
+    #[must_use]
+    fn fitted(&self, factor: impl Fn(&str) -> f64) -> Self {
+        let (mut fitted, defaults) = (self.clone(), Self::defaults());
+        let values = fitted.slices_mut().zip(defaults.slices()).zip(Self::FIELDS);
+        for ((values, defaults), field) in values.filter(|(_, field)| field.scaled) {
+            for (value, default) in values.iter_mut().zip(defaults).filter(|(value, _)| value.is_nan()) {
+                *value = default * factor(field.unit);
+            }
+        }
+        fitted
+    }
 
     /// Values of each field, in the order of [`Fields::FIELDS`].
     fn slices(&self) -> impl Iterator<Item = &[f64]>;
@@ -241,6 +267,8 @@ pub struct OptionDescription {
     pub limit: String,
     /// Its description.
     pub doc: String,
+    /// Whether the default is for the robot of the paper, and follows from the size of other robots.
+    pub scaled: bool,
 }
 
 /// The options of a struct of fields.
@@ -252,31 +280,45 @@ pub fn describe_options<F: Fields>() -> Vec<OptionDescription> {
         default: if field.required { Vec::new() } else { values.to_vec() },
         limit: field.limit.to_string(),
         doc: field.doc.trim().replace("\n ", "\n"),
+        scaled: field.scaled,
     };
     F::FIELDS.iter().zip(defaults.slices()).map(describe).collect()
 }
 
-/// Defines a struct of numbers: each field with its documentation, default, unit and limit. The struct implements
-/// [`Fields`], and `Default` if every field has a default.
+/// Whether a field of [`fields!`] is marked as `scaled`.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! is_scaled {
+    () => {
+        false
+    };
+    (scaled) => {
+        true
+    };
+}
+
+/// Defines a struct of numbers: each field with its documentation, default, unit and limit; `scaled` after the limit marks
+/// a default for the robot of the paper, which [`Fields::fitted`] scales to other robots. The struct implements
+/// [`Fields`], and `Default`, as [`Fields::unset`], if every field has a default.
 #[macro_export]
 macro_rules! fields {
     (
         $(#[$meta:meta])*
         pub struct $name:ident {
-            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr;)*
+            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr $(, $scaled:ident)?;)*
         }
     ) => {
         $crate::fields! {
             @
             $(#[$meta])*
             pub struct $name {
-                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit;)*
+                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit $(, $scaled)?;)*
             }
         }
 
         impl Default for $name {
             fn default() -> Self {
-                <Self as $crate::fields::Fields>::defaults()
+                <Self as $crate::fields::Fields>::unset()
             }
         }
     };
@@ -286,7 +328,7 @@ macro_rules! fields {
             required {
                 $($(#[doc = $r_doc:literal])+ pub $r_field:ident: $r_type:ty, $r_unit:literal, $r_limit:expr;)*
             }
-            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr;)*
+            $($(#[doc = $doc:literal])+ pub $field:ident: $type:ty = $default:expr, $unit:literal, $limit:expr $(, $scaled:ident)?;)*
         }
     ) => {
         $crate::fields! {
@@ -295,7 +337,7 @@ macro_rules! fields {
             pub struct $name {
                 $($(#[doc = $r_doc])+ pub $r_field: $r_type
                     = <$r_type as $crate::fields::Numbers>::UNSET, true, $r_unit, $r_limit;)*
-                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit;)*
+                $($(#[doc = $doc])+ pub $field: $type = $default, false, $unit, $limit $(, $scaled)?;)*
             }
         }
     };
@@ -305,7 +347,7 @@ macro_rules! fields {
         pub struct $name:ident {
             $(
                 $(#[doc = $doc:literal])+
-                pub $field:ident: $type:ty = $default:expr, $required:literal, $unit:literal, $limit:expr;
+                pub $field:ident: $type:ty = $default:expr, $required:literal, $unit:literal, $limit:expr $(, $scaled:ident)?;
             )*
         }
     ) => {
@@ -327,6 +369,7 @@ macro_rules! fields {
                 len: <$type as $crate::fields::Numbers>::LEN,
                 limit: $limit,
                 required: $required,
+                scaled: $crate::is_scaled!($($scaled)?),
             },)*];
 
             fn defaults() -> Self {

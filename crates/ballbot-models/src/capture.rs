@@ -13,21 +13,25 @@ const DIRECTIONS: usize = 72;
 /// upright robot, and no motor exceeds its limit. Derived in `docs/scenarios.md`.
 pub fn capture_impulse(params: &Params) -> f64 {
     let level = params.on_level_floor();
-    let LinearModel { a, b } = LinearModel::new(&level);
-    let turning: Matrix3<f64> = b.fixed_view::<3, 3>(7, 0).into_owned();
-    let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
-    let toppling = a[(8, 3)];
+    let linear = LinearModel::new(&level);
     let map = LoadMap::new(&level);
     let lean = (0..DIRECTIONS)
         .map(|k| {
             let angle = TAU * k as f64 / DIRECTIONS as f64;
-            holdable(&level, &map, &(torques * (-toppling * Vector3::new(-angle.sin(), angle.cos(), 0.0))))
+            holdable(&level, &map, &holding_torques(&linear, angle))
         })
         .fold(f64::INFINITY, f64::min);
     let upright = level.to_balance_frame();
     let model = SpatialModel::new(&level, WheelSpin::Absolute, BallSpin::Free);
     let jump = model.velocity_jump(&upright, &Vector3::x(), &level.body_com());
-    lean * toppling.sqrt() / jump.fixed_rows::<3>(2).norm()
+    lean * linear.toppling_squared().sqrt() / jump.fixed_rows::<3>(2).norm()
+}
+
+/// Torques of the wheels that hold a lean towards `azimuth`, over the lean, N·m/rad.
+pub(super) fn holding_torques(linear: &LinearModel, azimuth: f64) -> Vector3<f64> {
+    let turning: Matrix3<f64> = linear.b.fixed_view::<3, 3>(7, 0).into_owned();
+    let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+    torques * (-linear.toppling_squared() * Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0))
 }
 
 /// Lean at which a wheel slips or a motor is at its limit under the torques `per_lean` (N·m/rad) that hold it, rad.

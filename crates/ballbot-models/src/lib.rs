@@ -13,6 +13,7 @@ mod losses;
 pub mod planar;
 mod planar_motion;
 mod rk4;
+mod scale;
 mod slope;
 pub mod spatial;
 mod spatial_motion;
@@ -26,6 +27,7 @@ pub use linear::LinearModel;
 pub use load_map::{LoadMap, WheelLoad};
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
+pub use scale::Scale;
 pub use spatial::{BallSpin, SpatialModel, WheelSpin};
 pub use spatial_motion::SpatialMotion;
 

@@ -24,6 +24,11 @@ pub struct LinearModel {
 }
 
 impl LinearModel {
+    /// λ², the square of the rate at which the robot topples, 1/s².
+    pub fn toppling_squared(&self) -> f64 {
+        self.a[(8, 3)]
+    }
+
     /// Linear model of `params`. The accelerations of the spatial model at rest are linear in the torques; their odd
     /// part is linear in the rates. The floor is assumed level. Gravity is the torque M_b g l times a small tilt, with
     /// the distance l of the center of mass.

@@ -46,7 +46,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             }
         }
         "events" => config.set_events(events(value)?),
-        _ if value.is_none() && is_optional(name) => (),
+        _ if value.is_none() && is_optional(config, name) => (),
         _ if instrument_kind(name).is_ok() => match instrument(name, value)? {
             Some(instrument) => config.instruments_mut().set(instrument),
             None => config.instruments_mut().remove(name),
@@ -67,8 +67,9 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
 }
 
 /// Whether None stands for a value that follows from other options.
-fn is_optional(name: &str) -> bool {
+fn is_optional(config: &dyn TaskConfig, name: &str) -> bool {
     SCALAR_OPTIONS.iter().any(|option| option.name == name && option.kind == ScalarKind::OptionalReal)
+        || config.is_scaled(name)
 }
 
 /// All options with the values in use, except `params` and `model`.

@@ -22,6 +22,7 @@ fn option<'py>(py: Python<'py>, option: &OptionDescription) -> PyResult<Bound<'p
         [number] => dict.set_item("default", number)?,
         numbers => dict.set_item("default", numbers)?,
     }
+    dict.set_item("scaled", option.scaled)?;
     dict.set_item("limit", &option.limit)?;
     dict.set_item("doc", &option.doc)?;
     Ok(dict)

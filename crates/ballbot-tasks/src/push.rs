@@ -22,11 +22,11 @@ task_fields! {
         /// largest impulse that the nominal robot withstands within its traction.
         pub push: [f64; 2] = [0.0, 1.0], "", Limit::from(0.0).to(10.0);
         /// Shortest and longest time from one push to the next, uniform.
-        pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::from(0.1).to(1e9);
+        pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::from(0.1).to(1e9), scaled;
         /// Where the ball should be.
         pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
         /// Distance of the ball from the setpoint that costs half.
-        pub position_scale: f64 = 0.1, "m", Limit::from(1e-12).to(1e6);
+        pub position_scale: f64 = 0.1, "m", Limit::from(1e-12).to(1e6), scaled;
     }
 }
 

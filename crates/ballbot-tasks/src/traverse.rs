@@ -23,15 +23,17 @@ task_fields! {
     /// Options of the terrain task. SI units and radians. Tilts are from the equilibrium.
     pub struct Traverse {
         /// Smallest and largest commanded speed, uniform, in any direction of the heading frame.
-        pub speed_range: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
+        pub speed_range: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0), scaled;
         /// Shortest and longest time from one command to the next, uniform.
         pub command_seconds: [f64; 2] = [20.0, 20.0], "s", Limit::above(0.0).to(1e9);
+        /// The motion that a controller tracks follows the command with three poles at minus this value.
+        pub smoothing: f64 = 4.0, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
-        pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0);
+        pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0), scaled;
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Distance from where the commands lead that costs half of `position`.
-        pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(10.0);
+        pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(100.0), scaled;
         /// Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
         pub hardest: f64 = 0.8, "", Limit::from(0.0).to(1.0);
         /// Smallest fraction of the commanded distance in a success.
@@ -62,6 +64,7 @@ impl Traverse {
             yaw_rate: 0.0,
             standing: 0.0,
             command_seconds: self.command_seconds,
+            smoothing: self.smoothing,
             settling: 0.0,
             velocity_scales: self.velocity_scales,
             yaw_rate_scales: self.yaw_rate_scales,

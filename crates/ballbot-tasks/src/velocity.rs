@@ -19,21 +19,23 @@ task_fields! {
     /// Options of the velocity task. SI units and radians. Tilts are from the equilibrium.
     pub struct Velocity {
         /// Largest commanded speed; uniform over the disc, in the heading frame.
-        pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0);
+        pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0), scaled;
         /// Largest commanded rate of the heading; uniform within ± this.
         pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0);
         /// Fraction of the commands to stand still.
         pub standing: f64 = 0.1, "", Limit::from(0.0).to(1.0);
         /// Shortest and longest time from one command to the next, uniform.
-        pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9);
+        pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9), scaled;
+        /// The motion that a controller tracks follows the command with three poles at minus this value.
+        pub smoothing: f64 = 4.0, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Time after a command from which its errors are counted.
-        pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9);
+        pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9), scaled;
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
-        pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0);
+        pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0), scaled;
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
         pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
         /// Largest root mean square of the settled errors of the velocity in a success.
-        pub success_velocity: f64 = 0.02, "m/s", Limit::above(0.0).to(10.0);
+        pub success_velocity: f64 = 0.02, "m/s", Limit::above(0.0).to(10.0), scaled;
         /// Largest root mean square of the settled errors of the heading's rate in a success.
         pub success_yaw_rate: f64 = 0.05, "rad/s", Limit::above(0.0).to(10.0);
     }
@@ -52,9 +54,6 @@ const FIRST: usize = 11;
 const SECOND: usize = 13;
 const COS: usize = 15;
 const SIN: usize = 16;
-
-/// The three poles of the motion that a controller tracks are at minus this value, 1/s.
-const SMOOTHING: f64 = 4.0;
 
 impl Task for Velocity {
     const NAME: &'static str = "velocity";
@@ -128,7 +127,7 @@ impl Task for Velocity {
             Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
         };
         let (velocity, first, second) = (two(MOTION), two(FIRST), two(SECOND));
-        let third = Vector2::from_fn(|i, _| third_derivative(memory[COMMAND + i], velocity[i], first[i], second[i]));
+        let third = Vector2::from_fn(|i, _| third_derivative(self.smoothing, memory[COMMAND + i], velocity[i], first[i], second[i]));
         let twice = |v: Vector2<f64>| -rate * rate * v;
         Setpoint {
             position: two(POSITION),
@@ -182,7 +181,7 @@ impl Task for Velocity {
         let (cos, sin) = (cos / length, sin / length);
         memory.set(COS, cos);
         memory.set(SIN, sin);
-        let [vx, vy] = [follow(memory, 0, x, dt), follow(memory, 1, y, dt)];
+        let [vx, vy] = [follow(memory, 0, self.smoothing, x, dt), follow(memory, 1, self.smoothing, y, dt)];
         memory.set(POSITION, memory.get(POSITION) + (cos * vx - sin * vy) * dt);
         memory.set(POSITION + 1, memory.get(POSITION + 1) + (sin * vx + cos * vy) * dt);
     }
@@ -245,18 +244,17 @@ impl Task for Velocity {
     }
 }
 
-/// Third derivative of a velocity that follows its command with three poles at −[`SMOOTHING`].
+/// Third derivative of a velocity that follows its command with three poles at −`p`.
 #[inline(always)]
-fn third_derivative<L: Lane>(command: L, velocity: L, first: L, second: L) -> L {
-    const P: f64 = SMOOTHING;
-    (command - velocity) * (P * P * P) - first * (3.0 * P * P) - second * (3.0 * P)
+fn third_derivative<L: Lane>(p: f64, command: L, velocity: L, first: L, second: L) -> L {
+    (command - velocity) * (p * p * p) - first * (3.0 * p * p) - second * (3.0 * p)
 }
 
 /// Advances the velocity along an axis of the heading frame by a step, m/s.
 #[inline(always)]
-fn follow<L: Lane>(memory: &mut Memory<'_, L>, axis: usize, command: L, dt: f64) -> L {
+fn follow<L: Lane>(memory: &mut Memory<'_, L>, axis: usize, p: f64, command: L, dt: f64) -> L {
     let (velocity, first, second) = (memory.get(MOTION + axis), memory.get(FIRST + axis), memory.get(SECOND + axis));
-    let second = second + third_derivative(command, velocity, first, second) * dt;
+    let second = second + third_derivative(p, command, velocity, first, second) * dt;
     let first = first + second * dt;
     let velocity = velocity + first * dt;
     memory.set(SECOND + axis, second);

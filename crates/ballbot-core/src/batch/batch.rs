@@ -113,8 +113,8 @@ impl Batch {
         seed: u64,
     ) -> Result<Self> {
         check_count(num_envs)?;
-        let config = &config.with_terrain()?;
-        config.validate()?;
+        let config = &config.resolved()?;
+        config.validate_resolved()?;
         Self::build(config, &config.drive()?, &config.onboard()?, num_envs, autoreset, num_threads, seed)
     }
 
@@ -134,8 +134,8 @@ impl Batch {
         seed: u64,
     ) -> Result<Self> {
         check_count(num_envs)?;
-        let config = &config.with_terrain()?;
-        config.validate()?;
+        let config = &config.resolved()?;
+        config.validate_resolved()?;
         Self::build(config, actuator, sensor, num_envs, autoreset, num_threads, seed)
     }
 

@@ -16,6 +16,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{Ground, Terrain, static_lean};
+use ballbot_models::Scale;
 use std::sync::Arc;
 
 env_config! {
@@ -56,7 +57,7 @@ env_config! {
         /// Scales of the reward's terms.
         pub reward: RewardScales = RewardScales::of(&TaskDescription::of::<T>().terms);
         /// Options of the task.
-        pub task: T = T::defaults();
+        pub task: T = T::unset();
         /// Randomization of the robots and pushes, in addition to random starts.
         pub events: Vec<Event> = Vec::new();
         /// Reward terms, observation rows and terminations that the caller computes.
@@ -211,6 +212,11 @@ impl<T: Task> EnvConfig<T> {
     /// # Errors
     /// [`Error::OutOfRange`] or [`Error::Inconsistent`] naming the value and the limit.
     pub fn validate(&self) -> Result<()> {
+        self.resolved()?.validate_resolved()
+    }
+
+    /// [`EnvConfig::validate`] of a configuration of [`EnvConfig::resolved`].
+    pub(super) fn validate_resolved(&self) -> Result<()> {
         self.params.validate()?;
         self.substeps()?;
         SCALAR_OPTIONS.iter().zip(self.scalars()).try_for_each(|(option, value)| option.check(value))?;
@@ -284,15 +290,21 @@ impl<T: Task> EnvConfig<T> {
         Ok(())
     }
 
-    /// The same configuration, with the task's ground where none is chosen.
+    /// The task with the options that follow from the robot where they are unset.
+    pub(super) fn fitted_task(&self) -> T {
+        let scale = Scale::of(&self.params);
+        self.task.fitted(|unit| scale.factor(unit))
+    }
+
+    /// The same configuration with all options of the task, and with its ground where none is chosen.
     ///
     /// # Errors
-    /// The errors of [`Task::terrain`].
-    pub(super) fn with_terrain(&self) -> Result<Self> {
-        let mut config = self.clone();
+    /// The errors of [`Params::validate`], [`Fields::check_limits`] and [`Task::terrain`].
+    pub(super) fn resolved(&self) -> Result<Self> {
+        self.params.validate()?;
+        let mut config = Self { task: self.fitted_task(), ..self.clone() };
+        config.task.check_limits()?;
         if config.terrain.is_none() {
-            config.params.validate()?;
-            config.task.check_limits()?;
             config.terrain = config.task.terrain(&config.params)?;
         }
         Ok(config)

@@ -12,6 +12,7 @@ use crate::perception::Instruments;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
+use ballbot_base::check_finite;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};
@@ -82,6 +83,8 @@ pub trait TaskConfig: Send {
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()>;
     /// Value of an option by its name; `None` if there is no such option.
     fn get(&self, name: &str) -> Option<Vec<f64>>;
+    /// Whether the default of an option follows from the robot.
+    fn is_scaled(&self, name: &str) -> bool;
     /// Changes the scale of a reward term.
     ///
     /// # Errors
@@ -172,6 +175,8 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         if !SCALAR_OPTIONS.iter().any(|option| option.name == name) {
+            // NaN is an unset option.
+            check_finite(name, values)?;
             return self.task.set(name, values);
         }
         match values {
@@ -184,8 +189,12 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
         let scalar = SCALAR_OPTIONS.iter().zip(self.scalars()).find(|(option, _)| option.name == name);
         match scalar {
             Some((_, value)) => Some(vec![value]),
-            None => T::index_of(name).map(|index| self.task.values(index).to_vec()),
+            None => T::index_of(name).map(|index| self.fitted_task().values(index).to_vec()),
         }
+    }
+
+    fn is_scaled(&self, name: &str) -> bool {
+        T::FIELDS.iter().any(|field| field.name == name && field.scaled)
     }
 
     fn set_reward(&mut self, name: &str, scale: f64) -> Result<()> {

@@ -54,8 +54,8 @@ impl<T: Task> Environment<T> {
     /// # Errors
     /// The errors of [`EnvConfig::validate`] and [`Ballbot::new`].
     pub fn new(config: &EnvConfig<T>, seed: u64) -> Result<Self> {
-        let config = &config.with_terrain()?;
-        config.validate()?;
+        let config = &config.resolved()?;
+        config.validate_resolved()?;
         if config.stage.is_some() {
             return Err(Error::Inconsistent("a stage needs a Batch: an Environment does not call it".into()));
         }

@@ -1,6 +1,7 @@
 //! Closed curves as sums of harmonics, over lanes.
 
 use ballbot_base::lanes::{Lane, Memory, sin_cos_of_step};
+use nalgebra::Vector2;
 
 /// Harmonics of a curve.
 pub(super) const HARMONICS: usize = 3;
@@ -71,6 +72,57 @@ impl<L: Lane> Curve<L> {
     pub(super) fn after(&self, phase: Phase<L>, way: L) -> Phase<L> {
         let half = phase.turned(way * 0.5 / self.at(phase).length());
         phase.turned(way / self.at(half).length())
+    }
+}
+
+impl Curve<f64> {
+    /// The first four derivatives by time of a point that moves along the curve with a speed (m/s) and a constant
+    /// tangential acceleration (m/s²).
+    pub(super) fn motion(&self, phase: Phase<f64>, speed: f64, acceleration: f64) -> [Vector2<f64>; 4] {
+        let Point { first, second, .. } = self.at(phase);
+        let [third, fourth] = self.higher(phase);
+        let (f1, f2): (Vector2<_>, Vector2<_>) = (first.into(), second.into());
+        // The length of the first derivative, and its derivatives by the phase.
+        let length = f1.norm().max(LEAST_LENGTH);
+        let l1 = f1.dot(&f2) / length;
+        let l2 = (f2.norm_squared() + f1.dot(&third) - l1 * l1) / length;
+        let l3 = (3.0 * f2.dot(&third) + f1.dot(&fourth) - 3.0 * l1 * l2) / length;
+        // Derivatives of the phase by the distance along the curve.
+        let a1 = length.recip();
+        let a2 = -l1 * a1.powi(3);
+        let a3 = (3.0 * l1 * l1 - length * l2) * a1.powi(5);
+        let a4 = (10.0 * length * l1 * l2 - length * length * l3 - 15.0 * l1.powi(3)) * a1.powi(7);
+        // Derivatives of the position by the distance.
+        let p1 = f1 * a1;
+        let p2 = f2 * (a1 * a1) + f1 * a2;
+        let p3 = third * a1.powi(3) + f2 * (3.0 * a1 * a2) + f1 * a3;
+        let p4 = fourth * a1.powi(4)
+            + third * (6.0 * a1 * a1 * a2)
+            + f2 * (3.0 * a2 * a2 + 4.0 * a1 * a3)
+            + f1 * a4;
+        let (v, a) = (speed, acceleration);
+        [
+            p1 * v,
+            p2 * (v * v) + p1 * a,
+            p3 * v.powi(3) + p2 * (3.0 * v * a),
+            p4 * v.powi(4) + p3 * (6.0 * v * v * a) + p2 * (3.0 * a * a),
+        ]
+    }
+
+    /// Third and fourth derivative by the phase, m.
+    fn higher(&self, phase: Phase<f64>) -> [Vector2<f64>; 2] {
+        let (mut third, mut fourth) = (Vector2::zeros(), Vector2::zeros());
+        let mut multiple = phase;
+        for k in 0..HARMONICS {
+            let order = (k + 1) as f64;
+            for axis in 0..2 {
+                let [cosine, sine] = self.coefficients[axis][k];
+                third[axis] -= order.powi(3) * (sine * multiple.cos - cosine * multiple.sin);
+                fourth[axis] += order.powi(4) * (cosine * multiple.cos + sine * multiple.sin);
+            }
+            multiple = multiple.plus(phase);
+        }
+        [third, fourth]
     }
 }
 

@@ -21,19 +21,21 @@ task_fields! {
     /// Options of the path task. SI units and radians. Tilts are from the equilibrium.
     pub struct Path {
         /// Smallest and largest speed along the path, uniform.
-        pub path_speed: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0);
+        pub path_speed: [f64; 2] = [0.2, 0.5], "m/s", Limit::from(0.0).to(10.0), scaled;
         /// Smallest and largest half width of a path, uniform.
-        pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.1).to(100.0);
+        pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.1).to(100.0), scaled;
         /// Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires more.
-        pub path_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(10.0);
+        pub path_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(10.0), scaled;
         /// Relative frequencies of circles, lemniscates, rounded squares and random curves.
         pub path_kinds: [f64; 4] = [1.0; 4], "", Limit::from(0.0).to(1e6);
         /// Time from the start of an episode from which errors are counted.
-        pub settling: f64 = 3.0, "s", Limit::from(0.0).to(1e9);
+        pub settling: f64 = 3.0, "s", Limit::from(0.0).to(1e9), scaled;
         /// Distance of the ball from the point that costs half.
-        pub position_scale: f64 = 0.05, "m", Limit::from(1e-6).to(10.0);
+        pub position_scale: f64 = 0.05, "m", Limit::from(1e-6).to(10.0), scaled;
+        /// Distance of the ball from the point that costs half of `distance`.
+        pub distance_scale: f64 = 0.3, "m", Limit::from(1e-6).to(100.0), scaled;
         /// Largest root mean square of the distance across the path in a success.
-        pub success_error: f64 = 0.02, "m", Limit::above(0.0).to(10.0);
+        pub success_error: f64 = 0.02, "m", Limit::above(0.0).to(10.0), scaled;
     }
 }
 
@@ -146,13 +148,11 @@ impl Task for Path {
         let mut memory: [f64; Self::MEMORY] = std::array::from_fn(|i| memory[i]);
         let phase = Phase { cos: memory[PHASE[0]], sin: memory[PHASE[1]] };
         let speed = memory[NOW];
-        let point = Curve::load(&Memory::<f64>::new(Scalar, &mut memory), CURVE).at(phase);
-        Setpoint {
-            position: [memory[POINT[0]], memory[POINT[1]]].into(),
-            velocity: point.tangent().map(|t| speed * t).into(),
-            acceleration: point.curvature().map(|c| speed * speed * c).into(),
-            ..Setpoint::default()
-        }
+        let acceleration = if speed < memory[SPEED] { 0.5 * self.path_acceleration } else { 0.0 };
+        let curve = Curve::load(&Memory::<f64>::new(Scalar, &mut memory), CURVE);
+        let [velocity, acceleration, jerk, snap] = curve.motion(phase, speed, acceleration);
+        let position = [memory[POINT[0]], memory[POINT[1]]].into();
+        Setpoint { position, velocity, acceleration, jerk, snap, ..Setpoint::default() }
     }
 
     #[inline(always)]
@@ -233,7 +233,7 @@ impl Task for Path {
             Term::cost("position", 0.5, "d² / (d² + position_scale²), d the distance of the ball from the point"),
             bounded_error(error, self.position_scale),
         );
-        terms.term(Term::cost("distance", 0.3, "d / (d + 0.3 m)"), distance / (distance + 0.3));
+        terms.term(Term::cost("distance", 0.3, "d / (d + distance_scale)"), distance / (distance + self.distance_scale));
         effort(step, terms);
     }
 

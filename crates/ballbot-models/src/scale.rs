@@ -1,0 +1,64 @@
+//! The size of a robot relative to the robot of the paper.
+
+use super::capture::holding_torques;
+use super::LinearModel;
+use ballbot_base::params::Params;
+use std::f64::consts::TAU;
+use std::sync::OnceLock;
+
+/// Number of directions of the lean in which torques are compared.
+const DIRECTIONS: usize = 72;
+
+/// Factors from a quantity of the paper's robot to the same quantity of a dynamically similar robot (Froude scaling).
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Scale {
+    /// Of times: the time constant 1/λ of toppling.
+    pub time: f64,
+    /// Of accelerations: gravity.
+    pub acceleration: f64,
+    /// Of wheel torques: the largest torque of a wheel that holds a small lean, over the lean.
+    pub torque: f64,
+}
+
+impl Scale {
+    /// The scale of a robot; 1 for the robot of the paper.
+    pub fn of(params: &Params) -> Self {
+        static PAPER: OnceLock<Scale> = OnceLock::new();
+        let paper = PAPER.get_or_init(|| Self::absolute(&Params::paper()));
+        let own = Self::absolute(params);
+        Self {
+            time: own.time / paper.time,
+            acceleration: own.acceleration / paper.acceleration,
+            torque: own.torque / paper.torque,
+        }
+    }
+
+    /// 1/λ (s), gravity (m/s²), and the torque that holds a lean (N·m/rad).
+    fn absolute(params: &Params) -> Self {
+        let level = params.on_level_floor();
+        let linear = LinearModel::new(&level);
+        let torque = |k: usize| holding_torques(&linear, TAU * k as f64 / DIRECTIONS as f64).amax();
+        Self {
+            time: linear.toppling_squared().sqrt().recip(),
+            acceleration: level.gravity,
+            torque: (0..DIRECTIONS).map(torque).fold(0.0, f64::max),
+        }
+    }
+
+    /// The factor of a quantity with a unit.
+    ///
+    /// # Panics
+    /// For a unit that no option of a task or controller has.
+    pub fn factor(&self, unit: &str) -> f64 {
+        match unit {
+            "" | "rad" => 1.0,
+            "s" => self.time,
+            "1/s" | "rad/s" => self.time.recip(),
+            "m/s²" => self.acceleration,
+            "m/s" => self.acceleration * self.time,
+            "m" => self.acceleration * self.time * self.time,
+            "N·m" => self.torque,
+            other => panic!("no scale of {other}"),
+        }
+    }
+}
