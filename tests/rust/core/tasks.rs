@@ -4,6 +4,7 @@ mod contract;
 mod goal;
 mod path;
 mod push;
+mod scaled;
 mod traverse;
 mod velocity;
 

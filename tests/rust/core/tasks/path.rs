@@ -68,3 +68,29 @@ fn a_command_faster_than_the_acceleration_allows_is_slowed_down() {
     let speed = command(&run, 0)[0];
     assert!((speed - (0.2_f64 * 0.5).sqrt()).abs() < 1e-9, "{speed} m/s");
 }
+
+/// Velocity, acceleration, jerk and snap of the setpoint are derivatives of its position, on all kinds of curves.
+#[test]
+fn the_setpoint_has_the_derivatives_of_the_point() {
+    let mut run = run_of(&*config("path", &[("control_dt", &[0.002]), ("path_acceleration", &[2.0])]), 16);
+    // The last steps, after the start at half of the acceleration.
+    let mut points = vec![Vec::new(); 16];
+    regulate(&mut run, 2000, |k, run| {
+        if k >= 1990 {
+            points.iter_mut().enumerate().for_each(|(i, points)| points.push(run.batch.setpoint(i).unwrap()));
+        }
+    });
+    for (i, points) in points.iter().enumerate() {
+        let parts = |at: usize| {
+            let point = &points[at];
+            [point.position, point.velocity, point.acceleration, point.jerk, point.snap]
+        };
+        let (before, now, after) = (parts(2), parts(3), parts(4));
+        for order in 0..4 {
+            let slope = (after[order] - before[order]) / 0.004;
+            let error = (slope - now[order + 1]).norm();
+            let size = now[order + 1].norm();
+            assert!(error < 2e-3 * size + 1e-4, "environment {i}, derivative {}: {error}, {size}", order + 1);
+        }
+    }
+}
