@@ -258,7 +258,7 @@ def test_the_installed_command():
     assert b"Traceback" not in failed.stderr
 
 
-def test_no_command_prints_the_help(capsys):
+def test_without_a_command_the_help_is_printed(capsys):
     code, out, err = run(capsys)
     assert (code, err) == (0, "")
     assert "usage: ballbot" in out
@@ -277,7 +277,7 @@ def test_no_command_prints_the_help(capsys):
         (["list", "polices"], "did you mean 'policies'?"),
     ],
 )
-def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hint):
+def test_a_misspelt_word_suggests_the_closest_word(capsys, arguments, hint):
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert hint in err
@@ -302,7 +302,7 @@ def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
         assert "-o " in run(capsys, command, "--help")[1]
 
 
-def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
+def test_evaluate_accepts_a_robot_by_name_or_file(capsys, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
     results = []
@@ -316,7 +316,7 @@ def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
     assert results[0] != parse_json(out)["results"]
 
 
-def test_a_parameter_of_the_command_line_is_that_of_a_file(capsys, tmp_path):
+def test_a_parameter_of_the_command_line_equals_a_parameter_of_a_file(capsys, tmp_path):
     file = tmp_path / "mine.toml"
     changed = Params.preset("kugle").replace(body_mass=12.0, body_com_offset=(0.01, -0.002))
     file.write_text(_toml.dumps(changed.to_dict()), encoding="utf-8")
@@ -344,7 +344,7 @@ def test_what_is_printed_fits_100_columns(capsys, monkeypatch, arguments):
     assert max(map(len, out.splitlines())) <= 100
 
 
-def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
+def test_view_randomizes_robots_and_has_motors(capsys, monkeypatch, tmp_path):
     pytest.importorskip("viser")
     from ballbot_rs.cli import view
 
@@ -396,7 +396,7 @@ def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     assert "pid controls only the tilt: its ball drifts off" in text
 
 
-def test_plot_draws_robots_with_events(capsys, tmp_path):
+def test_plot_randomizes_robots_with_events(capsys, tmp_path):
     drawn = ("plot", "--events", "hard", "--seed", 3, "--seconds", 0.1, "--json", "-o", tmp_path)
     code, out, _ = run(capsys, *drawn)
     assert code == 0
@@ -418,14 +418,14 @@ def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys,
     assert rates(*both, "--set", "control_dt=0.004") == [0.004, 0.004]
 
 
-def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):
+def test_completion_without_shtab_names_what_to_install(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "shtab", None)
     code, _, err = run(capsys, "--print-completion", "bash")
     assert code == 1
     assert "needs shtab: install it with `pip install" in err
 
 
-def test_view_takes_a_training_run(capsys, tiny_run):
+def test_view_accepts_a_training_run(capsys, tiny_run):
     pytest.importorskip("viser")
     arguments = ["--batch", 1, "--seconds", 0.5, "--no-open", "--port", 18760]
     code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
@@ -450,7 +450,7 @@ def test_view_names_a_urdf_whose_mesh_cannot_be_read(capsys, tmp_path, assets, n
     assert err.count("\n") == 1
 
 
-def test_a_policy_in_the_place_of_the_task_is_compared_with_controllers(capsys):
+def test_a_policy_in_place_of_the_task_is_compared_with_controllers(capsys):
     policy = str(ASSETS / "policies" / "balance.onnx")
     code, out, _ = run(capsys, "evaluate", policy, "--controller", "lqr", "--episodes", "2", "--json")
     assert code == 0

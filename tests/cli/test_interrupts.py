@@ -45,7 +45,7 @@ print("ready", flush=True)
 
 @pytest.mark.parametrize(("number", "code", "line"), ENDINGS)
 @pytest.mark.parametrize("call", ["ctypes.CDLL(None).sleep(600)", "while True: pass"])
-def test_a_long_call_is_no_obstacle(number, code, line, call):
+def test_a_signal_ends_a_long_call(number, code, line, call):
 
     process = subprocess.Popen(
         [sys.executable, "-c", IN_A_LONG_CALL.format(call)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
@@ -72,14 +72,14 @@ def test_a_signal_that_is_ignored_stays_ignored():
     assert process.returncode == 0
 
 
-def test_what_is_patient_unwinds():
+def test_interrupted_calls_unwind():
     with pytest.raises(KeyboardInterrupt), _interrupts.patient():
         _interrupts._on_signal(signal.SIGINT, None)
     with pytest.raises(_interrupts.Terminated), _interrupts.patient():
         _interrupts._on_signal(signal.SIGTERM, None)
 
 
-def test_what_must_not_be_interrupted_is_finished_first():
+def test_critical_sections_are_finished_before_an_interrupt():
     done = []
     with pytest.raises(_interrupts.Terminated), _interrupts.patient():  # noqa: PT012
         with _interrupts.held_back():
@@ -119,7 +119,7 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
         assert (process.returncode, said) == (130, "interrupted\n")
 
 
-def test_a_library_leaves_signals_alone():
+def test_a_library_does_not_change_signals():
     code = "import signal, ballbot_rs; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "True\n"
 

@@ -71,7 +71,7 @@ def test_every_numeric_option_is_here():
 
 
 @pytest.mark.parametrize(("command", "option", "count", "low", "high"), LIMITS)
-def test_a_number_out_of_range_is_refused(capsys, tmp_path, monkeypatch, command, option, count, low, high):
+def test_a_number_out_of_range_is_rejected(capsys, tmp_path, monkeypatch, command, option, count, low, high):
     monkeypatch.chdir(tmp_path)
     wrong = ["nan", "inf", "-inf", "1e999", "many", ""]
     wrong += [] if low is None else [f"{low - 1:g}"]

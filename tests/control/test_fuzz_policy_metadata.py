@@ -63,7 +63,7 @@ def test_edited_metadata_give_a_policy_or_an_error(tmp_path):
 
 
 @pytest.mark.slow("fuzzes metadata")
-def test_a_session_runs_with_any_options_or_says_why_not():
+def test_a_session_runs_with_any_options_or_reports_why_not():
     act, ran = OnnxPolicy(SHIPPED).act, []
 
     @budget(300)

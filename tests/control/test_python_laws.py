@@ -73,7 +73,7 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
     assert found["params"].ball_mass == bb.Params.preset("kugle").ball_mass
 
 
-def test_a_batched_law_has_arrays_and_is_told_of_new_episodes():
+def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():
     law = Batched(PARAMS, 0.01)
     batch = bb.Batch(3, model="spatial", max_episode_steps=20, num_threads=1)
     from ballbot_rs.analysis.rollout import rollout
@@ -96,7 +96,7 @@ def test_a_batched_law_has_arrays_and_is_told_of_new_episodes():
         (bb.Pid(), ("tilt",)),
     ],
 )
-def test_what_a_law_follows_is_in_its_signature(law, follows):
+def test_the_parts_that_a_controller_follows_are_in_its_signature(law, follows):
     assert followed_parts(law) == follows
 
 
@@ -137,7 +137,7 @@ class Remembering:
         return np.full(3, 1e-3 * self.calls)
 
 
-def test_the_viewer_makes_a_law_of_a_class_anew_for_one_robot():
+def test_the_viewer_instantiates_a_controller_class_again_for_one_robot():
     driver = LawDriver(find(Remembering), PARAMS, 2)
     states = [bb.State.at_rest(PARAMS)] * 2
     driver.torques(states, (0.0, 0.0))

@@ -46,7 +46,7 @@ def test_a_ball_that_rolls_is_not_stopped_at_once():
 
 
 @pytest.mark.parametrize("lead", [0.0, -1.0, math.nan, math.inf])
-def test_a_lead_out_of_range_is_refused(lead):
+def test_a_lead_out_of_range_is_rejected(lead):
     with pytest.raises(ValueError, match=f"lead = {lead}"):
         Reference(lead)
     with pytest.raises(ValueError, match="limit = 0"):

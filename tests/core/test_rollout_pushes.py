@@ -27,7 +27,7 @@ def test_impulses_are_pushes_before_the_steps(points):
         np.testing.assert_array_equal(states[1:], together[first + 1 : first + len(states)])
 
 
-def test_a_point_beside_the_mast_turns_the_robot():
+def test_a_push_off_the_mast_turns_the_robot():
     push = np.array([[[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]]])
     com = np.array(bb.Params.paper().body_com)
     points = com + np.array([[0.0, 0.0, 0.0], [0.0, 0.05, 0.0]])

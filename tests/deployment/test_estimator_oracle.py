@@ -62,7 +62,7 @@ def steady(params: bb.Params):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_covariance_becomes_that_of_python_control(robot, tmp_path):
+def test_the_covariance_converges_to_python_control(robot, tmp_path):
     params = bb.Params.preset(robot)
     in_c = CEstimator(tmp_path, estimator_header(params, SENSORS, DT))
     in_c.begin(bb.State.at_rest(params))

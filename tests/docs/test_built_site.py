@@ -87,7 +87,7 @@ def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, brow
 
 
 @pytest.mark.parametrize("page", ["derivations.html", "laws.html", "references.html", "verification.html"])
-def test_formulas_are_drawn_and_none_is_left_as_text(page: str, site: Path, browser: Chromium) -> None:
+def test_formulas_are_rendered_and_none_is_left_as_text(page: str, site: Path, browser: Chromium) -> None:
     opened(browser, site / page)
     assert browser.evaluate("document.querySelectorAll('math').length") > 10
     heights = "[...document.querySelectorAll('.formula math')].map(m => m.getBoundingClientRect().height)"

@@ -40,7 +40,7 @@ def drawn(task):
 
 @pytest.mark.slow("200 episodes a task")
 @pytest.mark.parametrize("task", sorted(TASKS))
-def test_the_bank_is_the_committed_one(task):
+def test_the_bank_matches_the_committed_bank(task):
     """If it is not, the numbers of docs/policies.md and docs/transfer.md are of other episodes."""
     found = drawn(task)
     assert found.keys() == BANK[task].keys()

@@ -114,7 +114,7 @@ def test_every_task_is_here():
 
 
 @pytest.mark.parametrize("task", OF_TASKS)
-def test_terms_are_those_of_the_documentation(task):
+def test_terms_match_the_documentation(task):
     # Terms that count for nothing by default count here.
     reward = {term["name"]: term["scale"] or 0.2 for term in TASKS[task]["rewards"]}
     batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5, reward=reward)

@@ -137,7 +137,7 @@ def test_commands_are_set_by_hand_on_every_front_end(task):
 
 
 @pytest.mark.parametrize("task", COMMANDED)
-def test_wrong_commands_are_refused(task):
+def test_wrong_commands_are_rejected(task):
     env = bb.BallbotEnv(task, model="contact")
     env.reset(seed=0)
     parts = len(TASKS[task]["command"])

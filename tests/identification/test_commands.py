@@ -29,7 +29,7 @@ def log(capsys, tmp_path):
     return path
 
 
-def test_a_log_becomes_a_robot_that_other_commands_take(capsys, log, tmp_path):
+def test_a_log_becomes_a_robot_that_other_commands_accept(capsys, log, tmp_path):
     robot = tmp_path / "mine.toml"
     fields = "body_com_height,lag"
     code, out, err = run(capsys, "identify", log, "--fields", fields, "--threads", 1, "-o", robot)

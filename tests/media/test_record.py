@@ -43,7 +43,7 @@ def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
     assert after.max() > before.max()
 
 
-def test_a_trajectory_is_that_of_the_environment():
+def test_a_trajectory_matches_the_environment():
     shown = bb.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
     torque = bb.Params.paper().max_wheel_torque
     batch = Batch(1, autoreset="disabled", num_threads=1, max_wheel_torque=torque, **CONTACT)
@@ -72,7 +72,7 @@ def test_motors_are_off_after_a_fall():
         ({"env_options": {"model": "flat"}}, "unknown model 'flat'"),
     ],
 )
-def test_what_cannot_happen_is_refused(arguments, message):
+def test_impossible_requests_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         bb.run("lqr", **arguments)
 
@@ -146,7 +146,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
         (["--controller", "lqrr"], "no policy at lqrr"),
     ],
 )
-def test_a_wrong_wish_leaves_nothing_behind(arguments, message, tmp_path, capsys, monkeypatch):
+def test_an_invalid_request_leaves_no_file(arguments, message, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["record", "--model", "planar", "--seconds", "0.2", *arguments]) == 1
     assert message in capsys.readouterr().err
@@ -217,7 +217,7 @@ def test_arrows_of_two_pushes_are_as_long_as_their_impulses():
     assert len(arrows(shown, 22)) == 3
 
 
-def test_the_command_of_the_task_is_drawn():
+def test_the_command_of_the_task_is_shown():
     going = bb.simulate("lqr", seconds=3.0, task="velocity", seed=1)
     row = int(np.abs(going.commands[:, 0]).argmax())
     ((tail, tip),) = arrows(going, row)
@@ -234,7 +234,7 @@ def test_the_command_of_the_task_is_drawn():
     np.testing.assert_allclose(path[0, 0, :2], 0.0, atol=1e-12)
 
 
-def test_a_caption_says_when_the_robot_fell():
+def test_a_caption_states_when_the_robot_fell():
     shown = bb.run("zero", seconds=1.5, tilt=(0.3, 0.0), env_options=CONTACT)
     assert shown.fell_at is not None
     assert lines(shown, len(shown.times) - 1)[2] == f"fell at {shown.fell_at:.2f} s"
@@ -284,7 +284,7 @@ def test_controllers_are_shown_side_by_side(tmp_path, capsys):
 HALVES = (slice(0, 62), slice(66, 128))
 
 
-def test_a_picture_each_needs_a_renderer_each(tmp_path):
+def test_one_image_for_each_robot_needs_one_renderer_for_each(tmp_path):
     shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
     one, low = renderer_for(shown, **SMALL), renderer_for(shown, **{**SMALL, "height": 48})
     for renderers, message in (

@@ -10,7 +10,7 @@ from tests.support.paths import ROOT
 DOCKERFILE = (ROOT / "Dockerfile").read_text(encoding="utf-8")
 
 
-def test_its_extras_are_those_of_the_package():
+def test_its_extras_match_the_package():
     (extras,) = re.findall(r"\.whl\)\[(.*?)\]", DOCKERFILE)
     known = _toml.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert {"train", "view", "export"} <= set(extras.split(",")) <= set(known)

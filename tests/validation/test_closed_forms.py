@@ -28,13 +28,11 @@ def test_claims_hold(topic: Topic) -> None:
         (Findings([], missing=("an engine is not available",)), True, 0),
     ],
 )
-def test_the_exit_code_tells_of_failures_and_of_what_was_not_run(
-    findings: Findings, allow_missing: bool, code: int
-) -> None:
+def test_the_exit_code_reports_failures_and_skipped_topics(findings: Findings, allow_missing: bool, code: int) -> None:
     assert page.verdict([findings], allow_missing) == code
 
 
-def test_a_topic_by_name_prints_its_claims_and_draws_only_where_asked(
+def test_a_topic_by_name_prints_its_claims_and_plots_only_on_request(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     topic = next(topic for topic in TOPICS if topic.name == "growth")

@@ -89,7 +89,7 @@ def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value
     assert messages.accepted(update(handle, value), view.server.controls) is None
 
 
-def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
+def test_only_valid_values_reach_other_clients(view):
     """A value of 1e308 in a control dropped every client that came later."""
     handle = control(view, "Impulse (N·s)")
     before = handle.value
@@ -110,7 +110,7 @@ def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_sliders_of_the_robot_take_their_range_and_nothing_else(view, name):
+def test_sliders_of_the_robot_accept_only_their_range(view, name):
     change = CHANGES[name]
     handle = control(view, change.label)
     for value in (change.low, change.neutral, change.high, 0.5 * (change.low + change.high)):
@@ -128,7 +128,7 @@ def moved(view, client, name, value):
     return ask(view, lambda session: session.changes)
 
 
-def test_sliders_change_the_running_robot_and_a_button_takes_it_back(view):
+def test_sliders_change_the_running_robot_and_a_button_restores_it(view):
     ask(view, lambda session: session.reset())
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
@@ -164,7 +164,7 @@ def test_what_the_controller_sees_is_chosen_and_plotted(view):
         wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
 
 
-def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_back(view):
+def test_an_invalid_robot_is_rejected_with_the_reason_and_the_slider_returns(view):
     """Both values are within the sliders; the center of mass is then off the wheels."""
     ask(view, lambda session: session.reset())
     with client(view) as sender:
@@ -245,7 +245,7 @@ def test_a_camera_that_sees_nothing_is_dropped(edit):
     assert messages.accepted(packed(**{**CAMERA, **edit}), {}) is None
 
 
-def test_uploads_are_refused(view):
+def test_uploads_are_rejected(view):
     button = control(view, "Push")
     start = packed(
         type="FileTransferStart",
@@ -311,7 +311,7 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
 
 
 @pytest.mark.slow("many clients")
-def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(view):
+def test_clients_beyond_the_limit_are_rejected_with_the_reason_and_leave_nothing(view):
     wait_until(lambda: not view.server._clients)
     address = view.url.replace("http", "ws")
     with contextlib.ExitStack() as stack:
@@ -335,7 +335,7 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
 
 @pytest.mark.slow("200 clients")
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="reads the memory of Linux")  # noqa: PTH110
-def test_two_hundred_clients_take_bounded_memory(view):
+def test_two_hundred_clients_use_bounded_memory(view):
     def megabytes():
         with open("/proc/self/statm") as file:  # noqa: PTH123
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -385,24 +385,24 @@ BAD = [
 
 
 @pytest.mark.parametrize("host", GOOD)
-def test_own_names_pass(host):
+def test_our_names_pass(host):
     assert refusal("/", Headers({"Host": host})) is None
     for scheme in ("http", "https"):
         assert refusal("/", Headers({"Host": host, "Origin": f"{scheme}://{host}"})) is None
 
 
 @pytest.mark.parametrize("host", BAD)
-def test_other_forms_of_names_are_refused(host):
+def test_other_forms_of_names_are_rejected(host):
     assert refusal("/", Headers({"Host": host})) is not None
     assert refusal("/", Headers({"Host": "localhost:8080", "Origin": f"http://{host}"})) is not None
 
 
 @pytest.mark.parametrize("host", ["localhost:٨٠", "localhost\n", "127.0.0.1\0", "127.0.0.1\r\nX: y"])
-def test_names_that_no_header_can_have_are_not_own(host):
+def test_names_that_no_header_can_have_are_not_ours(host):
     assert not is_own(host)
 
 
-def test_missing_double_and_foreign_headers_are_refused():
+def test_missing_double_and_foreign_headers_are_rejected():
     own = ("Host", "localhost:8080")
     for headers in (
         [],
@@ -420,7 +420,7 @@ def test_missing_double_and_foreign_headers_are_refused():
         assert refusal("/", Headers(headers)) == "this server is only for this machine"
 
 
-def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):
+def test_a_page_that_ends_within_a_frame_prints_nothing(recwarn):
     ending = View(Session(), port=18835)
     showing, ended = threading.Event(), threading.Event()
     show = ending._page.show
@@ -440,7 +440,7 @@ def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):
     assert not [str(warning.message) for warning in recwarn]
 
 
-def test_a_page_that_is_closed_while_its_camera_is_set_says_nothing(view, recwarn):
+def test_a_page_that_is_closed_while_its_camera_is_set_prints_nothing(view, recwarn):
     with client(view):
         wait_until(lambda: view.server.get_clients())
         (handle,) = view.server.get_clients().values()
@@ -457,7 +457,7 @@ def test_the_memory_of_pages_that_are_closed_is_given_back(view, monkeypatch):
     wait_until(lambda: given_back[-1:] == [0])
 
 
-def test_a_request_without_a_host_is_refused_on_the_wire(view):
+def test_a_request_without_a_host_is_rejected_on_the_wire(view):
     with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=60) as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n")
         assert raw.recv(1000).startswith(b"HTTP/1.1 403")

@@ -116,7 +116,7 @@ def open_tab(page, name):
     press(page, named(name, "[role=tab]"), lambda: page.evaluate(f"{named(name, '[role=tab]')}.ariaSelected") == "true")
 
 
-def test_the_panel_is_beside_the_scene_and_the_robot_in_it(opened):
+def test_the_panel_is_next_to_the_scene_and_the_robot_in_it(opened):
     view, page, _ = opened
     scene = rectangle(page, "document.querySelector('canvas[data-engine]')")
     panel = rectangle(page, "document.querySelector('.ballbot-status')")
@@ -160,7 +160,7 @@ def test_every_text_can_be_read(opened):
     ask(view, lambda session: setattr(session, "paused", False))
 
 
-def test_every_button_does_what_it_says(opened):
+def test_every_button_does_what_its_label_states(opened):
     view, page, _ = opened
 
     def becomes(function, value=True):

@@ -66,7 +66,7 @@ def test_a_page_drives_while_it_sends(view):
 
 
 @pytest.mark.slow("real time")
-def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeypatch):
+def test_a_page_that_vanishes_stops_only_its_robot_at_once(view, monkeypatch):
     monkeypatch.setattr(teleop, "HOLD", 1e6)
     with page(view) as first, page(view) as second:
         drive_until(lambda: command(view)[0] == 0.5, first, 1.0, 0.0, 0.0)
@@ -78,7 +78,7 @@ def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeyp
         wait_until(lambda: np.array_equal(command(view), [0.0, 0.0, 0.0]))
 
 
-def test_pages_hear_whether_they_drive_and_nothing_is_driven_otherwise(view):
+def test_pages_are_notified_whether_they_drive_and_only_drivers_drive(view):
     with page(view) as connection:
         assert connection.recv(timeout=LIMIT) == "on"
         view.runner.submit(lambda session: session.choose(task="goal"))
@@ -110,7 +110,7 @@ WRONG = [
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda raw: repr(raw)[:20])
-def test_what_is_no_command_is_dropped(wrong):
+def test_invalid_commands_are_dropped(wrong):
     assert teleop.message_of(wrong) is None
     assert teleop.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
 
@@ -134,7 +134,7 @@ def test_other_sites_do_not_drive(view, headers):
     assert refused.value.response.status_code == 403
 
 
-def test_there_is_room_for_as_many_as_there_are_pages(view, monkeypatch):
+def test_every_page_up_to_the_limit_may_connect(view, monkeypatch):
     monkeypatch.setattr(server, "MAX_CLIENTS", 2)
     with page(view) as first, page(view) as second:
         for connection in (first, second):
@@ -144,7 +144,7 @@ def test_there_is_room_for_as_many_as_there_are_pages(view, monkeypatch):
         assert refused.value.response.status_code == 503
 
 
-def test_the_page_has_our_head_once_and_whole_and_calls_nobody(view):
+def test_the_page_has_our_head_once_and_makes_no_external_requests(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read()
     own = server.head()

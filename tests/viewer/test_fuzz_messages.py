@@ -70,7 +70,7 @@ def check_unharmed(view, capfd):
 
 @budget(500)
 @given(raw=st.one_of(st.binary(max_size=300), st.text(max_size=50), values.map(msgspec.msgpack.encode)))
-def test_bytes_are_no_message(view, raw):
+def test_arbitrary_bytes_are_not_messages(view, raw):
     assert not check(view, raw)
 
 

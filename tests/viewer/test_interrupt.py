@@ -28,7 +28,7 @@ def looping(tmp_path_factory):
     return looping_policy(tmp_path_factory.mktemp("policies") / "looping.onnx")
 
 
-def test_the_looping_policy_is_the_shipped_one_once_its_loop_ends(tmp_path):
+def test_the_looping_policy_equals_the_shipped_policy_once_its_loop_ends(tmp_path):
     observations = np.random.default_rng(0).normal(size=(4, 16)).astype(np.float32)
     ends = OnnxPolicy(looping_policy(tmp_path / "ends.onnx", trips=10))
     np.testing.assert_allclose(ends.act(observations), OnnxPolicy(SHIPPED).act(observations), atol=1e-6)
@@ -41,7 +41,7 @@ def test_a_policy_that_loops_is_interrupted_from_another_thread(looping):
         policy.act(np.zeros(16, dtype=np.float32))
 
 
-def test_the_page_goes_on_without_a_policy_that_loops(looping):
+def test_the_page_continues_without_a_policy_that_loops(looping):
     view = View(Session(), port=18860)
     try:
         view.runner.submit(lambda session: session.choose(controller=str(looping)))
@@ -64,7 +64,7 @@ def test_the_page_goes_on_without_a_policy_that_loops(looping):
     assert not view.runner.running
 
 
-def test_a_policy_that_loops_is_refused_on_another_robot(looping, monkeypatch):
+def test_a_policy_that_loops_is_rejected_on_another_robot(looping, monkeypatch):
     monkeypatch.setattr("ballbot_rs.viewer.session.session.MAX_LOAD", 0.2)
     with pytest.raises(TimeoutError, match=r"took longer than 0\.2 s"):
         Session(robot="kugle", controller=str(looping))
@@ -82,7 +82,7 @@ def test_a_call_that_is_waited_for_is_canceled():
     wait_until(lambda: not is_any_left())
 
 
-def test_results_and_errors_of_calls_are_passed_on():
+def test_results_and_errors_of_calls_are_forwarded():
     watch, threads = Watchdog(), set()
     for i in range(100):
         assert watch.call("add", lambda i=i: (threads.add(threading.get_ident()), i + 1)[1], 5.0) == i + 1

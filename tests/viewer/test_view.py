@@ -206,7 +206,7 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
         page.close()
 
 
-def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
+def test_the_urdf_and_the_parameters_agree_on_the_positions_of_the_wheels():
     params = Params.paper()
     described, made = robot.from_urdf(params, *robot.URDFS["paper"]), robot.from_params(params)
     for one, other in zip(described.wheels, made.wheels, strict=True):
@@ -235,7 +235,7 @@ def test_uneven_wheels_are_shown_where_they_are():
         np.testing.assert_allclose(wheel.mount[:3, :3] @ wheel.axle, axle, atol=1e-15)
 
 
-def test_the_command_stops_by_itself_and_says_how_fast_it_was():
+def test_the_command_stops_by_itself_and_prints_its_speed():
     command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--model", "contact", "--batch", "16"]
     done = subprocess.run(
         [*command, "--seconds", "2", "--no-open", "--port", "18740"],
@@ -264,7 +264,7 @@ def test_the_command_stops_by_itself_and_says_how_fast_it_was():
         ("/..%5C..%5Cx", {}),
     ],
 )
-def test_other_sites_and_other_files_are_refused(view, path, headers):
+def test_other_sites_and_other_files_are_rejected(view, path, headers):
     with pytest.raises(urllib.error.HTTPError) as refused:
         urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=60)
     assert refused.value.code == 403
@@ -280,7 +280,7 @@ def test_a_search_for_a_free_port_ends():
     assert 18800 <= free_port(18800) <= 65535
 
 
-def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
+def test_a_urdf_whose_mesh_is_missing_is_rejected(tmp_path):
     bot, ball = (tmp_path / name for name in ("bot.urdf", "ball.urdf"))
     for path in (bot, ball):
         path.write_bytes((ASSETS / path.name).read_bytes())
@@ -288,7 +288,7 @@ def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
         View(Session(), port=18790, urdfs={"paper": (bot, ball)})
 
 
-def test_the_page_is_served_and_calls_nobody(view):
+def test_the_page_is_served_and_makes_no_external_requests(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read().decode()
     assert '<div id="root">' in page
@@ -313,7 +313,7 @@ def test_garbage_and_many_clients_that_vanish_do_no_harm(view, capfd):
     capfd.readouterr()
 
 
-def test_choices_that_are_not_offered_are_refused(view):
+def test_choices_that_are_not_offered_are_rejected(view):
     """What a client that is no browser may put into a control; viser lets all text through."""
     panel = view._page.robot
     event = viser.GuiEvent(client=None, client_id=3, target=None)

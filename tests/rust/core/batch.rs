@@ -231,7 +231,7 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
 }
 
 #[test]
-fn steps_before_the_first_reset_are_refused() {
+fn steps_before_the_first_reset_are_rejected() {
     for mode in MODES {
         let mut batch = Batch::new(&calm(2), 2, mode, Some(1), 0).unwrap();
         assert_eq!(batch.autoreset(), mode);
@@ -273,7 +273,7 @@ fn divergence_does_not_affect_neighbors() {
 }
 
 #[test]
-fn actions_that_are_not_finite_are_refused() {
+fn actions_that_are_not_finite_are_rejected() {
     for mode in MODES {
         let mut batch = batch(&config(ModelKind::Rigid), 4, mode, 2);
         Written::of(&mut batch, &actions(4, 0)).unwrap();
@@ -290,7 +290,7 @@ fn actions_that_are_not_finite_are_refused() {
 type Change = fn(&mut Written);
 
 #[test]
-fn buffers_of_the_wrong_length_are_refused() {
+fn buffers_of_the_wrong_length_are_rejected() {
     let mut batch = batch(&calm(5), 2, Autoreset::SameStep, 1);
     assert!(refused(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
     assert!(refused(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
@@ -345,7 +345,7 @@ fn mask_selects_the_environments_to_reset() {
 }
 
 #[test]
-fn staggered_episodes_end_at_even_intervals() {
+fn staggered_episodes_end_at_uniform_intervals() {
     for (n, steps) in [(5, 20), (7, 20), (50, 20)] {
         let mut batch = batch(&calm(steps), n, Autoreset::SameStep, 1);
         batch.stagger();
@@ -365,7 +365,7 @@ fn staggered_episodes_end_at_even_intervals() {
 }
 
 #[test]
-fn invalid_batch_arguments_are_refused() {
+fn invalid_batch_arguments_are_rejected() {
     let message = |n, threads| Batch::new(&calm(5), n, MODES[0], threads, 0).err().expect("accepted").to_string();
     assert!(message(0, None).starts_with("num_envs = 0"));
     assert!(message(2, Some(0)).starts_with("num_threads = 0"));

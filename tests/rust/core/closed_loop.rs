@@ -158,7 +158,7 @@ fn closed_loop_does_not_depend_on_threads() {
 }
 
 #[test]
-fn default_setpoint_is_that_of_the_task() {
+fn default_setpoint_matches_the_task() {
     let mut config = config(ModelKind::Contact, 0.01);
     config.task.setpoint = [0.3, -0.2];
     let controller = lqr(&config);
@@ -281,7 +281,7 @@ fn diverged_robots_do_not_affect_neighbors_in_the_closed_loop() {
 type Call<'a> = (&'a dyn Controller, Option<&'a [Setpoint]>, usize, &'a str);
 
 #[test]
-fn invalid_arguments_of_control_are_refused() {
+fn invalid_arguments_of_control_are_rejected() {
     let config = config(ModelKind::Contact, 0.01);
     let controller = lqr(&config);
     let wrong = Lqr::new(&config.params, 0.005).unwrap();

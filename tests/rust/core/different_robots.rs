@@ -324,7 +324,7 @@ fn another_geometry_requires_a_reset() {
 }
 
 #[test]
-fn refused_parameters_change_nothing() {
+fn rejected_parameters_change_nothing() {
     let robots = robots();
     for model in ModelKind::ALL {
         // Starts that are possible for the paper's robot.

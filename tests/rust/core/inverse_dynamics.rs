@@ -21,7 +21,7 @@ proptest! {
 
     /// The torques of an acceleration produce that acceleration, on any floor.
     #[test]
-    fn torques_have_the_wanted_acceleration(
+    fn torques_give_the_desired_acceleration(
         robot in any_general_robot(),
         floor_tilt in any_floor_tilt(0.4),
         start in any_start(0.5, 1.0),

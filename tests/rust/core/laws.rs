@@ -63,7 +63,7 @@ fn cells(state: &State) -> StateCells<f64> {
 }
 
 #[test]
-fn laws_give_the_numbers_that_they_compute_with() {
+fn controllers_report_the_numbers_that_they_compute_with() {
     for kind in controller_kinds() {
         let name = kind.name;
         for (limits, scales) in [(LimitOptions::TRACTION, true), (LimitOptions::CAP, false)] {
@@ -257,7 +257,7 @@ fn steps_of_the_setpoint() {
 }
 
 #[test]
-fn laws_stand_from_eight_degrees_on_all_presets() {
+fn controllers_recover_from_eight_degrees_on_all_presets() {
     for (preset, params) in presets() {
         for name in laws() {
             for kind in [ModelKind::Spatial, ModelKind::Contact] {
@@ -278,7 +278,7 @@ fn laws_stand_from_eight_degrees_on_all_presets() {
 /// Robots from half a kilogram to fifty with their center of mass off the mast: the default options are in units of λ.
 /// They grip, and each wheel carries load.
 #[test]
-fn laws_bring_any_robot_to_rest() {
+fn controllers_bring_any_robot_to_rest() {
     let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(config);
     let drawn = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
@@ -340,7 +340,7 @@ fn position_and_heading_are_reached() {
 
 /// A robot rotated and translated together with its setpoint has the same torques.
 #[test]
-fn headings_and_places_change_no_torque() {
+fn torques_do_not_depend_on_heading_and_position() {
     let params = uneven();
     let torques = |name: &str, yaw: f64, offset: Vector2<f64>| {
         let turn = nalgebra::Rotation2::new(yaw);
@@ -408,7 +408,7 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
 
 /// The default limits of the laws are the traction limits.
 #[test]
-fn laws_are_limited_by_the_traction() {
+fn controllers_are_limited_by_the_traction() {
     for name in laws() {
         assert_eq!(controller_kind(name).unwrap().limits, LimitOptions::TRACTION);
     }

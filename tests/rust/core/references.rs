@@ -49,7 +49,7 @@ fn plane(params: &Params) -> [f64; 3] {
 }
 
 #[test]
-fn derivatives_are_those_of_the_motion() {
+fn derivatives_match_the_motion() {
     let [acceleration, lever, _] = plane(&Params::paper());
     for (name, motion) in motions() {
         let turning = Turning { yaw: 0.3, rate: 1.0, start: 2.0 };
@@ -152,7 +152,7 @@ fn motions_with_their_torques_solve_the_linear_model() {
 }
 
 #[test]
-fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
+fn motions_beyond_the_traction_are_rejected_with_a_feasible_time() {
     let params = Params::paper();
     let line = |seconds: f64| Motion::Path { points: vec![[0.0, 0.0], [1.0, 0.0]], times: vec![0.0, seconds] };
     let message = Reference::new(&params, line(2.0), Turning::default(), Some(1.0)).unwrap_err().to_string();
@@ -175,7 +175,7 @@ fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
 
 /// Each leg counts, however short it is compared with the motion.
 #[test]
-fn short_legs_of_long_motions_are_refused() {
+fn short_legs_of_long_motions_are_rejected() {
     let refused = |motion: Motion, turning: Turning| {
         assert!(Reference::new(&Params::paper(), motion, turning, Some(1.0)).is_err());
     };
@@ -188,7 +188,7 @@ fn short_legs_of_long_motions_are_refused() {
 
 /// The torques of a motion act after the delay.
 #[test]
-fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
+fn a_controller_that_predicts_over_a_delay_follows_a_circle_equally_well() {
     let params = Params::paper();
     let circle = made(Motion::Circle { radius: 0.5, period: 4.0, start: 4.0 });
     let follow = |name: &str, delay: f64| {
@@ -217,7 +217,7 @@ fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
 }
 
 #[test]
-fn numbers_that_make_no_motion_are_refused() {
+fn numbers_without_a_motion_are_rejected() {
     let refused = |motion: Motion, says: &str| {
         let message = Reference::new(&Params::paper(), motion, Turning::default(), None).unwrap_err().to_string();
         assert!(message.contains(says), "{message}");
@@ -259,7 +259,7 @@ fn follow(name: &str, reference: &Reference, from: f64, until: f64) -> [f64; 3] 
 }
 
 #[test]
-fn robots_follow() {
+fn robots_follow_the_path() {
     let names = ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode"];
     let circle = |period: f64| Motion::Circle { radius: 0.5, period, start: 4.0 };
     let line =

@@ -87,7 +87,7 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
 }
 
 #[test]
-fn uneven_wheels_are_drawn_where_they_are() {
+fn uneven_wheels_are_rendered_at_their_positions() {
     let even = Params::paper();
     let uneven = Params {
         wheel_azimuths: [0.3, TAU / 3.0, 2.0 * TAU / 3.0 - 0.2],
@@ -361,7 +361,7 @@ fn more_samples_keep_areas_and_soften_edges() {
 }
 
 #[test]
-fn shipped_urdfs_are_drawn() {
+fn shipped_urdfs_are_rendered() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let scene = Scene::from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     assert!((0.6..0.9).contains(&scene.height()), "{} m high", scene.height());
@@ -374,7 +374,7 @@ fn shipped_urdfs_are_drawn() {
 
 #[test]
 #[cfg(unix)]
-fn a_mesh_that_is_a_device_or_a_pipe_is_refused() {
+fn a_mesh_that_is_a_device_or_a_pipe_is_rejected() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let folder = std::env::temp_dir().join(format!("ballbot-mesh-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -393,7 +393,7 @@ fn a_mesh_that_is_a_device_or_a_pipe_is_refused() {
 }
 
 #[test]
-fn contents_that_are_no_stl_are_refused() {
+fn contents_that_are_not_stl_are_rejected() {
     let scale = Vector3::repeat(1.0);
     // A binary STL: 80 bytes of header, the number of triangles, and 50 bytes for each.
     let binary = |count: u32, corner: f32| {

@@ -42,7 +42,7 @@ fn regulators_whose_poles_were_not_found_are_solved() {
 }
 
 #[test]
-fn every_regulator_is_solved_or_refused() {
+fn every_regulator_is_solved_or_rejected() {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut solved, mut worst) = (0, 0.0_f64);
     let n = 3000;
@@ -69,7 +69,7 @@ fn every_regulator_is_solved_or_refused() {
 }
 
 #[test]
-fn costs_that_no_regulator_has_are_refused() {
+fn costs_without_a_regulator_are_rejected() {
     let paper = Params::paper();
     let identity = |n: usize| DMatrix::<f64>::identity(n, n);
     let refused = |q: &DMatrix<f64>, r: &DMatrix<f64>, words: &str| {

@@ -64,7 +64,7 @@ fn models_are_chosen_by_name() {
 }
 
 #[test]
-fn time_steps_out_of_range_are_refused() {
+fn time_steps_out_of_range_are_rejected() {
     for kind in ModelKind::ALL {
         for sim_dt in [0.0, -0.001, 9e-7, 0.0201, f64::NAN, f64::INFINITY] {
             let error = Ballbot::new(&Params::paper(), kind, sim_dt).err().expect("accepted").to_string();
@@ -80,7 +80,7 @@ fn time_steps_out_of_range_are_refused() {
 }
 
 #[test]
-fn invalid_parameters_are_refused() {
+fn invalid_parameters_are_rejected() {
     for kind in ModelKind::ALL {
         let error = Ballbot::new(&Params { gravity: -9.81, ..Params::paper() }, kind, 0.001).err().expect("accepted");
         assert!(error.to_string().starts_with("gravity = -9.81 "), "{error}");
@@ -93,7 +93,7 @@ fn invalid_parameters_are_refused() {
 }
 
 #[test]
-fn torques_beyond_the_motor_limit_are_refused() {
+fn torques_beyond_the_motor_limit_are_rejected() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
@@ -109,7 +109,7 @@ fn torques_beyond_the_motor_limit_are_refused() {
 }
 
 #[test]
-fn states_out_of_bounds_are_refused() {
+fn states_out_of_bounds_are_rejected() {
     let with = |change: &dyn Fn(&mut State)| {
         let mut state = lively();
         change(&mut state);
@@ -153,7 +153,7 @@ fn slipping_starts_need_a_model_with_contacts() {
 }
 
 #[test]
-fn invalid_pushes_and_joint_friction_are_refused() {
+fn invalid_pushes_and_joint_friction_are_rejected() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         let nan = Vector3::new(0.0, f64::NAN, 0.0);
@@ -196,7 +196,7 @@ fn divergence_is_reported_until_a_reset() {
 }
 
 #[test]
-fn reset_robots_equal_new_ones_to_the_last_bit() {
+fn reset_robots_equal_new_robots_bit_for_bit() {
     for kind in ModelKind::ALL {
         let expected = fresh_trace(kind);
         let mut robot = robot(kind);
@@ -226,7 +226,7 @@ fn state_after_a_reset_is_the_given_one() {
 }
 
 #[test]
-fn loaded_robots_continue_to_the_last_bit() {
+fn loaded_robots_continue_bit_for_bit() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
@@ -265,7 +265,7 @@ fn joint_friction_persists_through_a_reset() {
 }
 
 #[test]
-fn friction_utilization_is_the_share_of_the_dynamic_limit() {
+fn friction_utilization_is_the_fraction_of_the_dynamic_limit() {
     let params = Params { wheel_dynamic_friction: 0.5, floor_dynamic_friction: 0.8, ..Params::paper() };
     let contacts = Contacts {
         wheel_normal_forces: Wheels([10.0, 0.0, -1.0]),

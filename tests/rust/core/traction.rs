@@ -74,7 +74,7 @@ fn load_maps_are_the_derivatives_of_the_contact_forces() {
 
 /// In equilibrium the maps are exact, and so is the limit.
 #[test]
-fn limited_torques_use_the_friction_limit_and_no_more() {
+fn limited_torques_reach_and_do_not_exceed_the_friction_limit() {
     for params in robots() {
         let params = Params {
             wheel_coulomb_friction: 0.0,
@@ -131,7 +131,7 @@ fn tilted_robots_keep_within_two_percent_of_the_limit() {
 }
 
 #[test]
-fn yaw_torque_is_given_up_first() {
+fn yaw_torque_is_reduced_first() {
     let params = Params::paper();
     let state = State::upright(&params);
     let found = apply(&params, &state, torques(&params, 0.2, 0.4, 5.0));
@@ -175,7 +175,7 @@ fn a_heading_changes_nothing() {
 }
 
 #[test]
-fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
+fn where_a_wheel_slips_the_torques_equal_the_cap() {
     let params = Params::paper();
     let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
     let wanted = torques(&params, 1.0, 0.4, 0.1);
@@ -191,7 +191,7 @@ fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
 }
 
 #[test]
-fn torques_that_are_no_numbers_are_not_hidden() {
+fn torques_that_are_nan_are_not_hidden() {
     let params = Params::paper();
     for k in 0..3 {
         let mut wanted = Wheels([0.1, -0.2, 0.3]);
@@ -203,7 +203,7 @@ fn torques_that_are_no_numbers_are_not_hidden() {
 }
 
 #[test]
-fn limits_out_of_range_are_refused() {
+fn limits_out_of_range_are_rejected() {
     let params = Params::paper();
     for (traction, max_torque, words) in [
         (Some(0.0), None, "traction = 0 is out of range: it must be from 0.01 to 1"),
@@ -279,7 +279,7 @@ fn the_stage_widens_the_basin_of_a_regulator() {
 
 /// Pushed at the center of mass for 0.1 s, and at once.
 #[test]
-fn the_stage_makes_a_regulator_stand_harder_pushes() {
+fn with_the_stage_a_regulator_withstands_harder_pushes() {
     let upright = State::upright(&Params::paper());
     let [mut capped, mut scaled] = regulators();
     let mut falls = 0;

@@ -428,7 +428,7 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
 ];
 
 #[test]
-fn urdfs_that_are_not_bots_are_refused() {
+fn urdfs_that_are_not_bots_are_rejected() {
     for &(from, to, expected) in BAD_BOTS {
         let (file, reason) = refusal(&edit(BOT, from, to), BALL);
         // Invalid parameters are reported for both files.
@@ -440,7 +440,7 @@ fn urdfs_that_are_not_bots_are_refused() {
 }
 
 #[test]
-fn missing_parts_are_refused() {
+fn missing_parts_are_rejected() {
     let cut = |text: &str, start: &str, end: &str| {
         let from = text.find(start).unwrap();
         let to = from + text[from..].find(end).unwrap() + end.len();
@@ -458,7 +458,7 @@ fn missing_parts_are_refused() {
 }
 
 #[test]
-fn urdfs_that_are_not_balls_are_refused() {
+fn urdfs_that_are_not_balls_are_rejected() {
     let cases: &[(&str, &str, &[&str])] = &[
         ("</robot>", "", &["not a readable URDF"]),
         ("<mass value=\"1.437\"/>", "<mass value=\"0\"/>", &["'ball' has an inertia but mass = 0 kg"]),
@@ -514,7 +514,7 @@ fn errors_of_unreadable_files_name_the_file() {
 
 #[test]
 #[cfg(unix)]
-fn devices_and_pipes_are_refused_without_being_read() {
+fn devices_and_pipes_are_rejected_without_being_read() {
     let pipe = std::env::temp_dir().join(format!("ballbot-pipe-{}", std::process::id()));
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for path in [Path::new("/dev/zero"), &pipe, Path::new("/")] {
@@ -527,7 +527,7 @@ fn devices_and_pipes_are_refused_without_being_read() {
 }
 
 #[test]
-fn a_file_that_is_too_large_is_refused() {
+fn a_file_that_is_too_large_is_rejected() {
     let path = std::env::temp_dir().join(format!("ballbot-large-{}", std::process::id()));
     // Without contents on the disk.
     std::fs::File::create(&path).and_then(|file| file.set_len(1 << 40)).unwrap();
@@ -539,7 +539,7 @@ fn a_file_that_is_too_large_is_refused() {
 }
 
 #[test]
-fn visuals_of_texts_are_those_of_files() {
+fn visuals_of_texts_match_files() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let of_files = visuals_from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     let of_texts = visuals_from_urdf_text(BOT, BALL).unwrap();
@@ -550,7 +550,7 @@ fn visuals_of_texts_are_those_of_files() {
 }
 
 #[test]
-fn truncated_text_is_refused() {
+fn truncated_text_is_rejected() {
     for end in (0..BOT.len() - 10).step_by(50) {
         if let Some(cut) = BOT.get(..end) {
             refusal(cut, BALL);
@@ -577,7 +577,7 @@ fn attribute_values_never_panic() {
 }
 
 #[test]
-fn deeply_nested_text_is_refused() {
+fn deeply_nested_text_is_rejected() {
     let nested = "<a>".repeat(100_000) + &"</a>".repeat(100_000);
     assert!(refusal(&nested, BALL).1.contains("nested more than 64 deep"));
     assert!(refusal(&"<a>".repeat(100_000), BALL).1.contains("nested more than 64 deep"));
@@ -585,7 +585,7 @@ fn deeply_nested_text_is_refused() {
 
 /// Corpus of the fuzzer: each input is a robot or is rejected, and the shipped input is the shipped robot.
 #[test]
-fn corpus_of_the_fuzzer_is_read_or_refused() {
+fn corpus_of_the_fuzzer_is_read_or_rejected() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/urdf");
     let mut read = 0;
     for entry in std::fs::read_dir(&folder).unwrap() {

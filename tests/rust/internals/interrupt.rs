@@ -17,7 +17,7 @@ fn work_for(seconds: f64) -> Result<u32> {
 }
 
 #[test]
-fn work_is_stopped_when_its_caller_says_so() {
+fn work_is_stopped_on_request_of_its_caller() {
     let asked = Rc::new(Cell::new(0));
     let count = Rc::clone(&asked);
     let stop = move || {

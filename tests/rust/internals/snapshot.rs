@@ -28,7 +28,7 @@ fn error_of_another_format_version_names_both() {
 }
 
 #[test]
-fn damaged_and_truncated_bytes_are_refused() {
+fn damaged_and_truncated_bytes_are_rejected() {
     let bytes = encode(&VALUE);
     for at in 0..bytes.len() {
         let mut damaged = bytes.clone();
@@ -41,7 +41,7 @@ fn damaged_and_truncated_bytes_are_refused() {
 }
 
 #[test]
-fn values_of_another_type_are_refused() {
+fn values_of_another_type_are_rejected() {
     assert!(refusal(&encode(&(7_u64, 0.25, 1_u8))).contains("1 bytes too many"));
     assert!(decode::<(u64, f64, f64)>("snapshot", &encode(&VALUE)).is_err());
 }

@@ -34,7 +34,7 @@ fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
 }
 
 #[test]
-fn samples_depend_on_the_seed_and_the_call_alone() {
+fn samples_depend_only_on_the_seed_and_the_call() {
     let options = MppiOptions { samples: 64.0, ..MppiOptions::default() };
     let state = State::tilted(&Params::paper(), Vector2::new(0.1, 0.05), 0.3);
     let calls = |mut controller: Mppi| {
@@ -107,7 +107,7 @@ fn it_follows_a_circle_without_trailing() {
 }
 
 #[test]
-fn it_is_known_by_its_name_once_registered() {
+fn it_is_found_by_name_once_registered() {
     planning::register().unwrap();
     planning::register().unwrap();
     let kind = controller_kind("mppi").unwrap();
@@ -116,7 +116,7 @@ fn it_is_known_by_its_name_once_registered() {
 }
 
 #[test]
-fn numbers_out_of_range_are_refused() {
+fn numbers_out_of_range_are_rejected() {
     let refused = |options: MppiOptions, says: &str| {
         let made = Mppi::with_options(&Params::paper(), CONTROL_DT, &options, &LimitOptions::TRACTION);
         let message = made.unwrap_err().to_string();
@@ -131,7 +131,7 @@ fn numbers_out_of_range_are_refused() {
 
 /// Diverged samples are not simulated further.
 #[test]
-fn a_diverged_state_gives_what_the_regulator_gives() {
+fn for_a_diverged_state_the_torques_equal_the_regulator() {
     let mut state = State::upright(&Params::paper());
     state.ball_velocity.x = f64::NAN;
     let torques = mppi(&MppiOptions::default()).wheel_torques(&state, &Setpoint::default());

@@ -157,7 +157,7 @@ fn disabled_autoreset_leaves_ended_episodes_to_the_caller() {
 }
 
 #[test]
-fn commands_are_drawn_at_their_interval() {
+fn commands_are_sampled_at_their_interval() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
         let mut config = EnvConfig { scale_observations: false, ..config(model) };
         (config.task.track, config.task.fall_tilt) = (100.0, 1.0);
@@ -198,7 +198,7 @@ fn reward_follows_the_command_of_its_step() {
 }
 
 #[test]
-fn loaded_environments_continue_to_the_last_bit() {
+fn loaded_environments_continue_bit_for_bit() {
     for model in ModelKind::ALL {
         let config = config(model);
         let mut run = Run::new(batch(&config, 11, Autoreset::SameStep, 1));
@@ -278,7 +278,7 @@ fn registered_tasks_are_configured_by_name() {
 type Setting<'a> = (&'a str, &'a [f64]);
 
 #[test]
-fn invalid_options_and_names_are_refused() {
+fn invalid_options_and_names_are_rejected() {
     register();
     let refused = |set: &[Setting<'_>]| {
         let mut config = task_kind("shuttle").unwrap().config();

@@ -245,7 +245,7 @@ fn eight_in_lanes_equal_single_robots() {
 }
 
 #[test]
-fn options_and_time_steps_out_of_range_are_refused_by_name() {
+fn options_and_time_steps_out_of_range_are_rejected_by_name() {
     let params = Params::paper();
     let d = EstimatorOptions::default();
     for (options, dt, name) in [

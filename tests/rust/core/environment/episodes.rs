@@ -122,7 +122,7 @@ fn success_depends_on_the_end_of_the_episode() {
 }
 
 #[test]
-fn loaded_environments_continue_to_the_last_bit() {
+fn loaded_environments_continue_bit_for_bit() {
     for model in ModelKind::ALL {
         let config = BalanceConfig { max_episode_steps: 40, ..config(model) };
         let run = |episode: &mut Episode| {

@@ -16,7 +16,7 @@ fn toppling(params: &Params) -> f64 {
 const APART: [(&str, &[f64]); 2] = [("lean_damping", &[0.9]), ("yaw_damping", &[0.7])];
 
 #[test]
-fn poles_are_the_designed_ones() {
+fn poles_match_the_design() {
     for (name, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -74,7 +74,7 @@ fn the_integral_removes_a_constant_torque() {
 }
 
 #[test]
-fn loops_that_are_not_stable_are_refused() {
+fn loops_that_are_not_stable_are_rejected() {
     let refused = |params: &Params, control_dt: f64, options: CascadePidOptions| {
         CascadePid::with_options(params, control_dt, &options, &LimitOptions::TRACTION).unwrap_err().to_string()
     };

@@ -17,7 +17,7 @@ const PLANAR: [(f64, [f64; 4], &[f64]); 3] = [
 ];
 
 #[test]
-fn gains_are_those_of_an_independent_computation() {
+fn gains_match_an_independent_computation() {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&Vector3::y(), TorqueMap::Consistent);
     let wheels = DVector::from_column_slice(wheels.as_slice());
@@ -162,7 +162,7 @@ fn a_delay_that_is_predicted_costs_less() {
 
 /// The integral is also predicted, and held where it may not grow.
 #[test]
-fn with_an_integral_a_delay_is_survived() {
+fn a_controller_with_an_integral_withstands_a_delay() {
     let params = Params::paper();
     let survives = |known: f64, delay: f64, tilt: f64, push: f64| {
         around(12).all(|way| {

@@ -91,7 +91,7 @@ fn on_a_slope_the_estimate_is_the_closed_form() {
 
 /// A wrong center of mass is a false tilt of atan(d/l), at which no torque is needed.
 #[test]
-fn of_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
+fn for_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
     let nominal = Params::paper();
     let params = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     let controller = made("lqr", &nominal, ON);
@@ -130,7 +130,7 @@ fn disturbances_leave_no_offset() {
 
 /// A slope and a force keep their direction as the robot turns.
 #[test]
-fn robots_that_turn_need_no_other_estimate() {
+fn turning_robots_need_no_other_estimate() {
     let params = Params { floor_tilt: [0.03, 0.04], ..Params::paper() };
     for name in OBSERVING {
         let setpoint = |time: f64| Setpoint { yaw: 0.5 * time, ..Setpoint::default() };
@@ -141,7 +141,7 @@ fn robots_that_turn_need_no_other_estimate() {
 }
 
 #[test]
-fn without_a_rate_a_law_keeps_and_does_what_it_did() {
+fn without_a_rate_a_controller_is_unchanged() {
     let params = Params::paper();
     let start = State::tilted(&params, Vector2::new(0.2, -0.1), 0.3);
     for name in OBSERVING {

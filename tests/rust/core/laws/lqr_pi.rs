@@ -46,7 +46,7 @@ fn the_inner_loop_has_its_crossover() {
 
 /// Gains (y, θ, ẏ, θ̇, ξ) of an independent computation in one plane, with the PI 0.10 N·m·s and 0.60 N·m at the virtual wheel.
 #[test]
-fn outer_gains_are_those_of_an_independent_computation() {
+fn outer_gains_match_an_independent_computation() {
     let params = Params::paper();
     // Acceleration of the lean per torque of the virtual wheel in that computation, rad/s² per N·m.
     const PER_TORQUE: f64 = 42.845;

@@ -52,7 +52,7 @@ fn acceleration_per_lean(params: &Params) -> f64 {
 }
 
 #[test]
-fn poles_are_the_designed_ones() {
+fn poles_match_the_design() {
     for (name, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -180,7 +180,7 @@ fn a_motion_is_fed_forward() {
 }
 
 #[test]
-fn loops_that_are_not_stable_are_refused() {
+fn loops_that_are_not_stable_are_rejected() {
     let refused = |params: &Params, control_dt: f64, options: InverseDynamicsOptions| {
         let made = PdInverseDynamics::with_options(params, control_dt, &options, &LimitOptions::TRACTION);
         made.unwrap_err().to_string()

@@ -220,7 +220,7 @@ pub(super) fn assert_normal(numbers: &[f64], deviation: f64, what: &str) {
 }
 
 #[test]
-fn errors_have_the_statistics_asked_for() {
+fn errors_have_the_requested_statistics() {
     let exact = run(&SensorOptions::default());
     let none = SensorOptions::default();
     for (sensor, name) in [(0, "gyro"), (1, "accelerometer")] {

@@ -68,7 +68,7 @@ fn level_ground_reads_zero_and_far_ground_the_bound() {
 }
 
 #[test]
-fn scans_are_held_between_samples_and_read_late() {
+fn scans_are_held_between_samples_and_delayed() {
     let terrain = hills();
     // A sample every 4 control steps, read 6 later.
     let options = ScanOptions { points: [3.0, 3.0], rate: 25.0, latency: 0.06, ..Default::default() };
@@ -86,7 +86,7 @@ fn scans_are_held_between_samples_and_read_late() {
 }
 
 #[test]
-fn errors_have_the_size_that_they_are_given() {
+fn errors_have_the_given_size() {
     let read = |options: ScanOptions| {
         let mut config = bare(None);
         config.instruments_mut().set(Arc::new(ScanOptions { points: [64.0, 64.0], rate: 0.0, ..options }));

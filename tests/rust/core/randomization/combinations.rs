@@ -36,7 +36,7 @@ fn unnoticed() -> [Event; 5] {
 }
 
 #[test]
-fn only_all_five_ends_together_cannot_be() {
+fn only_all_five_ends_together_are_invalid() {
     let ends = |left_out: Option<usize>| {
         let mut robot = Params::paper();
         for (place, event) in five().iter().enumerate().filter(|(place, _)| Some(*place) != left_out) {
@@ -56,7 +56,7 @@ fn only_all_five_ends_together_cannot_be() {
 }
 
 #[test]
-fn a_robot_that_cannot_be_is_drawn_again() {
+fn an_invalid_robot_is_sampled_again() {
     let events = unnoticed();
     let mut run = started(&with(&events), N, Autoreset::Disabled, SEED);
     let (mut repeated, mut episodes) = (vec![0; N], 0);
@@ -110,7 +110,7 @@ fn a_robot_that_cannot_be_is_drawn_again() {
 
 /// The same within an episode, where earlier draws stay.
 #[test]
-fn a_draw_within_an_episode_is_repeated_by_itself() {
+fn a_sample_within_an_episode_is_reproducible() {
     const ROBOTS: usize = 2048;
     // A third of the body is 6.23 times a wheel: more than any three of the factors.
     let mass = |id: u64| Event { id: Some(id), ..scaled("wheel_mass", [1.0, 1.63]) };

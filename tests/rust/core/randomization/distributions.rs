@@ -37,7 +37,7 @@ fn normal_integral(z: f64) -> f64 {
 }
 
 #[test]
-fn draws_have_their_distributions() {
+fn samples_have_their_distributions() {
     let uniform = |x: f64| (x - 2.0) / 18.0;
     let log_uniform = |x: f64| (x / 2.0).ln() / 10.0_f64.ln();
     let normal = |x: f64| normal_integral((x - 10.0) / 1.5) / normal_integral(3.0);
@@ -60,7 +60,7 @@ fn draws_have_their_distributions() {
 }
 
 #[test]
-fn numbers_of_a_vector_are_drawn_by_themselves_unless_shared() {
+fn numbers_of_a_vector_are_sampled_separately_unless_shared() {
     let drawn = |shared: bool| {
         let event = Event { shared, ..super::scaled("body_inertia", [0.95, 1.05]) };
         let run = started(&config(ModelKind::Contact, 10, &[event]), 1, Autoreset::Disabled, SEED);

@@ -30,7 +30,7 @@ fn history(events: &[Event], n: usize, threads: usize, i: usize, seed: u64) -> H
 }
 
 #[test]
-fn draws_do_not_depend_on_the_number_of_environments_or_threads() {
+fn samples_do_not_depend_on_the_number_of_environments_or_threads() {
     let all = history(&several(), N, 1, 10, SEED);
     assert_eq!(all, history(&several(), N, 2, 10, SEED));
     assert_eq!(all, history(&several(), 1, 1, 0, SEED + 10));
@@ -39,7 +39,7 @@ fn draws_do_not_depend_on_the_number_of_environments_or_threads() {
 }
 
 #[test]
-fn adding_or_moving_an_event_changes_no_other_draw() {
+fn adding_or_moving_an_event_changes_no_other_sample() {
     let events = several();
     let all = history(&events, 2, 1, 0, SEED);
     let reversed: Vec<_> = events.iter().rev().cloned().collect();
@@ -54,7 +54,7 @@ fn adding_or_moving_an_event_changes_no_other_draw() {
 }
 
 #[test]
-fn events_leave_the_starts_alone() {
+fn events_do_not_change_the_starts() {
     // Terms that no start depends on.
     let events = [scaled("gravity", [0.9, 1.1]), Event::new("wheel_dynamic_friction", [0.3, 1.0])];
     let mut with = started(&config(ModelKind::Contact, 3, &events), N, Autoreset::SameStep, SEED);
@@ -67,7 +67,7 @@ fn events_leave_the_starts_alone() {
 }
 
 #[test]
-fn autoreset_modes_draw_the_same_episodes() {
+fn autoreset_modes_sample_the_same_episodes() {
     // Draws of each episode, right before its last step.
     let episodes = |mode: Autoreset| {
         let mut run = started(&config(ModelKind::Contact, STEPS, &several()), N, mode, SEED);
@@ -109,7 +109,7 @@ fn a_seed_gives_the_episodes_of_a_new_environment() {
 }
 
 #[test]
-fn what_is_drawn_at_startup_stays() {
+fn values_sampled_at_startup_persist() {
     let events = [Event { when: When::Startup, ..scaled("body_mass", [0.8, 1.2]) }, scaled("gravity", [0.9, 1.1])];
     let config = config(ModelKind::Contact, STEPS, &events);
     let batch = Batch::new(&config, N, Autoreset::Disabled, Some(1), SEED).unwrap();

@@ -68,7 +68,7 @@ fn assert_equal_to_robots_made(config: &BalanceConfig) {
 }
 
 #[test]
-fn drawn_motors_equal_those_made_with_the_drawn_options() {
+fn sampled_motors_equal_motors_made_with_the_sampled_options() {
     for model in ModelKind::ALL {
         for actuators in [MotorOptions::default(), everything()] {
             let mut events = each_option();
@@ -82,7 +82,7 @@ fn drawn_motors_equal_those_made_with_the_drawn_options() {
 
 /// Effects that some robots of eight have and others do not.
 #[test]
-fn drawn_motors_without_an_effect_equal_those_made_without_it() {
+fn sampled_motors_without_an_effect_equal_motors_made_without_it() {
     for option in ["delay", "delay_jitter", "lag", "speed_limit"] {
         let without = Event::new(&format!("actuators.{option}"), [0.0; 2]);
         let config = BalanceConfig { actuators: everything(), ..config(ModelKind::Contact, 1000, &[without]) };
@@ -118,7 +118,7 @@ fn options_at_their_nominal_value_change_no_bit() {
 
 /// Motors weaker than commanded give what they can.
 #[test]
-fn drawn_torque_limits_are_those_of_the_motors() {
+fn sampled_torque_limits_match_the_motors() {
     let events = [Event::new("max_wheel_torque", [0.05, 0.4])];
     for model in ModelKind::ALL {
         let config = config(model, 1000, &events);
@@ -169,7 +169,7 @@ fn motors_change_within_an_episode() {
 }
 
 #[test]
-fn delays_are_whole_model_steps_each_as_likely() {
+fn delays_are_whole_model_steps_with_equal_probability() {
     // From 2 to 6 model steps of 2 ms, the ends of the range between two.
     let events = [Event::new("actuators.delay", [0.003, 0.0125])];
     let mut run = started(&config(ModelKind::Contact, 100, &events), 64, Autoreset::Disabled, SEED);
@@ -207,7 +207,7 @@ fn motors_of_each_robot_are_shown() {
 }
 
 #[test]
-fn events_that_motors_cannot_follow_are_refused() {
+fn events_that_motors_do_not_allow_are_rejected() {
     let refusal = |event: &Event| {
         let config = config(ModelKind::Contact, 10, std::slice::from_ref(event));
         let error = Batch::new(&config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err(&event.term);

@@ -12,7 +12,7 @@ const N: usize = 9;
 const STEP: usize = 5;
 
 #[test]
-fn a_push_is_that_of_the_same_impulse_by_hand() {
+fn a_push_equals_the_same_impulse_by_hand() {
     for model in ModelKind::ALL {
         for height in [None, Some([0.1, 0.3])] {
             let event = at(STEP as f64 * 0.01, Event { height, ..Event::new("push", [0.05, 0.2]) });

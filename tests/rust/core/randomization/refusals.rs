@@ -24,7 +24,7 @@ fn refused(event: Event, words: &[&str]) {
 }
 
 #[test]
-fn numbers_that_cannot_be() {
+fn invalid_numbers() {
     let nan = f64::NAN;
     refused(Event::new("color", [0.0, 1.0]), &["unknown term 'color'", "body_mass", "push"]);
     refused(Event::new("gravity", [10.0, 9.0]), &["range[1] = 9", "at least range[0] = 10"]);
@@ -47,7 +47,7 @@ fn numbers_that_cannot_be() {
 }
 
 #[test]
-fn robots_that_cannot_be() {
+fn invalid_robots() {
     refused(Event::new("gravity", [0.0, 9.0]), &["gravity = 0"]);
     refused(Event::new("floor_tilt", [0.0, 1.0]), &["floor_tilt[0] = 1 ", "<= 0.5"]);
     // Each number is within its range, but not the slope.
@@ -90,7 +90,7 @@ fn robots_that_cannot_be() {
 }
 
 #[test]
-fn starts_that_cannot_be() {
+fn invalid_starts() {
     // Tilted farther than a robot with its wheels at the equator of the ball can be.
     let task = Balance { reset_tilt: 0.5, fall_tilt: 3.0, ..Balance::default() };
     let events = [scaled("wheel_zenith", [1.0, 1.99])];
@@ -161,7 +161,7 @@ fn events_that_change_nothing() {
 }
 
 #[test]
-fn pushes_that_cannot_be() {
+fn invalid_pushes() {
     let push = |range: [f64; 2]| at(1.0, Event::new("push", range));
     refused(Event::new("push", [0.0, 1.0]), &["'interval' or 'at'"]);
     refused(Event { when: When::Startup, ..Event::new("push", [0.0, 1.0]) }, &["'interval' or 'at'"]);
@@ -185,7 +185,7 @@ fn two_events_of_one_id() {
 }
 
 #[test]
-fn toml_that_is_wrong() {
+fn invalid_toml() {
     for (text, words) in [
         ("events = 3", &["'events' is not a list"][..]),
         ("x = 3", &["unknown key 'x'"]),

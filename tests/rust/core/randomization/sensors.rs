@@ -83,7 +83,7 @@ fn assert_equal_to_sensors_made(config: &BalanceConfig) {
 }
 
 #[test]
-fn drawn_sensors_equal_those_made_with_the_drawn_options() {
+fn sampled_sensors_equal_sensors_made_with_the_sampled_options() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
         assert_equal_to_sensors_made(&sensing(&everything(), model, 1000, &each_option()));
     }
@@ -91,7 +91,7 @@ fn drawn_sensors_equal_those_made_with_the_drawn_options() {
 
 /// Effects that some robots of eight have and others do not.
 #[test]
-fn drawn_sensors_without_an_effect_equal_those_made_without_it() {
+fn sampled_sensors_without_an_effect_equal_sensors_made_without_it() {
     for field in SensorOptions::FIELDS {
         let term = format!("sensors.{}", field.name);
         let without = Event::new(&term, [0.0; 2]);
@@ -141,7 +141,7 @@ fn options_at_their_nominal_value_change_no_bit() {
 
 /// Errors of sensors do not affect the physics.
 #[test]
-fn draws_of_sensors_do_not_move_the_robot() {
+fn samples_of_sensors_do_not_move_the_robot() {
     let mut with =
         started(&sensing(&everything(), ModelKind::Contact, 20, &each_option()), N, Autoreset::SameStep, SEED);
     let mut without = started(&config(ModelKind::Contact, 20, &[]), N, Autoreset::SameStep, SEED);
@@ -153,7 +153,7 @@ fn draws_of_sensors_do_not_move_the_robot() {
 }
 
 #[test]
-fn an_estimator_is_that_of_the_options_without_events() {
+fn an_estimator_uses_the_options_without_events() {
     // A robot whose gyroscope is worse than its estimator expects.
     let sensors = SensorOptions { gyro_noise: 1e-4, ..SensorOptions::default() };
     let worse = Event::new("sensors.gyro_noise", [0.02, 0.02]);
@@ -171,7 +171,7 @@ fn an_estimator_is_that_of_the_options_without_events() {
 }
 
 #[test]
-fn latencies_are_whole_control_steps_each_as_likely() {
+fn latencies_are_whole_control_steps_with_equal_probability() {
     let events = [Event::new("sensors.latency", [0.005, 0.042])];
     let sensors = SensorOptions::default();
     let mut run = started(&sensing(&sensors, ModelKind::Contact, 100, &events), 64, Autoreset::Disabled, SEED);
@@ -189,7 +189,7 @@ fn latencies_are_whole_control_steps_each_as_likely() {
 }
 
 #[test]
-fn snapshots_go_on() {
+fn snapshots_continue() {
     let config = BalanceConfig {
         observation: Observation::Sensors,
         ..sensing(
@@ -216,7 +216,7 @@ fn snapshots_go_on() {
 }
 
 #[test]
-fn events_that_sensors_cannot_follow_are_refused() {
+fn events_that_sensors_do_not_allow_are_rejected() {
     let refusal = |config: &BalanceConfig| {
         Batch::new(config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err("a refusal").to_string()
     };

@@ -109,7 +109,7 @@ fn gripping_robots_converge_to_the_spatial_model(simulation: Simulation) {
     assert!(worst[0] <= 5e-4 && worst[1] <= 2e-3, "{worst:?}");
 }
 
-fn robots_stand_in_their_equilibrium(simulation: Simulation) {
+fn robots_rest_in_their_equilibrium(simulation: Simulation) {
     let mut worst = [0.0_f64; 2];
     for (params, yaw) in drawn(&(any_gripping_robot(), -3.0..3.0), 40) {
         let mut robot = simulation.robot(&params, 0.005 / natural_rate(&params));
@@ -352,7 +352,7 @@ fn fallen_robots_lie_on_the_floor(simulation: Simulation) {
 
 for_both!(
     gripping_robots_converge_to_the_spatial_model,
-    robots_stand_in_their_equilibrium,
+    robots_rest_in_their_equilibrium,
     motion_does_not_depend_on_the_body_axes,
     mirror_images_move_as_the_mirrored_motion,
     pushes_act_at_their_point,

@@ -45,7 +45,7 @@ fn rate_after_push(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Vector3<f64
     robot.state().body_angular_velocity
 }
 
-fn rotation_after_a_push_is_that_of_the_spatial_model(simulation: Simulation) {
+fn rotation_after_a_push_matches_the_spatial_model(simulation: Simulation) {
     for impulse in [Vector3::new(0.02, 0.0, 0.0), Vector3::new(0.0, 0.02, 0.0)] {
         let expected = rate_after_push(&mut SpatialMotion::new(&Params::paper(), 1e-3), &impulse);
         let found = rate_after_push(simulation.paper().as_mut(), &impulse);
@@ -70,6 +70,6 @@ fn zero_pushes_change_nothing(simulation: Simulation) {
 
 for_both!(
     pushes_change_the_momentum_by_their_impulse,
-    rotation_after_a_push_is_that_of_the_spatial_model,
+    rotation_after_a_push_matches_the_spatial_model,
     zero_pushes_change_nothing,
 );

@@ -35,7 +35,7 @@ fn place_alone(robot: &mut dyn Model) -> State {
 }
 
 /// With γ = J_k / (M_k r_k²) its acceleration is g sin θ / (1 + γ), straight down, and it does not spin.
-fn a_ball_rolls_down_as_the_closed_form_says(simulation: Simulation) {
+fn a_ball_rolls_down_as_in_closed_form(simulation: Simulation) {
     let params = steep();
     let mut robot = simulation.robot(&params, 1e-3);
     let first = place_alone(robot.as_mut());
@@ -50,7 +50,7 @@ fn a_ball_rolls_down_as_the_closed_form_says(simulation: Simulation) {
 }
 
 /// Below the friction tan θ γ / (1 + γ) that rolling needs, it slides with g (sin θ − μ cos θ).
-fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
+fn a_ball_slides_down_as_in_closed_form(simulation: Simulation) {
     let friction = 0.05;
     let params = Params { floor_static_friction: friction, floor_dynamic_friction: friction, ..steep() };
     let mut robot = simulation.robot(&params, 1e-3);
@@ -73,7 +73,7 @@ fn standing(params: &Params, yaw: f64) -> Option<(State, Wheels<f64>, Contacts)>
     contacts.wheel_normal_forces.into_iter().all(|load| load >= least).then_some((start, held, contacts))
 }
 
-fn robots_stand_on_a_slope(simulation: Simulation) {
+fn robots_rest_on_a_slope(simulation: Simulation) {
     let (mut stood, mut worst) = (0, [0.0_f64; 2]);
     for (params, floor_tilt, yaw) in drawn(&(any_gripping_robot(), any_floor_tilt(0.15), -3.0..3.0), 40) {
         let params = Params { floor_tilt, ..params };
@@ -145,9 +145,9 @@ fn falls_on_a_slope_gain_no_energy(simulation: Simulation) {
 }
 
 for_both!(
-    a_ball_rolls_down_as_the_closed_form_says,
-    a_ball_slides_down_as_the_closed_form_says,
-    robots_stand_on_a_slope,
+    a_ball_rolls_down_as_in_closed_form,
+    a_ball_slides_down_as_in_closed_form,
+    robots_rest_on_a_slope,
     robots_on_a_slope_converge_to_the_spatial_model,
     falls_on_a_slope_gain_no_energy,
 );

@@ -132,7 +132,7 @@ fn a_command_set_by_hand_holds_to_the_end_of_the_episode() {
 }
 
 #[test]
-fn wrong_commands_are_refused_with_value_and_limit() {
+fn wrong_commands_are_rejected_with_value_and_limit() {
     for kind in task_kinds() {
         let description = kind.description();
         let mut run = Run::new(batch(kind, ModelKind::Contact, Autoreset::SameStep, 1, 3, N));

@@ -40,7 +40,7 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
 }
 
 #[test]
-fn metrics_are_the_errors_across_and_in_all() {
+fn metrics_are_the_lateral_and_total_errors() {
     let mut run = run_of(&*config("path", &[("settling", &[1.0]), ("max_episode_steps", &[400.0])]), 8);
     let mut sums = [0.0; 8];
     regulate(&mut run, 399, |k, run| {

@@ -106,7 +106,7 @@ fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins(
 }
 
 #[test]
-fn a_command_before_the_first_episode_is_refused() {
+fn a_command_before_the_first_episode_is_rejected() {
     let mut batch = config("velocity", &[]).batch(2, Autoreset::SameStep, Some(1), 0).unwrap();
     let message = batch.set_command(0, &[0.0; 3]).unwrap_err().to_string();
     assert!(message.contains("before the first reset"), "{message}");

@@ -102,7 +102,7 @@ fn stands(params: &Params, slope: f64, yaw: f64) -> bool {
 }
 
 #[test]
-fn the_traction_on_a_slope_is_that_of_the_leaning_bot_in_its_worst_heading() {
+fn the_traction_on_a_slope_matches_the_leaning_bot_in_its_worst_heading() {
     for params in robots() {
         let limit = params.slope_limits(0.5).unwrap().traction;
         let statics = steepest(|slope| worst(&params, slope).1 >= 0.0);
@@ -112,7 +112,7 @@ fn the_traction_on_a_slope_is_that_of_the_leaning_bot_in_its_worst_heading() {
 
 /// Joint friction holds a wheel of `asroballet` that slips by less than 0.1 %.
 #[test]
-fn robots_stand_in_contact_up_to_the_limit_and_no_further() {
+fn robots_balance_in_contact_up_to_the_limit_and_no_further() {
     for params in robots() {
         let limit = params.slope_limits(0.5).unwrap().traction;
         let (yaw, _) = worst(&params, limit);

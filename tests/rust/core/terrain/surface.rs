@@ -193,7 +193,7 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 }
 
 #[test]
-fn every_kind_has_the_slope_that_it_is_asked_for() {
+fn every_kind_has_the_requested_slope() {
     for kind in TerrainKind::ALL {
         for slope in [0.05, 0.15] {
             let coarse: &[_] = match kind.name {
@@ -259,7 +259,7 @@ fn an_apron_is_level() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_the_value_and_the_limit() {
+fn invalid_values_are_rejected_with_value_and_limit() {
     let refused = |result: ballbot_core::Result<Terrain>, words: &[&str]| {
         let message = result.unwrap_err().to_string();
         for word in words {
@@ -331,7 +331,7 @@ fn rays_meet_the_ground() {
 }
 
 #[test]
-fn the_limits_of_a_slope_are_those_of_the_presets() {
+fn the_limits_of_a_slope_match_the_presets() {
     let degrees = |angle: f64| (angle.to_degrees() * 10.0).round() / 10.0;
     let limits = Params::paper().slope_limits(20_f64.to_radians()).unwrap();
     assert_eq!([degrees(limits.fall), degrees(limits.traction), degrees(limits.motor)], [15.3, 15.0, 90.0]);

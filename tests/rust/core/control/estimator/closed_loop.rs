@@ -52,7 +52,7 @@ impl Plant {
 }
 
 #[test]
-fn robot_stands_on_estimates_under_noise() {
+fn robot_balances_on_estimates_under_noise() {
     let params = Params::paper();
     let noise = Noise::default();
     for seed in 0..5 {
@@ -74,7 +74,7 @@ fn robot_stands_on_estimates_under_noise() {
 
 /// With the smallest errors that a filter may expect, its gates are tightest.
 #[test]
-fn wheels_that_grip_take_part() {
+fn gripping_wheels_are_used() {
     let options = EstimatorOptions {
         gyro_noise: 1e-4,
         gyro_bias: 0.0,
@@ -131,7 +131,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
 }
 
 #[test]
-fn slipping_wheels_take_no_part() {
+fn slipping_wheels_are_ignored() {
     let (velocity, position, slipped) = after_slip(&options());
     let open = EstimatorOptions { slip_gate: 1e6, jump_gate: 1e6, ..options() };
     let (velocity_open, position_open, _) = after_slip(&open);

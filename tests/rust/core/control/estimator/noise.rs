@@ -25,7 +25,7 @@ fn told(noise: &Noise) -> EstimatorOptions {
 const BAND: [f64; 2] = [2.539, 3.499];
 
 #[test]
-fn errors_are_what_the_covariance_says() {
+fn errors_match_the_covariance() {
     let record = Record::driven(&Params::paper(), ModelKind::Spatial, &Plan { steps: 1000, ..Plan::default() });
     let noise = Noise::default();
     let options = told(&noise);
