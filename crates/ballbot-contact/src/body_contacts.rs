@@ -162,9 +162,9 @@ pub fn finish_near<L: Lane>(
             if let Some(footing) = near.footing {
                 impulse = footing.relief(token).inertial(impulse);
             }
-            let sound = L::load(token, &state.diverged).le(zero);
+            let is_finite = L::load(token, &state.diverged).le(zero);
             let before = Vec3::load(token, &state.bot_floor_impulse);
-            Vec3::select(touches & sound, impulse, before).store(&mut state.bot_floor_impulse);
+            Vec3::select(touches & is_finite, impulse, before).store(&mut state.bot_floor_impulse);
         },
     );
 }

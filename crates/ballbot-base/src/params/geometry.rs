@@ -46,7 +46,7 @@ impl Params {
     /// # Errors
     /// [`Error::Inconsistent`] naming the first parameter that is not.
     pub fn require_symmetric(&self, what: &str) -> Result<()> {
-        refuse(what, self.asymmetry())
+        require(what, self.asymmetry())
     }
 
     /// Checks that the wheels have equal zenith angles and are 120 deg apart, as `what` requires.
@@ -54,7 +54,7 @@ impl Params {
     /// # Errors
     /// [`Error::Inconsistent`] naming the parameter that is not even.
     pub fn require_even_wheels(&self, what: &str) -> Result<()> {
-        refuse(what, self.uneven_wheels())
+        require(what, self.uneven_wheels())
     }
 
     fn asymmetry(&self) -> Option<String> {
@@ -137,6 +137,6 @@ impl Params {
 }
 
 /// The error of `what` about a parameter, if any.
-fn refuse(what: &str, reason: Option<String>) -> Result<()> {
+fn require(what: &str, reason: Option<String>) -> Result<()> {
     reason.map_or(Ok(()), |reason| Err(Error::Inconsistent(format!("{what}: {reason}"))))
 }
