@@ -1,4 +1,4 @@
-//! Batches: each environment equals the single environment with its seed to the last bit, for any number of threads,
+//! Batches: each environment equals the single environment with its seed bit for bit, for any number of threads,
 //! autoreset mode and neighbors; a rejected step changes nothing.
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
@@ -202,10 +202,10 @@ fn push(batch: &mut Batch, i: usize, impulse: f64) {
 
 /// Asserts that a step is rejected and moves nothing; returns the message.
 #[track_caller]
-fn refused(batch: &mut Batch, actions: &[f32]) -> String {
+fn rejected(batch: &mut Batch, actions: &[f32]) -> String {
     let before = saved(batch);
     let error = Written::of(batch, actions).expect_err("accepted");
-    assert!(saved(batch) == before, "refused, but something moved: {error}");
+    assert!(saved(batch) == before, "rejected, but something moved: {error}");
     error.to_string()
 }
 
@@ -215,7 +215,7 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
     push(&mut batch, 1, 1e4);
     let written = Written::of(&mut batch, &[0.0; 9]).unwrap();
     assert_eq!(written.terminated, [false, true, false]);
-    let message = refused(&mut batch, &[0.0; 9]);
+    let message = rejected(&mut batch, &[0.0; 9]);
     assert!(message.contains("environment 1 is over"), "{message}");
     let mut observations = vec![UNTOUCHED; 3 * OBSERVATION_LEN];
     batch.reset(Some(&[false, true, false]), &mut observations).unwrap();
@@ -227,7 +227,7 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
             assert_eq!(written.final_observation(i), last, "environment {i}, step {k}");
         }
     }
-    assert!(refused(&mut batch, &[0.0; 9]).contains("environment 0 is over"));
+    assert!(rejected(&mut batch, &[0.0; 9]).contains("environment 0 is over"));
 }
 
 #[test]
@@ -235,7 +235,7 @@ fn steps_before_the_first_reset_are_rejected() {
     for mode in MODES {
         let mut batch = Batch::new(&calm(2), 2, mode, Some(1), 0).unwrap();
         assert_eq!(batch.autoreset(), mode);
-        let message = refused(&mut batch, &[0.0; 6]);
+        let message = rejected(&mut batch, &[0.0; 6]);
         assert!(message.contains("reset"), "{mode:?}: {message}");
     }
 }
@@ -280,7 +280,7 @@ fn actions_that_are_not_finite_are_rejected() {
         for (bad, value) in [(5, f32::NAN), (9, f32::INFINITY), (0, f32::NEG_INFINITY)] {
             let mut actions = actions(4, 1);
             actions[bad] = value;
-            let message = refused(&mut batch, &actions);
+            let message = rejected(&mut batch, &actions);
             let name = format!("actions[{}, {}] = {value} ", bad / 3, bad % 3);
             assert!(message.starts_with(&name), "{message}, expected {name}");
         }
@@ -292,8 +292,8 @@ type Change = fn(&mut Written);
 #[test]
 fn buffers_of_the_wrong_length_are_rejected() {
     let mut batch = batch(&calm(5), 2, Autoreset::SameStep, 1);
-    assert!(refused(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
-    assert!(refused(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
+    assert!(rejected(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
+    assert!(rejected(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
     let before = saved(&batch);
     let changes: [(&str, Change); 6] = [
         ("observations has 31 values, expected 32", |w| w.observations.truncate(31)),
@@ -314,7 +314,7 @@ fn buffers_of_the_wrong_length_are_rejected() {
     let error = batch.reset(Some(&[true]), &mut [0.0; 32]).unwrap_err();
     assert_eq!(error.to_string(), "reset mask has 1 values, expected 2");
     assert_eq!(batch.seed(&[None]).unwrap_err().to_string(), "seeds has 1 values, expected 2");
-    assert!(saved(&batch) == before, "refused, but something moved");
+    assert!(saved(&batch) == before, "rejected, but something moved");
 }
 
 #[test]

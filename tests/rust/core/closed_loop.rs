@@ -1,4 +1,4 @@
-//! Batches under controllers: the closed loop equals control and step one after the other, and single robots, to the last
+//! Batches under controllers: the closed loop equals control and step in sequence, and single robots, to the last
 //! bit.
 
 use crate::run::Run;
@@ -306,5 +306,5 @@ fn invalid_arguments_of_control_are_rejected() {
         let error = run.step_under(&under, &mut actions[..len]).unwrap_err();
         assert_eq!(error.to_string(), words);
     }
-    assert!(run.snapshots() == before, "refused, but something moved");
+    assert!(run.snapshots() == before, "rejected, but something moved");
 }

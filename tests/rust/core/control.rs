@@ -116,19 +116,19 @@ fn scalar_riccati_equation_has_its_closed_form() {
 #[test]
 fn riccati_equations_without_a_stabilizing_solution_are_rejected() {
     let two = |diagonal: [f64; 2]| DMatrix::from_diagonal(&DVector::from_column_slice(&diagonal));
-    let refused = |a: DMatrix<f64>, b: DMatrix<f64>, r: DMatrix<f64>| {
+    let rejected = |a: DMatrix<f64>, b: DMatrix<f64>, r: DMatrix<f64>| {
         let error = riccati::solve(&a, &b, &DMatrix::identity(a.nrows(), a.nrows()), &r).unwrap_err();
         assert!(matches!(error, Error::Riccati(_)), "{error:?}");
         error.to_string()
     };
     for r in [-1.0, 0.0, f64::NAN] {
-        let message = refused(scalar(1.1), scalar(1.0), scalar(r));
+        let message = rejected(scalar(1.1), scalar(1.0), scalar(r));
         assert!(message.contains("R is not positive definite"), "{message}");
     }
     // The input does not reach the growing mode, or any mode.
-    refused(two([0.9, 1.1]), DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), scalar(1.0));
-    refused(scalar(1.0), scalar(0.0), scalar(1.0));
-    refused(scalar(f64::NAN), scalar(1.0), scalar(1.0));
+    rejected(two([0.9, 1.1]), DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), scalar(1.0));
+    rejected(scalar(1.0), scalar(0.0), scalar(1.0));
+    rejected(scalar(f64::NAN), scalar(1.0), scalar(1.0));
 }
 
 /// Record of a regulated robot.

@@ -322,7 +322,7 @@ fn assert_rejected(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
     change(&mut config);
     let error = Environment::new(&config, 0).err().expect(words);
     assert!(matches!(error, Error::OutOfRange { .. } | Error::Inconsistent(_)), "{error:?}");
-    assert!(error.to_string().contains(words), "'{error}' does not say '{words}'");
+    assert!(error.to_string().contains(words), "'{error}' does not contain '{words}'");
 }
 
 #[test]

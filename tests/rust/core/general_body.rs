@@ -273,7 +273,7 @@ fn the_printed_torque_map_is_rejected_for_uneven_wheels() {
     let error = pid(&crooked(), TorqueMap::AsPrinted).unwrap_err();
     assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
     for part in ["eq. (8)", "wheel_zenith_offsets = [0.02, -0.01, 0.015]", "zeros"] {
-        assert!(error.to_string().contains(part), "'{error}' does not say '{part}'");
+        assert!(error.to_string().contains(part), "'{error}' does not contain '{part}'");
     }
 }
 
@@ -302,15 +302,15 @@ fn models_without_slip_reject_wheels_with_ripple() {
     let params = paper.replace([("roller_ripple", &[1e-4][..])]).unwrap();
     for kind in ModelKind::ALL {
         let mut robot = Ballbot::new(&paper, kind, 1e-3).unwrap();
-        let refused = matches!(kind, ModelKind::Planar | ModelKind::Spatial);
+        let rejected = matches!(kind, ModelKind::Planar | ModelKind::Spatial);
         for result in [Ballbot::new(&params, kind, 1e-3).map(|_| ()), robot.set_params(&params).map(|_| ())] {
-            assert_eq!(result.is_err(), refused, "{kind}");
+            assert_eq!(result.is_err(), rejected, "{kind}");
             if let Err(error) = result {
                 assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
                 assert!(error.to_string().contains("roller_ripple = 0.0001 m, but it requires 0"), "{error}");
             }
         }
-        assert_eq!(robot.params() == &paper, refused, "{kind}");
+        assert_eq!(robot.params() == &paper, rejected, "{kind}");
     }
 }
 
@@ -333,7 +333,7 @@ fn planar_rejects_robots_that_are_not_symmetric() {
         ];
         for error in errors {
             assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
-            assert!(error.to_string().contains(words), "'{error}' does not say '{words}'");
+            assert!(error.to_string().contains(words), "'{error}' does not contain '{words}'");
             assert!(error.to_string().contains("'spatial', 'contact' and 'rigid' take any"), "{error}");
         }
         assert_eq!(robot.params(), &paper);

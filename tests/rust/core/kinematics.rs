@@ -2,7 +2,7 @@
 //!
 //! A wheel rolls on the ball without slip along its drive direction and freely across it, so an encoder rate is the
 //! relative rotation of ball and body along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed by
-//! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be judged by it.
+//! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be checked with it.
 
 use crate::support::{any_attitude, any_robot, vector};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -55,21 +55,21 @@ proptest! {
     #[test]
     fn virtual_torques_are_transmitted_with_their_power(
         params in any_wheels(),
-        wanted in vector(5.0),
+        desired in vector(5.0),
         q in any_attitude(),
         ball in vector(30.0),
         body in vector(10.0),
     ) {
         let wheels = Omniwheels::new(&params);
-        let torques = wheels.wheel_torques(&wanted, TorqueMap::Consistent);
+        let torques = wheels.wheel_torques(&desired, TorqueMap::Consistent);
         // The power of the relative rotation of ball and body: about x and y eq. (8) counts torques on the body.
         let relative = q.inverse_transform_vector(&ball) - body;
-        let on_ball = Vector3::new(-wanted.x, -wanted.y, wanted.z) * params.gear_ratio();
+        let on_ball = Vector3::new(-desired.x, -desired.y, desired.z) * params.gear_ratio();
         let power = torques.dot(wheels.wheel_speeds(&q, &ball, &body));
         let scale = torques.column().norm() * relative.norm() * params.gear_ratio() * 10.0;
         prop_assert!(close(power, on_ball.dot(&relative), scale), "{power}, not {}", on_ball.dot(&relative));
         let back = wheels.virtual_torques(torques);
-        prop_assert!((back - wanted).norm() <= 1e-11 * torques.column().norm(), "{back}, not {wanted}");
+        prop_assert!((back - desired).norm() <= 1e-11 * torques.column().norm(), "{back}, not {desired}");
     }
 
     #[test]

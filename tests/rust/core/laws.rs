@@ -29,7 +29,7 @@ const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
-/// The laws under test: all that hold the position, except the regulator, which they are compared with.
+/// The laws under test: all that control the position, except the regulator, which they are compared with.
 fn laws() -> impl Iterator<Item = &'static str> {
     controller_kinds().into_iter().map(|kind| kind.name).filter(|name| !["lqr", "pid"].contains(name))
 }
@@ -177,8 +177,8 @@ fn position(x: f64, y: f64) -> impl Fn(f64) -> Setpoint {
     move |_| Setpoint { position: Vector2::new(x, y), ..Setpoint::default() }
 }
 
-/// Whether a robot stands after a start and an impulse at its center of mass, in `contact`.
-fn stands(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
+/// Whether a robot recovers after a start and an impulse at its center of mass, in `contact`.
+fn recovers(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
     let end = run(&mut robot, make().as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
@@ -198,13 +198,13 @@ fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64)
 fn basin_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let degrees = (3..=32).map(f64::from);
     largest(degrees, |direction, degrees| {
-        stands(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
+        recovers(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
     })
 }
 
 fn push_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let impulses = (3..=30).map(|k| 0.1 * f64::from(k));
-    largest(impulses, |direction, size| stands(params, make, &State::upright(params), direction.push(0.0) * size))
+    largest(impulses, |direction, size| recovers(params, make, &State::upright(params), direction.push(0.0) * size))
 }
 
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
@@ -281,14 +281,14 @@ fn controllers_recover_from_eight_degrees_on_all_presets() {
 fn controllers_bring_any_robot_to_rest() {
     let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(config);
-    let drawn = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
+    let sampled = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
     let carried = |params: &Params| {
         let least = 0.15 * params.body_mass * params.gravity;
         params.equilibrium_wheel_loads().iter().all(|load| *load > least)
     };
-    for (number, drawn) in drawn.filter(carried).take(8).enumerate() {
+    for (number, sampled) in sampled.filter(carried).take(8).enumerate() {
         let params =
-            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..drawn };
+            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..sampled };
         for name in laws() {
             let start = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.01), 0.0);
             let mut robot = robot(&params, ModelKind::Spatial, &start);

@@ -29,15 +29,15 @@ fn reset(batch: &mut Batch, mask: Option<&[bool]>) -> ballbot_core::Result<()> {
 
 #[test]
 fn too_many_environments_and_threads_are_rejected() {
-    let refusal = |num_envs: usize, num_threads: usize| {
+    let rejection = |num_envs: usize, num_threads: usize| {
         let batch = Batch::new(&BalanceConfig::default(), num_envs, Autoreset::SameStep, Some(num_threads), 0);
         batch.err().expect("accepted").to_string()
     };
     for num_envs in [(1 << 20) + 1, 100_000_000, usize::MAX] {
-        assert_eq!(refusal(num_envs, 1), format!("num_envs = {num_envs}, it must be at most 1048576"));
+        assert_eq!(rejection(num_envs, 1), format!("num_envs = {num_envs}, it must be at most 1048576"));
     }
     for num_threads in [257, 1_000_000, usize::MAX] {
-        assert_eq!(refusal(2, num_threads), format!("num_threads = {num_threads}, it must be at most 256"));
+        assert_eq!(rejection(2, num_threads), format!("num_threads = {num_threads}, it must be at most 256"));
     }
 }
 
@@ -178,15 +178,15 @@ fn snapshots_with_invalid_numbers_are_rejected_and_change_nothing() {
             let before = robot.save();
             let error = robot.load(&forged(&good, x, value)).unwrap_err().to_string();
             assert!(error.starts_with("cannot decode snapshot of a robot: ball_position[0]"), "{model}: {error}");
-            assert!(robot.save() == before, "{model}: refused, but the robot has changed");
+            assert!(robot.save() == before, "{model}: rejected, but the robot has changed");
             let bytes = forged(&environment.save(), x, value);
             let before = environment.save();
             assert!(environment.load(&bytes).is_err(), "{model}");
-            assert!(environment.save() == before, "{model}: refused, but the environment has changed");
+            assert!(environment.save() == before, "{model}: rejected, but the environment has changed");
             let before: Vec<_> = (0..9).map(|i| batch.save(i).unwrap()).collect();
             assert!(batch.load(8, &bytes).is_err(), "{model}");
             let unchanged = before.iter().enumerate().all(|(i, before)| batch.save(i).unwrap() == *before);
-            assert!(unchanged, "{model}: refused, but the batch has changed");
+            assert!(unchanged, "{model}: rejected, but the batch has changed");
         }
         robot.load(&forged(&good, x, 0.25)).unwrap();
         assert_eq!(robot.state().ball_position.x, 0.25, "{model}");

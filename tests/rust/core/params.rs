@@ -11,13 +11,13 @@ use std::path::{Path, PathBuf};
 type Refusal<'a> = (&'a str, &'a [f64], [&'a str; 2]);
 
 #[track_caller]
-fn assert_rejected(refusals: &[Refusal<'_>]) {
-    for (name, values, words) in refusals {
+fn assert_rejected(rejections: &[Refusal<'_>]) {
+    for (name, values, words) in rejections {
         let result = Params::paper().replace([(*name, *values)]);
         let error = result.expect_err(&format!("{name} = {values:?} is accepted"));
         assert!(matches!(error, Error::OutOfRange { .. }), "{name} = {values:?}: {error:?}");
         for word in words {
-            assert!(error.to_string().contains(word), "{name} = {values:?}: '{error}' does not say '{word}'");
+            assert!(error.to_string().contains(word), "{name} = {values:?}: '{error}' does not contain '{word}'");
         }
     }
 }
@@ -167,7 +167,7 @@ fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
         assert!(error.to_string().starts_with(&expected), "{error}");
     }
     assert_rejected(&[
-        // Two wheels at one place turn the ball only about their axis.
+        // Two wheels at the same position turn the ball only about their axis.
         ("wheel_azimuths", &[0.0, 0.0, PI], ["volume spanned by the axles of the wheels = 0 ", "at least 0.000001"]),
         ("wheel_azimuths", &[0.0, TAU, 4.0], ["volume spanned by the axles", "turn the ball about every axis"]),
         // Apart, but all on one side of the mast: the body topples over wheel 1.
@@ -214,7 +214,7 @@ fn impossible_products_of_inertia_are_rejected() {
         let error = with(products).unwrap_err();
         assert!(matches!(error, Error::OutOfRange { .. }), "{error:?}");
         for word in words {
-            assert!(error.to_string().contains(word), "{products:?}: '{error}' does not say '{word}'");
+            assert!(error.to_string().contains(word), "{products:?}: '{error}' does not contain '{word}'");
         }
     }
     let params = with([6e-3, -2e-3, 1e-3]).unwrap();
@@ -384,7 +384,7 @@ fn errors_of_a_file_name_file_key_and_value() {
         (paper.replace("ball_mass = 1.437", ""), "parameter ball_mass is missing"),
         (paper.replace("ball_mass =", "ball_mass"), "line"),
     ] {
-        let file = TestFile::new("refused.toml", &text);
+        let file = TestFile::new("rejected.toml", &text);
         let error = Params::from_toml_file(&file.0).unwrap_err().to_string();
         assert!(error.starts_with(&format!("cannot decode {}: ", file.0.display())), "{error}");
         assert!(error.contains(words), "'{error}' lacks '{words}'");
@@ -403,7 +403,7 @@ fn malformed_toml_is_rejected_with_the_reason() {
     ] {
         let error = Params::from_toml(text).unwrap_err();
         assert!(matches!(error, Error::Decode { .. }), "{text}: {error:?}");
-        assert!(error.to_string().contains(word), "{text}: '{error}' does not say '{word}'");
+        assert!(error.to_string().contains(word), "{text}: '{error}' does not contain '{word}'");
     }
     assert!(matches!(Params::from_toml("ball_wait = 1.0"), Err(Error::UnknownName { .. })));
     assert!(matches!(Params::from_toml("ball_mass = [1.0, 2.0]"), Err(Error::Length { .. })));

@@ -111,7 +111,7 @@ fn uneven_wheels_are_rendered_at_their_positions() {
         let column = shot.column(label) - 0.5 * (WIDTH - 1) as f64;
         assert!(column.abs() < 0.6, "wheel {i} is {column} pixels off");
         let elsewhere = middle_of(&even, looking).changed(&shot);
-        assert!(elsewhere.len() > 100, "wheel {i} of the even robot is at the same place");
+        assert!(elsewhere.len() > 100, "wheel {i} of the robot with evenly spaced wheels is at the same position");
     }
 }
 
@@ -422,15 +422,15 @@ fn contents_that_are_not_stl_are_rejected() {
 #[test]
 fn errors_of_invalid_arguments_name_them() {
     let scene = || Scene::of(&Params::paper());
-    let refused = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
+    let rejected = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
     let ok = camera(0.0);
-    assert!(refused(Renderer::new(scene(), 0, 10, 1, ok)).contains("width"));
-    assert!(refused(Renderer::new(scene(), 10, 9000, 1, ok)).contains("height"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
+    assert!(rejected(Renderer::new(scene(), 0, 10, 1, ok)).contains("width"));
+    assert!(rejected(Renderer::new(scene(), 10, 9000, 1, ok)).contains("height"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
     let sunk = Camera { elevation: -0.5, ..ok };
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, sunk)).contains("camera height"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, sunk)).contains("camera height"));
     let renderer = Renderer::new(scene(), 10, 10, 1, ok).unwrap();
     let state = State::upright(&Params::paper());
     let mut short = [0; 10];

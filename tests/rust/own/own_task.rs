@@ -151,8 +151,8 @@ fn disabled_autoreset_leaves_ended_episodes_to_the_caller() {
     assert!(run.step(&[0.0; 33]).unwrap_err().to_string().contains("environment 0 is over"));
     let commands: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
     run.reset(&[true; 11]);
-    let drawn: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
-    assert!((0..11).all(|i| drawn[i] != commands[i]), "the commands were not drawn anew");
+    let sampled: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
+    assert!((0..11).all(|i| sampled[i] != commands[i]), "the commands were not sampled again");
     run.step(&[0.0; 33]).unwrap();
 }
 
@@ -280,7 +280,7 @@ type Setting<'a> = (&'a str, &'a [f64]);
 #[test]
 fn invalid_options_and_names_are_rejected() {
     register();
-    let refused = |set: &[Setting<'_>]| {
+    let rejected = |set: &[Setting<'_>]| {
         let mut config = task_kind("shuttle").unwrap().config();
         config.set_model(ModelKind::Contact);
         let set = set.iter().try_for_each(|(name, values)| config.set(name, values));
@@ -299,7 +299,7 @@ fn invalid_options_and_names_are_rejected() {
         (&[("max_episode_steps", &[1.5])], "max_episode_steps = 1.5 is out of range"),
     ];
     for (set, words) in cases {
-        let message = refused(set);
+        let message = rejected(set);
         assert!(message.starts_with(words), "'{message}' does not start with '{words}'");
     }
     let mut config = task_kind("shuttle").unwrap().config();

@@ -1,4 +1,4 @@
-//! A tilted floor: the direction of gravity, standing still, energy, and controllers, which assume that it is level.
+//! A tilted floor: the direction of gravity, rest, energy, and controllers, which assume that it is level.
 
 use super::regulator;
 use crate::support::general::any_general_robot;
@@ -85,7 +85,7 @@ proptest! {
         let (mass, length) = (params.ball_mass + params.body_mass, params.body_com().norm());
         let needed = mass * params.ball_radius * params.slope().sin();
         let Ok(lean) = params.slope_lean() else {
-            prop_assert!(needed > params.body_mass * length, "refused with {needed} kg·m of {}", params.body_mass * length);
+            prop_assert!(needed > params.body_mass * length, "rejected with {needed} kg·m of {}", params.body_mass * length);
             return Ok(());
         };
         let state = State::tilted_from_equilibrium(&params, lean, yaw);

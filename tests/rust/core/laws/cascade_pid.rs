@@ -75,16 +75,16 @@ fn the_integral_removes_a_constant_torque() {
 
 #[test]
 fn loops_that_are_not_stable_are_rejected() {
-    let refused = |params: &Params, control_dt: f64, options: CascadePidOptions| {
+    let rejected = |params: &Params, control_dt: f64, options: CascadePidOptions| {
         CascadePid::with_options(params, control_dt, &options, &LimitOptions::TRACTION).unwrap_err().to_string()
     };
     let fast = CascadePidOptions { lean_bandwidth: 50.0, ..Default::default() };
-    let message = refused(&Params::paper(), 0.01, fast);
+    let message = rejected(&Params::paper(), 0.01, fast);
     assert!(message.contains("control_dt = 0.01 s") && message.contains("it must be below 1"), "{message}");
-    let slow = refused(&uneven(), 0.3, CascadePidOptions::default());
+    let slow = rejected(&uneven(), 0.3, CascadePidOptions::default());
     assert!(slow.contains("control_dt = 0.3 s"), "{slow}");
     let negative = CascadePidOptions { position_damping: -0.1, ..Default::default() };
-    assert!(refused(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
+    assert!(rejected(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
     for (_, params) in presets() {
         CascadePid::with_defaults(&params, 0.02).unwrap();
     }

@@ -141,7 +141,7 @@ const ADAPTIVE: [(&str, &[f64]); 5] = [
     ("max_switching", &[3.0]),
 ];
 
-/// Where a robot comes to rest under constant torques about an axis that its law does not know, N·m, and the memory of
+/// Where a robot comes to rest under constant torques about an axis that its law does not model, N·m, and the memory of
 /// the law.
 fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let params = Params::paper();
@@ -239,13 +239,13 @@ fn limited_torques_do_not_raise_the_gain() {
     let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
     assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
     // Options that change nothing are rejected.
-    let refused = |options: &[(&str, &[f64])], words: &str| {
+    let rejected = |options: &[(&str, &[f64])], words: &str| {
         let error = (kind.make)(&params, CONTROL_DT, &kind.limits, options).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
-    refused(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
-    refused(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
+    rejected(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
+    rejected(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
+    rejected(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
     let start = State::tilted(&params, Vector2::new(0.4, 0.1), 0.0);
     let mut robot = robot(&params, ModelKind::Contact, &start);
     let mut law = made("hierarchical_sliding_mode", &params, &ADAPTIVE[2..]);

@@ -1,7 +1,7 @@
 //! The estimate of the equilibrium.
 
 use super::lqi::offset;
-use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, robot, run, stands};
+use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, recovers, robot, run};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Setpoint, SetpointCells};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, attitude};
@@ -193,9 +193,9 @@ fn the_estimate_costs_no_balance() {
         let make = || made(name, &params, ON);
         for direction in around(12) {
             let tilted = State::tilted(&params, direction * f64::to_radians(tilt), 0.0);
-            assert!(stands(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
+            assert!(recovers(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
             let impulse = direction.push(0.0) * push;
-            assert!(stands(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
+            assert!(recovers(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
         }
     }
 }
@@ -213,7 +213,7 @@ fn balance_by_the_rate_of_the_estimate() {
             let delays = (0..=10).map(|k| 0.01 * f64::from(k)).take_while(|&delay| {
                 around(6).all(|way| {
                     let start = State::tilted(&params, way * 4_f64.to_radians(), 0.0);
-                    super::delay::stands(&params, make().as_mut(), delay, &start, Vector3::zeros())
+                    super::delay::recovers(&params, make().as_mut(), delay, &start, Vector3::zeros())
                 })
             });
             println!("{name}, {rate} 1/s: {tilt} deg, {push:.1} N·s, {:.2} s", delays.last().unwrap_or(-1.0));

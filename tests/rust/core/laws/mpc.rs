@@ -164,7 +164,7 @@ fn the_optimum_matches_an_interior_point_method() {
     assert!(limited >= 12, "limits matter in {limited} problems of 24");
 }
 
-/// Few iterations cost little: the cost until a robot stands, relative to many iterations.
+/// Few iterations cost little: the cost until a robot is upright, relative to many iterations.
 #[test]
 fn few_iterations_are_as_good_as_many() {
     let params = Params::paper();

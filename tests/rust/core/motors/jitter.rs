@@ -57,7 +57,7 @@ fn a_newer_command_is_not_followed_by_an_older_one() {
     assert!(found.is_sorted());
     let waited = latencies(&found, COMMANDS);
     let overtaken = waited.iter().filter(|latency| latency.is_none()).count();
-    // A command with a latency of 5 + k is overtaken by the next one with up to k, or by the one after that.
+    // A command with a latency of 5 + k is overtaken by the next command with up to k, or by the command after that.
     assert!((180..300).contains(&overtaken), "{overtaken}");
     assert!(waited.iter().flatten().all(|&latency| latency <= 12) && waited.contains(&Some(12)));
 }

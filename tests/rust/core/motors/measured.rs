@@ -131,7 +131,7 @@ fn loops_on_estimates_depend_neither_on_threads_nor_on_the_size_of_the_batch() {
         assert!(run(37, 2, false) == expected, "{model}: threads");
         assert!(run(1, 1, false)[..] == expected[..1], "{model}: one robot");
         assert!(run(11, 1, false)[..] == expected[..11], "{model}: eleven robots");
-        assert!(run(37, 1, true) != expected, "{model}: a teacher is no different");
+        assert!(run(37, 1, true) != expected, "{model}: a teacher has the same");
     }
 }
 

@@ -67,7 +67,7 @@ fn robot_at_rest_reads_gravity_upwards() {
     }
 }
 
-/// A body that turns at the rate ω about the vertical reads, at a place p off the axis, the mean centripetal acceleration
+/// A body that turns at the rate ω about the vertical reads, at a position p off the axis, the mean centripetal acceleration
 /// −ω · 2 sin(ω dt / 2)/dt · p across the axis.
 #[test]
 fn accelerometer_off_the_axis_reads_the_centripetal_acceleration() {

@@ -354,32 +354,32 @@ fn assert_rejected(config: &BalanceConfig, parts: &[&str]) {
 
 #[test]
 fn every_bad_number_is_named() {
-    let refused = |sensors: SensorOptions, parts: &[&str]| {
+    let rejected = |sensors: SensorOptions, parts: &[&str]| {
         assert_rejected(&BalanceConfig { sensors: Some(sensors), ..BalanceConfig::default() }, parts);
     };
     for (index, field) in SensorOptions::FIELDS.iter().enumerate() {
         for bad in [-1e4, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e10] {
             let mut options = everything();
             *options.values_mut(index).last_mut().unwrap() = bad;
-            refused(options, &[&format!("sensors.{}", field.name), "out of range"]);
+            rejected(options, &[&format!("sensors.{}", field.name), "out of range"]);
         }
     }
     let none = SensorOptions::default();
-    refused(SensorOptions { encoder_ticks: 0.5, ..none }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
-    refused(SensorOptions { gyro_range: 1e-9, ..none }, &["sensors.gyro_range", "at least 0.000001"]);
+    rejected(SensorOptions { encoder_ticks: 0.5, ..none }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
+    rejected(SensorOptions { gyro_range: 1e-9, ..none }, &["sensors.gyro_range", "at least 0.000001"]);
     for latency in [0.005, 0.0101] {
         let parts = ["sensors.latency", "whole number", &format!("latency = {latency} s"), "control_dt = 0.01 s"];
-        refused(SensorOptions { latency, ..none.clone() }, &parts);
+        rejected(SensorOptions { latency, ..none.clone() }, &parts);
     }
-    refused(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
+    rejected(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
     for name in ["imu_rate", "encoder_rate"] {
         let rate = |rate: f64| {
             let mut sensors = none.clone();
             sensors.set(name, &[rate]).unwrap();
             sensors
         };
-        refused(rate(1e-4), &[&format!("sensors.{name} = 0.0001 "), "0 (every control step) or at least 0.001 Hz"]);
-        refused(rate(2e6), &[&format!("sensors.{name} = 2000000 "), "Hz"]);
+        rejected(rate(1e-4), &[&format!("sensors.{name} = 0.0001 "), "0 (every control step) or at least 0.001 Hz"]);
+        rejected(rate(2e6), &[&format!("sensors.{name} = 2000000 "), "Hz"]);
         let seen = |rate_of: f64| {
             let observation = Observation::Sensors;
             BalanceConfig { sensors: Some(rate(rate_of)), observation, ..BalanceConfig::default() }

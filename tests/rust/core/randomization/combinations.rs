@@ -1,4 +1,4 @@
-//! Invalid robots from draws that are each valid.
+//! Invalid robots from samples that are each valid.
 
 use super::{SEED, config, every, scaled, started};
 use crate::run::actions;
@@ -23,7 +23,7 @@ fn with(events: &[Event]) -> BalanceConfig {
     config(ModelKind::Contact, 2, events)
 }
 
-/// [`five`] in an order in which no draw tried at the creation of an environment hits the corner.
+/// [`five`] in an order in which no sample tried at the creation of an environment hits the corner.
 fn unnoticed() -> [Event; 5] {
     let mut events = five();
     for _ in 0..events.len() {
@@ -32,7 +32,7 @@ fn unnoticed() -> [Event; 5] {
         }
         events.rotate_left(1);
     }
-    panic!("each order was refused");
+    panic!("each order was rejected");
 }
 
 #[test]
@@ -108,7 +108,7 @@ fn an_invalid_robot_is_sampled_again() {
     assert_eq!(again.batch.repeated_draws(i).unwrap(), 0);
 }
 
-/// The same within an episode, where earlier draws stay.
+/// The same within an episode, where earlier samples persist.
 #[test]
 fn a_sample_within_an_episode_is_reproducible() {
     const ROBOTS: usize = 2048;

@@ -129,15 +129,15 @@ fn values_sampled_at_startup_persist() {
 
 #[test]
 fn ids_choose_the_random_numbers() {
-    let drawn = |id: Option<u64>, term: &str| {
+    let sampled = |id: Option<u64>, term: &str| {
         let event = Event { id, ..scaled(term, [0.8, 1.2]) };
         let label = event.label();
         let run = started(&config(ModelKind::Contact, STEPS, &[event]), 1, Autoreset::Disabled, SEED);
         draws(&run.batch, 0, &label)[0]
     };
-    assert_eq!(drawn(Some(3), "body_mass"), drawn(Some(3), "gravity"));
-    assert_ne!(drawn(Some(3), "body_mass"), drawn(Some(4), "body_mass"));
-    assert_ne!(drawn(None, "body_mass"), drawn(None, "gravity"));
+    assert_eq!(sampled(Some(3), "body_mass"), sampled(Some(3), "gravity"));
+    assert_ne!(sampled(Some(3), "body_mass"), sampled(Some(4), "body_mass"));
+    assert_ne!(sampled(None, "body_mass"), sampled(None, "gravity"));
     // CRC-32 of the text "gravity", as in zlib.
-    assert_eq!(drawn(None, "gravity"), drawn(Some(0x5A1D_25A7), "gravity"));
+    assert_eq!(sampled(None, "gravity"), sampled(Some(0x5A1D_25A7), "gravity"));
 }

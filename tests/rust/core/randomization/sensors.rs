@@ -59,13 +59,13 @@ fn readings(batch: &Batch, i: usize) -> Vec<f64> {
 /// Compares the readings of a batch with readings of other batches that have the sampled options.
 fn assert_equal_to_sensors_made(config: &BalanceConfig) {
     let model = config.model;
-    let mut drawn = started(config, N, Autoreset::Disabled, SEED);
+    let mut sampled = started(config, N, Autoreset::Disabled, SEED);
     let starts = starts(config, N);
     for episode in 0..3 {
-        reset_to(&mut drawn, &starts);
+        reset_to(&mut sampled, &starts);
         let mut made: Vec<_> = (0..N)
             .map(|i| {
-                let sensors = drawn.batch.sensors(i).unwrap().clone();
+                let sensors = sampled.batch.sensors(i).unwrap().clone();
                 assert_ne!(Some(&sensors), config.sensors.as_ref(), "robot {i}");
                 let made = BalanceConfig { sensors: Some(sensors), events: Vec::new(), ..config.clone() };
                 alone(&made, i, episode, &starts[i])
@@ -73,10 +73,10 @@ fn assert_equal_to_sensors_made(config: &BalanceConfig) {
             .collect();
         for k in 0..25 {
             for (i, alone) in made.iter().enumerate() {
-                let (found, expected) = (readings(&drawn.batch, i), readings(&alone.batch, 0));
+                let (found, expected) = (readings(&sampled.batch, i), readings(&alone.batch, 0));
                 assert_eq!(found, expected, "{model}: robot {i}, episode {episode}, step {k}");
             }
-            drawn.step(&actions(0, N, k, 0.4)).unwrap();
+            sampled.step(&actions(0, N, k, 0.4)).unwrap();
             made.iter_mut().enumerate().for_each(|(i, alone)| alone.step(&actions(i, 1, k, 0.4)).unwrap());
         }
     }
@@ -217,8 +217,8 @@ fn snapshots_continue() {
 
 #[test]
 fn events_that_sensors_do_not_allow_are_rejected() {
-    let refusal = |config: &BalanceConfig| {
-        Batch::new(config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err("a refusal").to_string()
+    let rejection = |config: &BalanceConfig| {
+        Batch::new(config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err("a rejection").to_string()
     };
     let one = |event: &Event| sensing(&everything(), ModelKind::Contact, 10, std::slice::from_ref(event));
     for (event, words) in [
@@ -231,13 +231,13 @@ fn events_that_sensors_do_not_allow_are_rejected() {
         (Event::new("sensors.encoder_ticks", [0.0, 1.5]), &["sensors.encoder_ticks = 0.", "at least 1"]),
         (Event { range: vec![[0.0, 0.1]; 2], ..Event::new("sensors.imu_position", [0.0; 2]) }, &["2 pairs"]),
     ] {
-        let (error, label) = (refusal(&one(&event)), format!("events[0] ({})", event.term));
+        let (error, label) = (rejection(&one(&event)), format!("events[0] ({})", event.term));
         assert!(error.contains(&label) && words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     }
-    let late = refusal(&one(&Event::new("sensors.latency", [0.0, 1.2])));
+    let late = rejection(&one(&Event::new("sensors.latency", [0.0, 1.2])));
     assert!(late.contains("sensors.latency / control_dt = 120"), "{late}");
     let noisy = Event::new("sensors.gyro_noise", [0.0, 0.1]);
-    let error = refusal(&config(ModelKind::Contact, 10, std::slice::from_ref(&noisy)));
+    let error = rejection(&config(ModelKind::Contact, 10, std::slice::from_ref(&noisy)));
     assert!(error.contains("the robots have none"), "{error}");
     let slow = Event::new("sensors.imu_rate", [20.0, 200.0]);
     let estimated = BalanceConfig {
@@ -245,7 +245,7 @@ fn events_that_sensors_do_not_allow_are_rejected() {
         sensors: Some(SensorOptions::default()),
         ..config(ModelKind::Contact, 10, &[slow])
     };
-    let error = refusal(&estimated);
+    let error = rejection(&estimated);
     assert!(error.contains("events[0] (sensors.imu_rate)") && error.contains("sensors.imu_rate = 20"), "{error}");
     // Custom sensors are the same on all robots.
     let (config, ideal) = (one(&noisy), Ideal { max_torque: 0.3 });

@@ -102,7 +102,7 @@ fn gaps_are_uniform_and_do_not_drift() {
         let mean = gaps.iter().sum::<f64>() / 256.0;
         let variance = gaps.iter().map(|gap| (gap - mean).powi(2)).sum::<f64>() / 256.0;
         assert!(gaps.iter().all(|gap| (0.04 - early - 1e-9..=0.16 + CONTROL_DT + 1e-9).contains(gap)));
-        // Of uniform gaps: mean 0.1 (half a step late at first), variance 0.0012; four standard errors.
+        // Of uniform gaps: mean 0.1 (half a step of delay at first), variance 0.0012; four standard errors.
         assert!((mean - 0.1).abs() < 0.005 + 0.009, "{mean}");
         assert!((variance - 0.0012).abs() < 0.0003, "{variance}");
     }

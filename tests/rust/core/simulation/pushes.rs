@@ -36,7 +36,7 @@ fn pushes_change_the_momentum_by_their_impulse(simulation: Simulation) {
     assert!((angular - expected).norm() < 1e-12 * expected.norm(), "{angular}, expected {expected}");
 }
 
-/// Body rate 10 ms after an impulse on the CoM of a robot that has stood for half a second.
+/// Body rate 10 ms after an impulse on the CoM of a robot that has been at rest for half a second.
 fn rate_after_push(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Vector3<f64> {
     let com = Vector3::z() * robot.params().body_com_height;
     run(robot, [0.0; 3], 500);

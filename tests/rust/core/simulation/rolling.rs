@@ -60,7 +60,7 @@ fn wheels_turn_with_the_ball_and_the_ball_rolls_without_drift(simulation: Simula
     let wheels = Omniwheels::new(&params);
     let (mut worst_slip, mut fastest, mut rolled, mut deepest) = (0.0_f64, 0.0_f64, Vector2::zeros(), 0.0_f64);
     for k in 0..400 {
-        // A meter along a slanted line in two seconds, then standing.
+        // A meter along a slanted line in two seconds, then at rest.
         let share = (f64::from(k) / 200.0).min(1.0);
         let position = Vector2::new(0.8, 0.6) * share * share * (3.0 - 2.0 * share);
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint { position, ..Setpoint::default() });

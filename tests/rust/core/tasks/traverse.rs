@@ -115,7 +115,7 @@ fn wrong_levels_and_tasks_with_a_position_are_rejected() {
 
 #[test]
 fn the_return_of_the_published_task_does_not_depend_on_the_control_rate() {
-    // A robot that stands for 8 s: 0.02 for each 2 ms is 80.
+    // A robot that stays upright for 8 s: 0.02 for each 2 ms is 80.
     let plane = Arc::new(Terrain::plane(0.0, 0.0).unwrap());
     for (dt, steps) in [(0.002, 4000_usize), (0.01, 800)] {
         let mut config = config("openballbot", &[]);

@@ -112,7 +112,7 @@ fn environments_reject_terrain_on_which_robots_cannot_start_or_differ() {
         let mut config = task_kind("balance").unwrap().config();
         config.set_terrain(Some(Arc::new(terrain)));
         change(&mut *config);
-        config.batch(1, Autoreset::SameStep, Some(1), 0).err().expect("refused").to_string()
+        config.batch(1, Autoreset::SameStep, Some(1), 0).err().expect("rejected").to_string()
     };
     let plane = |slope| Terrain::plane(slope, 0.3).unwrap();
     let steep = message(plane(0.25), &|_| ());

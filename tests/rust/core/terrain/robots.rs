@@ -146,8 +146,8 @@ fn a_robot_is_at_rest_on_a_slope_with_its_lean_and_torques() {
         }
     }
     let steep = Arc::new(Terrain::plane(1.0, 0.0).unwrap());
-    let refused = on(&steep, ModelKind::Contact, &params, 1e-3).place_on_ground(0.0, 0.0, 0.0, None);
-    assert!(refused.unwrap_err().to_string().contains("the slope is 1.000 rad"));
+    let rejected = on(&steep, ModelKind::Contact, &params, 1e-3).place_on_ground(0.0, 0.0, 0.0, None);
+    assert!(rejected.unwrap_err().to_string().contains("the slope is 1.000 rad"));
 }
 
 fn balanced(robot: &mut Ballbot, seconds: f64) -> State {
@@ -287,22 +287,22 @@ fn a_robot_that_leaves_the_terrain_has_diverged() {
         assert!(left.contains("the ball left the terrain at x = -0.5"), "{left}");
     }
     let tilted = Params { floor_tilt: [0.1, 0.0], ..params };
-    let refused = Ballbot::new(&tilted, ModelKind::Contact, 1e-3).unwrap().set_terrain(Some(&terrain));
-    assert!(refused.unwrap_err().to_string().contains("floor_tilt"));
+    let rejected = Ballbot::new(&tilted, ModelKind::Contact, 1e-3).unwrap().set_terrain(Some(&terrain));
+    assert!(rejected.unwrap_err().to_string().contains("floor_tilt"));
 }
 
 #[test]
 fn models_reject_ground_that_they_do_not_simulate() {
     let (params, slope) = (Params::paper(), Arc::new(Terrain::plane(0.1, 0.0).unwrap()));
     let hills = Arc::new(Terrain::generate("noise", 0, &[]).unwrap());
-    let refused = |kind, terrain, words: &str| {
+    let rejected = |kind, terrain, words: &str| {
         let mut robot = Ballbot::new(&params, kind, 1e-3).unwrap();
         let message = robot.set_terrain(Some(terrain)).unwrap_err().to_string();
         assert!(message.contains(words), "{message}");
         assert!(robot.terrain().is_none());
     };
-    refused(ModelKind::Planar, &slope, "'planar' simulates only level ground");
-    refused(ModelKind::Spatial, &hills, "'spatial' simulates only planes");
+    rejected(ModelKind::Planar, &slope, "'planar' simulates only level ground");
+    rejected(ModelKind::Spatial, &hills, "'spatial' simulates only planes");
     let mut robot = on(&hills, ModelKind::Contact, &params, 1e-3);
     let below = State::upright(&params);
     let height = hills.height(0.0, 0.0);

@@ -114,7 +114,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
     let (mut velocity, mut position, mut slipped) = (0.0_f64, 0.0_f64, 0);
     for k in 0..400 {
         let mut torques = lqr.wheel_torques(&plant.robot.state(), &Setpoint::default());
-        // A burst on one wheel after the other, with alternating sign.
+        // A burst on each wheel in turn, with alternating sign.
         if k % 50 < 3 {
             torques[(k / 50) % 3] += if k % 100 < 50 { 0.5 } else { -0.5 };
         }
@@ -171,6 +171,6 @@ fn lean_bias_of_an_unknown_center_of_mass_is_found() {
         assert!(off < 0.15, "bias {off} deg off");
         assert!(attitude_error(&plant.robot.state(), &plant.estimate).xy().norm() < 3e-3);
     }
-    assert!(offsets[0] > 0.1, "without compensation the robot stands {} m away", offsets[0]);
+    assert!(offsets[0] > 0.1, "without compensation the robot comes to rest {} m away", offsets[0]);
     assert!(offsets[1] < 0.01, "with compensation {} m away", offsets[1]);
 }

@@ -22,7 +22,7 @@ struct Seen {
     velocity: f64,
 }
 
-/// The robot under LQR on the true state, with torques of `burst` (N·m) on one wheel after the other.
+/// The robot under LQR on the true state, with torques of `burst` (N·m) on each wheel in turn.
 fn run(friction: f64, burst: f64, gates: f64) -> Seen {
     let params = Params { wheel_static_friction: friction, wheel_dynamic_friction: friction, ..Params::paper() };
     let options = EstimatorOptions {
