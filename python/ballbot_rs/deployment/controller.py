@@ -123,7 +123,7 @@ def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], fo
         "Wheel i is that of entry i of wheel_azimuths below; a positive torque drives it towards a positive speed.",
         f"Setpoint: it follows {', '.join(law.setpoint_parts)}; other parts are not read.",
         *_saturation(found),
-        "`controller.last` has the torques of the last call and the shares of the wanted ones that are in them.",
+        "`controller.last` has the torques of the last call and the fractions of the desired torques in them.",
         "Inputs are not checked: a NaN among them may give torques that are NaN, and may stay in an integral. Check",
         "them before the call, and call `ballbot_reset` after one that was wrong.",
         "Memory: all of it is in `ballbot_controller`; nothing is allocated. Precision: double, or what",

@@ -103,8 +103,8 @@ def record_log(
             state = batch.state(0)
             states[row] = state.to_array()
             setpoint = steps[int(times[row] / STEP_EVERY)]
-            wanted = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
-            yield np.clip(wanted / limit, -1.0, 1.0).astype(np.float32)[None]
+            desired = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
+            yield np.clip(desired / limit, -1.0, 1.0).astype(np.float32)[None]
 
     loop = ClosedLoop(batch, Replay(actions()))
     loop.reset(starts=[State.at_equilibrium(robot)])

@@ -60,8 +60,8 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
         )
         position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLORS[i], label=axis)
         if trajectory.setpoints["position"].any():
-            wanted = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
-            position.plot(times, trajectory.setpoints["position"][:, i], **wanted)
+            dashed = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
+            position.plot(times, trajectory.setpoints["position"][:, i], **dashed)
     # Models with contacts have no forces before their first step.
     loads = trajectory.of_contacts("wheel_normal_forces")[1:]
     shares = 100.0 * trajectory.of_contacts("friction_utilization")[1:]

@@ -79,7 +79,7 @@ def write(
         count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
         parts.append(
             page.section(
-                "Beside the classical controllers", table, page.note(" ".join([count, *legend(results, task)]))
+                "Comparison with the classical controllers", table, page.note(" ".join([count, *legend(results, task)]))
             )
         )
     parts += [
