@@ -88,7 +88,7 @@ def test_the_recovery_time_matches_a_single_push():
 
 
 def test_pushes_that_are_all_alike_are_counted():
-    """Their draws do not change from one to the next."""
+    """Their random numbers do not change from episode to episode."""
     result = evaluate("lqr", episodes=3, env_options={**pushes(0.1, (1.0, 1.0)), "max_episode_steps": 550})
     assert result.pushes == 3 * 5
     assert evaluate("lqr", episodes=3, env_options=SHORT).pushes == 0

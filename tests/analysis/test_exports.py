@@ -1,4 +1,4 @@
-"""What a trajectory writes is what it holds."""
+"""Exported files equal the trajectory."""
 
 import base64
 import csv
@@ -16,7 +16,7 @@ EVENTS = [{"term": "body_mass", "mode": "reset", "range": [0.95, 1.05]}]
 
 @pytest.fixture(scope="module")
 def done():
-    """Everything that a trajectory can have: a reference, estimates, draws."""
+    """Everything that a trajectory can have: a reference, estimates, random parameters."""
     return bb.simulate(
         "lqr",
         reference=bb.Reference.circle(0.3, 6.0),

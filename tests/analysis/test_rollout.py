@@ -1,4 +1,4 @@
-"""Controllers as objects, the one rollout and the one settling time."""
+"""Controllers as objects, rollouts and settling times."""
 
 import numpy as np
 import pytest

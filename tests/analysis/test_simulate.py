@@ -27,10 +27,10 @@ class Follower:
 @pytest.mark.parametrize("controller", ["lqr", Follower])
 def test_a_circle_of_six_seconds_is_followed_within_a_millimeter(controller):
     done = bb.simulate(controller, reference=CIRCLE, seconds=12.0)
-    wanted = CIRCLE.sample(done.times)
-    for part, values in wanted.items():
+    desired = CIRCLE.sample(done.times)
+    for part, values in desired.items():
         np.testing.assert_allclose(done.setpoints[part], values, atol=1e-12)
-    errors = np.linalg.norm(done.of_states("ball_position")[:, :2] - wanted["position"], axis=1)
+    errors = np.linalg.norm(done.of_states("ball_position")[:, :2] - desired["position"], axis=1)
     metrics = done.metrics()
     assert metrics.position_error_rms == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-12)
     assert metrics.position_error_rms < 1e-3
@@ -105,7 +105,7 @@ def test_a_pickled_reference_is_still_for_any_robot(motion):
 
 
 def test_the_time_step_of_the_model_is_in_the_results():
-    """A rate that is no multiple of it shortened it, and nothing said so."""
+    """A rate that is not a multiple of it shortened it without an error."""
 
     class Odd:
         control_dt = 0.0031
@@ -180,7 +180,7 @@ def test_a_force_is_its_impulse_in_each_step_while_it_lasts():
     pushes = [bb.Push((0.01, 0.0, 0.0), 0.10), *(bb.Push((0.02, 0.0, 0.0), 0.01 * i) for i in range(11, 20))]
     same = bb.simulate("zero", pushes=pushes, **ON_BALL)
     np.testing.assert_allclose(done.to_array(), same.to_array(), atol=1e-12)
-    # A steady force leaves LQR with an offset that lqi takes away.
+    # A steady force leaves LQR with an offset that lqi removes.
     ends = [
         bb.simulate(name, forces=[bb.Force((0.3, 0.0, 0.0))], seconds=15.0).metrics().position_error_final
         for name in ("lqr", "lqi")
@@ -306,10 +306,10 @@ def test_sampled_pushes_are_found_where_the_body_changes_its_velocity():
         {"term": "push", "mode": "interval", "every": [0.5, 0.9], "range": [0.1, 0.3]},
         {"term": "push", "id": 3, "mode": "at", "at": 1.0, "range": [0.1, 0.2], "op": "scale", "height": [0.0, 0.2]},
     ]
-    asked = bb.Push((0.05, 0.0, 0.0), time=0.2)
-    found = bb.simulate("lqr", seconds=3.0, tilt=(0.0, 0.0), pushes=[asked], events=events)
-    assert found.pushes == (asked,)
-    assert found.all_pushes == (asked, *found.drawn_pushes)
+    requested = bb.Push((0.05, 0.0, 0.0), time=0.2)
+    found = bb.simulate("lqr", seconds=3.0, tilt=(0.0, 0.0), pushes=[requested], events=events)
+    assert found.pushes == (requested,)
+    assert found.all_pushes == (requested, *found.drawn_pushes)
     assert len(found.drawn_pushes) >= 4
     velocities = found.of_states("body_velocity")[:, :2]
     for push in found.drawn_pushes:

@@ -199,9 +199,9 @@ class TestOtherReaders:
 
     def test_mujoco(self, tmp_path):
         mujoco = pytest.importorskip("mujoco")
-        assert mujoco.MjModel.from_xml_path(str(BOT)).nmesh == 0, "it leaves out visuals unless it is told to keep them"
-        told = '<robot name="ballbot"><mujoco><compiler discardvisual="false"/></mujoco>'
-        text = BOT.read_text(encoding="utf-8").replace('<robot name="ballbot">', told)
+        assert mujoco.MjModel.from_xml_path(str(BOT)).nmesh == 0, "it leaves out visuals by default"
+        keeping = '<robot name="ballbot"><mujoco><compiler discardvisual="false"/></mujoco>'
+        text = BOT.read_text(encoding="utf-8").replace('<robot name="ballbot">', keeping)
         (tmp_path / "bot.urdf").write_text(text, encoding="utf-8")
         shutil.copytree(ASSETS / "meshes", tmp_path / "meshes")
         model = mujoco.MjModel.from_xml_path(str(tmp_path / "bot.urdf"))

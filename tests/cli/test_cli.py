@@ -130,7 +130,7 @@ def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, argum
     assert err.startswith("ballbot: ")
     assert message in err
     assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == [], "a refused command left files behind"
+    assert list(tmp_path.iterdir()) == [], "a rejected command left files behind"
 
 
 def test_an_unknown_configuration_key_exits_with_1(capsys, tmp_path, tiny_config):
@@ -181,7 +181,7 @@ def test_train_with_the_default_configuration(capsys, tmp_path):
     assert (code, err.count("\n")) == (1, 1)
     assert err.startswith("ballbot: the training has failed: after 16384 steps the best policy succeeds in ")
     report = parse_json(out)
-    # Too short for an evaluation on the way: the one at the end decides.
+    # Too short for intermediate evaluations: the evaluation at the end decides.
     assert Path(report["policy"]) == folder / "best_model.zip"
     assert report["seconds"] > 0
     assert [result["controller"] for result in report["results"]] == [report["policy"], "lqr", "pid"]
@@ -199,20 +199,20 @@ def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     code, _, err = run(capsys, *train)
     assert code == 1
     assert all(option in err for option in ("holds an earlier run", "--resume", "--overwrite", "--run"))
-    assert "saved" not in err, "a refused run has saved nothing"
+    assert "saved" not in err, "a rejected run has saved nothing"
     assert err.count("\n") == 1
     longer = (folder / "config.toml").read_text(encoding="utf-8").replace("768", "1024")
     (folder / "config.toml").write_text(longer, encoding="utf-8")
     assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0, "--no-report")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 1024
     kept = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    refused = {
+    rejected = {
         ("velocity", "--resume", folder): f"{folder} is a run of balance, not of velocity",
         ("--resume", folder, "--timesteps", 700): "timesteps = 700: the run has already done 1024 steps",
     }
-    for arguments, said in refused.items():
+    for arguments, output in rejected.items():
         code, _, err = run(capsys, "train", *arguments, "--quiet")
-        assert (code, said in err) == (1, True), err
+        assert (code, output in err) == (1, True), err
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == kept
     assert run(capsys, *train, "--overwrite")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 768

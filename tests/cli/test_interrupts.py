@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: one line, the exit code of a shell, and nothing unfinished is left."""
+"""Ctrl-C and SIGTERM: one line, the exit code of a shell, and no unfinished files."""
 
 import os
 import signal
@@ -26,8 +26,8 @@ def test_a_video_that_is_interrupted_leaves_nothing(tmp_path, number, code, line
         assert time.monotonic() < ends
         time.sleep(0.02)
     process.send_signal(number)
-    printed, said = process.communicate(timeout=300)
-    assert (process.returncode, printed, said) == (code, "", line)
+    printed, output = process.communicate(timeout=300)
+    assert (process.returncode, printed, output) == (code, "", line)
     # The encoder may be through with a file that has lost its name.
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
     assert out.read_bytes() == b"what was there before"
@@ -52,8 +52,8 @@ def test_a_signal_ends_a_long_call(number, code, line, call):
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(number)
-    _, said = process.communicate(timeout=300)
-    assert (process.returncode, said) == (code, line)
+    _, output = process.communicate(timeout=300)
+    assert (process.returncode, output) == (code, line)
 
 
 def test_a_signal_that_is_ignored_stays_ignored():
@@ -115,8 +115,8 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
         )
         assert process.stdout.readline() == "ready\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=300)
-        assert (process.returncode, said) == (130, "interrupted\n")
+        _, output = process.communicate(timeout=300)
+        assert (process.returncode, output) == (130, "interrupted\n")
 
 
 def test_a_library_does_not_change_signals():

@@ -21,7 +21,7 @@ from tests.support.onnx_policies import SHIPPED  # noqa: E402
 OPTIONS = OnnxPolicy(SHIPPED).env_options
 OPTION_VALUES = st.one_of(values, numbers, st.sampled_from(["paper", "kugle", "/dev/zero", "/dev/zero.toml", "x.toml"]))
 
-#: Some options replaced, and now and then one that there is not.
+#: Some options replaced, and sometimes an unknown option.
 edited_options = st.dictionaries(
     st.sampled_from([*OPTIONS, "params", "num_threads", "more"]), OPTION_VALUES, min_size=1, max_size=3
 )

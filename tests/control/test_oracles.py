@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 SETS = np.arange(-3, 4) / 3.0
 #: c_ij of the default rules.
 TABLE = np.clip((np.arange(-3, 4)[:, None] + np.arange(-3, 4)) / 3.0, -1.0, 1.0)
-#: Half of the width of a consequent that stands for a singleton.
+#: Half of the width of a consequent that represents a singleton.
 HALF = 1.0 / 12.0
 
 

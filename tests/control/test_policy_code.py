@@ -31,7 +31,7 @@ class Dropper:
 
 
 class OwnPolicy(ActorCriticPolicy):
-    """A policy class that is not one of the algorithm's."""
+    """A policy class that does not belong to the algorithm."""
 
 
 def pickled(value, **described):

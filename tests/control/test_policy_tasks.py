@@ -42,7 +42,7 @@ def test_controllers_compared_with_a_policy_have_its_task(policy_of, capsys):
 def test_another_task_is_rejected(policy_of):
     with pytest.raises(ValueError, match="env_id is 'ballbot/Path-v0', expected 'ballbot/Goal-v0'"):
         find(policy_of("path"), task="goal")
-    with pytest.raises(ValueError, match=r"balance\.onnx was trained for the task balance, not for that of .*push"):
+    with pytest.raises(ValueError, match=r"balance\.onnx was trained for the task balance, not for the task of .*push"):
         common_task([find(policy_of("push")), find(str(SHIPPED))])
     with pytest.raises(ValueError, match="was trained for the task goal, not for the task path"):
         bb.compare([find(policy_of("goal"))], task="path", episodes=1)

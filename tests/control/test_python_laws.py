@@ -1,4 +1,4 @@
-"""Laws in Python: the forms in which they are called, on rollouts and in the viewer, and what is said of bad ones."""
+"""Controllers in Python: their forms, in rollouts and in the viewer, and errors of invalid controllers."""
 
 import numpy as np
 import pytest
@@ -91,7 +91,7 @@ def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():
         (lambda state, gain=2.0: gain, ()),  # noqa: ARG005
         (lambda state, position=None: position, ("position",)),  # noqa: ARG005
         (lambda state, *, yaw, position: yaw, ("yaw", "position")),  # noqa: ARG005
-        (lambda state, wanted: wanted, tuple(bb.Setpoint())),  # noqa: ARG005
+        (lambda state, desired: desired, tuple(bb.Setpoint())),  # noqa: ARG005
         (lambda state, setpoint=None: setpoint, tuple(bb.Setpoint())),  # noqa: ARG005
         (bb.Pid(), ("tilt",)),
     ],
@@ -102,21 +102,21 @@ def test_the_parts_that_a_controller_follows_are_in_its_signature(law, follows):
 
 @pytest.mark.parametrize("batched", [False, True])
 def test_torques_beyond_the_limit_keep_their_direction_in_rollouts_and_in_the_viewer(batched):
-    wanted = np.array([30.0, -10.0, 5.0])
+    desired = np.array([30.0, -10.0, 5.0])
 
     def law(states):
-        return np.tile(wanted, (len(states), 1)) if batched else wanted
+        return np.tile(desired, (len(states), 1)) if batched else desired
 
     law.batched = batched
     batch = bb.Batch(1, model="spatial")
     shown = bb.simulate(law, model="spatial", seconds=0.02)
     limit = shown.params.max_wheel_torque
-    np.testing.assert_allclose(shown.torques[0], wanted * limit / 30.0, rtol=1e-6)
+    np.testing.assert_allclose(shown.torques[0], desired * limit / 30.0, rtol=1e-6)
     driver = LawDriver(find(law), PARAMS, 2)
     torques = driver.torques([batch.state(0)] * 2, (0.0, 0.0))
-    np.testing.assert_allclose(torques, [wanted * PARAMS.max_wheel_torque / 30.0] * 2)
-    small = Laws("small", lambda: lambda state: wanted / 100.0, 1, limit)  # noqa: ARG005
-    np.testing.assert_array_equal(small.torques([batch.state(0)], [bb.Setpoint()])[0], wanted / 100.0)
+    np.testing.assert_allclose(torques, [desired * PARAMS.max_wheel_torque / 30.0] * 2)
+    small = Laws("small", lambda: lambda state: desired / 100.0, 1, limit)  # noqa: ARG005
+    np.testing.assert_array_equal(small.torques([batch.state(0)], [bb.Setpoint()])[0], desired / 100.0)
 
 
 def test_the_viewer_gives_each_robot_its_setpoint():

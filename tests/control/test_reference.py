@@ -32,7 +32,7 @@ def test_the_target_waits_for_a_ball_that_does_not_come():
         target = reference.advance((5.0, 1.0), ball, 0.01)
         assert np.linalg.norm(target - ball) <= 0.2 * (1.0 + 1e-12)
     np.testing.assert_allclose(target, [1.2, 1.0])
-    # A ball that was carried away takes the target with it.
+    # A ball that was carried away moves the target with it.
     target = reference.advance((5.0, 1.0), ball - 3.0, 0.01)
     assert np.linalg.norm(target - (ball - 3.0)) == pytest.approx(0.2)
 

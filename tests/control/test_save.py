@@ -1,4 +1,4 @@
-"""Policies that users train themselves with Stable-Baselines3: every command takes them."""
+"""Policies that users train themselves with Stable-Baselines3: every command accepts them."""
 
 import gymnasium
 import numpy as np

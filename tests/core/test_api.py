@@ -118,9 +118,9 @@ class TestParams:
     def test_an_error_of_a_toml_file_names_it(self, paper, tmp_path, old, new, words):
         path = tmp_path / "my_robot.toml"
         path.write_text(paper.to_toml().replace(old, new), encoding="utf-8")
-        with pytest.raises(ValueError, match=re.escape(words)) as refusal:
+        with pytest.raises(ValueError, match=re.escape(words)) as rejection:
             Ballbot(str(path))
-        assert str(path) in str(refusal.value)
+        assert str(path) in str(rejection.value)
 
     def test_a_toml_file_that_is_missing(self):
         with pytest.raises(FileNotFoundError, match=r"^\[Errno 2\] No such file or directory: 'no_robot\.toml'$"):
@@ -349,12 +349,12 @@ class TestPlanarModel:
 
 class TestTorqueMaps:
     def test_printed_torques_are_too_large_by_the_known_factors(self, paper):
-        def virtual(wanted, mapping):
-            return wheel_to_virtual_torques(paper, virtual_to_wheel_torques(paper, wanted, mapping))
+        def virtual(desired, mapping):
+            return wheel_to_virtual_torques(paper, virtual_to_wheel_torques(paper, desired, mapping))
 
-        wanted = np.array([0.1, -0.2, 0.3])
-        np.testing.assert_allclose(virtual(wanted, "consistent"), wanted, rtol=1e-12)
-        np.testing.assert_allclose(virtual(wanted, "as_printed") / wanted, [1.68, 1.68, 3.36], rtol=1e-12)
+        desired = np.array([0.1, -0.2, 0.3])
+        np.testing.assert_allclose(virtual(desired, "consistent"), desired, rtol=1e-12)
+        np.testing.assert_allclose(virtual(desired, "as_printed") / desired, [1.68, 1.68, 3.36], rtol=1e-12)
 
     def test_unknown_mapping(self, paper):
         with pytest.raises(ValueError, match="unknown torque mapping 'x': expected one of consistent, as_"):

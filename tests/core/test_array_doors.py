@@ -11,7 +11,7 @@ from tests.support.paths import ROOT
 
 
 @pytest.mark.slow("a process per function")
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited on Linux alone")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited only on Linux")
 def test_no_array_ends_the_process(tmp_path):
     log = tmp_path / "calls.txt"
     done = subprocess.run(

@@ -281,7 +281,7 @@ def test_a_falling_robot_ends_on_the_floor():
     assert robot.contacts.bot_on_floor
     assert np.rad2deg(robot.state.tilt) > 60
     assert robot.state.body_position[2] > -0.05, "the robot sank into the floor"
-    # All weight rests on the floor: the ball's share is what the ball alone weighs, or more.
+    # All weight rests on the floor: the ball carries at least its own weight.
     assert robot.contacts.floor_force[2] > 0.99 * 1.437 * 9.81
 
 

@@ -1,4 +1,4 @@
-"""Numbers that would take all memory or all threads are rejected at once, meaningless numbers by name."""
+"""Numbers that would use all memory or all threads are rejected at once, meaningless numbers by name."""
 
 import threading
 
@@ -137,7 +137,7 @@ def test_models_of_extreme_robots_are_finite(paper, extreme):
     assert np.isfinite(linear.B).all()
 
 
-#: What is no array of real numbers, and how the error calls it.
+#: Values that are not arrays of real numbers, and their names in the error.
 NO_NUMBERS = {
     "text": ([["0.1", "0.2", "0.3"]] * 2, "list of dtype <U3"),
     "bytes": (np.array([[b"1", b"2", b"3"]] * 2), r"ndarray of dtype \|S1"),

@@ -39,6 +39,6 @@ def test_a_push_off_the_mast_turns_the_robot():
 
 
 def test_points_are_checked():
-    for points, says in ((POINTS[:1], "points"), (POINTS * np.nan, "points"), (POINTS[:, :2], "points")):
-        with pytest.raises(ValueError, match=says):
+    for points, message in ((POINTS[:1], "points"), (POINTS * np.nan, "points"), (POINTS[:, :2], "points")):
+        with pytest.raises(ValueError, match=message):
             batch().rollout(bb.Lqr(), 2, impulses=IMPULSES, points=points)

@@ -184,7 +184,7 @@ def test_slope_limits_match_the_robot():
 
 
 def test_a_picture_shows_the_ground():
-    """Depths of a picture from above are heights, and a slope towards the sun is brighter than one away from it."""
+    """Depths of a picture from above are heights, and a slope towards the sun is brighter than a slope away from it."""
     terrain = bb.Terrain.from_function(hills, (6.0, 6.0), 0.02)
     camera = {"target": (0.0, 0.0, 0.0), "distance": 3.0, "elevation": 1.56, "azimuth": 0.0, "follows": False}
     renderer = bb.Renderer(width=64, height=48, camera=camera, terrain=terrain)

@@ -59,7 +59,7 @@ def test_a_controller_in_c_computes_our_torques(name, robot, tmp_path):
         # Limits act in many of the states.
         assert (shares[:, 0] < 1.0).mean() > 0.1, options
         left_alone |= bool((shares == 1.0).all(1).any())
-    # They leave others alone; the PID takes the derivative of jumps.
+    # They do not change others; the PID differentiates jumps.
     assert name == "pid" or left_alone
 
 

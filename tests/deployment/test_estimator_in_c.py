@@ -80,7 +80,7 @@ def test_sensors_that_need_double_precision_reject_single_precision(tmp_path):
 
 
 def test_the_lean_bias_matches_an_offset_mass(tmp_path):
-    """The body's center of mass is 4 mm off, which the estimator is not told."""
+    """The body's center of mass is 4 mm off, which the estimator does not model."""
     nominal = bb.Params.paper()
     batch = bb.Batch(
         1, "balance", model="contact", sensors={}, observation="sensors", num_threads=1, max_episode_steps=5000

@@ -19,8 +19,8 @@ SENSORS = {
     "imu_position": (0.0, 0.0, 0.2),
 }
 DT = 0.01
-#: Tilt, gyroscope bias and velocity, about and along x and y: what wheels and gyroscope know of a robot at rest. The
-#: heading is not observed, and of the spin and the bias about the vertical the difference alone.
+#: Tilt, gyroscope bias and velocity, about and along x and y: observable by wheels and gyroscope at rest. The
+#: heading is not observed, and of the spin and the bias about the vertical only the difference.
 SEEN = [0, 1, 3, 4, 6, 7]
 
 

@@ -1,4 +1,4 @@
-"""Policies as C99: equal to onnxruntime, and to the environment in what stands before and behind the network."""
+"""Policies as C99: equal to onnxruntime, and to the environment before and after the network."""
 
 import json
 import re
@@ -27,7 +27,7 @@ def observations(size, count=1000):
 
 
 def policy_of(target, nodes, constants, *, rows=16, **options):
-    """A policy of these nodes, from "observation" to "action", with the metadata of the one in the package."""
+    """A policy of these nodes, from "observation" to "action", with the metadata of the policy in the package."""
     metadata = {prop.key: prop.value for prop in onnx.load(SHIPPED).metadata_props}
     known = json.loads(metadata[PREFIX + "env_options"])
     metadata[PREFIX + "env_options"] = json.dumps({**known, **options})

@@ -1,4 +1,4 @@
-"""Rollouts cut into fragments: the same robots, stepped one by one, make the same episodes."""
+"""Rollouts cut into fragments: the same robots, stepped one by one, have the same episodes."""
 
 import numpy as np
 import pytest

@@ -212,16 +212,16 @@ def test_a_training_with_a_teacher_begins_with_the_fit(tmp_path):
         TINY_CONFIG,
         {"teacher.controller": "lqr", "teacher.rounds": 1, "teacher.steps": 20, "teacher.value_rollouts": 1},
     )
-    said = []
+    printed = []
     train.train(
         config_module.parse(text, "tiny"),
         text,
         tmp_path / "run",
         learn=OnRay(Ray(1)),
-        tell=said.append,
+        tell=printed.append,
         progress_bar=False,
     )
-    assert said[0].startswith("fitted to lqr: ")
+    assert printed[0].startswith("fitted to lqr: ")
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[0] == 0
 
 
@@ -241,7 +241,7 @@ def test_robots_that_cannot_be_divided_evenly_are_rejected(tmp_path, capsys):
 
 #: Where they find the package.
 PATH = str(ROOT / "python")
-#: What the processes of a cluster know each other by.
+#: The address by which the processes of a cluster find each other.
 TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 
@@ -289,19 +289,19 @@ def train_tiny(folder, address, workers, *arguments):
 
 def test_a_cluster_is_joined(tmp_path):
     with head(tmp_path, PATH) as address:
-        code, said = train_tiny(tmp_path, address, 2)
-        assert code == 0, said
-        code, said = train_tiny(tmp_path, address, 4, "--overwrite")
-        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
+        code, printed = train_tiny(tmp_path, address, 2)
+        assert code == 0, printed
+        code, printed = train_tiny(tmp_path, address, 4, "--overwrite")
+        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in printed) == (1, True), printed
     # The run of the first training, which the second was to overwrite.
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[-1] >= 768
 
 
 def test_a_cluster_without_the_package_is_rejected(tmp_path):
     with head(tmp_path, "") as address:
-        code, said = train_tiny(tmp_path, address, 1)
+        code, printed = train_tiny(tmp_path, address, 1)
     assert code == 1
-    assert f"ballbot_rs cannot be imported on the cluster {address}: " in said
+    assert f"ballbot_rs cannot be imported on the cluster {address}: " in printed
 
 
 def test_an_interrupted_training_keeps_a_checkpoint(tmp_path):

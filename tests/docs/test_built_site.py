@@ -1,6 +1,6 @@
 """The site as a browser has it, from its files: nothing fails to load, nothing is wider than the window.
 
-BALLBOT_SITE names a built site; without it one is built, which takes two minutes. Skipped without the extra `site`.
+BALLBOT_SITE names a built site; without it a site is built, in two minutes. Skipped without the extra `site`.
 """
 
 import importlib.util
@@ -58,7 +58,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
 
 
 def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE) -> None:
-    """Opens a page and forgets what was said before."""
+    """Opens a page and clears earlier messages."""
     browser.call(
         "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=size == NARROW
     )

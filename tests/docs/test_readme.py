@@ -1,4 +1,4 @@
-"""The Python of README and docs/ runs as it stands, trainings included; the parser takes their command lines."""
+"""The Python of README and docs/ runs unchanged, trainings included; the parser accepts their command lines."""
 
 import re
 import shlex
@@ -94,15 +94,15 @@ def test_the_animation_matches_its_command() -> None:
 
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     (line,) = re.findall(r"`(ballbot record [^`]*-o docs/push\.webp)`", text)
-    asked = parser().parse_args(shlex.split(line)[1:])
-    with Image.open(ROOT / asked.output) as animation:
-        assert list(animation.size) == asked.size
+    requested = parser().parse_args(shlex.split(line)[1:])
+    with Image.open(ROOT / requested.output) as animation:
+        assert list(animation.size) == requested.size
         durations = []
         for i in range(animation.n_frames):
             animation.seek(i)
             animation.load()
             durations.append(animation.info["duration"])
-    # Frames that are alike are one.
-    assert sum(durations) == 1000 * asked.seconds
-    assert min(durations) == 1000 / asked.frame_rate
-    assert (ROOT / asked.output).stat().st_size <= 1_500_000
+    # Equal frames are merged.
+    assert sum(durations) == 1000 * requested.seconds
+    assert min(durations) == 1000 / requested.frame_rate
+    assert (ROOT / requested.output).stat().st_size <= 1_500_000

@@ -27,7 +27,7 @@ def drawn(task):
         batch.step(batch.control(lqr))
         if (batch.command() != commands[-1]).any():
             commands.append(batch.command())
-    # Where the ball is when a goal is drawn depends on the regulator.
+    # The position of the ball when a goal is sampled depends on the regulator.
     if task == "goal":
         commands = commands[:1]
     return {

@@ -109,7 +109,7 @@ def test_many_robots_equal_single_robots(mode, options):
 
 @pytest.mark.parametrize("model", ["contact", "rigid", "spatial"])
 def test_the_task_itself_is_unchanged(model):
-    """Its terms, rows and ends are the same to the last bit."""
+    """Its terms, rows and ends are bit-identical."""
     n = 5
     added = {**ADDED, "terminations": {"never": lambda robots: np.zeros(len(robots), bool)}}
     plain = new_batch(n, task="velocity", seed=1, options={"model": model})

@@ -215,7 +215,7 @@ def test_divergence_ends_the_episode_with_finite_numbers(model, impulse):
     assert np.isfinite(observation).all()
     assert observation in env.observation_space
     assert np.isfinite(reward)
-    # The next episode is as good as one in a new environment.
+    # The next episode equals an episode in a new environment.
     np.testing.assert_array_equal(env.reset(seed=4)[0], BalanceEnv(model=model).reset(seed=4)[0])
     env.step(ZERO)
 
@@ -225,7 +225,7 @@ def test_reset_to_a_given_state(paper):
     env = gymnasium.make(BALANCE)
     env.reset(seed=9, options={"state": state})
     np.testing.assert_allclose(env.unwrapped.state.to_array(), state.to_array(), atol=1e-12)
-    # A given start draws no random numbers.
+    # A given start uses no random numbers.
     drawn = env.reset()[0]
     np.testing.assert_array_equal(drawn, BalanceEnv().reset(seed=9)[0])
 

@@ -1,4 +1,4 @@
-"""Infos as clients of others take them: the same finite numbers at every reset and step, ends of episodes included."""
+"""Infos as third-party clients use them: the same finite numbers at every reset and step, ends of episodes included."""
 
 import gymnasium
 import numpy as np
@@ -196,14 +196,14 @@ def test_success_is_reported_before_the_end(balance):
     single = bb.BallbotEnv(model="spatial", max_episode_steps=400, success_window=1.0)
     env.reset()
     single.reset(seed=0)
-    told = []
+    messages = []
     for _ in range(400):
         action = balance(single.state)
         *_, infos = env.step(action[None])
-        told.append(infos[0]["is_success"])
-        assert single.step(action)[4]["is_success"] == told[-1]
-    assert not told[50]
-    assert told[-2:] == [True, True]
+        messages.append(infos[0]["is_success"])
+        assert single.step(action)[4]["is_success"] == messages[-1]
+    assert not messages[50]
+    assert messages[-2:] == [True, True]
 
 
 def test_metrics_are_running_and_zero_before_they_are_defined():

@@ -1,4 +1,4 @@
-"""Events on every front end; tests/rust/core/randomization tests what they draw, and when."""
+"""Events on every front end; tests/rust/core/randomization tests what they sample, and when."""
 
 import copy
 import json

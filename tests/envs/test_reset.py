@@ -14,7 +14,7 @@ def leaning(paper):
 
 
 def test_the_episode_after_a_given_start_matches_a_single_environment(leaning):
-    """A start that is given draws no random numbers, in a batch as in a single environment."""
+    """A given start uses no random numbers, in a batch as in a single environment."""
     single = BalanceEnv(**OPTIONS)
     single.reset(seed=5, options={"state": leaning})
     expected, _ = single.reset()
@@ -36,13 +36,13 @@ def test_a_rejected_reset_changes_nothing(paper, leaning):
         e.reset(seed=1)
         e.step(np.full((3, 3), 0.1))
     sliding = State((0, 0, paper.ball_radius), ball_velocity=(1, 0, 0))
-    refused = [
+    rejected = [
         ({"states": [leaning]}, "3"),
         ({"states": [leaning, sliding, None]}, "without slip"),
         ({"reset_mask": np.ones(2, bool)}, r"\(3,\)"),
         ({"reset_mask": np.array([True, False, True]), "states": [None, leaning, None]}, "environment 1"),
     ]
-    for options, message in refused:
+    for options, message in rejected:
         with pytest.raises(ValueError, match=message):
             env.reset(seed=9, options=options)
     np.testing.assert_array_equal(env.states, twin.states)

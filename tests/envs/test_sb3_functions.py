@@ -18,7 +18,7 @@ OPTIONS = {"model": "spatial", "control_dt": 0.02, "params": "kugle"}
 
 
 def pair(tmp_path=None, **options):
-    """The same environments from our class and from that of Stable-Baselines3."""
+    """The same environments from our class and from the class of Stable-Baselines3."""
     made = []
     for kind in (bb.BallbotVecEnv, None):
         folder = None if tmp_path is None else str(tmp_path / str(kind))

@@ -18,7 +18,7 @@ from tests.support.names import BALANCE
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
 
-#: The info of a step within an episode that is no success yet.
+#: The info of a step within an episode that is not yet a success.
 UNDERWAY = {"TimeLimit.truncated": False, "is_success": False, "termination": 0}
 
 

@@ -306,7 +306,7 @@ def law_in_python(state):
 
 
 def test_every_command_has_controllers_on_estimates(capsys):
-    """A law in Python and the same one of the core see alike, and neither sees the truth."""
+    """A controller in Python observes the same as in the core, and neither observes the truth."""
     options = {"sensors": EVERYTHING, "observation": "sensors"}
     core, python = (bb.evaluate(law, episodes=5, env_options=options) for law in ("lqr", law_in_python))
     assert core.tilt_rms == pytest.approx(python.tilt_rms, rel=1e-6)

@@ -325,7 +325,7 @@ def test_a_wrong_column_is_rejected_whatever_is_fitted(noisy, wrong, fields):
 
 @pytest.mark.parametrize(("axis", "title"), list(enumerate(("gyro_x", "gyro_y", "gyro_z"))))
 def test_a_gyroscope_of_the_wrong_sign_is_named(noisy, axis, title):
-    """With wheel frictions alone the fit took the wrong axis for noise, nine times the sensor's."""
+    """With wheel frictions alone the fit explained the wrong axis by noise, nine times the noise of the sensor."""
     with pytest.raises(ValueError, match=rf"^{title} contradicts the other columns: it shows -\S+ times the changes"):
         identify(changed(noisy, **negated("gyro", axis)(noisy)), "paper", FIELDS["friction"], num_threads=1)
 
@@ -342,8 +342,8 @@ def test_a_gyroscope_of_the_wrong_sign_is_named(noisy, axis, title):
 )
 def test_a_fit_may_start_from_a_robot_that_is_far_off(exact, nominal):
     found = identify(exact, TRUTH.replace(**nominal), tuple(nominal), actuators=MOTORS, num_threads=1)
-    wanted = np.ravel([getattr(TRUTH, name) for name in nominal])
-    np.testing.assert_allclose(found.values, wanted, rtol=2e-3)
+    desired = np.ravel([getattr(TRUTH, name) for name in nominal])
+    np.testing.assert_allclose(found.values, desired, rtol=2e-3)
 
 
 def test_the_table_has_residual_noise_and_rejected_windows(noisy):

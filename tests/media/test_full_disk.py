@@ -1,6 +1,6 @@
 """What a command writes is there whole, or the file that was there before is untouched and the error names it.
 
-A limit of the size of files stands for a full disk.
+A limit of the size of files simulates a full disk.
 """
 
 import os

@@ -226,7 +226,7 @@ def test_recovery_detects_who_rights_the_robot(maps):
 
 
 def test_recovery_leans_in_the_stated_direction():
-    # Wheels stand 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
+    # Wheels are 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
     found = recovery.collect("lqr", rings=3, sectors=12, max_tilt=0.3, seconds=3.0, env_options=CONTACT)
     np.testing.assert_allclose(found.recovery_times, np.roll(found.recovery_times, 4, axis=1), atol=0.021)
     (rim,) = found.recovered[2:]

@@ -223,8 +223,8 @@ def test_the_command_of_the_task_is_shown():
     ((tail, tip),) = arrows(going, row)
     x, y, _ = going.commands[row]
     yaw = going.states[row].yaw
-    wanted = [x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) + y * np.cos(yaw)]
-    np.testing.assert_allclose((tip - tail)[:2], wanted, atol=1e-12)
+    desired = [x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) + y * np.cos(yaw)]
+    np.testing.assert_allclose((tip - tail)[:2], desired, atol=1e-12)
     to_goal = bb.simulate("lqr", seconds=0.1, task="goal", seed=1)
     mark, way = arrows(to_goal, 0)
     np.testing.assert_allclose(mark[1][:2], to_goal.commands[0])
@@ -251,7 +251,7 @@ def test_edges_are_blended_and_nothing_else():
     np.testing.assert_array_equal(smooth(flat), flat)
     tiny = np.zeros((2, 2, 3), dtype=np.uint8)
     np.testing.assert_array_equal(smooth(tiny), tiny)
-    # A shallow edge, as a renderer with one sample a pixel and one with many have it.
+    # A shallow edge, with one and with many samples for each pixel.
     fine = np.add.outer(np.arange(0, 20, 0.125), -0.2 * np.arange(0, 40, 0.125)) > 6.0
     exact = 40.0 + 180.0 * fine.reshape(20, 8, 40, 8).mean(axis=(1, 3))
     stairs = np.repeat(np.uint8(40 + 180 * fine[4::8, 4::8])[..., np.newaxis], 3, axis=2)
@@ -271,7 +271,7 @@ def test_controllers_are_shown_side_by_side(tmp_path, capsys):
     assert [one["controller"] for one in report["shown"]] == ["lqr", "zero"]
     standing, fallen = report["shown"]
     assert standing["fell_at"] is None
-    assert fallen["seconds"] == fallen["fell_at"] < 1.0, "without a floor the video of a fallen robot stands still"
+    assert fallen["seconds"] == fallen["fell_at"] < 1.0, "without a floor the video of a fallen robot does not move"
     frames = decoded(out)[2]
     assert len(frames) == report["frames"] == 12
     assert frames[0].shape == (48, 128, 3)

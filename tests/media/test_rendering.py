@@ -31,7 +31,7 @@ FRAMES = {
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_frames_look_as_they_did(name):
-    """`python tests/media/test_rendering.py` keeps new ones, to be looked at and committed."""
+    """`python tests/media/test_rendering.py` keeps new frames, to be inspected and committed."""
     golden = np.load(GOLDEN)[name].astype(int)
     off = np.abs(FRAMES[name]().astype(int) - golden).max(axis=2)
     # Rounding may decide about a ray along an edge.
@@ -165,7 +165,7 @@ def frame_elsewhere(env, connection):
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_child_process_renders_what_its_parent_has_rendered():
-    """Threads do not survive a fork: waiting for the parent's would take forever."""
+    """Threads do not survive a fork: waiting for threads of the parent would never end."""
     made = bb.BalanceEnv(render_mode="rgb_array", render_options=SMALL | {"num_threads": 2})
     made.reset(seed=0)
     frame = made.render()

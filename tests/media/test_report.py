@@ -1,4 +1,4 @@
-"""The report: one file, all in it, nothing fetched."""
+"""The report: a single file with all content, nothing fetched."""
 
 import base64
 import datetime
@@ -70,7 +70,7 @@ def test_nothing_is_fetched(run_with_report, shown):
 def test_everything_is_there(shown):
     assert shown.headings == [
         "The policy at work",
-        "Beside the classical controllers",
+        "Comparison with the classical controllers",
         "Learning curve",
         "After a push",
         "Recovery",

@@ -49,7 +49,7 @@ def test_a_third_party_image_needs_its_scale(tmp_path):
         bb.read_terrain(tmp_path / "color.png", cell=0.1, height=0.2)
 
 
-#: Texts `ballbot` of a picture that do not say its scale.
+#: Texts `ballbot` of an image that do not give its scale.
 TEXTS = [
     "",
     "[]",
@@ -114,12 +114,12 @@ def test_files_that_are_not_images_are_rejected_by_name(tmp_path):
         bb.read_terrain(tmp_path / "none.png")
     Image = pytest.importorskip("PIL.Image")
     Image.fromarray(np.eye(8, dtype=np.uint8) * 255).save(path)
-    for arguments, says in [
+    for arguments, message in [
         ((0.01, 1.0), "slope of .* smooth or lower its heights, or take a larger cell"),
         ((0.1, math.inf), "height = inf"),
         ((-1.0, 0.1), "cell = -1"),
     ]:
-        with pytest.raises(bb.InvalidInputError, match=rf"no\.png: .*{says}"):
+        with pytest.raises(bb.InvalidInputError, match=rf"no\.png: .*{message}"):
             bb.read_terrain(path, *arguments)
 
 

@@ -29,5 +29,5 @@ def test_what_it_copies_is_there_and_nothing_of_the_repository_is_left_out():
 def test_the_compiler_is_new_enough():
     needed = _toml.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
     (tag,) = re.findall(r"^FROM rust:(\S+?)-slim", DOCKERFILE, flags=re.MULTILINE)
-    # `1` is the newest one.
+    # `1` is the newest version.
     assert tag == "1" or [int(part) for part in tag.split(".")] >= [int(part) for part in needed.split(".")]

@@ -137,7 +137,7 @@ def test_imports_go_downwards(module):
         assert "matplotlib" not in roots
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
     if not module.startswith(("cli/", "__main__")):
-        assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"
+        assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line depends on itself"
     if module.startswith("envs/"):
         assert all(name.startswith(("ballbot_rs._", "ballbot_rs.envs.")) for name in own), "environments are the base"
     if module.startswith("control/"):

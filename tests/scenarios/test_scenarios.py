@@ -290,15 +290,15 @@ def test_an_edited_file_of_scenarios_is_rejected_by_name_or_accepted(tmp_path):
     contents += [f"scenario = {value}".encode() for value in VALUES]
     contents += [b"[" * 100_000, b"scenario = " + b"[" * 100_000, b"a." * 100_000 + b"b = 1", b"x" * (1 << 21)]
     path = tmp_path / "changed.toml"
-    refused = []
+    rejected = []
     for content in contents:
         path.write_bytes(content)
         try:
             load(path)
         except bb.InvalidInputError as error:
-            refused.append(str(error))
-    assert all(message.startswith(str(path)) for message in refused)
-    assert 500 < len(refused) < len(contents)
+            rejected.append(str(error))
+    assert all(message.startswith(str(path)) for message in rejected)
+    assert 500 < len(rejected) < len(contents)
 
 
 def test_custom_scenarios(tmp_path):
@@ -308,7 +308,7 @@ def test_custom_scenarios(tmp_path):
     )
     (outcome,) = run_scenarios(["lqr"], file=path)
     assert outcome.success.all()
-    for text, says in [
+    for text, error in [
         ("", r"there is no \[\[scenario\]\]"),
         ("x = 1\n", r"'x' is not known, expected only tables \[\[scenario\]\]"),
         ("scenario = 5\n", r"scenario = 5, expected tables \[\[scenario\]\]"),
@@ -333,7 +333,7 @@ def test_custom_scenarios(tmp_path):
         (OWN + "reference = { radius = 1 }\n", "reference.kind = None"),
     ]:
         path.write_text(text)
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(ValueError, match=error):
             load(path)
 
 

@@ -41,7 +41,7 @@ def test_default_scenarios_do_not_depend_on_the_heading():
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("nothing",), "tune takes a controller of the core"),
         (("lqr", LINE, 0), "budget"),
@@ -49,8 +49,8 @@ def test_default_scenarios_do_not_depend_on_the_heading():
         (("lqr", ["S4", "S4"], 5), "have the same id"),
     ],
 )
-def test_controllers_that_cannot_be_tuned_are_rejected(arguments, says):
-    with pytest.raises(ValueError, match=says):
+def test_controllers_that_cannot_be_tuned_are_rejected(arguments, message):
+    with pytest.raises(ValueError, match=message):
         tune(*arguments)
     with pytest.raises(ValueError, match="not 'nothing'"):
         tune("lqr", LINE, 5, baseline="nothing")

@@ -78,7 +78,7 @@ def test_leftovers_of_a_kill_do_not_prevent_resuming(tmp_path, capsys):
     shutil.rmtree(run / "checkpoints")
     assert main(resume) == 1
     assert "has no checkpoint to resume from: the run was ended before its first one" in capsys.readouterr().err
-    assert (dead.exists(), alive.exists()) == (False, True), "only those of dead processes are deleted"
+    assert (dead.exists(), alive.exists()) == (False, True), "only files of dead processes are deleted"
     (run / "config.toml").unlink()
     assert main(resume) == 1
     err = capsys.readouterr().err
@@ -152,8 +152,8 @@ def test_a_signal_saves_and_prints_how_to_resume(tmp_path, number):
     out, err = process.communicate(timeout=300)
     assert (process.returncode, out) == (128 + number, "")
     newest = run_folder.checkpoints(run)[0]
-    told, ended = err.splitlines()
-    assert told == f"saved {newest}, to continue: ballbot train balance --resume {run}"
+    message, ended = err.splitlines()
+    assert message == f"saved {newest}, to continue: ballbot train balance --resume {run}"
     assert ended == {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
     steps = PPO.load(newest).num_timesteps
     # A constant rate: the number of steps has no other effect.

@@ -1,4 +1,4 @@
-"""`ballbot tune`: searches of hyperparameters that continue, share their work, and reject what cannot be compared."""
+"""`ballbot tune`: searches of hyperparameters continue, share their work, and reject different settings."""
 
 import json
 import os
@@ -114,10 +114,10 @@ def test_a_configuration_that_the_learner_rejects_ends_the_search(tmp_path):
 
 def test_numbers_with_which_the_learner_fails_end_one_trial(tmp_path):
     found = search(tmp_path, trials=2, algorithm_arguments__learning_rate="[1e30]")
-    told = []
-    found.work(told.append)
+    messages = []
+    found.work(messages.append)
     assert len(ended(found.study())) == 2
-    assert all("trial" in text for text in told)
+    assert all("trial" in text for text in messages)
 
 
 @pytest.mark.slow("processes")
@@ -136,7 +136,7 @@ def test_two_processes_share_the_trials_of_a_command(tmp_path, capsys):
 
 
 @pytest.mark.slow("processes")
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are specific to Unix")
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGKILL])
 def test_a_search_interrupted_in_a_trial_resumes(tmp_path, kind):
     config = tmp_path / "long.toml"
@@ -151,16 +151,16 @@ def test_a_search_interrupted_in_a_trial_resumes(tmp_path, kind):
         assert time.monotonic() - begins < 120.0
         time.sleep(0.1)
     process.send_signal(kind)
-    _, said = process.communicate(timeout=60.0)
-    assert process.returncode == (130 if kind == signal.SIGINT else -signal.SIGKILL), said
+    _, output = process.communicate(timeout=60.0)
+    assert process.returncode == (130 if kind == signal.SIGINT else -signal.SIGKILL), output
     text = config.read_text()
     again = Search(text, {RATE: dimension_of(RATE, "1e-4:1e-3:log")}, study, 1)
     assert len(ended(again.study())) == 0
-    assert kind == signal.SIGKILL or "give the same command again" in said
+    assert kind == signal.SIGKILL or "give the same command again" in output
 
 
 @pytest.mark.slow("processes")
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are specific to Unix")
 def test_control_c_in_a_terminal_is_reported_once_for_all_processes(tmp_path):
     config = tmp_path / "long.toml"
     config.write_text(TINY.replace("total_timesteps = 2048", "total_timesteps = 200000000"))
@@ -173,11 +173,11 @@ def test_control_c_in_a_terminal_is_reported_once_for_all_processes(tmp_path):
         assert time.monotonic() - begins < 120.0
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60.0)
-    assert process.returncode == 130, said
-    assert said.count("interrupted") == 1, said
-    assert "terminated" not in said
-    assert "Traceback" not in said
+    _, output = process.communicate(timeout=60.0)
+    assert process.returncode == 130, output
+    assert output.count("interrupted") == 1, output
+    assert "terminated" not in output
+    assert "Traceback" not in output
 
 
 def test_an_incomplete_line_is_removed(tmp_path):

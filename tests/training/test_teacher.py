@@ -59,9 +59,9 @@ def difference(model, law):
     env = bb.BallbotVecEnv(50, model="spatial", num_threads=1, seed=77)
     observations, differences = env.reset(), []
     for _ in range(100):
-        wanted = env._batch.control(law, {"position": np.zeros((50, 2)), "yaw": [state.yaw for state in env.state]})
+        desired = env._batch.control(law, {"position": np.zeros((50, 2)), "yaw": [state.yaw for state in env.state]})
         actions = model.predict(observations, deterministic=True)[0]
-        differences.append(actions - wanted)
+        differences.append(actions - desired)
         observations = env.step(actions)[0]
     return np.sqrt(np.mean(np.square(differences)))
 
@@ -79,10 +79,10 @@ def fitted():
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("taught") / "run"
-    told = []
-    train.train(config.parse(TAUGHT, "taught"), TAUGHT, folder, seed=3, progress_bar=False, tell=told.append)
-    assert len(told) == 1
-    assert told[0].startswith("fitted to lqr: root mean square error of the actions 0.")
+    messages = []
+    train.train(config.parse(TAUGHT, "taught"), TAUGHT, folder, seed=3, progress_bar=False, tell=messages.append)
+    assert len(messages) == 1
+    assert messages[0].startswith("fitted to lqr: root mean square error of the actions 0.")
     return folder
 
 
@@ -146,12 +146,12 @@ class TestFit:
         batch = teacher._batch(model)
         batch.reset()
         law = teacher.law_of(model, FIT)
-        asked = batch.setpoint(0)
+        requested = batch.setpoint(0)
         for follows in (True, False):
             chosen = teacher._setpoints(batch, law, dataclasses.replace(FIT, follows_position=follows))
-            place = asked["position"] if follows else batch.state(0).ball_position[:2]
+            place = requested["position"] if follows else batch.state(0).ball_position[:2]
             np.testing.assert_array_equal(chosen["position"][0], place)
-            np.testing.assert_array_equal(chosen["velocity"][0], asked["velocity"])
+            np.testing.assert_array_equal(chosen["velocity"][0], requested["velocity"])
         with pytest.raises(ValueError, match="follows_position = 1 must be true or false"):
             dataclasses.replace(FIT, follows_position=1)
 

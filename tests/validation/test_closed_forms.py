@@ -1,4 +1,4 @@
-"""Every claim of the page on closed forms holds. `make verify` draws the same runs."""
+"""Every claim of the page on closed forms holds. `make verify` uses the same runs."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Tunings of the page on controllers: published ones keep their poles, found ones have the cost that is said."""
+"""Tunings of the page on controllers: published tunings keep their poles, searched tunings have the stated cost."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ def poles_of(law: str, chosen: dict[str, float], control_dt: float) -> np.ndarra
     controller = Controller(law, PAPER, control_dt, **chosen)
     small = 1e-6
     upright = bb.State.at_rest(PAPER)
-    asked = [
+    requested = [
         (upright, {"position": (-small, 0.0)}),
         (bb.State.at_rest(PAPER, tilt=(0.0, small)), {"position": (0.0, 0.0)}),
         (upright, {"velocity": (-small, 0.0)}),
         (bb.State.rolling(PAPER, (0.0, 0.0), upright.body_quaternion, (0.0, small, 0.0)), {"position": (0.0, 0.0)}),
     ]
     torques = []
-    for state, setpoint in asked:
+    for state, setpoint in requested:
         controller.reset()
         torques.append(np.asarray(controller(state, setpoint)) / small)
     linear = LinearModel(PAPER)

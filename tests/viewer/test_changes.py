@@ -1,4 +1,4 @@
-"""What is changed, drawn and driven of the robots of a session: parameters, events and motors."""
+"""Changes of the robots of a session: parameters, events and motors."""
 
 import math
 
@@ -131,7 +131,7 @@ def test_planar_rejects_a_center_of_mass_off_the_mast():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_motors_match_the_environment(model):
-    """The reference is a batch with the same motors under the same commands, to the last bit."""
+    """The reference is a batch with the same motors under the same commands, bit for bit."""
     motors = {"delay": 0.006, "lag": 0.01, "strength": [0.8, 0.9, 1.1]}
     session = Session(model, motors=motors)
     batch = Batch(1, model=model, control_dt=0.002, max_wheel_torque=PAPER.max_wheel_torque, actuators=motors)
@@ -193,7 +193,7 @@ def test_tilt_components_match_states_for_a_center_of_mass_on_the_mast():
     for com in ((0.0, 0.0, 0.142), (0.0, 0.0, 3.0)):
         found = tilt_components_of(np.array([state.to_array() for state in states]), com)
         np.testing.assert_allclose(found, [state.tilt_components for state in states], atol=1e-14)
-    # For one off the mast they are what the state was made of.
+    # For a center of mass off the mast they equal the input of the state.
     params = PAPER.replace(body_com_offset=(0.02, -0.01))
     for tilt, yaw in (((0.1, -0.2), 2.0), ((0.0, 0.0), -1.0), ((-0.4, 0.3), 0.0)):
         state = State.at_equilibrium(params, tilt, yaw).to_array()
@@ -224,7 +224,7 @@ def test_each_reset_samples_the_robot_of_the_environment():
             assert draws["body_mass"] == pytest.approx(params.body_mass / PAPER.body_mass)
         np.testing.assert_allclose(np.hypot(*session.frame().tilt), math.radians(3.0), atol=1e-12)
     assert len(set(seen)) == 12
-    # What makes other environments leaves the episode and its draws as they are.
+    # Changes of other environments keep the episode and its random numbers.
     for action in (
         lambda: session.change(motor_delay=10.0),
         lambda: session.change(com_x=3.0),

@@ -1,4 +1,4 @@
-"""Tasks in the viewer's session: commands are drawn, set by hand within the task's limits, and followed."""
+"""Tasks in the viewer's session: commands are sampled, set by hand within the task's limits, and followed."""
 
 import dataclasses
 import math
@@ -42,7 +42,7 @@ def test_a_controller_acts_as_in_the_batch(task, model):
     np.testing.assert_allclose(session.frame().states[0], batch.states()[0], atol=1e-3)
     assert session.frame().commands.metrics == pytest.approx(batch.metrics(0), abs=1e-3, nan_ok=True)
     if task == "velocity":
-        # Within 7 s they have been drawn more than once.
+        # Within 7 s they have been sampled more than once.
         assert len(set(commands)) > 1
 
 

@@ -13,7 +13,7 @@ from ballbot_rs._reading import read_regular
 from ballbot_rs.viewer.scene import robot
 from tests.support.paths import ASSETS
 
-unix = pytest.mark.skipif(os.name != "posix", reason="devices and pipes as files are those of Unix")
+unix = pytest.mark.skipif(os.name != "posix", reason="devices and pipes as files are specific to Unix")
 
 
 def within(seconds, function):

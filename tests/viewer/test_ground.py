@@ -1,4 +1,4 @@
-"""Sessions on uneven ground: robots stand on it, leave it and start again, and rays meet it where it is."""
+"""Sessions on uneven ground: robots balance on it, leave it and start again, and rays meet it."""
 
 import numpy as np
 import pytest
@@ -122,7 +122,7 @@ def test_a_rolling_robot_continues_in_place_in_a_model_without_slip_on_a_plane()
 
 
 def same(session):
-    """Whether robot and ghost are in the same episode, with the same command, at the same place."""
+    """Whether robot and ghost are in the same episode, with the same command, at the same position."""
     robot, ghost = session.robots, session.ghost.robots
     assert ghost.episodes == robot.episodes
     if session.task != "balance":
@@ -143,7 +143,7 @@ def test_a_ghost_begins_the_episodes_of_the_robot(task):
         session.sample_commands()
         session.advance(0.5)
         same(session)
-    # One falls alone and begins its episode again; when the robot falls, both begin the next one.
+    # If only the ghost falls, it restarts its episode; if the robot falls, both begin the next episode.
     session.ghost.robots[0].push([20.0, 0.0, 0.0])
     session.advance(4.0)
     assert session.ghost.robots.episodes == session.robots.episodes

@@ -19,7 +19,7 @@ from ballbot_rs.viewer.session.foreign import Interrupted, Watchdog, is_any_left
 from ballbot_rs.viewer.session.session import MAX_CALL, Session
 from ballbot_rs.viewer.view import View
 from tests.support.onnx_policies import SHIPPED, looping_policy
-from tests.support.view import ask
+from tests.support.view import query
 from tests.support.waiting import wait_until
 
 
@@ -49,15 +49,15 @@ def test_the_page_continues_without_a_policy_that_loops(looping):
         # The page is served while the policy is waited for.
         with urllib.request.urlopen(view.url, timeout=0.5 * MAX_CALL) as answer:
             assert answer.status == 200
-        wait_until(lambda: ask(view, lambda session: session.controller) == "zero")
-        notice = ask(view, lambda session: session.notices[-1])
+        wait_until(lambda: query(view, lambda session: session.controller) == "zero")
+        notice = query(view, lambda session: session.notices[-1])
         assert notice == f"{looping} took longer than 1 s; the motors are off"
-        before = ask(view, lambda session: session.time)
-        wait_until(lambda: ask(view, lambda session: session.time) > before + 0.2)
+        before = query(view, lambda session: session.time)
+        wait_until(lambda: query(view, lambda session: session.time) > before + 0.2)
         # The call itself has ended, too, and others are made.
         wait_until(lambda: not is_any_left())
         view.runner.submit(lambda session: (session.choose(controller=str(SHIPPED)), session.reset()))
-        wait_until(lambda: ask(view, lambda s: (s.controller, s.time > 0.2)) == (str(SHIPPED), True))
+        wait_until(lambda: query(view, lambda s: (s.controller, s.time > 0.2)) == (str(SHIPPED), True))
     finally:
         view.stop()
     assert view.runner.error is None
@@ -99,7 +99,7 @@ def test_results_and_errors_of_calls_are_forwarded():
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc to send Ctrl-C at the right time")
 @pytest.mark.parametrize("at", ["loading", "trial", "loop", "end of the loop"])
 def test_the_keyboard_ends_the_command(looping, tmp_path, at):
-    """That it takes less than 0.2 s is measured, not tested; a call that is waited for takes 5 s or forever."""
+    """That it takes less than 0.2 s is measured, not tested; a call that is waited for lasts 5 s or does not end."""
     controller, options = str(looping), []
     if at == "loading":
         slow = tmp_path / "slow.py"

@@ -16,7 +16,7 @@ from tests.viewer.test_viewer_session import MODELS, Linear, run
 
 PAPER = Params.paper()
 
-#: Worse than published ones, with all that a factor changes.
+#: Worse than published sensors, with all errors that a factor changes.
 NOISY = {"gyro_noise": 0.001, "gyro_bias": 0.02, "gyro_bias_walk": 0.001, "accelerometer_noise": 0.01}
 
 
@@ -41,7 +41,7 @@ def session_of(law, **arguments):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_controllers_see_the_estimates_of_the_environment(model):
-    """The reference is a batch with the same sensors under the same torques, to the last bit."""
+    """The reference is a batch with the same sensors under the same torques, bit for bit."""
     law = Seen()
     session = session_of(law, model=model, sensors=NOISY, seed=5)
     options = {"sim_dt": 0.002, "control_dt": 0.01, "max_wheel_torque": PAPER.max_wheel_torque, "fall_tilt": math.pi}

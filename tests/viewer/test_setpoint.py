@@ -1,4 +1,4 @@
-"""Nothing that a user clicks on the floor topples a robot that stands."""
+"""Nothing that a user clicks on the floor topples a balancing robot."""
 
 import math
 

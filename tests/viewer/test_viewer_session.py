@@ -120,7 +120,7 @@ def test_pulling_moves_the_robot_and_releasing_lets_it_return():
 
 @pytest.mark.parametrize("model", MODELS)
 def test_a_policy_observes_and_acts_as_in_the_environment(model):
-    """The reference is the environment itself, with the same setpoint and start: observations equal to the last bit."""
+    """The reference is the environment itself, with the same setpoint and start: observations are bit-identical."""
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(model)
     session.choose(controller=policy.named("any.onnx"))
@@ -265,7 +265,7 @@ def test_robots_of_a_batch_start_in_all_directions():
     tilts = np.array([state.tilt_components for state in session.robots.states])
     np.testing.assert_allclose(tilts.sum(axis=0), 0.0, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(tilts, axis=1), math.radians(3.0))
-    # Any of them is the robot that one alone would be.
+    # Each of them equals a single robot.
     alone = Session()
     alone.reset(tilts[1])
     run(session, 0.5)

@@ -50,8 +50,8 @@ def displacement(degrees: float) -> float:
     """Distance downhill of the setpoint, m, at which LQR for a level floor holds the ball."""
     gain = bb.Lqr(control_dt=0.01).gain
     # Columns: position x, and tilt about y, which is negative.
-    asked = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
-    return float(np.linalg.lstsq(gain[:, :1], asked, rcond=None)[0][0])
+    requested = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
+    return float(np.linalg.lstsq(gain[:, :1], requested, rcond=None)[0][0])
 
 
 def at_rest(model: str, degrees: float) -> tuple[float, float]:
