@@ -66,7 +66,7 @@ def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argpar
     if unknown := [name for name in found.topics if name not in known]:
         parser.error(f"no topic {', '.join(unknown)}; there are: {', '.join(known)}")
     if found.figures and not found.topics:
-        parser.error("--figures goes with topics; a page has its figures beside it, in docs")
+        parser.error("--figures goes with topics; a page has its figures next to it, in docs")
     return found
 
 

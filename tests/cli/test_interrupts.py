@@ -92,14 +92,14 @@ def test_critical_sections_are_finished_before_an_interrupt():
 
 
 def test_unfinished_files_and_scratch_folders_are_deleted(tmp_path):
-    with _files.scratch_folder() as scratch, _files.replacing(tmp_path / "a.txt") as beside:
+    with _files.scratch_folder() as scratch, _files.replacing(tmp_path / "a.txt") as temporary:
         (scratch / "x").write_text("x")
-        beside.write_text("half")
+        temporary.write_text("half")
         _files.delete_unfinished()
         assert not scratch.exists()
         assert list(tmp_path.iterdir()) == []
         # The file is needed again only because this test continues.
-        beside.write_text("whole")
+        temporary.write_text("whole")
         scratch.mkdir()
     assert (tmp_path / "a.txt").read_text() == "whole"
 

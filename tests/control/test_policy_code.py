@@ -86,7 +86,7 @@ def test_code_in_the_arguments_of_a_policy_gives_a_warning(tiny_run, tmp_path):
     trace = tmp_path / "trace"
     path = poisoned(tiny_run / "best_model.zip", tmp_path / "p.zip", "policy_kwargs", trace)
     with (
-        pytest.warns(UserWarning, match=r"p\.zip has policy_kwargs of its own: loading it runs code"),
+        pytest.warns(UserWarning, match=r"p\.zip has custom policy_kwargs: loading it runs code"),
         pytest.raises(ValueError, match="holds no PPO policy"),
     ):
         find(path)
@@ -94,7 +94,7 @@ def test_code_in_the_arguments_of_a_policy_gives_a_warning(tiny_run, tmp_path):
 
 def test_a_third_party_policy_class_gives_a_warning(tmp_path):
     path = bb.save(PPO(OwnPolicy, bb.BallbotVecEnv(1, **OPTIONS), seed=0), tmp_path / "own")
-    with pytest.warns(UserWarning, match=r"own\.zip has policy_class of its own: loading it runs code") as caught:
+    with pytest.warns(UserWarning, match=r"own\.zip has custom policy_class: loading it runs code") as caught:
         model, _ = sb3_policy.load(path, "balance")
     assert len(caught) == 1
     assert type(model.policy).__name__ == "OwnPolicy"

@@ -273,7 +273,7 @@ PARAMETERS = [
     ({"gravity": 0.0}, "gravity = 0"),
     ({"gravity": NAN}, "gravity = NaN"),
     ({"roller_ripple": -1e-4}, "roller_ripple = -0.0001 .* >= 0"),
-    ({"roller_ripple": 2e-3}, "roller_ripple = 0.002 .* at most 0.0017.* that of straight rollers"),
+    ({"roller_ripple": 2e-3}, "roller_ripple = 0.002 .* at most 0.0017.* the ripple of straight rollers"),
     ({"roller_count": 12.5}, "roller_count = 12.5 .* a whole number"),
     ({"floor_tilt": [0.0, 0.6]}, r"floor_tilt\[1\] = 0.6 .*<= 0.5"),
     ({"floor_tilt": [0.4, 0.4]}, "floor_tilt.* = 0.56.* at most 0.5 rad"),

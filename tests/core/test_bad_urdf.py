@@ -72,7 +72,7 @@ URDF_EDITS = {
         'xyz="0.12 0 0.12"',
         "one ball centered on the mast",
     ),
-    "body beside the wheels": (
+    "body next to the wheels": (
         "bot",
         'xyz="0 0 0.14724789116644882"',
         'xyz="-0.12 0 0.147"',

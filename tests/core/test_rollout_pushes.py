@@ -32,10 +32,10 @@ def test_a_push_off_the_mast_turns_the_robot():
     com = np.array(bb.Params.paper().body_com)
     points = com + np.array([[0.0, 0.0, 0.0], [0.0, 0.05, 0.0]])
     found = batch().rollout(bb.Pid(control_dt=0.01), 1, impulses=push, points=points)["states"][-1]
-    center, beside = (bb.State.from_array(row) for row in found)
+    center, off_center = (bb.State.from_array(row) for row in found)
     assert abs(center.yaw) < 1e-9
     # To the left of a push along x: clockwise.
-    assert beside.yaw < -1e-4
+    assert off_center.yaw < -1e-4
 
 
 def test_points_are_checked():

@@ -52,18 +52,18 @@ def test_the_old_file_stays(name, tiny_run, tmp_path, monkeypatch):
 
 def test_a_file_appears_whole(tmp_path):
     path = tmp_path / "folder" / "file.txt"
-    with _files.replacing(path) as beside:
-        beside.write_text("new")
-        assert beside.parent == path.parent
-        assert beside.suffix == path.suffix
+    with _files.replacing(path) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == path.parent
+        assert temporary.suffix == path.suffix
         assert not path.exists()
     assert path.read_text() == "new"
     assert list(path.parent.iterdir()) == [path]
 
 
 def interrupted_write(path):
-    with _files.replacing(path) as beside:
-        beside.write_text("half of the n")
+    with _files.replacing(path) as temporary:
+        temporary.write_text("half of the n")
         raise KeyboardInterrupt
 
 

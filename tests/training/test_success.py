@@ -47,7 +47,7 @@ def test_a_run_ends_once_its_best_policy_succeeds(tmp_path, monkeypatch):
     monkeypatch.setattr(callbacks.KeepBest, "success_of_best", lambda _: next(shares, 0.9))
     text = text_with(**{"evaluation.success": 0.8, "max_timesteps": 10_000})
     record, timesteps = trained(text, tmp_path / "run")
-    # Asked from the configured steps on.
+    # Success is required from the configured steps on.
     assert timesteps == [256, 512, 768, 1024]
     assert (record["success"], record["required_success"], record["timesteps"]) == (0.9, 0.8, 1024)
     assert run_folder.failure(record) is None

@@ -23,7 +23,7 @@ def test_claims_hold(topic: Topic) -> None:
     [
         (Findings([Claim("holds", 1.0, 1.0, 0.0)]), False, 0),
         (Findings([Claim("fails", 1.0, 2.0, 0.1)]), True, 1),
-        (Findings([Claim("is no number", float("nan"), 2.0, 0.1)]), True, 1),
+        (Findings([Claim("not a number", float("nan"), 2.0, 0.1)]), True, 1),
         (Findings([], missing=("an engine is not available",)), False, 1),
         (Findings([], missing=("an engine is not available",)), True, 0),
     ],

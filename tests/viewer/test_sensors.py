@@ -171,21 +171,21 @@ def test_lqr_balances_on_estimates_after_a_push_and_a_reset(robot):
     params = session.robots.setup.nominal
     impulse = 0.02 * (params.body_mass + params.ball_mass)
 
-    def stands(seconds):
+    def balances(seconds):
         run(session, seconds)
         for index, state in enumerate(session.robots.states):
             assert state.tilt < math.radians(1.5), f"robot {index}"
             assert np.linalg.norm(state.ball_position[:2]) < 0.1, f"robot {index}"
             assert session.robots.seen[index].tilt == pytest.approx(state.tilt, abs=math.radians(0.5))
 
-    stands(10.0)
+    balances(10.0)
     session.push(0.7, impulse)
     session.step()
     assert np.linalg.norm(session.frame().states[0, 7:9]) > 1e-3
-    stands(6.0)
+    balances(6.0)
     session.reset((0.0, 0.05))
     np.testing.assert_allclose(session.frame().estimated_tilt, [0.0, 0.05], atol=1e-3)
-    stands(6.0)
+    balances(6.0)
     session.move_setpoint(0.3, 0.2)
     run(session, 6.0)
     np.testing.assert_allclose(session.frame().states[0, :2], [0.3, 0.2], atol=0.1)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
-from ballbot_rs.analysis.conditions import beside
+from ballbot_rs.analysis.conditions import baselines
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import report, settings
@@ -155,7 +155,7 @@ def run(arguments: argparse.Namespace) -> None:
         with bar("comparing", not progress_bar) as progress:
             trained = task_of(config.env_id)
             results = compare(
-                [str(policy), *beside(trained)], task=trained, episodes=arguments.episodes, progress=progress
+                [str(policy), *baselines(trained)], task=trained, episodes=arguments.episodes, progress=progress
             )
     written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
     record = run_folder.read_record(folder)

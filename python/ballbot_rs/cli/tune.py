@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         with _interrupts.patient():
             _carry_out(search, arguments.jobs, tell)
     except (KeyboardInterrupt, OSError):
-        _tell(f"to go on, give the same command again: {search.folder} has the trials that have ended")
+        _tell(f"to continue, give the same command again: {search.folder} has the trials that have ended")
         raise
     best = search.finish()
     config = search.folder / search_module.BEST

@@ -61,7 +61,7 @@ def record_log(
         control_dt: time between two rows, s.
         imu_position: place of the accelerometer in the body frame, m.
         noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
-            missing key is no noise.
+            missing key means no noise.
         excitation: scale factor of multisine and steps.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.

@@ -199,8 +199,8 @@ def write_video(
     # Only half-resolution color plays in every browser.
     options = {"pixel_format": "yuv420p", "preset": "medium"}
     with (
-        _files.replacing(path) as beside,
-        FFMPEG_VideoWriter(str(beside), (width, height), frame_rate, "libx264", **options) as writer,
+        _files.replacing(path) as temporary,
+        FFMPEG_VideoWriter(str(temporary), (width, height), frame_rate, "libx264", **options) as writer,
     ):
         try:
             for done, frame in enumerate(frames, 1):

@@ -294,7 +294,7 @@ fn invalid_arguments_of_control_are_rejected() {
             &wrong,
             None,
             33,
-            "control_dt of the controller = 0.005 is out of range: it must be that of the batch, 0.01 s",
+            "control_dt of the controller = 0.005 is out of range: it must be the control_dt of the batch, 0.01 s",
         ),
         (&controller, Some(&ten), 33, "setpoints has 10 values, expected 11"),
         (&controller, None, 32, "actions has 32 values, expected 33"),

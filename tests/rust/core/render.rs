@@ -116,7 +116,7 @@ fn uneven_wheels_are_rendered_at_their_positions() {
 }
 
 #[test]
-fn ray_intersections_equal_those_of_parry() {
+fn ray_intersections_equal_parry() {
     let half = Vector3::new(0.1, 0.2, 0.15);
     let shapes = [
         (Shape::Sphere { radius: 0.2 }, SharedShape::ball(0.2)),

@@ -462,7 +462,7 @@ fn urdfs_that_are_not_balls_are_rejected() {
     let cases: &[(&str, &str, &[&str])] = &[
         ("</robot>", "", &["not a readable URDF"]),
         ("<mass value=\"1.437\"/>", "<mass value=\"0\"/>", &["'ball' has an inertia but mass = 0 kg"]),
-        ("iyy=\"0.0112\"", "iyy=\"0.0113\"", &["'ball' is not that of a ball", "1e-6"]),
+        ("iyy=\"0.0112\"", "iyy=\"0.0113\"", &["'ball' is not the inertia of a ball", "1e-6"]),
         ("ixy=\"0\"", "ixy=\"NaN\"", &["NaN", "finite"]),
         (
             "<mass value",

@@ -84,7 +84,7 @@ impl Params {
 
     /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque on a level floor: the
     /// body's center of mass is above the center of the ball. The mast then leans by the angle between it and
-    /// [`Params::body_com`]. On a slope a robot needs torque to stand: see [`Params::slope_lean`].
+    /// [`Params::body_com`]. On a slope a robot needs torque to rest: see [`Params::slope_lean`].
     pub fn equilibrium_attitude(&self, yaw: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * self.to_balance_frame()
     }

@@ -31,7 +31,7 @@ ballbot_base::fields! {
         pub tilt: f64 = 0.1, "rad", Limit::from(1e-6).to(1e6);
         /// Tilt rate.
         pub tilt_rate: f64 = 1.0, "rad/s", Limit::from(1e-6).to(1e6);
-        /// Rate that the outer loop asks of the virtual wheel in a plane.
+        /// Rate that the outer loop commands of the virtual wheel in a plane.
         pub wheel_rate: f64 = 10.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Crossover of the loop of the wheel rates, over λ.
         pub wheel_bandwidth: f64 = 4.1, "", Limit::from(1e-3).to(1e3);
@@ -127,8 +127,7 @@ pub struct LqrPi {
 
 impl NamedLaw for LqrPi {
     const NAME: &'static str = "lqr_pi";
-    const SUMMARY: &'static str =
-        "Double loop: a regulator that asks for wheel rates, above a PI of the measured ones.";
+    const SUMMARY: &'static str = "Double loop: a regulator commands wheel rates, which a PI controller tracks.";
     const LABEL: &'static str = "LQR + PI";
     type Options = LqrPiOptions;
 

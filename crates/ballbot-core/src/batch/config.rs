@@ -278,7 +278,7 @@ impl<T: Task> EnvConfig<T> {
             && lean + reset >= fall
         {
             return Err(Error::Inconsistent(format!(
-                "the terrain is steep where robots start: the lean that stands still there is {lean:.3} rad, which with \
+                "the terrain is steep where robots start: the lean at rest there is {lean:.3} rad, which with \
                  reset_tilt = {reset} is not below fall_tilt = {fall}"
             )));
         }

@@ -19,7 +19,7 @@ static inline void ballbot_reset(ballbot_controller *controller)
     controller->integral[1] = 0;
 }
 
-/* The share of a vector in the heading frame that asks for no more lean than the integral may. */
+/* The fraction of a vector in the heading frame that needs no more lean than the limit of the integral. */
 static inline ballbot_real ballbot_lean_share(const ballbot_real lean_per[2][2], const ballbot_real v[2])
 {
     const ballbot_real lean[2] = {ballbot_dot(lean_per[0], v, 2), ballbot_dot(lean_per[1], v, 2)};

@@ -116,7 +116,7 @@ class Teleop:
             session.drive(0.0, 0.0, 0.0)
 
     def show(self, session: Session) -> None:
-        """Stops the robot of a silent page, and tells pages whether they may drive."""
+        """Stops the robot of a silent page, and notifies pages whether they may drive."""
         if self._driver is not None and time.monotonic() - self._heard > HOLD:
             self._stop(session)
             session.notices.append(f"nothing has come from the page that drove for {HOLD:g} s: the robot stops")

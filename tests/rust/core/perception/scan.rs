@@ -14,9 +14,9 @@ fn expected(state: &State, terrain: Option<&Terrain>, options: &ScanOptions) -> 
     for j in 0..ny as usize {
         for i in 0..nx as usize {
             let ahead = options.offset[0] + options.spacing * (i as f64 - 0.5 * (nx - 1.0));
-            let beside = options.offset[1] + options.spacing * (j as f64 - 0.5 * (ny - 1.0));
-            let x = state.ball_position.x + yaw.cos() * ahead - yaw.sin() * beside;
-            let y = state.ball_position.y + yaw.sin() * ahead + yaw.cos() * beside;
+            let lateral = options.offset[1] + options.spacing * (j as f64 - 0.5 * (ny - 1.0));
+            let x = state.ball_position.x + yaw.cos() * ahead - yaw.sin() * lateral;
+            let y = state.ball_position.y + yaw.sin() * ahead + yaw.cos() * lateral;
             let height = terrain.map_or(0.0, |terrain| terrain.height(x, y));
             out.push((state.ball_position.z - Params::paper().ball_radius - height) as f32);
         }

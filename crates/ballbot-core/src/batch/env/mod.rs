@@ -53,7 +53,7 @@ pub struct Environments<R: Robots, T, A, S> {
     pub actuator: A,
     substeps: usize,
     action_torque: f64,
-    /// How many robots belong to environments; the others stand still.
+    /// How many robots belong to environments; the others do not move.
     pub used: usize,
     pub robots: R,
     /// As in [`TaskStep::run`].
