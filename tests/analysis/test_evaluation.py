@@ -60,7 +60,7 @@ def test_the_same_starts_give_the_same_result():
     assert evaluate("lqr", episodes=3, env_options=SHORT) != evaluate("lqr", episodes=3, seed=5, env_options=SHORT)
 
 
-def test_metrics_cover_the_episode_that_left_its_tile():
+def test_metrics_belong_to_the_episode_that_left_its_tile():
     # Once off its tile a robot starts again, and has moved a short distance when the last robot leaves.
     hills = {"kind": "hills", "slope": 0.0, "tiles": 1, "tile": 5.0}
     options = {"terrain": hills, "speed": 1.0, "max_episode_steps": 1000}

@@ -72,7 +72,7 @@ def test_a_signal_that_is_ignored_stays_ignored():
     assert process.returncode == 0
 
 
-def test_interrupted_calls_unwind():
+def test_signals_unwind_patient_code():
     with pytest.raises(KeyboardInterrupt), _interrupts.patient():
         _interrupts._on_signal(signal.SIGINT, None)
     with pytest.raises(_interrupts.Terminated), _interrupts.patient():

@@ -11,7 +11,7 @@ STATE = bb.State.at_rest(bb.Params.paper(), tilt=(0.03, -0.02))
 
 
 @pytest.mark.parametrize("name", bb.controllers())
-def test_the_printed_list_is_correct(name):
+def test_the_listed_properties_match_the_controller(name):
     info = bb.controllers()[name]
     made = bb.make_controller(name)
     assert made.name == info.name == name

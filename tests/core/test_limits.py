@@ -76,7 +76,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_records_that_are_too_large_are_rejected(name):
+def test_sizes_out_of_range_are_rejected(name):
     call, error, message = CASES[name]
     with pytest.raises(error, match=message):
         call()

@@ -105,7 +105,7 @@ def test_invalid_renderers_are_rejected(arguments, error, match):
         bb.Renderer(**arguments)
 
 
-def test_states_that_cannot_be_rendered_are_rejected():
+def test_invalid_input_of_the_renderer_is_rejected():
     renderer = bb.Renderer(**SMALL)
     with pytest.raises(ValueError, match="arrows"):
         renderer.render(UPRIGHT, arrows=[[0.0, 0.0, 1.0]])

@@ -217,7 +217,7 @@ fn a_controller_that_predicts_over_a_delay_follows_a_circle_equally_well() {
 }
 
 #[test]
-fn numbers_without_a_motion_are_rejected() {
+fn invalid_motions_are_rejected() {
     let rejected = |motion: Motion, words: &str| {
         let message = Reference::new(&Params::paper(), motion, Turning::default(), None).unwrap_err().to_string();
         assert!(message.contains(words), "{message}");
@@ -259,7 +259,7 @@ fn follow(name: &str, reference: &Reference, from: f64, until: f64) -> [f64; 3] 
 }
 
 #[test]
-fn robots_follow_the_path() {
+fn robots_follow_motions() {
     let names = ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode"];
     let circle = |period: f64| Motion::Circle { radius: 0.5, period, start: 4.0 };
     let line =

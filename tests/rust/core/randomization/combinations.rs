@@ -110,7 +110,7 @@ fn an_invalid_robot_is_sampled_again() {
 
 /// The same within an episode, where earlier samples persist.
 #[test]
-fn a_sample_within_an_episode_is_reproducible() {
+fn only_the_invalid_sample_within_an_episode_is_repeated() {
     const ROBOTS: usize = 2048;
     // A third of the body is 6.23 times a wheel: more than any three of the factors.
     let mass = |id: u64| Event { id: Some(id), ..scaled("wheel_mass", [1.0, 1.63]) };
