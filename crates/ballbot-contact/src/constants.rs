@@ -107,7 +107,7 @@ cells! {
         pub roller_friction: T,
         pub roller_friction_slope: T,
         /// 1 for a robot with losses or with a ripple, else 0.
-        pub unusual: T,
+        pub has_losses_or_ripple: T,
         /// Half the ripple of the wheels' rims.
         pub ripple_amplitude: T,
         /// Ripples per turn of a wheel.
@@ -196,7 +196,7 @@ impl Constants<f64> {
             spinning_loss: params.floor_spinning_friction / params.ball_inertia,
             roller_friction: params.roller_friction,
             roller_friction_slope: params.roller_friction_slope,
-            unusual: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
+            has_losses_or_ripple: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
             ripple_amplitude: 0.5 * params.roller_ripple,
             roller_count: params.roller_count,
             roller_phases: Wheels(params.roller_phases),
@@ -279,7 +279,7 @@ impl<V> Constants<V> {
             spinning_loss: f(&self.spinning_loss),
             roller_friction: f(&self.roller_friction),
             roller_friction_slope: f(&self.roller_friction_slope),
-            unusual: f(&self.unusual),
+            has_losses_or_ripple: f(&self.has_losses_or_ripple),
             ripple_amplitude: f(&self.ripple_amplitude),
             roller_count: f(&self.roller_count),
             roller_phases: Wheels(three(&self.roller_phases.0, f)),

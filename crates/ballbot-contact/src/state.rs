@@ -147,7 +147,7 @@ impl<T: Cell> ContactState<T> {
 
     /// Mask of the robots that have not diverged and do not diverge with these velocities.
     #[inline(always)]
-    pub fn sound<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
+    pub fn stays_finite<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
         let size = velocities.norm_squared();
         let diverged = L::load(token, &self.diverged);
         size.lt(size.splat(MAX_SPEED_SQUARED)) & diverged.le(diverged.zero())
@@ -183,16 +183,16 @@ impl<T: Cell> ContactState<T> {
         impulses: &PerRow<L>,
         on_floor: L,
     ) {
-        let sound = self.sound(token, velocities);
-        if !L::any(!sound) {
+        let stays_finite = self.stays_finite(token, velocities);
+        if !L::any(!stays_finite) {
             self.write(pose, velocities, impulses, on_floor);
             return;
         }
-        L::select(sound, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
-        let pose = Pose::select(sound, pose, &self.pose(token));
-        let velocities = Velocities::select(sound, velocities, &self.velocities(token));
-        let impulses = PerRow::select(sound, impulses, &self.impulses(token));
-        let on_floor = L::select(sound, on_floor, L::load(token, &self.bot_on_floor));
+        L::select(stays_finite, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
+        let pose = Pose::select(stays_finite, pose, &self.pose(token));
+        let velocities = Velocities::select(stays_finite, velocities, &self.velocities(token));
+        let impulses = PerRow::select(stays_finite, impulses, &self.impulses(token));
+        let on_floor = L::select(stays_finite, on_floor, L::load(token, &self.bot_on_floor));
         self.write(&pose, &velocities, &impulses, on_floor);
     }
 

@@ -48,7 +48,7 @@ const NO_SLIP_TOLERANCE: f64 = 1e-6;
 const MAX_COORDINATE: f64 = 1e100;
 
 /// Whether all coordinates are finite and below [`MAX_COORDINATE`].
-fn sound(coordinates: &[f64]) -> bool {
+fn are_bounded(coordinates: &[f64]) -> bool {
     coordinates.iter().all(|v| v.abs() < MAX_COORDINATE)
 }
 
@@ -140,7 +140,7 @@ fn require_rolling_with(params: &Params, state: &State, wheel_speeds: Wheels<f64
 #[derive(Serialize, Deserialize)]
 struct Saved {
     steps: u64,
-    healthy: bool,
+    is_finite: bool,
     coordinates: [f64; 19],
     wheel_torques: Wheels<f64>,
 }

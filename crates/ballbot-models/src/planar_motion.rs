@@ -3,8 +3,8 @@
 use super::planar::Plane;
 use super::rk4::rk4;
 use super::{
-    Motion, PlanarModel, Saved, WheelInertia, contact_loads, require_rolling, require_rolling_with, shaft_torques,
-    sound,
+    Motion, PlanarModel, Saved, WheelInertia, are_bounded, contact_loads, require_rolling, require_rolling_with,
+    shaft_torques,
 };
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
@@ -39,7 +39,7 @@ pub struct PlanarMotion {
     yz: PlanarModel,
     sim_dt: f64,
     steps: u64,
-    healthy: bool,
+    is_finite: bool,
     coordinates: Coordinates,
     wheel_torques: Wheels<f64>,
 }
@@ -57,7 +57,7 @@ impl PlanarMotion {
             yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz)?,
             sim_dt,
             steps: 0,
-            healthy: true,
+            is_finite: true,
             coordinates: coordinates_of(&State::upright(params)),
             wheel_torques: Wheels::default(),
             params: params.clone(),
@@ -145,7 +145,7 @@ impl Model for PlanarMotion {
         if same_geometry(&self.params, params) {
             robot.coordinates = self.coordinates;
             robot.steps = self.steps;
-            robot.healthy = self.healthy;
+            robot.is_finite = self.is_finite;
             robot.wheel_torques = self.wheel_torques;
         }
         *self = robot;
@@ -163,7 +163,7 @@ impl Model for PlanarMotion {
     fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(state);
         self.steps = 0;
-        self.healthy = true;
+        self.is_finite = true;
         self.wheel_torques = Wheels::default();
     }
 
@@ -171,8 +171,8 @@ impl Model for PlanarMotion {
         self.wheel_torques = wheel_torques;
         for _ in 0..steps {
             let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-            self.healthy &= sound(next.as_slice());
-            if self.healthy {
+            self.is_finite &= are_bounded(next.as_slice());
+            if self.is_finite {
                 self.coordinates = next;
             }
             self.steps += 1;
@@ -184,7 +184,7 @@ impl Model for PlanarMotion {
     }
 
     fn healthy(&self) -> bool {
-        self.healthy
+        self.is_finite
     }
 
     /// A state that rolls in space, or in the planes like the states of this model. At a tilt the two differ in the
@@ -274,7 +274,7 @@ impl Model for PlanarMotion {
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&Saved {
             steps: self.steps,
-            healthy: self.healthy,
+            is_finite: self.is_finite,
             coordinates: self.coordinates.into(),
             wheel_torques: self.wheel_torques,
         })
@@ -283,7 +283,7 @@ impl Model for PlanarMotion {
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let saved: Saved = snapshot::unpack("snapshot of a planar model", bytes)?;
         self.steps = saved.steps;
-        self.healthy = saved.healthy;
+        self.is_finite = saved.is_finite;
         self.coordinates = saved.coordinates.into();
         self.wheel_torques = saved.wheel_torques;
         Ok(())

@@ -2,7 +2,7 @@
 
 use super::rk4::rk4;
 use super::slope::Slope;
-use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
+use super::{BallSpin, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
 use ballbot_base::error::Result;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -25,7 +25,7 @@ pub struct SpatialMotion {
     slope: Option<Slope>,
     sim_dt: f64,
     steps: u64,
-    healthy: bool,
+    is_finite: bool,
     coordinates: Coordinates,
     wheel_torques: Wheels<f64>,
 }
@@ -45,7 +45,7 @@ impl SpatialMotion {
             slope,
             sim_dt,
             steps: 0,
-            healthy: true,
+            is_finite: true,
             coordinates: Coordinates::zeros(),
             wheel_torques: Wheels::default(),
         };
@@ -107,7 +107,7 @@ impl Model for SpatialMotion {
         if same_geometry(self.params(), params) {
             robot.coordinates = self.coordinates;
             robot.steps = self.steps;
-            robot.healthy = self.healthy;
+            robot.is_finite = self.is_finite;
             robot.wheel_torques = self.wheel_torques;
         }
         *self = robot;
@@ -123,7 +123,7 @@ impl Model for SpatialMotion {
     fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(&self.level(state));
         self.steps = 0;
-        self.healthy = true;
+        self.is_finite = true;
         self.wheel_torques = Wheels::default();
     }
 
@@ -131,12 +131,12 @@ impl Model for SpatialMotion {
         self.wheel_torques = wheel_torques;
         for _ in 0..steps {
             let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-            self.healthy &= sound(next.as_slice());
+            self.is_finite &= are_bounded(next.as_slice());
             for at in [2, 12] {
                 let length = next.fixed_rows::<4>(at).norm();
                 next.fixed_rows_mut::<4>(at).unscale_mut(length);
             }
-            if self.healthy {
+            if self.is_finite {
                 self.coordinates = next;
             }
             self.steps += 1;
@@ -148,7 +148,7 @@ impl Model for SpatialMotion {
     }
 
     fn healthy(&self) -> bool {
-        self.healthy
+        self.is_finite
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
@@ -210,7 +210,7 @@ impl Model for SpatialMotion {
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&Saved {
             steps: self.steps,
-            healthy: self.healthy,
+            is_finite: self.is_finite,
             coordinates: self.coordinates.into(),
             wheel_torques: self.wheel_torques,
         })
@@ -219,7 +219,7 @@ impl Model for SpatialMotion {
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
         let saved: Saved = snapshot::unpack("snapshot of a spatial model", bytes)?;
         self.steps = saved.steps;
-        self.healthy = saved.healthy;
+        self.is_finite = saved.is_finite;
         self.coordinates = saved.coordinates.into();
         self.wheel_torques = saved.wheel_torques;
         Ok(())

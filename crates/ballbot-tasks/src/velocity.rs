@@ -22,7 +22,7 @@ task_fields! {
         pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0);
         /// Largest commanded rate of the heading; uniform within ± this.
         pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0);
-        /// Fraction of the commands to stand still.
+        /// Fraction of zero commands.
         pub standing: f64 = 0.1, "", Limit::from(0.0).to(1.0);
         /// Shortest and longest time from one command to the next, uniform.
         pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9);

@@ -1,4 +1,4 @@
-//! Batches under controllers: the closed loop equals control and step one after the other, and single robots, to the last
+//! Batches under controllers: the closed loop equals control and step in sequence, and single robots, to the last
 //! bit.
 
 use crate::run::Run;
@@ -158,7 +158,7 @@ fn closed_loop_does_not_depend_on_threads() {
 }
 
 #[test]
-fn default_setpoint_is_that_of_the_task() {
+fn default_setpoint_matches_the_task() {
     let mut config = config(ModelKind::Contact, 0.01);
     config.task.setpoint = [0.3, -0.2];
     let controller = lqr(&config);
@@ -281,7 +281,7 @@ fn diverged_robots_do_not_affect_neighbors_in_the_closed_loop() {
 type Call<'a> = (&'a dyn Controller, Option<&'a [Setpoint]>, usize, &'a str);
 
 #[test]
-fn invalid_arguments_of_control_are_refused() {
+fn invalid_arguments_of_control_are_rejected() {
     let config = config(ModelKind::Contact, 0.01);
     let controller = lqr(&config);
     let wrong = Lqr::new(&config.params, 0.005).unwrap();
@@ -294,7 +294,7 @@ fn invalid_arguments_of_control_are_refused() {
             &wrong,
             None,
             33,
-            "control_dt of the controller = 0.005 is out of range: it must be that of the batch, 0.01 s",
+            "control_dt of the controller = 0.005 is out of range: it must be the control_dt of the batch, 0.01 s",
         ),
         (&controller, Some(&ten), 33, "setpoints has 10 values, expected 11"),
         (&controller, None, 32, "actions has 32 values, expected 33"),
@@ -306,5 +306,5 @@ fn invalid_arguments_of_control_are_refused() {
         let error = run.step_under(&under, &mut actions[..len]).unwrap_err();
         assert_eq!(error.to_string(), words);
     }
-    assert!(run.snapshots() == before, "refused, but something moved");
+    assert!(run.snapshots() == before, "rejected, but something moved");
 }

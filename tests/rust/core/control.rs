@@ -114,21 +114,21 @@ fn scalar_riccati_equation_has_its_closed_form() {
 }
 
 #[test]
-fn riccati_equations_without_a_stabilizing_solution_are_refused() {
+fn riccati_equations_without_a_stabilizing_solution_are_rejected() {
     let two = |diagonal: [f64; 2]| DMatrix::from_diagonal(&DVector::from_column_slice(&diagonal));
-    let refused = |a: DMatrix<f64>, b: DMatrix<f64>, r: DMatrix<f64>| {
+    let rejected = |a: DMatrix<f64>, b: DMatrix<f64>, r: DMatrix<f64>| {
         let error = riccati::solve(&a, &b, &DMatrix::identity(a.nrows(), a.nrows()), &r).unwrap_err();
         assert!(matches!(error, Error::Riccati(_)), "{error:?}");
         error.to_string()
     };
     for r in [-1.0, 0.0, f64::NAN] {
-        let message = refused(scalar(1.1), scalar(1.0), scalar(r));
+        let message = rejected(scalar(1.1), scalar(1.0), scalar(r));
         assert!(message.contains("R is not positive definite"), "{message}");
     }
     // The input does not reach the growing mode, or any mode.
-    refused(two([0.9, 1.1]), DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), scalar(1.0));
-    refused(scalar(1.0), scalar(0.0), scalar(1.0));
-    refused(scalar(f64::NAN), scalar(1.0), scalar(1.0));
+    rejected(two([0.9, 1.1]), DMatrix::from_column_slice(2, 1, &[1.0, 0.0]), scalar(1.0));
+    rejected(scalar(1.0), scalar(0.0), scalar(1.0));
+    rejected(scalar(f64::NAN), scalar(1.0), scalar(1.0));
 }
 
 /// Record of a regulated robot.
@@ -240,7 +240,7 @@ fn lqr_reaches_setpoint_and_heading() {
 }
 
 #[test]
-fn yaw_deviation_is_the_short_way_round() {
+fn yaw_deviation_takes_the_short_way_around() {
     let params = Params::paper();
     let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
     for (yaw, setpoint, expected) in
@@ -399,7 +399,7 @@ fn virtual_torques(params: &Params, pid: &mut Pid, error: Vector2<f64>) -> Vecto
 }
 
 #[test]
-fn reset_pid_equals_a_new_one() {
+fn a_reset_pid_equals_a_new_pid() {
     let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
     let run = |pid: &mut Pid| [0.1, -0.2, 0.05].map(|e| virtual_torques(&params, pid, Vector2::new(e, 2.0 * e)));
     let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();

@@ -29,7 +29,7 @@ const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
-/// The laws under test: all that hold the position, except the regulator, which they are compared with.
+/// The laws under test: all that control the position, except the regulator, which they are compared with.
 fn laws() -> impl Iterator<Item = &'static str> {
     controller_kinds().into_iter().map(|kind| kind.name).filter(|name| !["lqr", "pid"].contains(name))
 }
@@ -63,7 +63,7 @@ fn cells(state: &State) -> StateCells<f64> {
 }
 
 #[test]
-fn laws_give_the_numbers_that_they_compute_with() {
+fn controllers_report_the_numbers_that_they_compute_with() {
     for kind in controller_kinds() {
         let name = kind.name;
         for (limits, scales) in [(LimitOptions::TRACTION, true), (LimitOptions::CAP, false)] {
@@ -177,8 +177,8 @@ fn position(x: f64, y: f64) -> impl Fn(f64) -> Setpoint {
     move |_| Setpoint { position: Vector2::new(x, y), ..Setpoint::default() }
 }
 
-/// Whether a robot stands after a start and an impulse at its center of mass, in `contact`.
-fn stands(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
+/// Whether a robot recovers after a start and an impulse at its center of mass, in `contact`.
+fn recovers(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
     let end = run(&mut robot, make().as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
@@ -198,13 +198,13 @@ fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64)
 fn basin_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let degrees = (3..=32).map(f64::from);
     largest(degrees, |direction, degrees| {
-        stands(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
+        recovers(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
     })
 }
 
 fn push_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let impulses = (3..=30).map(|k| 0.1 * f64::from(k));
-    largest(impulses, |direction, size| stands(params, make, &State::upright(params), direction.push(0.0) * size))
+    largest(impulses, |direction, size| recovers(params, make, &State::upright(params), direction.push(0.0) * size))
 }
 
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
@@ -257,7 +257,7 @@ fn steps_of_the_setpoint() {
 }
 
 #[test]
-fn laws_stand_from_eight_degrees_on_all_presets() {
+fn controllers_recover_from_eight_degrees_on_all_presets() {
     for (preset, params) in presets() {
         for name in laws() {
             for kind in [ModelKind::Spatial, ModelKind::Contact] {
@@ -278,17 +278,17 @@ fn laws_stand_from_eight_degrees_on_all_presets() {
 /// Robots from half a kilogram to fifty with their center of mass off the mast: the default options are in units of λ.
 /// They grip, and each wheel carries load.
 #[test]
-fn laws_bring_any_robot_to_rest() {
+fn controllers_bring_any_robot_to_rest() {
     let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(config);
-    let drawn = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
+    let sampled = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
     let carried = |params: &Params| {
         let least = 0.15 * params.body_mass * params.gravity;
         params.equilibrium_wheel_loads().iter().all(|load| *load > least)
     };
-    for (number, drawn) in drawn.filter(carried).take(8).enumerate() {
+    for (number, sampled) in sampled.filter(carried).take(8).enumerate() {
         let params =
-            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..drawn };
+            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..sampled };
         for name in laws() {
             let start = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.01), 0.0);
             let mut robot = robot(&params, ModelKind::Spatial, &start);
@@ -340,7 +340,7 @@ fn position_and_heading_are_reached() {
 
 /// A robot rotated and translated together with its setpoint has the same torques.
 #[test]
-fn headings_and_places_change_no_torque() {
+fn torques_do_not_depend_on_heading_and_position() {
     let params = uneven();
     let torques = |name: &str, yaw: f64, offset: Vector2<f64>| {
         let turn = nalgebra::Rotation2::new(yaw);
@@ -408,7 +408,7 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
 
 /// The default limits of the laws are the traction limits.
 #[test]
-fn laws_are_limited_by_the_traction() {
+fn controllers_are_limited_by_the_traction() {
     for name in laws() {
         assert_eq!(controller_kind(name).unwrap().limits, LimitOptions::TRACTION);
     }

@@ -232,23 +232,23 @@ impl Law for CascadePid {
         let [gx, gy] = &self.gains;
         let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
         let slower = share_within(speeds, self.max_speed);
-        let asked = [
+        let commanded = [
             (speeds[0].mul_add(slower, velocity[0])) * -gx.velocity,
             (speeds[1].mul_add(slower, velocity[1])) * -gy.velocity,
         ];
-        let less = share_within(asked, self.max_lean);
+        let less = share_within(commanded, self.max_lean);
         let (mut accelerations, mut errors) = ([less; 2], [less; 2]);
         for axis in 0..2 {
             let g = &self.gains[axis];
-            let reference = asked[axis] * less;
+            let reference = commanded[axis] * less;
             errors[axis] = reference - lean[axis];
             let held = lean[axis].mul_add_all(-g.lean, rate[axis] * -g.rate);
             let driven = reference.mul_add_all(g.reference, memory.get(axis) * g.integral);
             accelerations[axis] = driven + held + forward[axis];
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
-        let limited = self.limits.apply_at(wanted, state, &pose, largest);
+        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
+        let limited = self.limits.apply_at(desired, state, &pose, largest);
         // Limited torques cannot act on the integral: hold it.
         let held = limited.share.lt(less.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {

@@ -142,7 +142,7 @@ impl FuzzyMamdani {
             let Ranges { inputs, output } = self.ranges[axis];
             let [error, rate] = [slopes[0] * inputs[0] * output, slopes[1] * inputs[1] * output];
             let reference = error - self.tracking.planes.planes[axis].toppling_squared();
-            *k = self.position.feedback(axis).map(|asked| asked * reference);
+            *k = self.position.feedback(axis).map(|commanded| commanded * reference);
             k[1] += error;
             k[3] += rate;
         }
@@ -172,17 +172,17 @@ impl Law for FuzzyMamdani {
     ) -> Wheels<L> {
         let Deviation { x, forward, pose } = self.tracking.deviation(state, setpoint);
         let leaning = Leaning::new(&x);
-        let asked = self.position.lean(&leaning);
+        let commanded = self.position.lean(&leaning);
         let mut accelerations = forward;
         for axis in 0..2 {
             let Ranges { inputs, output } = self.ranges[axis];
-            let (error, rate) = (asked[axis] - leaning.lean[axis], -leaning.rate[axis]);
+            let (error, rate) = (commanded[axis] - leaning.lean[axis], -leaning.rate[axis]);
             let driven = self.rules.output(error * inputs[0], rate * inputs[1]);
             let toppling = self.tracking.planes.planes[axis].toppling_squared();
-            accelerations[axis] += driven.mul_add_all(output, asked[axis] * -toppling);
+            accelerations[axis] += driven.mul_add_all(output, commanded[axis] * -toppling);
         }
         let turning = x[4].mul_add_all(-self.yaw.stiffness, x[9] * -self.yaw.damping);
-        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
-        self.limits.apply_at(wanted, state, &pose, largest).torques
+        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
+        self.limits.apply_at(desired, state, &pose, largest).torques
     }
 }

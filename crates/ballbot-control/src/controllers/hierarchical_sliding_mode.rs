@@ -333,8 +333,8 @@ impl Law for HierarchicalSlidingMode {
                 (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
-        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
+        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
         self.switching.adapt(length - layer, share, memory);
         self.observer.predict(state, &pose, torques, share, &mut memory.after(adapted));
         torques

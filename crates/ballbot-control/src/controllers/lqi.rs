@@ -235,11 +235,11 @@ impl Law for Lqi {
             used = [L::select(far, z[0], later[0] * within), L::select(far, z[1], later[1] * within)];
         }
         let reference = self.tracking.planes.wheel_torques(forward, zero);
-        let mut wanted = reference;
-        for (wheel, torque) in wanted.iter_mut().enumerate() {
+        let mut desired = reference;
+        for (wheel, torque) in desired.iter_mut().enumerate() {
             *torque += self.torque(wheel, &x, &used);
         }
-        let limited = self.limits.apply_at(wanted, state, &pose, largest);
+        let limited = self.limits.apply_at(desired, state, &pose, largest);
         self.delayed.keep(limited.torques - reference, &mut memory.after(Self::MEMORY));
         let held = far | limited.share.lt(one);
         let (p, dt) = (state.ball_position, self.sampling.control_dt);

@@ -305,11 +305,11 @@ impl Law for Lqr {
                 self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
             }
         };
-        let mut wanted = motion_then;
-        for (row, torque) in self.gain.iter().zip(&mut wanted) {
+        let mut desired = motion_then;
+        for (row, torque) in self.gain.iter().zip(&mut desired) {
             *torque += product(row, &x);
         }
-        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
         let acting = self.delayed.acting(torques, motion_then, motion_now, memory);
         self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
         torques

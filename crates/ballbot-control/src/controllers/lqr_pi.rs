@@ -31,7 +31,7 @@ ballbot_base::fields! {
         pub tilt: f64 = 0.1, "rad", Limit::from(1e-6).to(1e6);
         /// Tilt rate.
         pub tilt_rate: f64 = 1.0, "rad/s", Limit::from(1e-6).to(1e6);
-        /// Rate that the outer loop asks of the virtual wheel in a plane.
+        /// Rate that the outer loop commands of the virtual wheel in a plane.
         pub wheel_rate: f64 = 10.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Crossover of the loop of the wheel rates, over λ.
         pub wheel_bandwidth: f64 = 4.1, "", Limit::from(1e-3).to(1e3);
@@ -127,8 +127,7 @@ pub struct LqrPi {
 
 impl NamedLaw for LqrPi {
     const NAME: &'static str = "lqr_pi";
-    const SUMMARY: &'static str =
-        "Double loop: a regulator that asks for wheel rates, above a PI of the measured ones.";
+    const SUMMARY: &'static str = "Double loop: a regulator commands wheel rates, which a PI controller tracks.";
     const LABEL: &'static str = "LQR + PI";
     type Options = LqrPiOptions;
 
@@ -154,13 +153,13 @@ impl NamedLaw for LqrPi {
         let planes = &tracking.planes;
         let loops =
             [Loops::new(0, params, planes, control_dt, options)?, Loops::new(1, params, planes, control_dt, options)?];
-        let asked = loops.map(|Loops { proportional, moving, k, .. }| {
+        let commanded = loops.map(|Loops { proportional, moving, k, .. }| {
             [k[0], k[1], k[2] + moving[0], k[3] + moving[1]].map(|gain| proportional * gain)
         });
         Ok(Self {
             loops,
             yaw,
-            outer: Outer::new(&planes.gain(asked, yaw), [options.max_lean, options.max_speed]),
+            outer: Outer::new(&planes.gain(commanded, yaw), [options.max_lean, options.max_speed]),
             tracking,
             sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + delayed.kept() + observer.kept()),
             delayed,
@@ -229,7 +228,7 @@ impl Law for LqrPi {
         let moving = pose.heading.of(state.ball_velocity.x, state.ball_velocity.y);
         let leaning = [pose.rate.y, -pose.rate.x];
         self.outer.clip(&mut x);
-        let asking = Leaning::new(&x);
+        let clipped = Leaning::new(&x);
         let zero = x[0].zero();
         let (mut accelerations, mut errors) = (forward_then, [zero; 2]);
         for axis in 0..2 {
@@ -243,17 +242,17 @@ impl Law for LqrPi {
                 let (gained, leaned) = (later_velocity[axis] - velocity[axis], later_rate[axis] - rate[axis]);
                 measured += gained.mul_add_all(*per_speed, leaned * *per_rate);
             }
-            let position = asking.position[axis].mul_add_all(-k[0], asking.velocity[axis] * -k[2]);
-            let lean = asking.lean[axis].mul_add_all(-k[1], asking.rate[axis] * -k[3]);
-            let asked = kept.mul_add_all(-k[4], position + lean);
-            errors[axis] = asked - measured;
+            let position = clipped.position[axis].mul_add_all(-k[0], clipped.velocity[axis] * -k[2]);
+            let lean = clipped.lean[axis].mul_add_all(-k[1], clipped.rate[axis] * -k[3]);
+            let commanded = kept.mul_add_all(-k[4], position + lean);
+            errors[axis] = commanded - measured;
             let driven = errors[axis].mul_add_all(*proportional, kept * *integral);
             accelerations[axis] += driven;
         }
         let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
         let planes = &self.tracking.planes;
-        let wanted = planes.wheel_torques(accelerations, yaw);
-        let limited = self.limits.apply_at(wanted, state, &pose, largest);
+        let desired = planes.wheel_torques(accelerations, yaw);
+        let limited = self.limits.apply_at(desired, state, &pose, largest);
         // Limited torques cannot act on the integral: hold it.
         let held = limited.share.lt(zero.splat(1.0));
         for (axis, error) in errors.into_iter().enumerate() {

@@ -112,12 +112,12 @@ impl Law for PdInverseDynamics {
     ) -> Wheels<L> {
         let error = self.attitude.error(state, setpoint);
         let (v, rate) = (error.error, error.rate);
-        let wanted = Vec3::new(
+        let desired = Vec3::new(
             returning(v.x, rate.x, &self.lean),
             returning(v.y, rate.y, &self.lean),
             returning(v.z, rate.z, &self.yaw),
         );
-        self.limits.apply(self.attitude.torques(&error, wanted), state, largest).torques
+        self.limits.apply(self.attitude.torques(&error, desired), state, largest).torques
     }
 }
 

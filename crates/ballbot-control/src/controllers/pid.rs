@@ -154,8 +154,8 @@ impl Law for Pid {
         memory.set(STARTED, zero.splat(1.0));
         let x = self.virtual_torque(0, errors[0], started, memory);
         let y = self.virtual_torque(1, errors[1], started, memory);
-        let wanted = self.map.map(|[of_x, of_y]| x * of_x + y * of_y);
-        let limited = self.limits.apply(wanted, state, largest);
+        let desired = self.map.map(|[of_x, of_y]| x * of_x + y * of_y);
+        let limited = self.limits.apply(desired, state, largest);
         // Limited torques cannot act on the integral: hold it.
         let saturated = limited.share.lt(zero.splat(1.0));
         for axis in 0..2 {

@@ -147,12 +147,12 @@ impl Law for SlidingMode {
         let tilting = decay(x.mul_add(x, y.squared()).sqrt(), lean);
         let turning = decay(z.abs(), yaw);
         // v̈ for which Ṡ = v̈ + K v̇ is −S times the decay.
-        let wanted = Vec3::new(
+        let desired = Vec3::new(
             x.neg_mul_add(tilting, rate.x * -lean.surface),
             y.neg_mul_add(tilting, rate.y * -lean.surface),
             z.neg_mul_add(turning, rate.z * -yaw.surface),
         );
-        self.limits.apply(self.attitude.torques(&error, wanted), state, largest).torques
+        self.limits.apply(self.attitude.torques(&error, desired), state, largest).torques
     }
 }
 

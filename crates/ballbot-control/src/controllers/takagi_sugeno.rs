@@ -233,7 +233,7 @@ impl Law for TakagiSugeno {
             }
         }
         let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let wanted = self.tracking.planes.wheel_torques(accelerations, turning);
-        self.limits.apply_at(wanted, state, &pose, largest).torques
+        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
+        self.limits.apply_at(desired, state, &pose, largest).torques
     }
 }

@@ -76,13 +76,13 @@ impl AttitudeLoop {
     #[inline(always)]
     pub(crate) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
         let Deviation { x, .. } = self.tracking.deviation(state, setpoint);
-        let asked = self.position.lean(&Leaning::new(&x));
+        let commanded = self.position.lean(&Leaning::new(&x));
         let attitude = self.tracking.frame.attitude(state.body_quaternion);
         let forward = self.tracking.lean(&Heading::new(attitude), setpoint);
         let (zero, one) = (x[0].zero(), x[0].splat(1.0));
 
         // Both attitudes relative to the robot's heading; leaning towards y turns about −x.
-        let half = Vec3::new((asked[1] + forward.lean[1]) * -0.5, (asked[0] + forward.lean[0]) * 0.5, zero);
+        let half = Vec3::new((commanded[1] + forward.lean[1]) * -0.5, (commanded[0] + forward.lean[0]) * 0.5, zero);
         let yaw = x[4];
         let bound = L::select(yaw.lt(zero), one * -MAX_YAW, one * MAX_YAW);
         let yaw = L::select(yaw.abs().lt(one * MAX_YAW), yaw, bound);
@@ -121,13 +121,13 @@ impl AttitudeLoop {
         }
     }
 
-    /// Motor torques that produce v̈ = `wanted`, N·m.
+    /// Motor torques that produce v̈ = `desired`, N·m.
     #[inline(always)]
-    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> Wheels<L> {
+    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, desired: Vec3<L>) -> Wheels<L> {
         let AttitudeError { error: v, scalar, relative, forward, ref motion, .. } = *error;
         // w Ω̇_e + v × Ω̇_e = 2 v̈ + ½ |Ω_e|² v
         let half = relative.norm_squared() * 0.5;
-        let driven = (wanted + wanted).plus(v, half);
+        let driven = (desired + desired).plus(v, half);
         let along = v.dot(driven) / scalar.max(scalar.splat(LEAST_SCALAR));
         let acceleration = (driven * scalar - v.cross(driven)).plus(v, along);
         self.dynamics.torques(motion, acceleration + forward)

@@ -105,21 +105,21 @@ impl<const N: usize> Delayed<N> {
         predicted
     }
 
-    /// The torques that act in this sample. `asked`, the torques commanded now, are stored until they act, as
+    /// The torques that act in this sample. `commanded`, the torques commanded now, are stored until they act, as
     /// deviations from the torques of the setpoint's motion at that time.
     #[inline(always)]
     pub(crate) fn acting<L: Lane>(
         &self,
-        asked: Wheels<L>,
+        commanded: Wheels<L>,
         motion_then: Wheels<L>,
         motion_now: Wheels<L>,
         memory: &mut Memory<'_, L>,
     ) -> Wheels<L> {
         if self.driven.is_empty() {
-            return asked;
+            return commanded;
         }
         let before = memory.wheels(0);
-        self.keep(asked - motion_then, memory);
+        self.keep(commanded - motion_then, memory);
         motion_now + before
     }
 

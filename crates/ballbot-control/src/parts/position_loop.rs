@@ -76,9 +76,9 @@ impl PositionLoop {
         let slower = share_within(speeds, self.max_speed);
         let moving =
             [rate[0].mul_add_all(self.levers[0], velocity[0]), rate[1].mul_add_all(self.levers[1], velocity[1])];
-        let asked = [speeds[0].mul_add(slower, moving[0]) * -bx, speeds[1].mul_add(slower, moving[1]) * -by];
-        let less = share_within(asked, self.max_lean);
-        [asked[0] * less, asked[1] * less]
+        let commanded = [speeds[0].mul_add(slower, moving[0]) * -bx, speeds[1].mul_add(slower, moving[1]) * -by];
+        let less = share_within(commanded, self.max_lean);
+        [commanded[0] * less, commanded[1] * less]
     }
 
     /// k of θ_ref = −k (y, θ, ẏ, θ̇) without limiting.

@@ -214,10 +214,10 @@ impl Controller for Mppi {
         plan[end..].fill(0.0);
         self.improve(&State::from(state.load(Scalar)), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
-        let wanted = Wheels::from_fn(|i| base[i] + plan[i]);
+        let desired = Wheels::from_fn(|i| base[i] + plan[i]);
         run_one(
             #[inline(always)]
-            || self.limits.apply(wanted, &state.load(Scalar), largest).torques,
+            || self.limits.apply(desired, &state.load(Scalar), largest).torques,
         )
     }
 

@@ -101,8 +101,8 @@ impl Motors {
             }
         }
         let next = step + 1.0;
-        let goes_on = next.lt(step.splat(delay.substeps as f64));
-        memory.set(first, L::select(goes_on, next, step.zero()));
+        let continues = next.lt(step.splat(delay.substeps as f64));
+        memory.set(first, L::select(continues, next, step.zero()));
         let older = step.lt(step.splat(delay.rest as f64));
         let mut out = commands;
         for (wheel, command) in out.iter_mut().enumerate() {

@@ -79,14 +79,14 @@ fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 4] {
             (state.ball_position - found.ball_position).norm(),
         ];
         largest.iter_mut().zip(errors).for_each(|(most, error)| *most = most.max(error));
-        assert_eq!(filter.slipping(), [0.0; 3], "a wheel that grips takes part");
+        assert_eq!(filter.slipping(), [0.0; 3], "a gripping wheel is used");
     }
     largest
 }
 
 #[test]
 fn estimates_follow_a_motion_without_noise() {
-    // A filter that estimates a bias, and a filter that knows that there is none.
+    // A filter that estimates a bias, and a filter that assumes none.
     let sure = EstimatorOptions { gyro_bias: 0.0, gyro_bias_walk: 0.0, ..options() };
     for (options, limits) in [(options(), [2e-3, 2e-3, 1e-3, 1e-3]), (sure, [2e-4, 2e-4, 1e-3, 1e-3])] {
         for params in [Params::paper(), crooked()] {
@@ -239,13 +239,13 @@ fn eight_in_lanes_equal_single_robots() {
     run(&mut apart).run_one_by_one();
     assert_eq!(together.len(), EIGHT);
     for (i, (together, apart)) in together.iter().zip(&apart).enumerate() {
-        assert!(together == apart, "robot {i} in lanes differs from itself alone");
+        assert!(together == apart, "robot {i} in lanes differs from the single robot");
         assert!(apart.iter().all(|bits| f64::from_bits(*bits).is_finite()));
     }
 }
 
 #[test]
-fn options_and_time_steps_out_of_range_are_refused_by_name() {
+fn options_and_time_steps_out_of_range_are_rejected_by_name() {
     let params = Params::paper();
     let d = EstimatorOptions::default();
     for (options, dt, name) in [

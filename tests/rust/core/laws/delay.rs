@@ -17,7 +17,7 @@ const PLANAR: [(f64, [f64; 4], &[f64]); 3] = [
 ];
 
 #[test]
-fn gains_are_those_of_an_independent_computation() {
+fn gains_match_an_independent_computation() {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&Vector3::y(), TorqueMap::Consistent);
     let wheels = DVector::from_column_slice(wheels.as_slice());
@@ -114,8 +114,8 @@ fn delays_are_checked() {
     );
 }
 
-/// Whether the robot stands after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
-pub fn stands(
+/// Whether the robot recovers after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
+pub fn recovers(
     params: &Params,
     controller: &mut dyn Controller,
     delay: f64,
@@ -147,7 +147,7 @@ fn a_delay_that_is_predicted_costs_less() {
                 around(12).all(|way| {
                     let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
                     let mut law = made(name, &params, &[("delay", &[known])]);
-                    stands(&params, law.as_mut(), delay, &start, way.push(0.0) * push)
+                    recovers(&params, law.as_mut(), delay, &start, way.push(0.0) * push)
                 })
             };
             let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);
@@ -162,13 +162,13 @@ fn a_delay_that_is_predicted_costs_less() {
 
 /// The integral is also predicted, and held where it may not grow.
 #[test]
-fn with_an_integral_a_delay_is_survived() {
+fn a_controller_with_an_integral_withstands_a_delay() {
     let params = Params::paper();
     let survives = |known: f64, delay: f64, tilt: f64, push: f64| {
         around(12).all(|way| {
             let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
             let mut lqi = made("lqi", &params, &[("delay", &[known])]);
-            stands(&params, lqi.as_mut(), delay, &start, way.push(0.0) * push)
+            recovers(&params, lqi.as_mut(), delay, &start, way.push(0.0) * push)
         })
     };
     assert!(survives(0.05, 0.05, 4.0, 0.0) && survives(0.05, 0.05, 18.0, 0.0) && survives(0.05, 0.05, 0.0, 1.4));
@@ -177,7 +177,7 @@ fn with_an_integral_a_delay_is_survived() {
         for direction in around(6) {
             let start = State::tilted(&params, direction * f64::to_radians(18.0), 0.0);
             let mut lqr = made("lqr", &params, &[("delay", &[0.05]), ("lean_observer", &[observed])]);
-            assert!(stands(&params, lqr.as_mut(), 0.05, &start, Vector3::zeros()), "{observed} 1/s");
+            assert!(recovers(&params, lqr.as_mut(), 0.05, &start, Vector3::zeros()), "{observed} 1/s");
         }
     }
 }

@@ -29,7 +29,7 @@ fn surface(params: &Params) -> SlidingSurface {
 }
 
 #[test]
-fn poles_on_the_surface_are_the_designed_ones() {
+fn poles_on_the_surface_match_the_design() {
     for (_, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -45,7 +45,7 @@ fn poles_on_the_surface_are_the_designed_ones() {
 }
 
 #[test]
-fn surfaces_are_those_of_the_closed_form() {
+fn surfaces_match_the_closed_form() {
     let params = Params::paper();
     let [d, c, weight] = unactuated(&params);
     assert!((d - 0.82462).abs() < 1e-4 && (c - 0.13902).abs() < 1e-4 && (weight - 3.10365).abs() < 1e-4);
@@ -71,7 +71,7 @@ fn surfaces_are_those_of_the_closed_form() {
 
 /// The cubic of the surface is stable where the constructor accepts it, and only there.
 #[test]
-fn surfaces_without_a_stable_motion_are_refused() {
+fn surfaces_without_a_stable_motion_are_rejected() {
     let params = Params::paper();
     let [d, c, weight] = unactuated(&params);
     let options = SlidingModeOptions::default();
@@ -141,7 +141,7 @@ const ADAPTIVE: [(&str, &[f64]); 5] = [
     ("max_switching", &[3.0]),
 ];
 
-/// Where a robot comes to rest under constant torques about an axis that its law does not know, N·m, and the memory of
+/// Where a robot comes to rest under constant torques about an axis that its law does not model, N·m, and the memory of
 /// the law.
 fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let params = Params::paper();
@@ -192,7 +192,7 @@ fn the_adapted_gain_is_the_closed_form_and_bounded() {
 /// A fixed gain that leaves the same offset always has the noise in its torques that the adapted gain has only under a
 /// disturbance.
 #[test]
-fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
+fn an_adapted_gain_chatters_less_than_the_fixed_gain_that_it_replaces() {
     let params = Params::paper();
     let (place, memory) = pushed(&ADAPTIVE, 0.1);
     let needed = 0.25 + memory[0];
@@ -221,7 +221,7 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
 }
 
 #[test]
-fn torques_that_are_limited_raise_no_gain() {
+fn limited_torques_do_not_raise_the_gain() {
     let params = Params::paper();
     let law = made("hierarchical_sliding_mode", &params, &ADAPTIVE);
     let setpoint = SetpointCells::from(&Setpoint::default());
@@ -239,13 +239,13 @@ fn torques_that_are_limited_raise_no_gain() {
     let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
     assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
     // Options that change nothing are rejected.
-    let refused = |options: &[(&str, &[f64])], words: &str| {
+    let rejected = |options: &[(&str, &[f64])], words: &str| {
         let error = (kind.make)(&params, CONTROL_DT, &kind.limits, options).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
-    refused(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
-    refused(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
+    rejected(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
+    rejected(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
+    rejected(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
     let start = State::tilted(&params, Vector2::new(0.4, 0.1), 0.0);
     let mut robot = robot(&params, ModelKind::Contact, &start);
     let mut law = made("hierarchical_sliding_mode", &params, &ADAPTIVE[2..]);

@@ -1,7 +1,7 @@
 //! The estimate of the equilibrium.
 
 use super::lqi::offset;
-use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, robot, run, stands};
+use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, recovers, robot, run};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Setpoint, SetpointCells};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, attitude};
@@ -91,7 +91,7 @@ fn on_a_slope_the_estimate_is_the_closed_form() {
 
 /// A wrong center of mass is a false tilt of atan(d/l), at which no torque is needed.
 #[test]
-fn of_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
+fn for_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
     let nominal = Params::paper();
     let params = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     let controller = made("lqr", &nominal, ON);
@@ -130,7 +130,7 @@ fn disturbances_leave_no_offset() {
 
 /// A slope and a force keep their direction as the robot turns.
 #[test]
-fn robots_that_turn_need_no_other_estimate() {
+fn turning_robots_need_no_other_estimate() {
     let params = Params { floor_tilt: [0.03, 0.04], ..Params::paper() };
     for name in OBSERVING {
         let setpoint = |time: f64| Setpoint { yaw: 0.5 * time, ..Setpoint::default() };
@@ -141,7 +141,7 @@ fn robots_that_turn_need_no_other_estimate() {
 }
 
 #[test]
-fn without_a_rate_a_law_keeps_and_does_what_it_did() {
+fn without_a_rate_a_controller_is_unchanged() {
     let params = Params::paper();
     let start = State::tilted(&params, Vector2::new(0.2, -0.1), 0.3);
     for name in OBSERVING {
@@ -193,9 +193,9 @@ fn the_estimate_costs_no_balance() {
         let make = || made(name, &params, ON);
         for direction in around(12) {
             let tilted = State::tilted(&params, direction * f64::to_radians(tilt), 0.0);
-            assert!(stands(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
+            assert!(recovers(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
             let impulse = direction.push(0.0) * push;
-            assert!(stands(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
+            assert!(recovers(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
         }
     }
 }
@@ -213,7 +213,7 @@ fn balance_by_the_rate_of_the_estimate() {
             let delays = (0..=10).map(|k| 0.01 * f64::from(k)).take_while(|&delay| {
                 around(6).all(|way| {
                     let start = State::tilted(&params, way * 4_f64.to_radians(), 0.0);
-                    super::delay::stands(&params, make().as_mut(), delay, &start, Vector3::zeros())
+                    super::delay::recovers(&params, make().as_mut(), delay, &start, Vector3::zeros())
                 })
             });
             println!("{name}, {rate} 1/s: {tilt} deg, {push:.1} N·s, {:.2} s", delays.last().unwrap_or(-1.0));

@@ -54,7 +54,7 @@ fn a_slope_leaves_no_offset_under_a_robot_that_turns() {
 }
 
 #[test]
-fn without_its_weight_the_gains_are_those_of_the_regulator() {
+fn without_its_weight_the_gains_match_the_regulator() {
     let params = Params::paper();
     let plain = Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain.clone();
     let off = |integral: f64| {
@@ -69,7 +69,7 @@ fn without_its_weight_the_gains_are_those_of_the_regulator() {
 }
 
 #[test]
-fn torques_are_those_of_the_gains() {
+fn torques_match_the_gains() {
     let params = Params::paper();
     let lqi = Lqi::with_defaults(&params, CONTROL_DT).unwrap();
     let gain = &lqi.regulator().gain;
@@ -80,7 +80,7 @@ fn torques_are_those_of_the_gains() {
 /// The gains of one plane with the weight of an earlier study, which used the opposite sign of tilt and a virtual
 /// torque.
 #[test]
-fn gains_are_those_of_an_independent_solution() {
+fn gains_match_an_independent_solution() {
     let params = Params::paper();
     let lqi = Lqi::with_weights(
         &params,
@@ -124,7 +124,7 @@ fn the_integral_is_cut_and_held() {
 }
 
 #[test]
-fn options_are_those_of_the_regulator_and_of_the_integral() {
+fn options_match_the_regulator_and_the_integral() {
     let names = |name: &str| {
         (controller_kind(name).unwrap().options)().into_iter().map(|option| option.name).collect::<Vec<_>>()
     };

@@ -35,10 +35,10 @@ fn the_inner_loop_has_its_crossover() {
     for (name, params) in presets() {
         let law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
         for axis in 0..2 {
-            let wanted = 4.1 * LinearModel::new(&params).a[if axis == 0 { (8, 3) } else { (7, 2) }].sqrt();
+            let desired = 4.1 * LinearModel::new(&params).a[if axis == 0 { (8, 3) } else { (7, 2) }].sqrt();
             let found = crossover(|w| open_loop(&params, &law, axis, w));
-            println!("{name}: crossover {found:.2} rad/s, designed {wanted:.2}");
-            assert!((found / wanted - 1.0).abs() < 0.1, "{name}: {found}, designed {wanted}");
+            println!("{name}: crossover {found:.2} rad/s, designed {desired:.2}");
+            assert!((found / desired - 1.0).abs() < 0.1, "{name}: {found}, designed {desired}");
             assert!(name != "paper" || (found / 25.0 - 1.0).abs() < 0.1, "{found}");
         }
     }
@@ -46,7 +46,7 @@ fn the_inner_loop_has_its_crossover() {
 
 /// Gains (y, θ, ẏ, θ̇, ξ) of an independent computation in one plane, with the PI 0.10 N·m·s and 0.60 N·m at the virtual wheel.
 #[test]
-fn outer_gains_are_those_of_an_independent_computation() {
+fn outer_gains_match_an_independent_computation() {
     let params = Params::paper();
     // Acceleration of the lean per torque of the virtual wheel in that computation, rad/s² per N·m.
     const PER_TORQUE: f64 = 42.845;

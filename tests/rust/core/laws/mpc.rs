@@ -19,7 +19,7 @@ fn short() -> MpcOptions {
 }
 
 #[test]
-fn without_a_limit_the_torques_are_those_of_the_regulator() {
+fn without_a_limit_the_torques_match_the_regulator() {
     for (name, params) in presets() {
         let limits = LimitOptions { max_torque: None, traction: Some(1.0) };
         let mut mpc = Mpc::with_options(&params, CONTROL_DT, &short(), &limits).unwrap();
@@ -127,7 +127,7 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
 /// Against an interior-point method, on the original problem: with states, the cost of the infinite horizon at
 /// its end and the loads of the wheels.
 #[test]
-fn the_optimum_is_that_of_an_interior_point_method() {
+fn the_optimum_matches_an_interior_point_method() {
     let setpoint = Setpoint::default();
     let mut limited = 0;
     for (name, params) in presets() {
@@ -164,7 +164,7 @@ fn the_optimum_is_that_of_an_interior_point_method() {
     assert!(limited >= 12, "limits matter in {limited} problems of 24");
 }
 
-/// Few iterations cost little: the cost until a robot stands, relative to many iterations.
+/// Few iterations cost little: the cost until a robot is upright, relative to many iterations.
 #[test]
 fn few_iterations_are_as_good_as_many() {
     let params = Params::paper();

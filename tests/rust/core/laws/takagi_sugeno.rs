@@ -31,7 +31,7 @@ fn leaning_planes_are_exact_at_rest() {
 }
 
 #[test]
-fn in_the_upright_robot_it_is_the_regulator() {
+fn for_the_upright_robot_it_equals_the_regulator() {
     for (name, params) in presets() {
         let [found, expected] = ["takagi_sugeno", "lqr"].map(|name| gain_of(law(name, &params).as_ref(), &params));
         let off = (&found - &expected).amax() / expected.amax();
@@ -82,7 +82,7 @@ fn rules_count_by_the_tilt() {
 }
 
 #[test]
-fn a_law_without_a_proof_is_refused() {
+fn a_controller_without_a_stability_proof_is_rejected() {
     // Over a second the robot topples so far that rules which are 1 % apart do not fit each other.
     let message = TakagiSugeno::with_defaults(&Params::paper(), 1.0).unwrap_err().to_string();
     assert!(message.contains("no proof that the fuzzy model is stable"), "{message}");

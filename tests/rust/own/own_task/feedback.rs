@@ -79,8 +79,8 @@ impl Law for Feedback {
         let heading = Heading::new(state.body_quaternion);
         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
-        let (v, wanted) = (state.ball_velocity, setpoint.velocity);
-        let errors = heading.of(wanted[0] - v.x, wanted[1] - v.y);
+        let (v, desired) = (state.ball_velocity, setpoint.velocity);
+        let errors = heading.of(desired[0] - v.x, desired[1] - v.y);
         for (i, error) in errors.into_iter().enumerate() {
             let old = memory.get(i);
             memory.set(i, (error - old).mul_add_all(self.share, old));

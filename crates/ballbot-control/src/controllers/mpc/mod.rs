@@ -155,7 +155,7 @@ impl Mpc {
         LaneState::from(state).store(&mut cells);
         let mut plan = vec![0.0; self.kept()];
         let mut memory = Memory::<f64>::new(Scalar, &mut plan);
-        self.torques_wanted(
+        self.desired_torques(
             &cells.load(Scalar),
             &SetpointCells::from(setpoint).load(Scalar),
             f64::INFINITY,
@@ -165,7 +165,7 @@ impl Mpc {
     }
 
     #[inline(always)]
-    fn torques_wanted<L: Lane>(
+    fn desired_torques<L: Lane>(
         &self,
         state: &LaneState<L>,
         setpoint: &LaneSetpoint<L>,
@@ -178,9 +178,9 @@ impl Mpc {
         self.outer.clip(&mut x);
         let planes = &self.tracking.planes;
         let zero = x[0].zero();
-        let mut wanted = planes.wheel_torques(forward, zero);
-        let start = self.start(&pose, &x, forward, wanted, largest);
-        for (row, torque) in self.gain.iter().zip(&mut wanted) {
+        let mut desired = planes.wheel_torques(forward, zero);
+        let start = self.start(&pose, &x, forward, desired, largest);
+        for (row, torque) in self.gain.iter().zip(&mut desired) {
             *torque += product(row, &x);
         }
         let limited = self.prediction.is_limited(&start);
@@ -196,7 +196,7 @@ impl Mpc {
         let [x, y] = &self.prediction.planes;
         let [first, ..] = plan;
         let added = planes.wheel_torques([first[0] * x.scale, first[1] * y.scale], zero);
-        (wanted + added, pose)
+        (desired + added, pose)
     }
 
     /// Initial values of the prediction. The setpoint's lean and the tilt rate of the rows are held constant.
@@ -251,8 +251,8 @@ impl Law for Mpc {
         largest: f64,
         memory: &mut Memory<'_, L>,
     ) -> Wheels<L> {
-        let (wanted, pose) = self.torques_wanted(state, setpoint, largest, memory);
-        let Limited { torques, share, .. } = self.limits.apply_at(wanted, state, &pose, largest);
+        let (desired, pose) = self.desired_torques(state, setpoint, largest, memory);
+        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
         self.observer.predict(state, &pose, torques, share, &mut memory.after(Self::MEMORY));
         torques
     }

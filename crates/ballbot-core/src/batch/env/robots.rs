@@ -221,9 +221,9 @@ impl Robots for Single {
 
     fn set_params(&mut self, _: usize, params: &Params) -> Result<bool> {
         params.validate()?;
-        let goes_on = params == self.robot.params() || self.robot.change_params(params)?;
+        let continues = params == self.robot.params() || self.robot.change_params(params)?;
         self.wheels = Omniwheels::new(params);
-        Ok(goes_on)
+        Ok(continues)
     }
 
     fn push(&mut self, _: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
@@ -328,12 +328,12 @@ impl Robots for ContactLanes {
             return Ok(true);
         }
         params.validate()?;
-        let goes_on = same_geometry(self.lane_params(i), params);
+        let continues = same_geometry(self.lane_params(i), params);
         self.set_lane_params(i, params);
-        if !goes_on {
+        if !continues {
             self.place_upright(i);
         }
-        Ok(goes_on)
+        Ok(continues)
     }
 
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
@@ -393,6 +393,6 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
 }
 
 /// The error for bytes that are not a snapshot of such an environment.
-pub fn refused(reason: String) -> Error {
+pub fn invalid_snapshot(reason: String) -> Error {
     Error::Decode { what: "snapshot of an environment".into(), reason }
 }
