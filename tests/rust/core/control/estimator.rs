@@ -179,21 +179,19 @@ impl Kernel for InEights<'_> {
             std::array::from_fn(|k| Wide::<S>::load(simd, &Eight(std::array::from_fn(|i| rows[i][k]))))
         };
         let mut cells = vec![Eight::default(); Estimator::MEMORY];
-        let mut states = ballbot_core::StateCells::<Eight>::default();
+        let mut states = ballbot_core::LaneState::<Eight>::default();
         for (i, (state, _)) in self.starts.iter().enumerate() {
-            let mut one = ballbot_core::StateCells::default();
-            LaneState::from(state).store(&mut one);
-            states.set_lane(i, &one);
+            states.set_lane(i, &state.into());
         }
         let first: Vec<_> = self.starts.iter().map(|(_, r)| *r).collect();
         let mut memory = Memory::<Wide<S>>::new(simd, &mut cells);
         self.estimator.begin(&states.load::<Wide<S>>(simd), &mut memory);
         for step in std::iter::once(&first).chain(self.steps) {
             let state = self.estimator.update(&readings_of(eights(step)), &mut memory);
-            self.estimator.balanced(&state, &memory).store(&mut states);
+            states.store(&self.estimator.balanced(&state, &memory));
         }
         for i in 0..EIGHT {
-            let state = State::from(states.lane(i).load::<f64>(Scalar)).to_array();
+            let state = State::from(states.lane(i)).to_array();
             let kept = cells.iter().map(|cell| cell.0[i]);
             self.found.push(state.into_iter().chain(kept).map(f64::to_bits).collect());
         }

@@ -5,7 +5,7 @@ use super::{
     run,
 };
 use ballbot_core::control::{
-    Controller, HierarchicalSlidingMode, LimitOptions, NamedLaw, Setpoint, SetpointCells, SlidingModeOptions,
+    Controller, HierarchicalSlidingMode, LaneSetpoint, LimitOptions, NamedLaw, Setpoint, SlidingModeOptions,
     SlidingSurface,
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -148,7 +148,7 @@ fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
     let law = made("hierarchical_sliding_mode", &params, options);
     let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-    let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+    let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
     for _ in 0..2000 {
         let torques = law.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         robot.step(torques + wheels, 10).unwrap();
@@ -202,7 +202,7 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
     let chatter = |options: &[(&str, &[f64])]| {
         let law = made("hierarchical_sliding_mode", &params, options);
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-        let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+        let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
         let (mut last, mut sum) = (Wheels::default(), 0.0_f64);
         for k in 0..1000 {
             let mut seen = robot.state();
@@ -224,7 +224,7 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
 fn torques_that_are_limited_raise_no_gain() {
     let params = Params::paper();
     let law = made("hierarchical_sliding_mode", &params, &ADAPTIVE);
-    let setpoint = SetpointCells::from(&Setpoint::default());
+    let setpoint = LaneSetpoint::from(&Setpoint::default());
     let tilted = cells(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
     let mut memory = [0.0];
     law.torques_one(&tilted, &setpoint, 1e-3, &mut memory);

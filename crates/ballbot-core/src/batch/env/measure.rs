@@ -1,49 +1,43 @@
 //! The states that sensors give now, for tasks, and gave last, for controllers; for one robot or eight.
 
 use crate::sensor::Sensor;
-use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Cell, EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight, run_one};
 
 /// Cells in which a sensor keeps its numbers.
 pub trait Measured: Cell {
     /// Replaces true states by the last states of the sensor; `one` is scratch space for its numbers of one robot.
-    fn measure<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut LaneState<Self>);
 
     /// Replaces true states by states that the sensor reads; `one` is scratch space for its numbers of one robot.
-    fn read<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut StateCells<Self>);
+    fn read<S: Sensor>(sensor: &S, memory: &mut [Self], one: &mut [f64], states: &mut LaneState<Self>);
 }
 
 impl Measured for f64 {
-    fn measure<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut StateCells<f64>) {
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut LaneState<f64>) {
         run_one(
             #[inline(always)]
-            || {
-                let state: LaneState<f64> = states.load(Scalar);
-                sensor.last(&state, &mut Memory::new(Scalar, memory)).store(states);
-            },
+            || *states = sensor.last(states, &mut Memory::new(Scalar, memory)),
         );
     }
 
     // Compiled once for all tasks.
     #[inline(never)]
-    fn read<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut StateCells<f64>) {
+    fn read<S: Sensor>(sensor: &S, memory: &mut [f64], _: &mut [f64], states: &mut LaneState<f64>) {
         run_one(
             #[inline(always)]
-            || {
-                let state: LaneState<f64> = states.load(Scalar);
-                sensor.read(&state, &mut Memory::new(Scalar, memory)).store(states);
-            },
+            || *states = sensor.read(states, &mut Memory::new(Scalar, memory)),
         );
     }
 }
 
 impl Measured for Eight {
-    fn measure<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut StateCells<Eight>) {
+    fn measure<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut LaneState<Eight>) {
         run_eight(Last { sensor, memory, one, states });
     }
 
     #[inline(never)]
-    fn read<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut StateCells<Eight>) {
+    fn read<S: Sensor>(sensor: &S, memory: &mut [Eight], one: &mut [f64], states: &mut LaneState<Eight>) {
         run_eight(Read { sensor, memory, one, states });
     }
 }
@@ -52,14 +46,14 @@ struct Last<'a, S> {
     sensor: &'a S,
     memory: &'a mut [Eight],
     one: &'a mut [f64],
-    states: &'a mut StateCells<Eight>,
+    states: &'a mut LaneState<Eight>,
 }
 
 impl<S: Sensor> Kernel for Last<'_, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
         let state: LaneState<Wide<V>> = self.states.load(simd);
-        self.sensor.last(&state, &mut Memory::new(simd, self.memory)).store(self.states);
+        self.states.store(&self.sensor.last(&state, &mut Memory::new(simd, self.memory)));
     }
 
     fn run_one_by_one(self) {
@@ -76,14 +70,14 @@ struct Read<'a, S> {
     sensor: &'a S,
     memory: &'a mut [Eight],
     one: &'a mut [f64],
-    states: &'a mut StateCells<Eight>,
+    states: &'a mut LaneState<Eight>,
 }
 
 impl<S: Sensor> Kernel for Read<'_, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
         let state: LaneState<Wide<V>> = self.states.load(simd);
-        self.sensor.read(&state, &mut Memory::new(simd, self.memory)).store(self.states);
+        self.states.store(&self.sensor.read(&state, &mut Memory::new(simd, self.memory)));
     }
 
     fn run_one_by_one(self) {
