@@ -23,10 +23,10 @@ pub use registry::{
 pub use sampled::{Plant, Sample, Sampled};
 
 pub use ballbot_base::constants::{Constant, Constants};
-pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
+pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint};
 
 use ballbot_base::error::{Result, check};
-use ballbot_base::lane_state::StateCells;
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{EIGHT, Eight, Lane};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -147,8 +147,8 @@ pub trait Controller: Send + Sync {
     /// (N·m).
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64>;
@@ -156,8 +156,8 @@ pub trait Controller: Send + Sync {
     /// [`Controller::torques_one`] for eight robots.
     fn torques_eight(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {
@@ -167,8 +167,8 @@ pub trait Controller: Send + Sync {
     /// [`Controller::torques_eight`] by eight calls of [`Controller::torques_one`].
     fn torques_one_by_one(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {
@@ -184,7 +184,7 @@ pub trait Controller: Send + Sync {
 }
 
 /// [`Controller::torques_one`] or [`Controller::torques_eight`].
-type TorquesOf<C> = fn(&dyn Controller, &StateCells<C>, &SetpointCells<C>, f64, &mut [C]) -> Wheels<C>;
+type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
 
 /// Cells on which a controller can run.
 pub trait LaneWidth: Sized {

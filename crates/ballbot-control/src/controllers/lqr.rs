@@ -9,12 +9,11 @@ use crate::parts::riccati::{self, Regulator, dynamic, rows};
 use crate::parts::tracking::{Deviation, Tracking};
 use crate::{
     Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled, Setpoint,
-    SetpointCells,
 };
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Lane, Scalar};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
@@ -179,8 +178,7 @@ impl Lqr {
 
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
-        let (state, setpoint) = (StateCells::from(state), SetpointCells::from(setpoint));
-        SVector::from(self.tracking.deviation(&state.load(Scalar), &setpoint.load(Scalar)).x)
+        SVector::from(self.tracking.deviation(&state.into(), &setpoint.into()).x)
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::rollouts::{Objective, Rollouts};
 use crate::control::{
-    Controller, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, SetpointCells, TorqueLimits,
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, TorqueLimits,
     default_max_torque,
 };
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{EIGHT, Scalar, run_one};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{EIGHT, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
@@ -134,7 +134,7 @@ impl Mppi {
             Rollouts::new(&self.params, self.control_dt, self.options.step, groups, self.decisions)
         });
         for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
-            let one = SetpointCells::from(&self.ahead(setpoint, decision as f64 * self.control_dt));
+            let one = LaneSetpoint::from(&self.ahead(setpoint, decision as f64 * self.control_dt));
             (0..EIGHT).for_each(|i| cells.set_lane(i, &one));
         }
         let deviation = self.options.noise * default_max_torque(&self.params);
@@ -186,17 +186,16 @@ impl Controller for Mppi {
 
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
         let base = self.base.torques_one(state, setpoint, largest, &mut []);
-        let lane: LaneState<f64> = state.load(Scalar);
         // Diverged samples are not simulated further.
         if !run_one(
             #[inline(always)]
-            || lane.within_bounds(),
+            || state.within_bounds(),
         ) || base.iter().any(|torque| !torque.is_finite())
         {
             return base;
@@ -206,12 +205,12 @@ impl Controller for Mppi {
         plan.rotate_left(WHEELS);
         let end = plan.len() - WHEELS;
         plan[end..].fill(0.0);
-        self.improve(&State::from(state.load(Scalar)), &Setpoint::from(setpoint), largest, *call, plan);
+        self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
         let desired = Wheels::from_fn(|i| base[i] + plan[i]);
         run_one(
             #[inline(always)]
-            || self.limits.apply(desired, &state.load(Scalar), largest).torques,
+            || self.limits.apply(desired, state, largest).torques,
         )
     }
 }

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, made, position, presets, robot, run};
 use ballbot_core::control::{Controller, LimitOptions, LqrPi, LqrPiOptions, NamedLaw, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, StateCells};
+use ballbot_core::{LaneState, ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// |L(iω)| of the PI on the rate of the virtual wheel, with the linear model.
@@ -76,9 +76,9 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let mut kept = [0.0; 2];
     let mut before = kept;
     for _ in 0..3000 {
-        let cells = StateCells::from(&robot.state());
+        let state = LaneState::from(&robot.state());
         before = kept;
-        let torques = law.torques_one(&cells, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
+        let torques = law.torques_one(&state, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
         let loaded: [f64; 3] = std::array::from_fn(|i| torques[i] - load[i]);
         robot.step(loaded, super::STEPS).unwrap();
     }

@@ -10,10 +10,9 @@ use crate::parts::limits::ROWS;
 use crate::parts::outer::Outer;
 use crate::parts::riccati::{self, dynamic, rows};
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{Law, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled, Setpoint, SetpointCells};
+use crate::{Law, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled, Setpoint};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
-use ballbot_base::lane_state::StateCells;
 use ballbot_base::lanes::{Lane, Memory, Scalar};
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
@@ -190,8 +189,8 @@ impl Sampled<Mpc> {
     /// The desired wheel torques of a robot without history, before the limits, N·m.
     pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
         let (desired, _) = self.desired_torques(&mut Sample {
-            state: &StateCells::from(state).load(Scalar),
-            setpoint: &SetpointCells::from(setpoint).load(Scalar),
+            state: &state.into(),
+            setpoint: &setpoint.into(),
             memory: Memory::<f64>::new(Scalar, &mut vec![0.0; self.kept()]),
             control_dt: self.control_dt,
             limits: &self.limits,
