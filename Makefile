@@ -8,7 +8,7 @@ VERIFY_INSTALLED := $(VENV)/.verify-installed
 BENCH_INSTALLED := $(VENV)/.bench-installed
 CAD_INSTALLED := $(VENV)/.cad-installed
 SITE_INSTALLED := $(VENV)/.site-installed
-# Ray wants another Gymnasium than the rest.
+# Ray needs another Gymnasium than the rest.
 RAY_VENV := .venv-ray
 RAY_INSTALLED := $(RAY_VENV)/.installed
 WHEEL_INSTALLED := $(VENV)/.wheel-installed
@@ -47,17 +47,17 @@ help:
 	@echo "make test    the tests that take minutes: each model, front end and command"
 	@echo "make test-all  all tests, with browsers, trainings and fuzzing (a quarter of an hour)"
 	@echo "make test-builds  tests that compile for minutes: the core without features, the bindings with another crate's task"
-	@echo "make test-ray  tests of training on Ray, in an environment of its own, $(RAY_VENV) (minutes)"
+	@echo "make test-ray  tests of training on Ray, in a separate environment, $(RAY_VENV) (minutes)"
 	@echo "make lint    rustfmt, clippy, ruff, mypy, stubtest, words of the prose"
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make site    the pages of docs/ as a site with search and the reference of the API, in target/site"
 	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment; TARGET=... for another processor"
-	@echo "make consumers  train with learners of others, each in an environment of its own, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
+	@echo "make consumers  train with third-party learners, each in a separate environment, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
 	@echo "make verify  check closed forms and other engines, report in docs/verification.md (ALLOW_MISSING=1 without all engines)"
 	@echo "make robots  change the robot and its motors more and more, report in docs/robots.md"
-	@echo "make controllers  measure what controllers stand, report in docs/controllers.md, figures of the laws in docs/laws"
+	@echo "make controllers  measure disturbance limits of controllers, report in docs/controllers.md, figures of the laws in docs/laws"
 	@echo "make tunings  search options of all laws with one budget, for make controllers, in validation/controllers/tuned.toml"
 	@echo "make policies  train the policies that come with the package and judge them, report in docs/policies.md (half an hour)"
 	@echo "make transfer  train policies with and without random robots, judge them elsewhere, report in docs/transfer.md (as long, and again for the policies)"
@@ -251,7 +251,7 @@ $(SITE_INSTALLED): $(INSTALLED)
 	$(INSTALL) '.[site]'
 	@touch $@
 
-# The package is that of this folder, with the extension that the other environment has built.
+# The package of this folder, with the extension that the other environment has built.
 $(RAY_INSTALLED): consumers/requirements/rllib.txt constraints.txt $(INSTALLED)
 	test -x $(RAY_VENV)/bin/python || $(PYTHON) -m venv $(RAY_VENV)
 	grep -v '^gymnasium==' constraints.txt > $(RAY_VENV)/constraints.txt

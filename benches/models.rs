@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 /// Time step of all models, s.
 const SIM_DT: f64 = 0.001;
 
-/// Steps from one start to the next: 0.2 s, in which the robot neither stands still nor falls.
+/// Steps from one start to the next: 0.2 s, in which the robot neither comes to rest nor falls.
 const RUN: u64 = 200;
 
 /// Leaning, rolling and turning.

@@ -34,7 +34,7 @@ fn ellipsoid(rings: u32, sectors: u32, radius: f64, half_length: f64) -> Shape {
     let quad = |i: u32, j: u32| [index(i, j), index(i + 1, j), index(i + 1, j + 1), index(i, j + 1)];
     let quads = (0..rings).flat_map(|i| (0..sectors).map(move |j| quad(i, j)));
     let triangles: Vec<_> = quads.flat_map(|[a, b, c, d]| [[a, b, c], [a, c, d]]).collect();
-    Shape::mesh(&points, &triangles).expect("the indices are those of the points")
+    Shape::mesh(&points, &triangles).expect("the indices are within the points")
 }
 
 fn render(criterion: &mut Criterion) {

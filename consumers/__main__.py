@@ -1,4 +1,4 @@
-"""Installs each client into a separate environment, runs its program, and prints one table.
+"""Installs each client into a separate environment, runs its program, and prints a table.
 
 `python -m consumers WHEEL [--seconds 60] [--only skrl ...] [--keep] [--page docs/learners.md]`, or `make consumers`.
 An environment with PyTorch has up to 6 GB, so each is removed when its program has ended, unless `--keep` is given.
@@ -60,7 +60,7 @@ def run(client: Client, wheel: Path, seconds: float) -> dict[str, Any]:
         python = environment(client, wheel)
         done = subprocess.run(
             [str(python), "-m", f"consumers.with_{client.program}", str(seconds)],
-            # The folder holds no ballbot_rs: the import finds the wheel's.
+            # The folder does not contain ballbot_rs: the import finds the package of the wheel.
             cwd=ROOT,
             env={**os.environ, "OMP_NUM_THREADS": "1"},
             capture_output=True,

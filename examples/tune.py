@@ -8,7 +8,7 @@ budget = int(sys.argv[1]) if len(sys.argv) > 1 else 200  # evaluations
 scenarios = ["S4", "S9", "S18-circle"]  # `ballbot compare --list` has all
 
 tuned = bb.tune("lqr", scenarios, budget)
-print(f"cost {tuned.cost:.3f} of that of the default weights")
+print(f"cost {tuned.cost:.3f} of the cost of the default weights")
 for name, value in tuned.options.items():
     print(f"{name:<10} {bb.controllers()['lqr'].options[name].default:8.4g} -> {value:8.4g}")
 for outcome in bb.run_scenarios(["lqr", tuned.source()], scenarios):

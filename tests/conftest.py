@@ -1,4 +1,4 @@
-"""What the test modules share. The learner is tiny, so one torch thread is faster than two."""
+"""Fixtures of the test modules. The learner is tiny, so one torch thread is faster than two."""
 
 import os
 from collections.abc import Callable
@@ -14,7 +14,7 @@ from tests.support.tiny_config import TINY_CONFIG
 try:
     import torch
 except ModuleNotFoundError:
-    pass  # for the modules that test the core alone, on machines that PyTorch does not serve
+    pass  # for the modules that test only the core, on machines that PyTorch does not support
 else:
     torch.set_num_threads(1)
 
@@ -26,7 +26,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def _log_of_learners(tmp_path_factory: pytest.TempPathFactory) -> None:
-    """Learners without a log make a folder in the temporary folder, unless this names another."""
+    """Learners without a log make a folder in the temporary folder, unless this names another folder."""
     os.environ["SB3_LOGDIR"] = str(tmp_path_factory.mktemp("sb3"))
 
 

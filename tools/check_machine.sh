@@ -31,7 +31,7 @@ elif ! "$PYTHON" -c 'import ensurepip, venv' 2>/dev/null; then
     missing "Python's venv module; on Debian 'apt install python3-venv'"
 fi
 
-# Of the machine and of the container, in kB; nothing where neither says.
+# Of the machine and of the container, in kB; nothing where neither reports it.
 memory=$(awk '/^(MemTotal|SwapTotal):/ { sum += $2 } END { print sum }' /proc/meminfo 2>/dev/null)
 container=$(cat /sys/fs/cgroup/memory.max 2>/dev/null)
 case "$container" in

@@ -2,7 +2,8 @@
 
 `python tools/check_words.py [PATH ...]` prints FILE:LINE, the phrase and its replacement; it fails if there is any.
 Prose is Markdown outside of code, of a changelog the first section; comments of Rust; and comments, docstrings, error
-messages and help of Python.
+messages, messages of asserts and help of Python. Names of tests, and in tests/rust of all functions, are prose too:
+`a_robot_is_at_rest` is "a robot is at rest".
 """
 
 import ast
@@ -21,11 +22,14 @@ CHECKED = (
     "CHANGELOG.md",
     "CONTRIBUTING.md",
     "README.md",
+    "assets",
+    "benches",
     "cad",
     "consumers",
     "crates",
     "docs",
     "examples",
+    "fuzz",
     "python",
     "tests",
     "tools",
@@ -36,20 +40,23 @@ CHECKED = (
 PHRASES = {
     "anew": "again",
     "beside": "next to, compared with, in addition to",
-    "go on|goes on|going on": "continue",
-    "let go": "release",
-    "asks? for|asked for|asking for": "command, request, require",
-    "(is|are|was) told": "is given",
+    "go on|goes on|going on|went on": "continue",
+    "lets? go": "release",
+    "asks?|asked|asking": "command, request, require",
+    "told|tells": "is given, distinguish, report",
+    "knew|(does|do) not know": "the property: a given, known or registered value",
     "makes? of|made of the readings": "a noun: the result, the estimate",
     "bears|borne": "withstand",
+    "stands|stood|stand still|standing still|can stand on": "balance, be at rest, withstand",
     "unless said": "unless stated otherwise",
     "of (its|their|your|our|one's) own": "separate, custom",
     "shares? of": "fraction of",
     "drawn (at random|for each|by each|evenly)": "sampled, random",
-    "is no (matter|state|limit|row|number)": "is not a",
-    "that cannot be (are|is|although)": "invalid parameters",
-    "refuses?|refused": "reject",
+    r"(?<!there\s)(is|are|was|were) no (?!longer|such|closed)\w+": "is not a",
+    "(that|what|which|numbers|together) cannot be (is|are|although|refused|rejected)": "invalid",
+    "refuses?|refused|refusals?": "reject, error",
     "says": "state, print, report",
+    "to the last bit and|as before to the last bit": "bit for bit, unchanged",
     "wants": "need, expect",
     "can pass on|pass on what": "transmit",
     "as likely": "with equal probability",
@@ -109,6 +116,8 @@ def _python(text: str) -> str:
     for node in ast.walk(ast.parse(text)):
         if isinstance(node, ast.Raise) and node.exc is not None:
             lines[node.lineno - 1] += _message(node.exc)
+        elif isinstance(node, ast.Assert) and node.msg is not None:
+            lines[node.lineno - 1] += _message(node.msg)
         elif isinstance(node, ast.keyword) and node.arg == "help":
             lines[node.lineno - 1] += _message(node.value)
         elif isinstance(node, _DOCUMENTED) and ast.get_docstring(node, clean=False) is not None:
@@ -119,6 +128,18 @@ def _python(text: str) -> str:
     return _markdown("\n".join(lines))
 
 
+_NAMES = {
+    ".py": re.compile(r"^\s*(?:async )?def test_(\w+)"),
+    ".rs": re.compile(r"^\s*(?:pub(?:\([a-z]+\))? )?fn (\w+_\w+_\w+)"),
+}
+
+
+def _names(text: str, suffix: str) -> str:
+    """Names of functions, with spaces in place of underscores; of Python only the names of tests."""
+    names = (_NAMES[suffix].search(line) for line in text.split("\n"))
+    return "\n".join(name[1].replace("_", " ") if name else "" for name in names)
+
+
 _PROSE = {".md": _markdown, ".rs": _rust, ".py": _python, ".pyi": _python}
 #: Files with rules that differ from the rules of their suffix.
 _SPECIAL = {"CHANGELOG.md": _changelog}
@@ -126,10 +147,14 @@ _SPECIAL = {"CHANGELOG.md": _changelog}
 
 def found(text: str, name: str) -> Iterator[tuple[int, str, str]]:
     """Line, phrase and replacement of each phrase in a file's text, by its name or suffix."""
-    prose = (_SPECIAL.get(name) or _PROSE[name[name.rindex(".") :]])(text)
-    for search, replacement in _SEARCHES:
-        for match in search.finditer(prose):
-            yield prose.count("\n", 0, match.start()) + 1, " ".join(match[0].split()), replacement
+    suffix = name[name.rindex(".") :]
+    sources = [(_SPECIAL.get(name) or _PROSE[suffix])(text)]
+    if suffix in _NAMES:
+        sources.append(_names(text, suffix))
+    for prose in sources:
+        for search, replacement in _SEARCHES:
+            for match in search.finditer(prose):
+                yield prose.count("\n", 0, match.start()) + 1, " ".join(match[0].split()), replacement
 
 
 def files(paths: Iterable[str]) -> Iterator[Path]:

@@ -1,6 +1,6 @@
 #!/bin/sh
 # The page of `ballbot view` is tested in Chromium. Installs it in CI on Debian as root; elsewhere
-# says what is missing, and the tests skip. Never fails.
+# prints what is missing, and the tests skip. Never fails.
 for browser in chromium chromium-browser google-chrome google-chrome-stable chrome; do
     command -v "$browser" >/dev/null 2>&1 && exit 0
 done

@@ -159,7 +159,7 @@ def main() -> None:
     elif grown:
         fail(
             f"more than {100 * kept['tolerance']:g} % above what is kept, or not kept at all: {', '.join(grown)}.\n"
-            f"If the change is worth it, say so in its commit, with the numbers of: make instructions ACCEPT=1"
+            f"If the change is worth it, state it in its commit, with the numbers of: make instructions ACCEPT=1"
         )
 
 

@@ -172,15 +172,15 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--first", type=int, default=0, help="seed of the first log (default 0)")
     parser.add_argument("--threads", type=int, help="threads of the simulations (default: all cores)")
     parser.add_argument("--figure", type=Path, help="file of the figure (default: none)")
-    asked = parser.parse_args(arguments)
-    study = run(asked.logs, seconds=asked.seconds, first=asked.first, num_threads=asked.threads)
+    requested = parser.parse_args(arguments)
+    study = run(requested.logs, seconds=requested.seconds, first=requested.first, num_threads=requested.threads)
     for failure in study.failures:
         print(failure)
     if not len(study.covered):
         return 1
     print(markdown(study))
-    if asked.figure is not None:
-        draw(study, asked.figure)
+    if requested.figure is not None:
+        draw(study, requested.figure)
     return 0 if holds(study) else 1
 
 

@@ -29,26 +29,26 @@ def write(name: str, module: str, about: str | None, chapters: Sequence[Chapter]
 
     All topics together make docs/`name`.md with figures in docs/`name`; topics requested by name are only printed.
     """
-    asked = arguments(module, about, [topic for chapter in chapters for topic in chapter.topics])
+    chosen = arguments(module, about, [topic for chapter in chapters for topic in chapter.topics])
     found: list[tuple[Topic, Findings]] = []
     parts: list[str] = []
     for chapter in chapters:
         parts += [f"## {chapter.title}", chapter.text]
         for topic in chapter.topics:
-            if asked.topics and topic.name not in asked.topics:
+            if chosen.topics and topic.name not in chosen.topics:
                 continue
             findings = run(topic)
             found.append((topic, findings))
-            if asked.topics:
-                print_alone(topic, findings, asked.figures)
+            if chosen.topics:
+                print_alone(topic, findings, chosen.figures)
             else:
                 draw(topic, findings, DOCS / name)
                 parts.append(section(topic, findings, module, name))
-    if not asked.topics:
+    if not chosen.topics:
         path = DOCS / f"{name}.md"
         path.write_text("\n\n".join(part.strip() for part in [head(found), *parts] if part) + "\n", encoding="utf-8")
         print(f"wrote {path}")
-    return verdict([findings for _, findings in found], asked.allow_missing)
+    return verdict([findings for _, findings in found], chosen.allow_missing)
 
 
 def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argparse.Namespace:
@@ -66,7 +66,7 @@ def arguments(module: str, about: str | None, topics: Iterable[Topic]) -> argpar
     if unknown := [name for name in found.topics if name not in known]:
         parser.error(f"no topic {', '.join(unknown)}; there are: {', '.join(known)}")
     if found.figures and not found.topics:
-        parser.error("--figures goes with topics; a page has its figures beside it, in docs")
+        parser.error("--figures goes with topics; a page has its figures next to it, in docs")
     return found
 
 

@@ -2,7 +2,7 @@
 //! memory.
 //!
 //! An input is the URDF of the bot followed by `<!--ball-->` and the URDF of the ball. Without the mark it is the URDF
-//! of the bot alone, and the ball is the shipped one.
+//! of only the bot, and the ball is the shipped one.
 #![no_main]
 
 use ballbot_core::Error;

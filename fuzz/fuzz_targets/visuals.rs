@@ -1,6 +1,6 @@
 //! Fuzz target of the visual elements of URDFs. Any text must give shapes of positive finite size or an error.
 //!
-//! Inputs are those of the target `urdf`.
+//! Inputs are shared with the target `urdf`.
 #![no_main]
 
 use ballbot_core::Error;

@@ -61,13 +61,13 @@ def check_bounded(name: str, value: float, low: float, high: float) -> float:
     return number
 
 
-def real_array(what: str, value: npt.ArrayLike, wanted: str, kinds: str = "biuf") -> npt.NDArray[Any]:
+def real_array(what: str, value: npt.ArrayLike, desired: str, kinds: str = "biuf") -> npt.NDArray[Any]:
     """An array-like as an array of the type that NumPy gives it, as the core takes arrays.
 
     Args:
         what: begins the message, as "the law gave".
         value: the array-like.
-        wanted: ends the message.
+        desired: ends the message.
         kinds: the accepted kinds of NumPy types.
 
     Raises:
@@ -75,14 +75,14 @@ def real_array(what: str, value: npt.ArrayLike, wanted: str, kinds: str = "biuf"
     """
     parts = value if isinstance(value, (list, tuple)) else (value,)
     if any(isinstance(part, np.ma.MaskedArray) for part in parts):
-        raise TypeError(f"{what} a masked array: expected {wanted}, fill it first")
+        raise TypeError(f"{what} a masked array: expected {desired}, fill it first")
     try:
         array = np.asarray(value)
     except (TypeError, ValueError) as error:
-        raise TypeError(f"{what} {value!r}: expected {wanted}") from error
+        raise TypeError(f"{what} {value!r}: expected {desired}") from error
     if array.dtype.kind not in kinds:
         given = f"an array of dtype {array.dtype}" if array.ndim else repr(value)
-        raise TypeError(f"{what} {given}: expected {wanted}")
+        raise TypeError(f"{what} {given}: expected {desired}")
     return array
 
 

@@ -340,11 +340,11 @@ class Params:
     def gravity_vector(self) -> tuple[float, float, float]:
         """Acceleration of gravity in the frame of the floor, m/s²: (0, 0, -g) on a level floor."""
     def slope_lean(self) -> tuple[float, float]:
-        """Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
+        """Tilt (x, y) from the floor's normal at which the robot is at rest on the slope of `floor_tilt`, rad, as
         `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
         """
     def slope_limits(self, fall_tilt: float = ...) -> dict[str, float]:
-        """Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
+        """Slopes on which the robot can balance at rest in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
         which its lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball begins to slip; `motor`, at which
         a motor reaches its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
         """
@@ -660,7 +660,7 @@ class Ballbot:
     def place_on_ground(self, x: float, y: float, yaw: float = 0.0, tilt: npt.ArrayLike | None = None) -> None:
         """Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
         is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
-        it stands still on the slope there.
+        it is at rest on the slope there.
 
         Raises:
             ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.
@@ -1230,7 +1230,7 @@ class Batch:
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
         options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-            None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, instruments by their names
+            None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
             in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
             ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
             `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),

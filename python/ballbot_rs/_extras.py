@@ -7,11 +7,11 @@ from pathlib import Path
 
 def install_hint(*extras: str) -> str:
     """The command that installs optional dependencies, for a clone of the repository or an installed package."""
-    wanted = ",".join(extras)
+    listed = ",".join(extras)
     clone = Path(__file__).resolve().parents[2]
     if (clone / "pyproject.toml").is_file():
-        return f"pip install -e '{'.' if Path.cwd() == clone else clone}[{wanted}]'"
-    return f"pip install 'ballbot-rs[{wanted}]'"
+        return f"pip install -e '{'.' if Path.cwd() == clone else clone}[{listed}]'"
+    return f"pip install 'ballbot-rs[{listed}]'"
 
 
 @contextlib.contextmanager

@@ -27,23 +27,23 @@ def replacing(path: Path) -> Iterator[Path]:
         OSError: the file cannot be written or moved; its `filename` is `path`.
     """
     target = path.resolve() if path.is_symlink() else path
-    beside = target.with_name(f".{target.stem[:100]}.{os.getpid()}{PARTIAL}{target.suffix[:20]}")
+    temporary = target.with_name(f".{target.stem[:100]}.{os.getpid()}{PARTIAL}{target.suffix[:20]}")
     try:
         if target.exists() and not stat.S_ISREG(target.stat().st_mode):
             raise OSError(errno.EEXIST, "it is there already and is not a regular file")
         target.parent.mkdir(parents=True, exist_ok=True)
-        _unfinished.add(beside)
-        yield beside
-        with beside.open("r+b") as written:
+        _unfinished.add(temporary)
+        yield temporary
+        with temporary.open("r+b") as written:
             os.fsync(written.fileno())
-        beside.replace(target)
+        temporary.replace(target)
         _sync_folder(target.parent)
     except OSError as error:
         raise OSError(error.errno or errno.EIO, f"not written: {error.strerror or error}", str(path)) from error
     finally:
         with contextlib.suppress(OSError):
-            beside.unlink(missing_ok=True)
-        _unfinished.discard(beside)
+            temporary.unlink(missing_ok=True)
+        _unfinished.discard(temporary)
 
 
 @contextlib.contextmanager
@@ -64,8 +64,8 @@ def write(path: Path, content: bytes | str) -> None:
     Raises:
         OSError: as `replacing`.
     """
-    with replacing(path) as beside:
-        beside.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
+    with replacing(path) as temporary:
+        temporary.write_bytes(content.encode("utf-8") if isinstance(content, str) else content)
 
 
 def delete_unfinished() -> None:

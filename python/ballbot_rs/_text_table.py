@@ -46,9 +46,9 @@ _PUSHED: dict[str, tuple[str, Callable[[Result], str]]] = {
 }
 
 
-#: Why success is no measure of robustness.
+#: Why success does not measure robustness.
 PUSH_NOTE = (
-    "A push shortly before the end denies success to any controller: upright, recovery and ball tell how robust it is."
+    "A push shortly before the end denies success to any controller: upright, recovery and ball measure its robustness."
 )
 
 #: Why the PID rarely succeeds.

@@ -48,7 +48,7 @@ def test_a_controller_in_python_has_the_rows_of_the_core(setpoints):
 
 
 @pytest.mark.parametrize("source", ["lqr", Mine])
-def test_parts_of_a_run_are_the_run(source):
+def test_consecutive_parts_equal_the_whole_run(source):
     whole = loop(source).rows(STEPS, RECORD, REFERENCES, pushes(), POINTS)
     one = loop(source)
     parts = [one.rows(10, RECORD, REFERENCES, pushes()[k : k + 10], POINTS) for k in range(0, STEPS, 10)]

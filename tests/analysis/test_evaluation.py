@@ -11,7 +11,7 @@ from tests.support.policies import edited_policy
 SHORT = {"model": "spatial", "max_episode_steps": 60}
 
 
-def test_controllers_beside_a_policy_run_its_task(tiny_run):
+def test_controllers_compared_with_a_policy_run_its_task(tiny_run):
     results = compare([str(tiny_run), "lqr"], episodes=2)
     assert [result.model for result in results] == ["spatial", "spatial"]
     assert results[0].control_dt == results[1].control_dt
@@ -31,7 +31,7 @@ def test_the_pid_runs_at_500_hz(sim_dt):
     assert evaluate("pid", episodes=1, env_options={**SHORT, "sim_dt": sim_dt}).control_dt == 0.002
 
 
-def test_a_time_step_that_does_not_divide_that_of_the_controller_is_refused():
+def test_a_time_step_that_does_not_divide_the_period_of_the_controller_is_rejected():
     options = {**SHORT, "sim_dt": 0.005}
     with pytest.raises(ValueError, match=r"control_dt = 0\.002 s, which is not a multiple of sim_dt = 0\.005 s"):
         evaluate("pid", episodes=1, env_options=options)
@@ -39,7 +39,7 @@ def test_a_time_step_that_does_not_divide_that_of_the_controller_is_refused():
 
 
 @pytest.mark.parametrize("control_dt", [0.001, 0.0033, 0.0125])
-def test_a_law_runs_at_its_own_rate_whatever_the_usual_time_step(control_dt):
+def test_a_law_runs_at_its_rate_whatever_the_default_time_step(control_dt):
     """0.0033 s became 0.004 s, two of the task's time steps."""
 
     class Law:
@@ -60,7 +60,7 @@ def test_the_same_starts_give_the_same_result():
     assert evaluate("lqr", episodes=3, env_options=SHORT) != evaluate("lqr", episodes=3, seed=5, env_options=SHORT)
 
 
-def test_metrics_are_those_of_the_episode_that_left_its_tile():
+def test_metrics_belong_to_the_episode_that_left_its_tile():
     # Once off its tile a robot starts again, and has moved a short distance when the last robot leaves.
     hills = {"kind": "hills", "slope": 0.0, "tiles": 1, "tile": 5.0}
     options = {"terrain": hills, "speed": 1.0, "max_episode_steps": 1000}
@@ -77,7 +77,7 @@ def pushes(size, every=(3.0, 3.0)):
     return {"events": [push], **dict.fromkeys(("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"), 0.0)}
 
 
-def test_the_time_to_recover_is_that_of_a_single_push():
+def test_the_recovery_time_matches_a_single_push():
     result = evaluate("lqr", episodes=2, env_options={**pushes(0.5), "max_episode_steps": 600})
     alone = bb.simulate("lqr", pushes=[bb.Push((0.5, 0.0, 0.0), time=3.0, point=(0.0, 0.0, 0.1))], seconds=6.0)
     tilts = [state.tilt for state in alone.states]
@@ -88,13 +88,13 @@ def test_the_time_to_recover_is_that_of_a_single_push():
 
 
 def test_pushes_that_are_all_alike_are_counted():
-    """Their draws do not change from one to the next."""
+    """Their random numbers do not change from episode to episode."""
     result = evaluate("lqr", episodes=3, env_options={**pushes(0.1, (1.0, 1.0)), "max_episode_steps": 550})
     assert result.pushes == 3 * 5
     assert evaluate("lqr", episodes=3, env_options=SHORT).pushes == 0
 
 
-def test_recovery_tells_controllers_apart_that_have_one_rate_of_success():
+def test_recovery_distinguishes_controllers_with_equal_success_rates():
     """Before, success under pushes was 0 % for both, because of a push in its last 2 s."""
     options = pushes(0.5, (2.4, 2.4))
     brisk, slow = compare(["lqr", bb.Lqr(position=0.6)], episodes=2, env_options=options)

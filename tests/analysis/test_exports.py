@@ -1,4 +1,4 @@
-"""What a trajectory writes is what it holds."""
+"""Exported files equal the trajectory."""
 
 import base64
 import csv
@@ -16,7 +16,7 @@ EVENTS = [{"term": "body_mass", "mode": "reset", "range": [0.95, 1.05]}]
 
 @pytest.fixture(scope="module")
 def done():
-    """Everything that a trajectory can have: a reference, estimates, draws."""
+    """Everything that a trajectory can have: a reference, estimates, random parameters."""
     return bb.simulate(
         "lqr",
         reference=bb.Reference.circle(0.3, 6.0),
@@ -54,7 +54,7 @@ def test_columns_are_the_rows_of_the_trajectory(done):
     np.testing.assert_array_equal(columns["drawn_body_mass"], done.draws["body_mass"])
 
 
-def test_estimates_after_a_fall_are_not_numbers(fallen):
+def test_estimates_after_a_fall_are_nan(fallen):
     column = fallen.columns()["estimated_tilt_rad"]
     known = len(fallen.estimates)
     assert 0 < known < len(fallen.times)
@@ -63,7 +63,7 @@ def test_estimates_after_a_fall_are_not_numbers(fallen):
 
 
 @pytest.mark.parametrize("which", ["done", "fallen"])
-def test_csv_and_npz_are_read_back_to_the_last_bit(which, request, tmp_path):
+def test_csv_and_npz_round_trip_exactly(which, request, tmp_path):
     trajectory = request.getfixturevalue(which)
     expected = trajectory.columns()
     trajectory.to_csv(tmp_path / "a.csv")
@@ -79,7 +79,7 @@ def test_csv_and_npz_are_read_back_to_the_last_bit(which, request, tmp_path):
 
 
 @pytest.mark.parametrize("which", ["done", "fallen"])
-def test_mcap_has_a_message_a_row_and_topic(which, request, tmp_path):
+def test_mcap_has_a_message_for_each_row_and_topic(which, request, tmp_path):
     reader = pytest.importorskip("mcap.reader", reason="needs 'ballbot-rs[mcap]'")
     trajectory = request.getfixturevalue(which)
     trajectory.to_mcap(tmp_path / "a.mcap")
@@ -129,7 +129,7 @@ def test_a_missing_package_is_named(done, module, extra, monkeypatch, tmp_path):
         done.to_dataframe() if extra == "pandas" else done.to_mcap(tmp_path / "a.mcap")
 
 
-def test_the_suffix_of_a_file_says_what_it_is(done, tmp_path):
+def test_the_suffix_of_a_file_selects_its_format(done, tmp_path):
     for write, suffix in ((done.to_csv, ".csv"), (done.to_npz, ".npz"), (done.to_mcap, ".mcap")):
         with pytest.raises(ValueError, match=f"the name of the file must end in \\{suffix}"):
             write(tmp_path / "a.txt")

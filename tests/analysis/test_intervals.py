@@ -8,14 +8,14 @@ from ballbot_rs.analysis import intervals
 
 
 @pytest.mark.parametrize(("successes", "count"), [(0, 10), (3, 10), (100, 100), (173, 200)])
-def test_the_interval_of_a_share_is_wilsons(successes, count):
+def test_the_interval_of_a_fraction_is_wilsons(successes, count):
     expected = stats.binomtest(successes, count).proportion_ci(method="wilson")
     found = intervals.of_share(successes / count, count)
     np.testing.assert_allclose(found, (expected.low, expected.high), rtol=1e-6, atol=1e-12)
 
 
 @pytest.mark.slow("many samples")
-def test_the_interval_of_a_mean_holds_it_as_often_as_it_says():
+def test_the_interval_of_a_mean_has_its_nominal_coverage():
     rng = np.random.default_rng(5)
     held = 0
     for _ in range(200):

@@ -1,4 +1,4 @@
-"""Controllers as objects, the one rollout and the one settling time."""
+"""Controllers as objects, rollouts and settling times."""
 
 import numpy as np
 import pytest
@@ -57,7 +57,7 @@ def test_a_function_is_a_controller():
     assert vars(mine) == {**vars(named), "controller": "still"}
 
 
-def test_each_robot_has_its_own_memory_and_each_run_a_new_one():
+def test_each_robot_has_separate_memory_and_each_run_starts_with_new_memory():
     law = Counting()
     results = [bb.evaluate(law, episodes=4, env_options=SHORT) for _ in range(2)]
     assert results[0] == results[1]
@@ -65,7 +65,7 @@ def test_each_robot_has_its_own_memory_and_each_run_a_new_one():
     np.testing.assert_allclose(alone.torques[:5, 0], 1e-4 * np.arange(1, 6), rtol=1e-5)
 
 
-def test_an_object_runs_at_its_own_rate():
+def test_an_object_runs_at_its_rate():
     shown = bb.run(bb.Pid(control_dt=0.002), seconds=0.5, env_options=SHORT)
     named = bb.run("pid", seconds=0.5, env_options=SHORT)
     np.testing.assert_array_equal(shown.torques, named.torques)
@@ -82,13 +82,13 @@ class Uncopied(Counting):
         raise TypeError("one of a kind")
 
 
-def test_objects_that_cannot_be_copied_are_refused_for_several_robots():
+def test_objects_that_cannot_be_copied_are_rejected_for_several_robots():
     with pytest.raises(TypeError, match="uncopied cannot be copied for 2 robots: one of a kind"):
         bb.evaluate(Uncopied(), episodes=2, env_options=SHORT)
 
 
 @pytest.mark.parametrize("source", ["lqr", Proportional()], ids=["in the core", "in Python"])
-def test_chunks_of_a_rollout_are_the_steps_of_the_batch(source):
+def test_chunks_of_a_rollout_equal_steps_of_the_batch(source):
     controller = find(source)
     batch, twin = (batch_for(controller, 3, task="balance", num_threads=1, seed=4, options=SHORT) for _ in range(2))
     twin.reset()
@@ -122,7 +122,7 @@ def test_settling_time(series, expected):
     assert settling_times(columns, 1.0, 0.1) == pytest.approx([expected, 0.0])
 
 
-def test_the_seed_of_a_trajectory_is_that_of_its_events():
+def test_the_seed_of_a_trajectory_seeds_its_events():
     events = {"events": "mild", "max_episode_steps": 20}
     drawn = [bb.run("lqr", seconds=0.1, env_options=events, seed=seed) for seed in (0, 0, 5)]
     assert drawn[0].params == drawn[1].params != drawn[2].params

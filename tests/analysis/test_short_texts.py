@@ -70,7 +70,7 @@ def test_a_tuned_controller_is_one_line():
     assert repr(tuned) == "<Tuned lqr: cost 0.5679 after 200 evaluations, position=0.1235, tilt=2>"
 
 
-def test_a_controller_says_what_it_is():
+def test_the_repr_of_a_controller_describes_it():
     info = bb.controllers()["lqr"]
     assert repr(info) == f"<ControllerInfo lqr: {info.summary}>"
     cells = Tags(info._repr_html_()).cells
@@ -91,7 +91,7 @@ def test_a_state_is_one_line_and_a_table(paper):
     assert Tags(contacts._repr_html_()).cells[0] == "wheel_normal_forces"
 
 
-def test_a_name_that_is_much_like_a_known_one_is_asked_for(paper):
+def test_a_misspelt_name_suggests_the_closest_known_name(paper):
     with pytest.raises(TypeError, match="did you mean 'position'"):
         bb.Lqr(paper, positon=0.1)
     with pytest.raises(ValueError, match="did you mean 'cascade_pid'"):

@@ -25,12 +25,12 @@ class Follower:
 
 
 @pytest.mark.parametrize("controller", ["lqr", Follower])
-def test_a_circle_of_six_seconds_is_followed_within_a_millimetre(controller):
+def test_a_circle_of_six_seconds_is_followed_within_a_millimeter(controller):
     done = bb.simulate(controller, reference=CIRCLE, seconds=12.0)
-    wanted = CIRCLE.sample(done.times)
-    for part, values in wanted.items():
+    desired = CIRCLE.sample(done.times)
+    for part, values in desired.items():
         np.testing.assert_allclose(done.setpoints[part], values, atol=1e-12)
-    errors = np.linalg.norm(done.of_states("ball_position")[:, :2] - wanted["position"], axis=1)
+    errors = np.linalg.norm(done.of_states("ball_position")[:, :2] - desired["position"], axis=1)
     metrics = done.metrics()
     assert metrics.position_error_rms == pytest.approx(np.sqrt(np.mean(errors**2)), rel=1e-12)
     assert metrics.position_error_rms < 1e-3
@@ -42,7 +42,7 @@ def test_a_circle_of_six_seconds_is_followed_within_a_millimetre(controller):
     assert placed.metrics().position_error_rms > 0.05
 
 
-def test_a_reference_says_where_the_robot_begins_and_how_long_it_runs():
+def test_a_reference_has_a_start_and_a_duration():
     line = bb.Reference.line((1.0, 0.5), 4.0, (0.5, 0.5), yaw=0.4)
     done = bb.simulate("lqr", reference=line)
     assert done.times[-1] == pytest.approx(4.0)
@@ -58,7 +58,7 @@ def test_a_reference_says_where_the_robot_begins_and_how_long_it_runs():
 HEAVY = bb.Params.paper().replace(body_mass=12.0, body_com_height=0.35, body_inertia=(1.0, 1.0, 0.1))
 
 
-def test_a_reference_is_that_of_the_robot_that_follows_it():
+def test_a_reference_is_made_for_the_robot_that_follows_it():
     """It was made for the paper's robot, whichever robot ran."""
     motion = bb.Reference.circle(0.5, 10.0)
     assert motion.params is None
@@ -97,7 +97,7 @@ def test_a_batch_follows_the_reference_of_the_robot_of_its_controller():
 
 
 @pytest.mark.parametrize("motion", [bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, friction=0.1)])
-def test_a_reference_that_crosses_between_processes_is_of_any_robot_still(motion):
+def test_a_pickled_reference_is_still_for_any_robot(motion):
     again = pickle.loads(pickle.dumps(motion))
     assert again.params is None
     np.testing.assert_array_equal(again.for_robot(HEAVY)(3.0)["snap"], motion.for_robot(HEAVY)(3.0)["snap"])
@@ -105,7 +105,7 @@ def test_a_reference_that_crosses_between_processes_is_of_any_robot_still(motion
 
 
 def test_the_time_step_of_the_model_is_in_the_results():
-    """A rate that is no multiple of it shortened it, and nothing said so."""
+    """A rate that is not a multiple of it shortened it without an error."""
 
     class Odd:
         control_dt = 0.0031
@@ -163,7 +163,7 @@ def test_a_push_over_a_duration_is_half_a_sine_of_the_same_impulse():
     assert rates[0][20] == pytest.approx(rates[1][20], rel=0.05)
 
 
-def test_the_point_of_a_push_is_that_of_a_robot():
+def test_a_push_at_a_point_matches_a_single_robot():
     point = (0.0, 0.0, 0.3)
     done = bb.simulate("zero", pushes=[bb.Push((0.1, 0.0, 0.0), 0.0, point=point)], **ON_BALL)
     twin = bb.Ballbot(PARAMS, "spatial", 0.002)
@@ -180,7 +180,7 @@ def test_a_force_is_its_impulse_in_each_step_while_it_lasts():
     pushes = [bb.Push((0.01, 0.0, 0.0), 0.10), *(bb.Push((0.02, 0.0, 0.0), 0.01 * i) for i in range(11, 20))]
     same = bb.simulate("zero", pushes=pushes, **ON_BALL)
     np.testing.assert_allclose(done.to_array(), same.to_array(), atol=1e-12)
-    # A steady force leaves LQR with an offset that lqi takes away.
+    # A steady force leaves LQR with an offset that lqi removes.
     ends = [
         bb.simulate(name, forces=[bb.Force((0.3, 0.0, 0.0))], seconds=15.0).metrics().position_error_final
         for name in ("lqr", "lqi")
@@ -202,7 +202,7 @@ def test_a_fallen_robot_lies_and_its_metrics_end_with_the_fall():
     assert (done.torques[before:] == 0.0).all()
 
 
-def test_metrics_are_those_of_the_rows():
+def test_metrics_match_the_rows():
     done = bb.simulate("lqr", tilt=(0.1, 0.0), robot=PARAMS.replace(body_com_offset=(0.003, 0.0)), seconds=2.0)
     metrics = done.metrics()
     # From the equilibrium, which the mast of this robot is not upright in.
@@ -215,7 +215,7 @@ def test_metrics_are_those_of_the_rows():
     assert metrics.traction_utilization_max == pytest.approx(share)
 
 
-def test_options_are_those_of_the_environment():
+def test_options_match_the_environment():
     named = bb.simulate(
         "lqr",
         robot="kugle",
@@ -277,7 +277,7 @@ def still(_):
         ("lqr", {"robot": "kugel"}, ValueError, "kugel"),
     ],
 )
-def test_what_cannot_be_is_named(controller, arguments, error, message):
+def test_invalid_arguments_are_named(controller, arguments, error, message):
     with pytest.raises(error, match=message):
         bb.simulate(controller, **{"seconds": 5.0, **arguments})
 
@@ -301,15 +301,15 @@ def test_a_trajectory_ends_where_the_ground_does():
     assert small.contains(*(there.states[-2].ball_position[:2]))
 
 
-def test_pushes_that_were_drawn_are_found_where_the_body_changes_its_velocity():
+def test_sampled_pushes_are_found_where_the_body_changes_its_velocity():
     events = [
         {"term": "push", "mode": "interval", "every": [0.5, 0.9], "range": [0.1, 0.3]},
         {"term": "push", "id": 3, "mode": "at", "at": 1.0, "range": [0.1, 0.2], "op": "scale", "height": [0.0, 0.2]},
     ]
-    asked = bb.Push((0.05, 0.0, 0.0), time=0.2)
-    found = bb.simulate("lqr", seconds=3.0, tilt=(0.0, 0.0), pushes=[asked], events=events)
-    assert found.pushes == (asked,)
-    assert found.all_pushes == (asked, *found.drawn_pushes)
+    requested = bb.Push((0.05, 0.0, 0.0), time=0.2)
+    found = bb.simulate("lqr", seconds=3.0, tilt=(0.0, 0.0), pushes=[requested], events=events)
+    assert found.pushes == (requested,)
+    assert found.all_pushes == (requested, *found.drawn_pushes)
     assert len(found.drawn_pushes) >= 4
     velocities = found.of_states("body_velocity")[:, :2]
     for push in found.drawn_pushes:
@@ -331,7 +331,7 @@ def test_pushes_of_a_task_are_found():
     assert bb.simulate("lqr", seconds=1.0).drawn_pushes == ()
 
 
-def test_a_trajectory_crosses_between_processes():
+def test_a_trajectory_survives_pickling():
     done = bb.simulate("lqr", seconds=0.3, reference=CIRCLE, pushes=[bb.Push((0.3, 0.0, 0.0), 0.1)])
     again = pickle.loads(pickle.dumps(done))
     assert repr(again) == repr(done)
@@ -356,7 +356,7 @@ MOTIONS = [
 
 
 @pytest.mark.parametrize("motion", MOTIONS, ids=repr)
-def test_a_motion_crosses_between_processes(motion):
+def test_a_motion_survives_pickling(motion):
     times = np.linspace(0.0, 15.0, 31)
     for again in (pickle.loads(pickle.dumps(motion)), copy.deepcopy(motion)):
         assert repr(again) == repr(motion)
@@ -365,7 +365,7 @@ def test_a_motion_crosses_between_processes(motion):
             np.testing.assert_array_equal(again.sample(times)[part], values, err_msg=part)
 
 
-def test_the_setpoints_are_what_the_task_asks_for():
+def test_the_setpoints_match_the_commands_of_the_task():
     """They were the origin, and the goal a position error of the whole way."""
     done = bb.simulate("lqr", task="goal", seconds=6.0, seed=3)
     goal = done.setpoints["position"][-1]

@@ -63,11 +63,11 @@ def test_the_record_names_the_meshes_that_are_there():
 
 
 @pytest.mark.parametrize("name", TABLE_II)
-def test_recorded_masses_are_those_of_table_ii(name):
+def test_recorded_masses_match_table_ii(name):
     assert RECORD["table_ii"][name] == pytest.approx(TABLE_II[name], rel=0.02)
 
 
-def test_the_table_is_that_of_the_preset(paper):
+def test_the_table_matches_the_preset(paper):
     expected = {
         "M_b": paper.body_mass,
         "l": paper.body_com_height,
@@ -135,7 +135,7 @@ def test_meshes_are_closed_and_fill_the_recorded_volume(path):
 
 
 @pytest.mark.parametrize(("link", "limit"), [("body", 0.02), ("wheel", 0.03)])
-def test_meshes_weigh_what_the_record_says(link, limit):
+def test_meshes_have_the_recorded_masses(link, limit):
     mass, center, inertia = weighed(link)
     recorded = RECORD["links"][link]
     assert mass == pytest.approx(recorded["mass"], rel=limit)
@@ -170,7 +170,7 @@ def test_the_body_does_not_touch_the_ball(name, paper):
     assert np.linalg.norm(points, axis=2).min() > paper.ball_radius + 2e-3
 
 
-def test_the_visuals_leave_the_parameters_alone(paper):
+def test_the_visuals_do_not_change_the_parameters(paper):
     found = Params.from_urdf(BOT, ASSETS / "ball.urdf")
     assert found.wheel_radius == paper.wheel_radius
     assert found.body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
@@ -199,9 +199,9 @@ class TestOtherReaders:
 
     def test_mujoco(self, tmp_path):
         mujoco = pytest.importorskip("mujoco")
-        assert mujoco.MjModel.from_xml_path(str(BOT)).nmesh == 0, "it leaves out visuals unless it is told to keep them"
-        told = '<robot name="ballbot"><mujoco><compiler discardvisual="false"/></mujoco>'
-        text = BOT.read_text(encoding="utf-8").replace('<robot name="ballbot">', told)
+        assert mujoco.MjModel.from_xml_path(str(BOT)).nmesh == 0, "it leaves out visuals by default"
+        keeping = '<robot name="ballbot"><mujoco><compiler discardvisual="false"/></mujoco>'
+        text = BOT.read_text(encoding="utf-8").replace('<robot name="ballbot">', keeping)
         (tmp_path / "bot.urdf").write_text(text, encoding="utf-8")
         shutil.copytree(ASSETS / "meshes", tmp_path / "meshes")
         model = mujoco.MjModel.from_xml_path(str(tmp_path / "bot.urdf"))

@@ -130,7 +130,7 @@ def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, argum
     assert err.startswith("ballbot: ")
     assert message in err
     assert err.count("\n") == 1
-    assert list(tmp_path.iterdir()) == [], "a refused command left files behind"
+    assert list(tmp_path.iterdir()) == [], "a rejected command left files behind"
 
 
 def test_an_unknown_configuration_key_exits_with_1(capsys, tmp_path, tiny_config):
@@ -181,7 +181,7 @@ def test_train_with_the_default_configuration(capsys, tmp_path):
     assert (code, err.count("\n")) == (1, 1)
     assert err.startswith("ballbot: the training has failed: after 16384 steps the best policy succeeds in ")
     report = parse_json(out)
-    # Too short for an evaluation on the way: the one at the end decides.
+    # Too short for intermediate evaluations: the evaluation at the end decides.
     assert Path(report["policy"]) == folder / "best_model.zip"
     assert report["seconds"] > 0
     assert [result["controller"] for result in report["results"]] == [report["policy"], "lqr", "pid"]
@@ -199,20 +199,20 @@ def test_train_resume_and_overwrite(capsys, tmp_path, tiny_config):
     code, _, err = run(capsys, *train)
     assert code == 1
     assert all(option in err for option in ("holds an earlier run", "--resume", "--overwrite", "--run"))
-    assert "saved" not in err, "a refused run has saved nothing"
+    assert "saved" not in err, "a rejected run has saved nothing"
     assert err.count("\n") == 1
     longer = (folder / "config.toml").read_text(encoding="utf-8").replace("768", "1024")
     (folder / "config.toml").write_text(longer, encoding="utf-8")
     assert run(capsys, "train", "balance", "--resume", folder, "--quiet", "--episodes", 0, "--no-report")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 1024
     kept = {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
-    refused = {
+    rejected = {
         ("velocity", "--resume", folder): f"{folder} is a run of balance, not of velocity",
         ("--resume", folder, "--timesteps", 700): "timesteps = 700: the run has already done 1024 steps",
     }
-    for arguments, said in refused.items():
+    for arguments, output in rejected.items():
         code, _, err = run(capsys, "train", *arguments, "--quiet")
-        assert (code, said in err) == (1, True), err
+        assert (code, output in err) == (1, True), err
         assert {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()} == kept
     assert run(capsys, *train, "--overwrite")[0] == 0
     assert PPO.load(folder / "final_model.zip").num_timesteps == 768
@@ -258,7 +258,7 @@ def test_the_installed_command():
     assert b"Traceback" not in failed.stderr
 
 
-def test_no_command_prints_the_help(capsys):
+def test_without_a_command_the_help_is_printed(capsys):
     code, out, err = run(capsys)
     assert (code, err) == (0, "")
     assert "usage: ballbot" in out
@@ -277,7 +277,7 @@ def test_no_command_prints_the_help(capsys):
         (["list", "polices"], "did you mean 'policies'?"),
     ],
 )
-def test_a_misspelt_word_is_answered_with_the_closest_one(capsys, arguments, hint):
+def test_a_misspelt_word_suggests_the_closest_word(capsys, arguments, hint):
     code, _, err = run(capsys, *arguments)
     assert code == 2
     assert hint in err
@@ -302,7 +302,7 @@ def test_shared_options_are_the_same_and_in_the_same_order_everywhere(capsys):
         assert "-o " in run(capsys, command, "--help")[1]
 
 
-def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
+def test_evaluate_accepts_a_robot_by_name_or_file(capsys, tmp_path):
     file = tmp_path / "mine.toml"
     file.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
     results = []
@@ -316,7 +316,7 @@ def test_evaluate_takes_a_robot_by_name_or_file(capsys, tmp_path):
     assert results[0] != parse_json(out)["results"]
 
 
-def test_a_parameter_of_the_command_line_is_that_of_a_file(capsys, tmp_path):
+def test_a_parameter_of_the_command_line_equals_a_parameter_of_a_file(capsys, tmp_path):
     file = tmp_path / "mine.toml"
     changed = Params.preset("kugle").replace(body_mass=12.0, body_com_offset=(0.01, -0.002))
     file.write_text(_toml.dumps(changed.to_dict()), encoding="utf-8")
@@ -344,7 +344,7 @@ def test_what_is_printed_fits_100_columns(capsys, monkeypatch, arguments):
     assert max(map(len, out.splitlines())) <= 100
 
 
-def test_view_draws_robots_and_has_motors(capsys, monkeypatch, tmp_path):
+def test_view_randomizes_robots_and_has_motors(capsys, monkeypatch, tmp_path):
     pytest.importorskip("viser")
     from ballbot_rs.cli import view
 
@@ -396,7 +396,7 @@ def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     assert "pid controls only the tilt: its ball drifts off" in text
 
 
-def test_plot_draws_robots_with_events(capsys, tmp_path):
+def test_plot_randomizes_robots_with_events(capsys, tmp_path):
     drawn = ("plot", "--events", "hard", "--seed", 3, "--seconds", 0.1, "--json", "-o", tmp_path)
     code, out, _ = run(capsys, *drawn)
     assert code == 0
@@ -418,14 +418,14 @@ def test_the_rate_of_the_pid_does_not_depend_on_what_it_is_compared_with(capsys,
     assert rates(*both, "--set", "control_dt=0.004") == [0.004, 0.004]
 
 
-def test_completion_without_shtab_says_what_to_install(capsys, monkeypatch):
+def test_completion_without_shtab_names_what_to_install(capsys, monkeypatch):
     monkeypatch.setitem(sys.modules, "shtab", None)
     code, _, err = run(capsys, "--print-completion", "bash")
     assert code == 1
     assert "needs shtab: install it with `pip install" in err
 
 
-def test_view_takes_a_training_run(capsys, tiny_run):
+def test_view_accepts_a_training_run(capsys, tiny_run):
     pytest.importorskip("viser")
     arguments = ["--batch", 1, "--seconds", 0.5, "--no-open", "--port", 18760]
     code, out, err = run(capsys, "view", "--controller", tiny_run, *arguments)
@@ -450,7 +450,7 @@ def test_view_names_a_urdf_whose_mesh_cannot_be_read(capsys, tmp_path, assets, n
     assert err.count("\n") == 1
 
 
-def test_a_policy_in_the_place_of_the_task_is_compared_with_controllers(capsys):
+def test_a_policy_in_place_of_the_task_is_compared_with_controllers(capsys):
     policy = str(ASSETS / "policies" / "balance.onnx")
     code, out, _ = run(capsys, "evaluate", policy, "--controller", "lqr", "--episodes", "2", "--json")
     assert code == 0

@@ -25,20 +25,20 @@ def test_info_is_the_same_as_json_and_as_text(capsys):
     assert "planar, spatial, contact, rigid" in text
 
 
-def test_info_tells_nothing_of_who_runs_it(capsys, monkeypatch):
+def test_info_contains_no_personal_data(capsys, monkeypatch):
     monkeypatch.setenv("HOME", "/home/someone-unusual")
     monkeypatch.setenv("USER", "someone-unusual")
     assert main(["info"]) == 0
     assert "someone-unusual" not in capsys.readouterr().out
 
 
-def test_what_is_missing_is_said(capsys, monkeypatch):
+def test_missing_libraries_are_reported(capsys, monkeypatch):
     monkeypatch.setattr("ballbot_rs.cli.info.LIBRARIES", ("no-such-library",))
     assert main(["info"]) == 0
     assert "no-such-library not installed" in capsys.readouterr().out
 
 
-def test_a_bar_is_shown_on_a_terminal_alone(capsys, monkeypatch):
+def test_a_bar_is_shown_only_on_a_terminal(capsys, monkeypatch):
     pytest.importorskip("rich")
     with progress.bar("working") as advance:
         advance(1, 2)
@@ -50,7 +50,7 @@ def test_a_bar_is_shown_on_a_terminal_alone(capsys, monkeypatch):
         assert ("working" in capsys.readouterr().err) is not quiet
 
 
-def test_completions_know_every_command(capsys):
+def test_completions_include_every_command(capsys):
     pytest.importorskip("shtab")
     with pytest.raises(SystemExit) as ended:
         main(["--print-completion", "bash"])

@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: one line, the exit code of a shell, and nothing unfinished is left."""
+"""Ctrl-C and SIGTERM: one line, the exit code of a shell, and no unfinished files."""
 
 import os
 import signal
@@ -26,8 +26,8 @@ def test_a_video_that_is_interrupted_leaves_nothing(tmp_path, number, code, line
         assert time.monotonic() < ends
         time.sleep(0.02)
     process.send_signal(number)
-    printed, said = process.communicate(timeout=300)
-    assert (process.returncode, printed, said) == (code, "", line)
+    printed, output = process.communicate(timeout=300)
+    assert (process.returncode, printed, output) == (code, "", line)
     # The encoder may be through with a file that has lost its name.
     assert [path.name for path in tmp_path.iterdir()] == ["a.mp4"]
     assert out.read_bytes() == b"what was there before"
@@ -45,15 +45,15 @@ print("ready", flush=True)
 
 @pytest.mark.parametrize(("number", "code", "line"), ENDINGS)
 @pytest.mark.parametrize("call", ["ctypes.CDLL(None).sleep(600)", "while True: pass"])
-def test_a_long_call_is_no_obstacle(number, code, line, call):
+def test_a_signal_ends_a_long_call(number, code, line, call):
 
     process = subprocess.Popen(
         [sys.executable, "-c", IN_A_LONG_CALL.format(call)], stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
     )
     assert process.stdout.readline() == "ready\n"
     process.send_signal(number)
-    _, said = process.communicate(timeout=300)
-    assert (process.returncode, said) == (code, line)
+    _, output = process.communicate(timeout=300)
+    assert (process.returncode, output) == (code, line)
 
 
 def test_a_signal_that_is_ignored_stays_ignored():
@@ -72,14 +72,14 @@ def test_a_signal_that_is_ignored_stays_ignored():
     assert process.returncode == 0
 
 
-def test_what_is_patient_unwinds():
+def test_signals_unwind_patient_code():
     with pytest.raises(KeyboardInterrupt), _interrupts.patient():
         _interrupts._on_signal(signal.SIGINT, None)
     with pytest.raises(_interrupts.Terminated), _interrupts.patient():
         _interrupts._on_signal(signal.SIGTERM, None)
 
 
-def test_what_must_not_be_interrupted_is_finished_first():
+def test_critical_sections_are_finished_before_an_interrupt():
     done = []
     with pytest.raises(_interrupts.Terminated), _interrupts.patient():  # noqa: PT012
         with _interrupts.held_back():
@@ -92,14 +92,14 @@ def test_what_must_not_be_interrupted_is_finished_first():
 
 
 def test_unfinished_files_and_scratch_folders_are_deleted(tmp_path):
-    with _files.scratch_folder() as scratch, _files.replacing(tmp_path / "a.txt") as beside:
+    with _files.scratch_folder() as scratch, _files.replacing(tmp_path / "a.txt") as temporary:
         (scratch / "x").write_text("x")
-        beside.write_text("half")
+        temporary.write_text("half")
         _files.delete_unfinished()
         assert not scratch.exists()
         assert list(tmp_path.iterdir()) == []
         # The file is needed again only because this test continues.
-        beside.write_text("whole")
+        temporary.write_text("whole")
         scratch.mkdir()
     assert (tmp_path / "a.txt").read_text() == "whole"
 
@@ -115,11 +115,11 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
         )
         assert process.stdout.readline() == "ready\n"
         process.send_signal(signal.SIGINT)
-        _, said = process.communicate(timeout=300)
-        assert (process.returncode, said) == (130, "interrupted\n")
+        _, output = process.communicate(timeout=300)
+        assert (process.returncode, output) == (130, "interrupted\n")
 
 
-def test_a_library_leaves_signals_alone():
+def test_a_library_does_not_change_signals():
     code = "import signal, ballbot_rs; print(signal.getsignal(signal.SIGINT) is signal.default_int_handler)"
     assert subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout == "True\n"
 

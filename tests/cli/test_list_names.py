@@ -8,7 +8,7 @@ from ballbot_rs.control.resolve import NAMES, find
 from tests.support.in_process import parse_json, run
 
 
-def test_list_names_what_other_arguments_take(capsys):
+def test_list_names_the_values_of_other_arguments(capsys):
     pytest.importorskip("onnxruntime")
     code, out, err = run(capsys, "list", "--json")
     assert (code, err) == (0, "")

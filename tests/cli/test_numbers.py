@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ballbot_rs.cli import main, parser
-from ballbot_rs.cli.scenario import task_name
+from ballbot_rs.cli.arguments import task_name
 
 #: (command, option, number of values, lowest or None, highest or None)
 LIMITS = [
@@ -71,7 +71,7 @@ def test_every_numeric_option_is_here():
 
 
 @pytest.mark.parametrize(("command", "option", "count", "low", "high"), LIMITS)
-def test_a_number_out_of_range_is_refused(capsys, tmp_path, monkeypatch, command, option, count, low, high):
+def test_a_number_out_of_range_is_rejected(capsys, tmp_path, monkeypatch, command, option, count, low, high):
     monkeypatch.chdir(tmp_path)
     wrong = ["nan", "inf", "-inf", "1e999", "many", ""]
     wrong += [] if low is None else [f"{low - 1:g}"]
@@ -82,10 +82,10 @@ def test_a_number_out_of_range_is_refused(capsys, tmp_path, monkeypatch, command
         with pytest.raises(SystemExit) as ended:
             main([command, *given, *([f"{option}={value}"] if count == 1 else [option, *[value] * count])])
         assert ended.value.code == 2
-        said = capsys.readouterr().err.splitlines()[-1]
-        assert said.startswith(f"ballbot {command}: error: argument ")
-        assert f"{value} is out of range: it must be " in said or f"'{value}' is not a " in said, said
-        assert high is None or not value.endswith("1") or f"{high:g}" in said or str(high) in said
+        output = capsys.readouterr().err.splitlines()[-1]
+        assert output.startswith(f"ballbot {command}: error: argument ")
+        assert f"{value} is out of range: it must be " in output or f"'{value}' is not a " in output, output
+        assert high is None or not value.endswith("1") or f"{high:g}" in output or str(high) in output
     assert list(tmp_path.iterdir()) == []
 
 

@@ -259,7 +259,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
 }
 #: What needs a cluster: tests/distributed has it.
 ELSEWHERE = {"train": {"--on"}}
-#: How a refusal names an argument that has no dashes or is the value itself.
+#: How an error names an argument that has no dashes or is the value itself.
 NAMED = {
     "policy": "RUN",
     "task": "is of ballbot/Balance-v0, but the task is velocity",
@@ -271,7 +271,7 @@ NAMED = {
 
 
 class Terminal(io.StringIO):
-    """Standard error that is one."""
+    """Standard error without a terminal."""
 
     def isatty(self):
         return True
@@ -294,7 +294,7 @@ class Page:
 
 
 class Clock:
-    """Time that sleeping alone takes, and that is printed."""
+    """Time that only sleeping consumes, and that is printed."""
 
     def __init__(self):
         self.now = 0.0
@@ -309,7 +309,7 @@ class Clock:
 
 @pytest.fixture(scope="module")
 def files(tmp_path_factory, tiny_run):
-    """Paths by the names that stand for them in `CASES`."""
+    """Paths by their placeholders in `CASES`."""
     folder = tmp_path_factory.mktemp("inputs")
     short = TINY_CONFIG.replace("= 768", "= 512")
     texts = {
@@ -358,11 +358,11 @@ def outcome(files, tmp_path, monkeypatch, capsys):
     from ballbot_rs.training import search
     from ballbot_rs.viewer import view as page
 
-    told = []
+    calls = []
 
     def write(folder, progress, target=None, **arguments):
         progress("report")(1, 2)
-        told.append((folder, arguments))
+        calls.append((folder, arguments))
         return target or folder / "report.html"
 
     def draw(figure, path):
@@ -387,7 +387,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
             shutil.copytree(files["run"], folder / "old")
         monkeypatch.chdir(folder)
         terminal = Terminal()
-        told.clear()
+        calls.clear()
         monkeypatch.setattr(view, "time", Clock())
         monkeypatch.setattr("sys.stderr", terminal)
         try:
@@ -400,7 +400,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
         written = {str(path.relative_to(folder)): path for path in sorted(folder.rglob("*")) if path.is_file()}
         names = [name for name in written if "tfevents" not in name]
         hashed = [name for name in names if Path(name).suffix not in (".zip", ".json", ".toml", ".log")]
-        return [text, bool(terminal.getvalue()), told, names, [written[name].read_bytes() for name in hashed]]
+        return [text, bool(terminal.getvalue()), calls, names, [written[name].read_bytes() for name in hashed]]
 
     return carry_out
 

@@ -6,7 +6,7 @@ from ballbot_rs import Params, _toml
 from tests.support.in_process import parse_json, run
 
 
-def test_parts_of_options_are_laid_over_what_other_arguments_name(capsys, tmp_path):
+def test_parts_of_options_override_what_other_arguments_name(capsys, tmp_path):
     motors = tmp_path / "motors.toml"
     motors.write_text("[actuators]\ndelay = 0.02\nlag = 0.01\n")
     how = ("--model", "spatial", "--episodes", 2, "--json")
@@ -23,7 +23,7 @@ def test_parts_of_options_are_laid_over_what_other_arguments_name(capsys, tmp_pa
     assert results[0] == results[1] == results[2] != results[3]
 
 
-def test_parts_of_options_are_laid_over_those_of_a_policy(capsys, tmp_path, tiny_config):
+def test_parts_of_options_override_the_options_of_a_policy(capsys, tmp_path, tiny_config):
     how = ("--run", tmp_path / "run", "--quiet", "--episodes", 0, "--no-report")
     trained = ("--robot", "kugle", "--set", "actuators.lag=0.01")
     assert run(capsys, "train", "--config", tiny_config, *trained, *how)[0] == 0
@@ -36,7 +36,7 @@ def test_parts_of_options_are_laid_over_those_of_a_policy(capsys, tmp_path, tiny
         assert text in conditions
 
 
-def test_train_lays_parts_over_those_of_the_configuration(capsys, tmp_path, tiny_config):
+def test_parts_of_the_command_line_override_the_configuration(capsys, tmp_path, tiny_config):
     from ballbot_rs.training import config
 
     text = tiny_config.read_text(encoding="utf-8")
@@ -51,7 +51,7 @@ def test_train_lays_parts_over_those_of_the_configuration(capsys, tmp_path, tiny
     assert kept.evaluation.episodes == 1
 
 
-def test_train_takes_values_over_the_configuration(capsys, tmp_path, tiny_config):
+def test_values_of_the_command_line_override_the_configuration(capsys, tmp_path, tiny_config):
     robot = tmp_path / "mine.toml"
     robot.write_text(_toml.dumps(Params.preset("kugle").to_dict()), encoding="utf-8")
     changes = ["--model", "planar", "--set", "algorithm_arguments.gamma=0.9", "--set", "total_timesteps=256"]
@@ -89,7 +89,7 @@ def test_instruments_have_parts(capsys):
         ("params.body_mass=heavy", "body_mass must be an array of numbers, not str"),
     ],
 )
-def test_what_is_no_finite_number_is_named(capsys, given, message):
+def test_values_that_are_not_finite_are_named(capsys, given, message):
     code, _, err = run(capsys, "evaluate", "--controller", "lqr", "--episodes", 1, "--set", given)
     assert code == 1
     assert message in err

@@ -30,7 +30,7 @@ COMMANDS = {
     "view": ["view", "--no-open", "--seconds", "0.1", "--port", "18890"],
 }
 NEEDS = {"export": "onnxscript", "view": "viser"}
-#: What imports torch, which takes longer than the rest of it.
+#: Commands that import torch, which takes longer than the rest.
 WITH_TORCH = [COMMANDS[name] for name in ("report", "export", "train")]
 
 

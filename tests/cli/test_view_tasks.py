@@ -38,17 +38,17 @@ def test_a_policy_is_run_in_its_task_with_options(tmp_path):
     assert "expected 'ballbot/Goal-v0'" in view("goal", "--controller", path, code=1)
 
 
-def test_an_option_of_another_task_is_refused():
+def test_an_option_of_another_task_is_rejected():
     error = view("goal", "--set", "path_speed=[0.1,0.2]", code=1)
     assert "path_speed" in error
 
 
 @pytest.mark.slow("a page per task")
-def test_a_policy_stands_in_the_place_of_the_task():
+def test_a_policy_replaces_the_task_argument():
     assert f"(velocity, 1 robot paper, contact, {POLICY})" in view(POLICY)
 
 
 @pytest.mark.parametrize("order", [1, -1])
-def test_a_page_takes_one_controller(order):
+def test_a_page_has_a_single_controller(order):
     first, second = [[POLICY], ["--controller", "lqr"]][::order]
     assert f"{POLICY} and --controller lqr: this command takes one controller" in view(*first, *second, code=2)

@@ -32,7 +32,7 @@ POLICY_EDITS = {
 
 
 @pytest.mark.parametrize("name", POLICY_EDITS)
-def test_a_policy_for_something_else_is_refused(name, tiny_run, tmp_path):
+def test_a_policy_for_something_else_is_rejected(name, tiny_run, tmp_path):
     edit, message = POLICY_EDITS[name]
     path = edited_policy(tiny_run / "best_model.zip", tmp_path / "policy.zip", edit)
     with pytest.raises(ValueError, match=message) as caught:
@@ -40,7 +40,7 @@ def test_a_policy_for_something_else_is_refused(name, tiny_run, tmp_path):
     assert str(path) in str(caught.value)
 
 
-def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
+def test_files_that_are_not_policies_are_rejected(tiny_run, tmp_path):
     whole = (tiny_run / "best_model.zip").read_bytes()
     contents = {"empty": b"", "text": b"hello", "cut": whole[: len(whole) // 2], "garbled": whole[:100] + whole[150:]}
     for name, content in contents.items():
@@ -60,7 +60,7 @@ def test_files_that_are_no_policy_are_refused(tiny_run, tmp_path):
             evaluate(str(missing), episodes=1)
 
 
-def test_a_law_in_python_without_its_name_is_no_policy(tmp_path):
+def test_a_python_file_without_a_controller_name_is_rejected(tmp_path):
     (tmp_path / "mine.py").write_text("def law(state): return [0.0, 0.0, 0.0]\n")
     for name in ("mine.py", "mine.py:"):
         with pytest.raises(ValueError, match=r"a law in Python is named by FILE.py:NAME"):

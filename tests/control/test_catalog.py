@@ -11,7 +11,7 @@ STATE = bb.State.at_rest(bb.Params.paper(), tilt=(0.03, -0.02))
 
 
 @pytest.mark.parametrize("name", bb.controllers())
-def test_what_the_list_says_is_so(name):
+def test_the_listed_properties_match_the_controller(name):
     info = bb.controllers()[name]
     made = bb.make_controller(name)
     assert made.name == info.name == name
@@ -50,7 +50,7 @@ def test_a_setpoint_is_a_mapping_or_keywords():
     assert not np.array_equal(law(STATE, parts), law(STATE))
 
 
-def test_parts_that_a_law_does_not_follow_are_left_out_of_a_mapping_alone():
+def test_parts_that_a_controller_does_not_follow_are_left_out_only_of_a_mapping():
     law, parts = bb.Pid(), {"tilt": (0.01, 0.0), "position": (1.0, 0.0)}
     np.testing.assert_array_equal(law(STATE, parts), bb.Pid()(STATE, tilt=(0.01, 0.0)))
     with pytest.raises(TypeError, match="follows no part of this setpoint: it follows tilt"):
@@ -69,7 +69,7 @@ def test_parts_that_a_law_does_not_follow_are_left_out_of_a_mapping_alone():
         bb.Lqr()(STATE, {"yaw": float("nan")})
 
 
-def test_every_controller_has_its_own_short_label():
+def test_every_controller_has_a_unique_short_label():
     labels = [short(name) for name in NAMES]
     assert labels[:2] == ["LQR", "PID"]
     assert labels[-1] == "no torque"

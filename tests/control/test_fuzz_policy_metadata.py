@@ -21,7 +21,7 @@ from tests.support.onnx_policies import SHIPPED  # noqa: E402
 OPTIONS = OnnxPolicy(SHIPPED).env_options
 OPTION_VALUES = st.one_of(values, numbers, st.sampled_from(["paper", "kugle", "/dev/zero", "/dev/zero.toml", "x.toml"]))
 
-#: Some options replaced, and now and then one that there is not.
+#: Some options replaced, and sometimes an unknown option.
 edited_options = st.dictionaries(
     st.sampled_from([*OPTIONS, "params", "num_threads", "more"]), OPTION_VALUES, min_size=1, max_size=3
 )
@@ -63,7 +63,7 @@ def test_edited_metadata_give_a_policy_or_an_error(tmp_path):
 
 
 @pytest.mark.slow("fuzzes metadata")
-def test_a_session_runs_with_any_options_or_says_why_not():
+def test_a_session_runs_with_any_options_or_reports_why_not():
     act, ran = OnnxPolicy(SHIPPED).act, []
 
     @budget(300)

@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 SETS = np.arange(-3, 4) / 3.0
 #: c_ij of the default rules.
 TABLE = np.clip((np.arange(-3, 4)[:, None] + np.arange(-3, 4)) / 3.0, -1.0, 1.0)
-#: Half of the width of a consequent that stands for a singleton.
+#: Half of the width of a consequent that represents a singleton.
 HALF = 1.0 / 12.0
 
 
@@ -39,7 +39,7 @@ def defaults(law: str) -> dict[str, float]:
 
 @pytest.mark.parametrize("control_dt", [0.002, 0.01, 0.02])
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_regulator_is_that_of_python_control(robot: str, control_dt: float):
+def test_the_regulator_matches_python_control(robot: str, control_dt: float):
     params = bb.Params.preset(robot)
     lqr = bb.Lqr(params, control_dt)
     gain, cost, _ = control.dlqr(*sampled(params, control_dt), *costs(defaults("lqr")))
@@ -48,7 +48,7 @@ def test_the_regulator_is_that_of_python_control(robot: str, control_dt: float):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_regulator_with_an_integral_is_that_of_python_control(robot: str):
+def test_the_regulator_with_an_integral_matches_python_control(robot: str):
     params, control_dt = bb.Params.preset(robot), 0.01
     options = defaults("lqi")
     a, b = sampled(params, control_dt)
@@ -86,7 +86,7 @@ def inputs() -> Array:
     return np.concatenate([SETS, np.linspace(-1.3, 1.3, 13), [-0.51, 0.083, 0.97]])
 
 
-def test_the_rules_are_those_of_scikit_fuzzy():
+def test_the_rules_match_scikit_fuzzy():
     """Sugeno's weighted mean of singletons with scikit-fuzzy's memberships: no tolerance but rounding."""
     found, _, _ = surface()
     universe = np.arange(-4, 5) / 3.0

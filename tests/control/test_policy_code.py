@@ -31,7 +31,7 @@ class Dropper:
 
 
 class OwnPolicy(ActorCriticPolicy):
-    """A policy class that is not one of the algorithm's."""
+    """A policy class that does not belong to the algorithm."""
 
 
 def pickled(value, **described):
@@ -52,7 +52,7 @@ def pickled_names(path):
     return [name for name, value in data.items() if isinstance(value, dict) and ":serialized:" in value]
 
 
-def test_no_code_of_a_usual_policy_runs(tiny_run, tmp_path):
+def test_loading_a_policy_runs_no_code(tiny_run, tmp_path):
     source, trace = tiny_run / "best_model.zip", tmp_path / "trace"
     names = pickled_names(source)
     assert {"policy_class", "observation_space", "learning_rate"} <= set(names)
@@ -70,7 +70,7 @@ def test_no_code_of_a_usual_policy_runs(tiny_run, tmp_path):
     assert trace.exists(), "the poison does nothing, so this test shows nothing"
 
 
-def test_layers_and_optimizers_of_torch_are_no_code(tmp_path):
+def test_layers_and_optimizers_of_torch_are_not_code(tmp_path):
     arguments = {"net_arch": [8], "activation_fn": torch.nn.ReLU, "optimizer_class": torch.optim.RMSprop}
     model = PPO("MlpPolicy", bb.BallbotVecEnv(1, **OPTIONS), policy_kwargs=arguments, seed=0)
     path = bb.save(model, tmp_path / "relu")
@@ -82,25 +82,25 @@ def test_layers_and_optimizers_of_torch_are_no_code(tmp_path):
     np.testing.assert_array_equal(found.policy(observations), model.predict(observations, deterministic=True)[0])
 
 
-def test_code_in_the_arguments_of_a_policy_is_warned_of(tiny_run, tmp_path):
+def test_code_in_the_arguments_of_a_policy_gives_a_warning(tiny_run, tmp_path):
     trace = tmp_path / "trace"
     path = poisoned(tiny_run / "best_model.zip", tmp_path / "p.zip", "policy_kwargs", trace)
     with (
-        pytest.warns(UserWarning, match=r"p\.zip has policy_kwargs of its own: loading it runs code"),
+        pytest.warns(UserWarning, match=r"p\.zip has custom policy_kwargs: loading it runs code"),
         pytest.raises(ValueError, match="holds no PPO policy"),
     ):
         find(path)
 
 
-def test_a_policy_class_of_somebody_else_is_warned_of(tmp_path):
+def test_a_third_party_policy_class_gives_a_warning(tmp_path):
     path = bb.save(PPO(OwnPolicy, bb.BallbotVecEnv(1, **OPTIONS), seed=0), tmp_path / "own")
-    with pytest.warns(UserWarning, match=r"own\.zip has policy_class of its own: loading it runs code") as caught:
+    with pytest.warns(UserWarning, match=r"own\.zip has custom policy_class: loading it runs code") as caught:
         model, _ = sb3_policy.load(path, "balance")
     assert len(caught) == 1
     assert type(model.policy).__name__ == "OwnPolicy"
 
 
-def test_what_is_refused_is_refused_before_its_code_runs(tiny_run, tmp_path):
+def test_files_are_rejected_before_their_code_runs(tiny_run, tmp_path):
     trace = tmp_path / "trace"
     source = poisoned(tiny_run / "best_model.zip", tmp_path / "source.zip", "policy_class", trace)
 

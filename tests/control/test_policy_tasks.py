@@ -29,7 +29,7 @@ def test_a_policy_file_names_its_task(policy_of, task):
     assert set(result.metrics) == set(metrics)
 
 
-def test_laws_beside_a_policy_have_its_task(policy_of, capsys):
+def test_controllers_compared_with_a_policy_have_its_task(policy_of, capsys):
     path = policy_of("goal")
     arguments = ["--controller", path, "--controller", "lqr", "--episodes", "2", "--json"]
     assert main(["evaluate", *arguments, "--set", "max_episode_steps=3"]) == 0
@@ -39,10 +39,10 @@ def test_laws_beside_a_policy_have_its_task(policy_of, capsys):
     assert all("goals_held" in result["metrics"] for result in report["results"])
 
 
-def test_another_task_is_refused(policy_of):
+def test_another_task_is_rejected(policy_of):
     with pytest.raises(ValueError, match="env_id is 'ballbot/Path-v0', expected 'ballbot/Goal-v0'"):
         find(policy_of("path"), task="goal")
-    with pytest.raises(ValueError, match=r"balance\.onnx was trained for the task balance, not for that of .*push"):
+    with pytest.raises(ValueError, match=r"balance\.onnx was trained for the task balance, not for the task of .*push"):
         common_task([find(policy_of("push")), find(str(SHIPPED))])
     with pytest.raises(ValueError, match="was trained for the task goal, not for the task path"):
         bb.compare([find(policy_of("goal"))], task="path", episodes=1)

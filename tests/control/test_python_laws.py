@@ -1,4 +1,4 @@
-"""Laws in Python: the forms in which they are called, on rollouts and in the viewer, and what is said of bad ones."""
+"""Controllers in Python: their forms, in rollouts and in the viewer, and errors of invalid controllers."""
 
 import numpy as np
 import pytest
@@ -73,7 +73,7 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
     assert found["params"].ball_mass == bb.Params.preset("kugle").ball_mass
 
 
-def test_a_batched_law_has_arrays_and_is_told_of_new_episodes():
+def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():
     law = Batched(PARAMS, 0.01)
     batch = bb.Batch(3, model="spatial", max_episode_steps=20, num_threads=1)
     from ballbot_rs.analysis.rollout import rollout
@@ -91,32 +91,32 @@ def test_a_batched_law_has_arrays_and_is_told_of_new_episodes():
         (lambda state, gain=2.0: gain, ()),  # noqa: ARG005
         (lambda state, position=None: position, ("position",)),  # noqa: ARG005
         (lambda state, *, yaw, position: yaw, ("yaw", "position")),  # noqa: ARG005
-        (lambda state, wanted: wanted, tuple(bb.Setpoint())),  # noqa: ARG005
+        (lambda state, desired: desired, tuple(bb.Setpoint())),  # noqa: ARG005
         (lambda state, setpoint=None: setpoint, tuple(bb.Setpoint())),  # noqa: ARG005
         (bb.Pid(), ("tilt",)),
     ],
 )
-def test_what_a_law_follows_is_in_its_signature(law, follows):
+def test_the_parts_that_a_controller_follows_are_in_its_signature(law, follows):
     assert followed_parts(law) == follows
 
 
 @pytest.mark.parametrize("batched", [False, True])
 def test_torques_beyond_the_limit_keep_their_direction_in_rollouts_and_in_the_viewer(batched):
-    wanted = np.array([30.0, -10.0, 5.0])
+    desired = np.array([30.0, -10.0, 5.0])
 
     def law(states):
-        return np.tile(wanted, (len(states), 1)) if batched else wanted
+        return np.tile(desired, (len(states), 1)) if batched else desired
 
     law.batched = batched
     batch = bb.Batch(1, model="spatial")
     shown = bb.simulate(law, model="spatial", seconds=0.02)
     limit = shown.params.max_wheel_torque
-    np.testing.assert_allclose(shown.torques[0], wanted * limit / 30.0, rtol=1e-6)
+    np.testing.assert_allclose(shown.torques[0], desired * limit / 30.0, rtol=1e-6)
     driver = LawDriver(find(law), PARAMS, 2)
     torques = driver.torques([batch.state(0)] * 2, (0.0, 0.0))
-    np.testing.assert_allclose(torques, [wanted * PARAMS.max_wheel_torque / 30.0] * 2)
-    small = Laws("small", lambda: lambda state: wanted / 100.0, 1, limit)  # noqa: ARG005
-    np.testing.assert_array_equal(small.torques([batch.state(0)], [bb.Setpoint()])[0], wanted / 100.0)
+    np.testing.assert_allclose(torques, [desired * PARAMS.max_wheel_torque / 30.0] * 2)
+    small = Laws("small", lambda: lambda state: desired / 100.0, 1, limit)  # noqa: ARG005
+    np.testing.assert_array_equal(small.torques([batch.state(0)], [bb.Setpoint()])[0], desired / 100.0)
 
 
 def test_the_viewer_gives_each_robot_its_setpoint():
@@ -137,7 +137,7 @@ class Remembering:
         return np.full(3, 1e-3 * self.calls)
 
 
-def test_the_viewer_makes_a_law_of_a_class_anew_for_one_robot():
+def test_the_viewer_instantiates_a_controller_class_again_for_one_robot():
     driver = LawDriver(find(Remembering), PARAMS, 2)
     states = [bb.State.at_rest(PARAMS)] * 2
     driver.torques(states, (0.0, 0.0))

@@ -32,7 +32,7 @@ def test_the_target_waits_for_a_ball_that_does_not_come():
         target = reference.advance((5.0, 1.0), ball, 0.01)
         assert np.linalg.norm(target - ball) <= 0.2 * (1.0 + 1e-12)
     np.testing.assert_allclose(target, [1.2, 1.0])
-    # A ball that was carried away takes the target with it.
+    # A ball that was carried away moves the target with it.
     target = reference.advance((5.0, 1.0), ball - 3.0, 0.01)
     assert np.linalg.norm(target - (ball - 3.0)) == pytest.approx(0.2)
 
@@ -46,7 +46,7 @@ def test_a_ball_that_rolls_is_not_stopped_at_once():
 
 
 @pytest.mark.parametrize("lead", [0.0, -1.0, math.nan, math.inf])
-def test_a_lead_out_of_range_is_refused(lead):
+def test_a_lead_out_of_range_is_rejected(lead):
     with pytest.raises(ValueError, match=f"lead = {lead}"):
         Reference(lead)
     with pytest.raises(ValueError, match="limit = 0"):

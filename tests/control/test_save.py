@@ -1,4 +1,4 @@
-"""Policies that users train themselves with Stable-Baselines3: every command takes them."""
+"""Policies that users train themselves with Stable-Baselines3: every command accepts them."""
 
 import gymnasium
 import numpy as np
@@ -49,7 +49,7 @@ def test_a_saved_policy_is_evaluated_and_exported_as_itself(algorithm, tmp_path)
         lambda: bb.BalanceEnv(**OPTIONS, params=bb.Params.paper()),
     ],
 )
-def test_the_options_are_those_of_the_environment(make, tmp_path):
+def test_the_options_match_the_environment(make, tmp_path):
     options = find(bb.save(model_of("PPO", make()), tmp_path / "p.zip")).env_options
     assert options["max_wheel_torque"] == 0.25
     assert bb.BalanceEnv(**options).model == "spatial"
@@ -78,7 +78,7 @@ def test_what_a_policy_file_cannot_hold_is_not_saved(tmp_path):
 
 
 @pytest.mark.parametrize("algorithm", ["PPO", "A2C", "SAC", "TD3", "DDPG"])
-def test_a_plain_file_is_taken_once_its_task_is_named(algorithm, tmp_path, capsys):
+def test_a_plain_file_is_accepted_once_its_task_is_named(algorithm, tmp_path, capsys):
     path = tmp_path / "plain.zip"
     model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)).save(path)
     with pytest.raises(ValueError, match="does not name the environment it was trained on: name the task"):
@@ -100,12 +100,12 @@ def test_a_plain_file_is_taken_once_its_task_is_named(algorithm, tmp_path, capsy
     capsys.readouterr()
 
 
-def test_a_plain_file_of_another_task_is_refused(tmp_path):
+def test_a_plain_file_of_another_task_is_rejected(tmp_path):
     model_of("PPO", gymnasium.make("Pendulum-v1")).save(tmp_path / "pendulum.zip")
     with pytest.raises(ValueError, match="trained for another environment: it has a space of shape"):
         bb.evaluate(tmp_path / "pendulum.zip", task="balance")
 
 
-def test_algorithms_of_contrib_are_known_where_it_is_installed():
+def test_algorithms_of_contrib_are_found_where_it_is_installed():
     pytest.importorskip("sb3_contrib")
     assert {"TQC", "TRPO"} <= set(sb3_policy.algorithms())

@@ -118,9 +118,9 @@ class TestParams:
     def test_an_error_of_a_toml_file_names_it(self, paper, tmp_path, old, new, words):
         path = tmp_path / "my_robot.toml"
         path.write_text(paper.to_toml().replace(old, new), encoding="utf-8")
-        with pytest.raises(ValueError, match=re.escape(words)) as refusal:
+        with pytest.raises(ValueError, match=re.escape(words)) as rejection:
             Ballbot(str(path))
-        assert str(path) in str(refusal.value)
+        assert str(path) in str(rejection.value)
 
     def test_a_toml_file_that_is_missing(self):
         with pytest.raises(FileNotFoundError, match=r"^\[Errno 2\] No such file or directory: 'no_robot\.toml'$"):
@@ -349,12 +349,12 @@ class TestPlanarModel:
 
 class TestTorqueMaps:
     def test_printed_torques_are_too_large_by_the_known_factors(self, paper):
-        def virtual(wanted, mapping):
-            return wheel_to_virtual_torques(paper, virtual_to_wheel_torques(paper, wanted, mapping))
+        def virtual(desired, mapping):
+            return wheel_to_virtual_torques(paper, virtual_to_wheel_torques(paper, desired, mapping))
 
-        wanted = np.array([0.1, -0.2, 0.3])
-        np.testing.assert_allclose(virtual(wanted, "consistent"), wanted, rtol=1e-12)
-        np.testing.assert_allclose(virtual(wanted, "as_printed") / wanted, [1.68, 1.68, 3.36], rtol=1e-12)
+        desired = np.array([0.1, -0.2, 0.3])
+        np.testing.assert_allclose(virtual(desired, "consistent"), desired, rtol=1e-12)
+        np.testing.assert_allclose(virtual(desired, "as_printed") / desired, [1.68, 1.68, 3.36], rtol=1e-12)
 
     def test_unknown_mapping(self, paper):
         with pytest.raises(ValueError, match="unknown torque mapping 'x': expected one of consistent, as_"):
@@ -374,7 +374,7 @@ class TestControllers:
             robot.step(torques)
         assert np.rad2deg(robot.state.tilt) < 0.5
 
-    def test_lqr_goes_where_it_is_told(self):
+    def test_lqr_reaches_its_setpoint(self):
         robot, regulator = Ballbot(model="spatial", sim_dt=0.002), Lqr(control_dt=0.002)
         for _ in range(4000):
             robot.step(regulator(robot.state, position=(0.2, -0.1), yaw=0.3))
@@ -395,7 +395,7 @@ class TestControllers:
             assert np.abs(controller(leaning)).max() == pytest.approx(0.05, rel=1e-12)
 
 
-def test_a_controller_by_its_name_is_the_class(paper):
+def test_a_controller_by_name_equals_the_class(paper):
     leaning = State.at_rest(paper, tilt=(0.01, 0.02))
     np.testing.assert_array_equal(Controller("lqr", tilt=0.2)(leaning), Lqr(tilt=0.2)(leaning))
     np.testing.assert_array_equal(Controller("pid")(leaning), Pid()(leaning))
@@ -406,7 +406,7 @@ def test_a_controller_by_its_name_is_the_class(paper):
         Controller("mpx")
 
 
-def test_a_part_of_a_setpoint_that_a_law_ignores_is_refused(paper):
+def test_a_part_of_a_setpoint_that_a_controller_ignores_is_rejected(paper):
     for controller, part in ((Pid(), "position"), (Lqr(), "tilt")):
         with pytest.raises(TypeError, match=f"'{part}', it does not follow that part of a setpoint"):
             controller(State.at_rest(paper), **{part: (0.1, 0.0)})
@@ -419,7 +419,7 @@ def test_costs_may_be_given_as_matrices_or_diagonals():
         Lqr(Q=q, tilt=0.1)
 
 
-def test_the_regulator_takes_a_delay_and_an_observer_as_by_its_name(paper):
+def test_the_regulator_accepts_a_delay_and_an_observer_as_by_its_name(paper):
     options = {"delay": 0.02, "lean_observer": 2.0}
     laws = Lqr(paper, tilt=0.2, **options), Controller("lqr", paper, tilt=0.2, **options)
     plain = Lqr(paper, tilt=0.2)
@@ -473,7 +473,7 @@ def test_every_option_that_the_core_has_is_documented():
         (lambda: ballbot_rs.BalanceEnv(obs_nois=1), None),
     ],
 )
-def test_an_unknown_name_is_answered_with_the_closest_one(call, closest):
+def test_an_unknown_name_suggests_the_closest_name(call, closest):
     with pytest.raises((ValueError, TypeError)) as caught:
         call()
     text = str(caught.value)
@@ -498,13 +498,13 @@ def test_an_unknown_name_is_answered_with_the_closest_one(call, closest):
         (lambda: SpatialModel(Params.paper()), "SpatialModel objects cannot .* make another"),
     ],
 )
-def test_what_is_not_pickled_says_what_to_do_instead(make, instead):
+def test_errors_of_pickling_name_the_alternative(make, instead):
     for copied in (pickle.dumps, copy.copy, copy.deepcopy):
         with pytest.raises(TypeError, match=instead):
             copied(make())
 
 
-def test_a_batch_is_carried_over_by_its_snapshots():
+def test_a_batch_is_restored_from_its_snapshots():
     batch, again = (Batch(2, seed=seed) for seed in (3, 4))
     batch.reset()
     again.reset()

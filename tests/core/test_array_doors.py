@@ -11,7 +11,7 @@ from tests.support.paths import ROOT
 
 
 @pytest.mark.slow("a process per function")
-@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited on Linux alone")
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="memory is limited only on Linux")
 def test_no_array_ends_the_process(tmp_path):
     log = tmp_path / "calls.txt"
     done = subprocess.run(
@@ -49,13 +49,13 @@ TOO_LARGE = {
 
 
 @pytest.mark.parametrize("name", TOO_LARGE)
-def test_what_is_too_large_is_refused_with_its_shape_and_the_limit(name):
+def test_arrays_that_are_too_large_are_rejected_with_shape_and_limit(name):
     call, message = TOO_LARGE[name]
     with pytest.raises(bb.InvalidInputError, match=message):
         call()
 
 
-def test_what_memory_alone_limits_is_refused_with_its_need():
+def test_sizes_limited_only_by_memory_are_rejected_with_their_need():
     for call in (
         lambda: bb.Reference.hold((0.0, 0.0)).sample(HUGE),
         lambda: bb.Terrain.plane(0.1).height(HUGE, 0.0),

@@ -18,7 +18,7 @@ from tests.support.paths import ASSETS
 NOT_READ = {
     "close": "ends an environment",
     "np_random": "random numbers of the caller",
-    "render": "needs a mode; a frame is drawn anew each time",
+    "render": "needs a mode; a frame is rendered again each time",
     "state_interval": "of other libraries",
 }
 
@@ -142,7 +142,7 @@ def everything() -> dict[str, list[Callable[[], Any]]]:
 
 
 def arrays(value: Any, path: str = "") -> Iterator[tuple[str, np.ndarray]]:
-    """Arrays within a value, with their places."""
+    """Arrays within a value, with their positions."""
     if isinstance(value, np.ndarray):
         if value.dtype.kind != "O":
             yield path, value

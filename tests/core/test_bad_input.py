@@ -221,7 +221,7 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_bad_input_is_refused(name):
+def test_bad_input_is_rejected(name):
     call, error, message = CASES[name]
     with pytest.raises(error, match=message):
         call()
@@ -238,12 +238,12 @@ def test_bad_input_is_refused(name):
         lambda: PlanarModel(Params.paper()).yaw_acceleration(INF),
     ],
 )
-def test_closed_form_models_refuse_numbers_that_are_not_finite(call):
+def test_closed_form_models_reject_numbers_that_are_not_finite(call):
     with pytest.raises(ValueError, match="finite"):
         call()
 
 
-def test_a_robot_too_fast_for_its_wheels_is_refused(paper):
+def test_a_robot_too_fast_for_its_wheels_is_rejected(paper):
     with pytest.raises(ValueError, match="first wheel or ball rate"):
         BalanceVectorEnv(20, params=paper.replace(wheel_radius=1e-6)).reset(seed=0)
 
@@ -273,7 +273,7 @@ PARAMETERS = [
     ({"gravity": 0.0}, "gravity = 0"),
     ({"gravity": NAN}, "gravity = NaN"),
     ({"roller_ripple": -1e-4}, "roller_ripple = -0.0001 .* >= 0"),
-    ({"roller_ripple": 2e-3}, "roller_ripple = 0.002 .* at most 0.0017.* that of straight rollers"),
+    ({"roller_ripple": 2e-3}, "roller_ripple = 0.002 .* at most 0.0017.* the ripple of straight rollers"),
     ({"roller_count": 12.5}, "roller_count = 12.5 .* a whole number"),
     ({"floor_tilt": [0.0, 0.6]}, r"floor_tilt\[1\] = 0.6 .*<= 0.5"),
     ({"floor_tilt": [0.4, 0.4]}, "floor_tilt.* = 0.56.* at most 0.5 rad"),
@@ -287,13 +287,13 @@ PARAMETERS = [
 
 
 @pytest.mark.parametrize(("changes", "message"), PARAMETERS, ids=lambda v: next(iter(v)) if isinstance(v, dict) else "")
-def test_impossible_parameters_are_refused(paper, changes, message):
+def test_impossible_parameters_are_rejected(paper, changes, message):
     with pytest.raises(ValueError, match=message):
         paper.replace(**changes)
     with pytest.raises(ValueError, match=message):
         Params(**{**paper.to_dict(), **changes})
 
 
-def test_a_parameter_that_is_no_number_is_refused(paper):
+def test_a_parameter_that_is_not_a_number_is_rejected(paper):
     with pytest.raises(TypeError, match="ball_mass must be an array of numbers, not str"):
         paper.replace(ball_mass="heavy")

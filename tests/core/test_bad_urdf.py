@@ -72,7 +72,7 @@ URDF_EDITS = {
         'xyz="0.12 0 0.12"',
         "one ball centered on the mast",
     ),
-    "body beside the wheels": (
+    "body next to the wheels": (
         "bot",
         'xyz="0 0 0.14724789116644882"',
         'xyz="-0.12 0 0.147"',
@@ -89,7 +89,7 @@ URDF_EDITS = {
 
 
 @pytest.mark.parametrize("name", URDF_EDITS)
-def test_a_urdf_that_is_no_ballbot_is_refused(name, assets, tmp_path):
+def test_a_urdf_that_is_not_a_ballbot_is_rejected(name, assets, tmp_path):
     edited, old, new, message = URDF_EDITS[name]
     for kind in ("bot", "ball"):
         text = (assets / f"{kind}.urdf").read_text(encoding="utf-8")

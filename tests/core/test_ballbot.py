@@ -13,7 +13,7 @@ TORQUES = (0.05, -0.02, 0.01)
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_new_robot_stands_at_rest(model, paper):
+def test_a_new_robot_is_upright_at_rest(model, paper):
     robot = Ballbot(model=model)
     assert robot.model == model
     assert robot.sim_dt == 0.001
@@ -37,7 +37,7 @@ def test_time_counts_the_steps(model):
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_many_steps_at_once_are_many_steps(model):
+def test_many_steps_at_once_equal_single_steps(model):
     one, many = Ballbot(model=model), Ballbot(model=model)
     for _ in range(50):
         one.step(TORQUES)
@@ -153,7 +153,7 @@ def test_joint_friction_dissipates_and_outlives_a_reset(model):
 @pytest.mark.parametrize(
     "loss", ["floor_rolling_friction", "floor_spinning_friction", "roller_friction", "roller_friction_slope"]
 )
-def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
+def test_losses_at_the_ball_dissipate_and_planar_rejects_them(loss):
     rough = Params.paper().replace(**{loss: 0.003})
     assert getattr(rough, loss) == 0.003
     with pytest.raises(ValueError, match=f"{loss} = 0.003, but it requires 0"):
@@ -166,7 +166,7 @@ def test_losses_at_the_ball_dissipate_and_planar_refuses_them(loss):
         assert lossy.energy < free.energy - 1e-5, model
 
 
-def test_ripple_of_the_rollers_bobs_the_body_and_models_without_slip_refuse_it(paper):
+def test_roller_ripple_moves_the_body_vertically_and_models_without_slip_reject_it(paper):
     rippled = paper.replace(roller_ripple=1e-4, roller_count=10, roller_phases=(0.1, 0.2, -0.3))
     assert (rippled.roller_ripple, rippled.roller_count, rippled.roller_phases) == (1e-4, 10.0, (0.1, 0.2, -0.3))
     for model in ("planar", "spatial"):
@@ -182,7 +182,7 @@ def test_ripple_of_the_rollers_bobs_the_body_and_models_without_slip_refuse_it(p
         assert 5e-5 < np.ptp(heights) < 1.5e-4, model
 
 
-def test_a_robot_stands_on_a_tilted_floor_and_planar_refuses_it(paper):
+def test_a_robot_balances_on_a_tilted_floor_and_planar_rejects_it(paper):
     tilted = paper.replace(floor_tilt=(0.03, -0.04))
     assert tilted.floor_tilt == (0.03, -0.04)
     assert paper.gravity_vector == (0.0, 0.0, -9.81)
@@ -238,7 +238,7 @@ def test_a_copy_keeps_its_parameters():
 
 @pytest.mark.parametrize("model", MODELS)
 @pytest.mark.parametrize("snapshot", [b"", b"abc", b"\xff" * 500], ids=["empty", "short", "ones"])
-def test_bytes_that_are_no_snapshot_are_refused(model, snapshot):
+def test_bytes_that_are_not_a_snapshot_are_rejected(model, snapshot):
     robot = Ballbot(model=model)
     robot.step(TORQUES, 5)
     before = robot.state
@@ -247,7 +247,7 @@ def test_bytes_that_are_no_snapshot_are_refused(model, snapshot):
     assert robot.state == before
 
 
-def test_snapshots_of_other_robots_are_refused():
+def test_snapshots_of_other_robots_are_rejected():
     snapshots = [Ballbot(model=model).snapshot() for model in MODELS]
     for i, model in enumerate(MODELS):
         for snapshot in [*snapshots[:i], *snapshots[i + 1 :], bytes(20_000)]:
@@ -281,7 +281,7 @@ def test_a_falling_robot_ends_on_the_floor():
     assert robot.contacts.bot_on_floor
     assert np.rad2deg(robot.state.tilt) > 60
     assert robot.state.body_position[2] > -0.05, "the robot sank into the floor"
-    # All weight rests on the floor: the ball's share is what the ball alone weighs, or more.
+    # All weight rests on the floor: the ball carries at least its own weight.
     assert robot.contacts.floor_force[2] > 0.99 * 1.437 * 9.81
 
 
@@ -293,7 +293,7 @@ def test_too_much_torque_makes_wheels_slip():
     assert robot.contacts.friction_utilization.max() > 0.9
 
 
-def test_a_damaged_snapshot_is_refused():
+def test_a_damaged_snapshot_is_rejected():
     robot = Ballbot()
     robot.step(TORQUES, 5)
     whole = robot.snapshot()

@@ -1,4 +1,4 @@
-"""Ctrl-C ends every call that may take long, and the process continues."""
+"""Ctrl-C ends every call that may be long, and the process continues."""
 
 import signal
 import subprocess
@@ -9,7 +9,7 @@ import pytest
 
 from tests.support.paths import ROOT
 
-#: What is made, and the call that would take minutes.
+#: The object, and the call that would last minutes.
 CALLS = {
     "step": ("robot = bb.Ballbot(model='contact')", "robot.step([0, 0, 0], 10**12)"),
     "step of a rigid robot": ("robot = bb.Ballbot(model='rigid')", "robot.step([0, 0, 0], 10**9)"),

@@ -41,7 +41,7 @@ def numbers(option: Mapping[str, Any]) -> list[Any]:
 
 # Environments ------------------------------------------------------------------------------------------------------
 
-#: Options that are no numbers, or act together with others.
+#: Options that are not numbers, or act together with others.
 OPTIONS: dict[str, list[Any]] = {
     "params": ["kugle"],
     "model": ["rigid"],
@@ -86,7 +86,7 @@ OPTIONS: dict[str, list[Any]] = {
 }
 
 
-#: Smaller ground than the task's, which takes seconds.
+#: Smaller ground than in the task, which takes seconds.
 GROUNDS = {"terrain": "levels", "openballbot": "noise"}
 
 
@@ -305,10 +305,10 @@ def _linear(**arguments: Any) -> Any:
 
 def _progress(call: Callable[..., Any], **arguments: Any) -> Any:
     """How often `progress` is called belongs to the result."""
-    told: list[Any] = []
-    if arguments.get("progress") == "told":
-        arguments["progress"] = lambda *numbers: told.append(numbers)
-    return [call(**arguments), bool(told)]
+    messages: list[Any] = []
+    if arguments.get("progress") == "messages":
+        arguments["progress"] = lambda *numbers: messages.append(numbers)
+    return [call(**arguments), bool(messages)]
 
 
 def _written(terrain: bb.Terrain, path: str, **arguments: Any) -> bytes:
@@ -471,7 +471,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "num_threads": Same(2),
             "env_options": {"max_episode_steps": 10},
             "engine": None,
-            "progress": "told",
+            "progress": "messages",
         },
     ),
     "run_scenarios": (
@@ -485,7 +485,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "model": "rigid",
             "seed": With(1, scenarios=bb.Scenario("x", "", seconds=0.3, score="rms_tilt", events="mild", seeds=2)),
             "num_threads": Same(2),
-            "progress": "told",
+            "progress": "messages",
         },
     ),
     "record_log": (
@@ -641,7 +641,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "noise": {"wheel_angle": 1e-3, "gyro": 0.02, "acceleration": 0.2},
             "rejection": 1.0,
             "num_threads": Same(2),
-            "progress": "told",
+            "progress": "messages",
         },
     ),
     "tune": (
@@ -657,14 +657,14 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "model": "rigid",
             "seed": 1,
             "num_threads": Same(2),
-            "progress": "told",
+            "progress": "messages",
         },
     ),
     "save": (lambda **_: None, {}, {"model": None, "path": None}),
 }
 #: Keywords of every motion, and their other values.
 MOTION = {
-    # Of a ball that stays, what the turning takes.
+    # For a ball at rest, the torque of the turning.
     "params": With("kugle", yaw_rate=0.5),
     "yaw": 0.3,
     "yaw_rate": 0.2,
@@ -740,10 +740,10 @@ def test_a_dead_keyword_would_be_found():
 
     assert changes(call, "a", [2.0], {}) is None
     assert changes(call, "b", [1.0, 3.0], {}) == "b changes nothing, tried [1.0, 3.0]"
-    assert changes(call, "b", [Refused(1.0)], {}) == "b = 1.0 is not refused"
+    assert changes(call, "b", [Refused(1.0)], {}) == "b = 1.0 is not rejected"
 
-    def refuses(c=0):
+    def rejects(c=0):
         if c:
             raise ValueError("no")
 
-    assert changes(refuses, "c", [1], {}) == "c = 1 is refused without its name: no"
+    assert changes(rejects, "c", [1], {}) == "c = 1 is rejected without its name: no"

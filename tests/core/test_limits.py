@@ -1,4 +1,4 @@
-"""Numbers that would take all memory or all threads are rejected at once, meaningless numbers by name."""
+"""Numbers that would use all memory or all threads are rejected at once, meaningless numbers by name."""
 
 import threading
 
@@ -76,13 +76,13 @@ CASES = {
 
 
 @pytest.mark.parametrize("name", CASES)
-def test_what_is_too_large_is_refused(name):
+def test_sizes_out_of_range_are_rejected(name):
     call, error, message = CASES[name]
     with pytest.raises(error, match=message):
         call()
 
 
-def test_a_record_that_does_not_fit_into_memory_is_refused(batch):
+def test_a_record_that_does_not_fit_into_memory_is_rejected(batch):
     with pytest.raises(
         MemoryError, match=r"the record 'states' of shape \[1099511627777, 2, 32\] needs about .* GB of mem"
     ):
@@ -93,14 +93,14 @@ def test_a_record_that_does_not_fit_into_memory_is_refused(batch):
 
 @pytest.mark.parametrize("index", [-1, 2, 2**64])
 @pytest.mark.parametrize("call", ["state", "params", "snapshot", "contacts", "reward_terms", "ending"])
-def test_an_index_of_no_environment_is_refused(batch, call, index):
+def test_an_index_out_of_range_is_rejected(batch, call, index):
     with pytest.raises(ValueError, match=rf"{index} is out of range: it must be (from 0 to|below) num_envs"):
         getattr(batch, call)(index)
 
 
 @pytest.mark.parametrize("name", list(bb.Params.paper().to_dict()))
 @pytest.mark.parametrize("value", [1e155, 1e300, 1.7e308])
-def test_parameters_of_no_robot_are_refused(paper, name, value):
+def test_huge_parameters_are_rejected(paper, name, value):
     old = paper.to_dict()[name]
     new = tuple((x or 1.0) * value for x in old) if isinstance(old, tuple) else value
     with pytest.raises(ValueError, match="must be"):
@@ -110,7 +110,7 @@ def test_parameters_of_no_robot_are_refused(paper, name, value):
 @pytest.mark.parametrize(
     "name", ["ball_mass", "ball_radius", "body_mass", "wheel_mass", "wheel_inertia", "wheel_radius", "gravity"]
 )
-def test_parameters_that_are_almost_zero_are_refused(paper, name):
+def test_parameters_that_are_almost_zero_are_rejected(paper, name):
     with pytest.raises(ValueError, match=rf"{name} = 1e-300 is out of range: it must be >= 1e-\d+ and <= "):
         paper.replace(**{name: 1e-300})
 
@@ -137,7 +137,7 @@ def test_models_of_extreme_robots_are_finite(paper, extreme):
     assert np.isfinite(linear.B).all()
 
 
-#: What is no array of real numbers, and how the error calls it.
+#: Values that are not arrays of real numbers, and their names in the error.
 NO_NUMBERS = {
     "text": ([["0.1", "0.2", "0.3"]] * 2, "list of dtype <U3"),
     "bytes": (np.array([[b"1", b"2", b"3"]] * 2), r"ndarray of dtype \|S1"),
@@ -153,7 +153,7 @@ NO_NUMBERS = {
 
 
 @pytest.mark.parametrize("name", NO_NUMBERS)
-def test_what_is_no_number_is_refused_by_its_type(batch, name):
+def test_values_that_are_not_numbers_are_rejected_with_their_type(batch, name):
     value, words = NO_NUMBERS[name]
     with pytest.raises(TypeError, match=f"actions must be an array of numbers, not {words}"):
         batch.step(value)
@@ -163,7 +163,7 @@ def test_what_is_no_number_is_refused_by_its_type(batch, name):
         bb.State(value)
 
 
-def test_a_time_is_no_number(paper):
+def test_times_are_not_numbers(paper):
     second = np.timedelta64(1, "s")
     for call in (
         lambda: bb.Ballbot(sim_dt=second),
@@ -177,12 +177,12 @@ def test_a_time_is_no_number(paper):
 
 
 @pytest.mark.parametrize("dtype", ["f2", "f4", "f8", "g", "i1", "u8", ">f8", "?"])
-def test_all_real_types_are_taken(batch, dtype):
+def test_all_real_types_are_accepted(batch, dtype):
     batch.step(np.zeros((2, 3), dtype))
     assert bb.Ballbot(sim_dt=np.float32(0.001)).sim_dt == float(np.float32(0.001))
 
 
-def test_a_mask_of_numbers_is_refused(batch):
+def test_a_mask_of_numbers_is_rejected(batch):
     with pytest.raises(TypeError, match="reset_mask must be an array of bools, not ndarray of dtype float64"):
         batch.reset(mask=np.ones(2))
 
@@ -207,7 +207,7 @@ def busy(target, call):
     return message
 
 
-def test_a_second_thread_is_told_what_is_wrong():
+def test_a_second_thread_gets_an_error_that_names_the_cause():
     robot = bb.Ballbot(model="spatial")
     message = busy(lambda: robot.step([0, 0, 0], 400_000), lambda: robot.time)
     assert message == (
@@ -239,7 +239,7 @@ def test_threads_may_share_a_controller():
     assert (runs[0] == runs[1]).all()
 
 
-def test_a_state_survives_python_to_the_last_bit(paper):
+def test_a_state_round_trips_through_python_exactly(paper):
     robot = bb.Ballbot(model="spatial")
     robot.reset(bb.State.at_rest(paper, tilt=(0.05, 0.03), yaw=0.4))
     lqr = bb.Lqr(paper, 0.005)
@@ -256,13 +256,13 @@ def test_a_state_survives_python_to_the_last_bit(paper):
     assert (robot.state.to_array() == other.state.to_array()).all()
 
 
-def test_make_vec_refuses_too_many_environments():
+def test_make_vec_rejects_too_many_environments():
     import gymnasium
 
     with pytest.raises(ValueError, match="num_envs = 100000000"):
         gymnasium.make_vec(BALANCE, 10**8)
 
 
-def test_a_push_of_another_type_is_refused():
+def test_a_push_of_another_type_is_rejected():
     with pytest.raises(TypeError, match="push must be a Push, not list"):
         bb.run("lqr", push=[0.1, 0, 0])

@@ -27,18 +27,18 @@ def test_impulses_are_pushes_before_the_steps(points):
         np.testing.assert_array_equal(states[1:], together[first + 1 : first + len(states)])
 
 
-def test_a_point_beside_the_mast_turns_the_robot():
+def test_a_push_off_the_mast_turns_the_robot():
     push = np.array([[[0.1, 0.0, 0.0], [0.1, 0.0, 0.0]]])
     com = np.array(bb.Params.paper().body_com)
     points = com + np.array([[0.0, 0.0, 0.0], [0.0, 0.05, 0.0]])
     found = batch().rollout(bb.Pid(control_dt=0.01), 1, impulses=push, points=points)["states"][-1]
-    center, beside = (bb.State.from_array(row) for row in found)
+    center, off_center = (bb.State.from_array(row) for row in found)
     assert abs(center.yaw) < 1e-9
     # To the left of a push along x: clockwise.
-    assert beside.yaw < -1e-4
+    assert off_center.yaw < -1e-4
 
 
 def test_points_are_checked():
-    for points, says in ((POINTS[:1], "points"), (POINTS * np.nan, "points"), (POINTS[:, :2], "points")):
-        with pytest.raises(ValueError, match=says):
+    for points, message in ((POINTS[:1], "points"), (POINTS * np.nan, "points"), (POINTS[:, :2], "points")):
+        with pytest.raises(ValueError, match=message):
             batch().rollout(bb.Lqr(), 2, impulses=IMPULSES, points=points)

@@ -17,7 +17,7 @@ def hills(x, y):
     return 0.05 * np.sin(3.0 * x) * np.cos(2.0 * y)
 
 
-def test_a_surface_is_the_function_that_it_is_made_of():
+def test_a_surface_equals_its_function():
     terrain = bb.Terrain.from_function(hills, (4.0, 3.0), 0.02)
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, 7), np.linspace(-1.0, 1.0, 5))
     assert terrain.height(x, y).shape == (5, 7)
@@ -50,7 +50,7 @@ def test_heights_have_rows_along_y():
 
 
 @pytest.mark.parametrize("kind", list(bb.terrain_kinds()))
-def test_a_recipe_makes_the_same_terrain_again(kind):
+def test_a_recipe_reproduces_its_terrain(kind):
     parameters = bb.terrain_kinds()[kind]
     assert all(entry["doc"] and entry["limit"] is not None for entry in parameters.values())
     coarse = {"plane": {}, "levels": {"cell": 0.1}, "hills": {"cell": 0.1}}.get(
@@ -130,12 +130,12 @@ def test_events_do_not_tilt_a_floor_that_is_a_terrain_nor_make_balls_too_large()
         (lambda: bb.Ballbot(terrain=bb.Terrain.plane(0.1)).place_on_ground(math.nan, 0), ValueError, "x = NaN"),
     ],
 )
-def test_what_cannot_be_is_refused(make, error, words):
+def test_invalid_input_is_rejected(make, error, words):
     with pytest.raises(error, match=words):
         make()
 
 
-def test_a_function_that_raises_is_heard():
+def test_exceptions_of_a_function_are_raised():
     def broken(*_):
         raise RuntimeError("no map")
 
@@ -143,7 +143,7 @@ def test_a_function_that_raises_is_heard():
         bb.Terrain.from_function(broken, (1.0, 1.0), 0.1)
 
 
-def test_a_regulated_robot_drifts_down_a_slope_and_one_with_an_observer_stands():
+def test_on_a_slope_a_regulator_drifts_down_and_an_observer_removes_the_drift():
     """The lean observer of docs/controllers.md, on a surface in place of a tilted gravity."""
     ends = {}
     for name, options in {"lqr": {}, "observer": {"lean_observer": 2.0}}.items():
@@ -174,7 +174,7 @@ def test_environments_begin_on_the_ground_and_end_at_its_edges():
     assert truncated > 0
 
 
-def test_slope_limits_are_those_of_the_robot():
+def test_slope_limits_match_the_robot():
     limits = bb.Params.paper().slope_limits()
     assert math.degrees(limits["fall"]) == pytest.approx(15.3, abs=0.05)
     assert math.degrees(limits["traction"]) == pytest.approx(15.0, abs=0.05)
@@ -184,7 +184,7 @@ def test_slope_limits_are_those_of_the_robot():
 
 
 def test_a_picture_shows_the_ground():
-    """Depths of a picture from above are heights, and a slope towards the sun is brighter than one away from it."""
+    """Depths of a picture from above are heights, and a slope towards the sun is brighter than a slope away from it."""
     terrain = bb.Terrain.from_function(hills, (6.0, 6.0), 0.02)
     camera = {"target": (0.0, 0.0, 0.0), "distance": 3.0, "elevation": 1.56, "azimuth": 0.0, "follows": False}
     renderer = bb.Renderer(width=64, height=48, camera=camera, terrain=terrain)

@@ -40,7 +40,7 @@ def slips(params, states):
 @pytest.mark.slow("compiles C for each robot")
 @pytest.mark.parametrize("robot", ROBOTS)
 @pytest.mark.parametrize("name", CONTROLLERS_IN_C)
-def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):
+def test_a_controller_in_c_computes_our_torques(name, robot, tmp_path):
     params = ROBOTS[robot]
     rng = np.random.default_rng(1)
     states = random_states(params, rng, STATES)
@@ -59,13 +59,13 @@ def test_a_controller_in_c_has_our_torques(name, robot, tmp_path):
         # Limits act in many of the states.
         assert (shares[:, 0] < 1.0).mean() > 0.1, options
         left_alone |= bool((shares == 1.0).all(1).any())
-    # They leave others alone; the PID takes the derivative of jumps.
+    # They do not change others; the PID differentiates jumps.
     assert name == "pid" or left_alone
 
 
 @pytest.mark.parametrize("robot", ["kugle", "uneven"])
 @pytest.mark.parametrize("name", CONTROLLERS_IN_C)
-def test_a_closed_loop_under_c_is_ours(name, robot, tmp_path):
+def test_a_closed_loop_under_c_equals_ours(name, robot, tmp_path):
     """Two seconds, in which integrals and filters act."""
     params = ROBOTS[robot]
     law = bb.Controller(name, params)
@@ -101,7 +101,7 @@ def test_memory_is_forgotten_by_a_reset(tmp_path):
         np.testing.assert_array_equal(in_c.torques(states, setpoints)[0], first)
 
 
-def test_the_torque_of_an_environment_is_a_limit_besides_the_own(tmp_path):
+def test_the_torque_of_an_environment_is_an_additional_limit(tmp_path):
     rng = np.random.default_rng(3)
     states = random_states(UNEVEN, rng, 300)
     setpoints = random_setpoints(states, rng)
@@ -124,7 +124,7 @@ def test_the_ball_is_found_from_wheels_that_grip(robot, tmp_path):
         np.testing.assert_allclose(velocity, state.ball_velocity[:2], atol=1e-9)
 
 
-def test_nan_is_passed_on_and_not_hidden(tmp_path):
+def test_nan_is_propagated_and_not_hidden(tmp_path):
     state = bb.State.at_rest(UNEVEN, tilt=(0.01, 0.0))
     for name in CONTROLLERS_IN_C:
         for traction in (True, False):
@@ -135,7 +135,7 @@ def test_nan_is_passed_on_and_not_hidden(tmp_path):
             assert np.isnan(in_c.torques([state], [setpoint])[0]).any(), name
 
 
-def test_controllers_without_constants_are_refused_by_name():
+def test_controllers_without_constants_are_rejected_by_name():
     assert set(CONTROLLERS_IN_C) <= set(CONTROLLERS)
     for name in set(CONTROLLERS) - set(CONTROLLERS_IN_C):
         with pytest.raises(ValueError, match="does not give its constants"):
@@ -144,7 +144,7 @@ def test_controllers_without_constants_are_refused_by_name():
             controller_header(name)
 
 
-def test_a_header_needs_nothing_but_math_and_says_what_it_is():
+def test_a_header_needs_only_math_and_describes_itself():
     for name in CONTROLLERS_IN_C:
         text = controller_header(name, "kugle", 0.004, max_torque=1.5)
         assert set(re.findall(r"^#include (.*)", text, flags=re.MULTILINE)) == {"<math.h>"}
@@ -158,7 +158,7 @@ def test_a_header_needs_nothing_but_math_and_says_what_it_is():
         assert [known for known in names if not known.lower().startswith("ballbot_")] == []
 
 
-def test_two_controllers_in_one_file_are_an_error_and_one_twice_is_none(tmp_path):
+def test_two_controllers_in_one_file_are_an_error_and_the_same_header_twice_is_not(tmp_path):
     for name, dt in (("a", 0.01), ("b", 0.02)):
         (tmp_path / f"{name}.h").write_text(controller_header("lqr", control_dt=dt), encoding="ascii")
     codes = {"once": '#include "a.h"\n', "twice": '#include "a.h"\n' * 2, "both": '#include "a.h"\n#include "b.h"\n'}

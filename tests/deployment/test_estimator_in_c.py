@@ -74,13 +74,13 @@ def test_an_estimator_in_c_has_our_states(kind, robot, tmp_path):
     assert max(abs(expected.ball_velocity).max() for _, expected in seen) > 0.1
 
 
-def test_sensors_that_need_double_precision_refuse_single(tmp_path):
+def test_sensors_that_need_double_precision_reject_single_precision(tmp_path):
     with pytest.raises(AssertionError, match="ballbot_estimator_of_these_sensors_needs_double"):
         CEstimator(tmp_path, estimator_header("paper", {}), "float")
 
 
-def test_the_lean_bias_is_that_of_a_mass_that_is_off(tmp_path):
-    """The body's center of mass is 4 mm off, which the estimator is not told."""
+def test_the_lean_bias_matches_an_offset_mass(tmp_path):
+    """The body's center of mass is 4 mm off, which the estimator does not model."""
     nominal = bb.Params.paper()
     batch = bb.Batch(
         1, "balance", model="contact", sensors={}, observation="sensors", num_threads=1, max_episode_steps=5000
@@ -100,7 +100,7 @@ def test_the_lean_bias_is_that_of_a_mass_that_is_off(tmp_path):
     assert np.hypot(x, y) * 2.0 < 2e-3 < 2.0 * np.hypot(*batch.estimate(0).body_quaternion[1:3])
 
 
-def test_robots_have_numbers_of_their_own():
+def test_robots_have_separate_numbers():
     assert estimator_header(UNEVEN, "kugle") != estimator_header("paper", "kugle")
     assert estimator_header("paper", "kugle", 0.005) != estimator_header("paper", "kugle")
 

@@ -19,8 +19,8 @@ SENSORS = {
     "imu_position": (0.0, 0.0, 0.2),
 }
 DT = 0.01
-#: Tilt, gyroscope bias and velocity, about and along x and y: what wheels and gyroscope know of a robot at rest. The
-#: heading is not observed, and of the spin and the bias about the vertical the difference alone.
+#: Tilt, gyroscope bias and velocity, about and along x and y: observable by wheels and gyroscope at rest. The
+#: heading is not observed, and of the spin and the bias about the vertical only the difference.
 SEEN = [0, 1, 3, 4, 6, 7]
 
 
@@ -62,7 +62,7 @@ def steady(params: bb.Params):
 
 
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_the_covariance_becomes_that_of_python_control(robot, tmp_path):
+def test_the_covariance_converges_to_python_control(robot, tmp_path):
     params = bb.Params.preset(robot)
     in_c = CEstimator(tmp_path, estimator_header(params, SENSORS, DT))
     in_c.begin(bb.State.at_rest(params))

@@ -15,7 +15,7 @@ from tests.support.paths import ROOT
 PAGE = (ROOT / "docs" / "deployment.md").read_text(encoding="utf-8")
 
 
-def test_the_command_writes_the_controller_that_it_is_asked_for(tmp_path, capsys):
+def test_the_command_writes_the_requested_controller(tmp_path, capsys):
     target = tmp_path / "gains.h"
     robot = ["--robot", "kugle", "--set", "params.body_com_offset=[0.01,0]"]
     rate = ["--set", "control_dt=0.005", "--set", "max_wheel_torque=1.5"]
@@ -43,7 +43,7 @@ def test_the_command_writes_the_estimator_of_a_robot_and_its_sensors(tmp_path, c
 
 
 @pytest.mark.slow("a training")
-def test_a_run_and_its_onnx_file_give_one_header(tiny_run, tmp_path, capsys):
+def test_a_run_and_its_onnx_file_give_the_same_header(tiny_run, tmp_path, capsys):
     pytest.importorskip("onnx")
     onnx, first, second = (str(tmp_path / name) for name in ("p.onnx", "a.h", "b.h"))
     for source, target in ((str(tiny_run), onnx), (str(tiny_run), first), (onnx, second)):

@@ -1,4 +1,4 @@
-"""Policies as C99: equal to onnxruntime, and to the environment in what stands before and behind the network."""
+"""Policies as C99: equal to onnxruntime, and to the environment before and after the network."""
 
 import json
 import re
@@ -27,7 +27,7 @@ def observations(size, count=1000):
 
 
 def policy_of(target, nodes, constants, *, rows=16, **options):
-    """A policy of these nodes, from "observation" to "action", with the metadata of the one in the package."""
+    """A policy of these nodes, from "observation" to "action", with the metadata of the policy in the package."""
     metadata = {prop.key: prop.value for prop in onnx.load(SHIPPED).metadata_props}
     known = json.loads(metadata[PREFIX + "env_options"])
     metadata[PREFIX + "env_options"] = json.dumps({**known, **options})
@@ -91,7 +91,7 @@ LAST = helper.make_node("Gemm", ["hidden", "v", "c"], ["action"], alpha=0.5, bet
     ],
     ids=lambda nodes: "-".join(node.op_type for node in nodes),
 )
-def test_each_operator_is_that_of_onnxruntime(nodes, tmp_path):
+def test_each_operator_matches_onnxruntime(nodes, tmp_path):
     rng = np.random.default_rng(6)
     constants = {
         "w": rng.normal(0.0, 0.2, (16, 5)),
@@ -109,7 +109,7 @@ def test_each_operator_is_that_of_onnxruntime(nodes, tmp_path):
     assert expected.std() > 0.01
 
 
-def test_an_operator_that_is_not_known_is_named(tmp_path):
+def test_an_unknown_operator_is_named(tmp_path):
     nodes = [LAYER, helper.make_node("Sin", ["layer"], ["hidden"]), LAST]
     constants = {"w": np.ones((16, 5)), "v": np.ones((5, 3)), "c": np.zeros(3)}
     file = policy_of(tmp_path / "sine.onnx", nodes, constants)
@@ -119,7 +119,7 @@ def test_an_operator_that_is_not_known_is_named(tmp_path):
 
 
 @pytest.mark.parametrize("history", [1, 3])
-def test_steps_in_c_are_those_of_the_environment(history, tmp_path):
+def test_steps_in_c_match_the_environment(history, tmp_path):
     """The same episode, seen scaled by onnxruntime and in units by C."""
     rng = np.random.default_rng(7)
     constants = {"v": rng.normal(0.0, 0.05, (16 * history, 3)), "c": rng.normal(0.0, 0.1, 3)}
@@ -152,7 +152,7 @@ def test_rows_are_saturated_and_nan_is_zero_as_in_the_environment(tmp_path):
     np.testing.assert_allclose(CPolicy(tmp_path, policy_header(file)).step(rows), [0.5, -0.5, 0.0], atol=1e-6)
 
 
-def test_rows_from_a_state_are_those_of_the_task(tmp_path):
+def test_rows_from_a_state_match_the_task(tmp_path):
     in_c = CPolicy(tmp_path, policy_header(SHIPPED))
     env = bb.BalanceEnv(scale_observations=False, setpoint=(0.3, -0.2))
     for seed in range(5):

@@ -1,4 +1,4 @@
-"""Rollouts cut into fragments: the same robots, stepped one by one, make the same episodes."""
+"""Rollouts cut into fragments: the same robots, stepped one by one, have the same episodes."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def collected():
     return fragments, ended
 
 
-def test_fragments_are_those_of_robots_stepped_one_by_one(collected):
+def test_fragments_match_robots_stepped_one_by_one(collected):
     kinds = set()
     for robot in range(ROBOTS):
         env = BalanceEnv(**OPTIONS)
@@ -75,7 +75,7 @@ def test_returns_and_lengths_are_sums_over_fragments(collected):
     np.testing.assert_allclose(sorted(s for _, s in over), sorted(s for _, s in expected), rtol=1e-5)
 
 
-def test_densities_are_those_of_the_actions(collected):
+def test_densities_match_the_actions(collected):
     fragment = collected[0][0][0]
     means, logarithms = np.split(fragment.distributions.astype(float), 2, axis=1)
     np.testing.assert_allclose(means, policy(fragment.observations[:-1])[0], atol=1e-6)
@@ -84,7 +84,7 @@ def test_densities_are_those_of_the_actions(collected):
     np.testing.assert_allclose(fragment.log_densities, np.log(densities).sum(axis=1), rtol=1e-4, atol=1e-4)
 
 
-def test_rewards_are_scaled_for_the_learner_alone():
+def test_rewards_are_scaled_only_for_the_learner():
     plain, scaled = (rollouts(reward_scale=scale).collect(policy, 80) for scale in (1.0, 0.25))
     for one, other in zip(plain[0], scaled[0], strict=True):
         np.testing.assert_allclose(other.rewards, 0.25 * one.rewards, rtol=1e-6)
@@ -92,7 +92,7 @@ def test_rewards_are_scaled_for_the_learner_alone():
 
 
 @pytest.mark.parametrize("mode", ["same_step", "disabled"])
-def test_another_autoreset_mode_is_refused(mode):
+def test_another_autoreset_mode_is_rejected(mode):
     env = BallbotVectorEnv(2, autoreset_mode=mode)
     with pytest.raises(ValueError, match=f"autoreset_mode = {mode}: rollouts on Ray expect next_step"):
         Rollouts(env, 0, np.random.default_rng(0))
@@ -113,6 +113,6 @@ def test_seeds_are_disjoint_across_workers_and_new_for_a_worker_that_is_started_
     assert 10 <= late <= 10 + span - robots
 
 
-def test_more_robots_than_seeds_are_refused():
+def test_more_robots_than_seeds_are_rejected():
     with pytest.raises(ValueError, match="4 workers with 300 robots each are out of range: a run has 1000 seeds"):
         first_seed(0, 1000, worker=0, workers=4, robots=300)

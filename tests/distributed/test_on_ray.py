@@ -57,7 +57,7 @@ def test_two_workers_of_64_robots_learn_to_balance(learned):
     assert balanced(learned / run_folder.BEST) >= LEARNED
 
 
-def test_the_run_is_as_any_other(learned):
+def test_the_run_is_an_ordinary_run(learned):
     evaluations = run_folder.read_evaluations(learned)
     assert evaluations.timesteps[-1] >= 280_000
     assert evaluations.returns.shape == (len(evaluations.timesteps), 50)
@@ -74,7 +74,7 @@ def test_its_policy_is_exported_with_its_metadata(learned, tmp_path):
     assert balanced(target) >= LEARNED
 
 
-def test_a_worker_that_is_killed_is_replaced_and_the_training_goes_on(tmp_path):
+def test_a_killed_worker_is_replaced_and_training_continues(tmp_path):
     where, seen = Ray(2), {}
 
     def each(made, do):
@@ -122,7 +122,7 @@ def session(tmp_path):
     return got[0]
 
 
-def test_workers_share_no_seed(session):
+def test_workers_have_different_seeds(session):
     where = Ray(4)
     with cluster(where), algorithm(where, session) as made:
         made.train()
@@ -157,7 +157,7 @@ def test_a_worker_sends_the_rollouts_of_its_policy(session):
     runner.stop()
 
 
-def test_the_policy_of_a_worker_is_that_of_the_model(session):
+def test_the_policy_of_a_worker_matches_the_model(session):
     runner = BatchEnvRunner(config=algorithm_config(Ray(1), session.config, session.model, 3), worker_index=1)
     state = {"rl_module": {f"policy.{name}": value for name, value in session.model.policy.state_dict().items()}}
     runner.set_state({**runner.get_state(), **state})
@@ -187,7 +187,7 @@ def run_tiny(folder, timesteps, *given):
     return run_folder.checkpoints(folder)[0]
 
 
-def test_a_run_goes_on_from_its_checkpoint_on_ray_or_not(tmp_path):
+def test_a_run_resumes_from_its_checkpoint_with_or_without_ray(tmp_path):
     (tmp_path / "tiny.toml").write_text(TINY_CONFIG, encoding="utf-8")
     folder, on_ray = tmp_path / "run", ("--on", "ray", "--workers", "2")
     first = run_tiny(folder, 768, *on_ray, "--config", str(tmp_path / "tiny.toml"))
@@ -212,27 +212,27 @@ def test_a_training_with_a_teacher_begins_with_the_fit(tmp_path):
         TINY_CONFIG,
         {"teacher.controller": "lqr", "teacher.rounds": 1, "teacher.steps": 20, "teacher.value_rollouts": 1},
     )
-    said = []
+    printed = []
     train.train(
         config_module.parse(text, "tiny"),
         text,
         tmp_path / "run",
         learn=OnRay(Ray(1)),
-        tell=said.append,
+        tell=printed.append,
         progress_bar=False,
     )
-    assert said[0].startswith("fitted to lqr: ")
+    assert printed[0].startswith("fitted to lqr: ")
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[0] == 0
 
 
-def test_workers_that_cannot_be_made_end_the_training(session):
+def test_workers_that_fail_to_start_end_the_training(session):
     config = dataclasses.replace(session.config, env={"model": "nothing"})
     with pytest.raises(RuntimeError, match=r"none of 2 workers could be started: their logs are in .*/logs"):
         OnRay(Ray(2))(dataclasses.replace(session, config=config))
     assert not ray.is_initialized()
 
 
-def test_robots_that_cannot_be_shared_out_are_refused(tmp_path, capsys):
+def test_robots_that_cannot_be_divided_evenly_are_rejected(tmp_path, capsys):
     code = main(["train", "balance", "--on", "ray", "--workers", "3", "--run", str(tmp_path / "run"), "--quiet"])
     assert code == 1
     assert "num_envs = 128 robots are not a multiple of 3 workers" in capsys.readouterr().err
@@ -241,7 +241,7 @@ def test_robots_that_cannot_be_shared_out_are_refused(tmp_path, capsys):
 
 #: Where they find the package.
 PATH = str(ROOT / "python")
-#: What the processes of a cluster know each other by.
+#: The address by which the processes of a cluster find each other.
 TOKEN = {"RAY_AUTH_MODE": "token", "RAY_AUTH_TOKEN": secrets.token_hex(32)}
 
 
@@ -289,19 +289,19 @@ def train_tiny(folder, address, workers, *arguments):
 
 def test_a_cluster_is_joined(tmp_path):
     with head(tmp_path, PATH) as address:
-        code, said = train_tiny(tmp_path, address, 2)
-        assert code == 0, said
-        code, said = train_tiny(tmp_path, address, 4, "--overwrite")
-        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in said) == (1, True), said
+        code, printed = train_tiny(tmp_path, address, 2)
+        assert code == 0, printed
+        code, printed = train_tiny(tmp_path, address, 4, "--overwrite")
+        assert (code, "--workers 4 is out of range: the cluster has 2 cores" in printed) == (1, True), printed
     # The run of the first training, which the second was to overwrite.
     assert run_folder.read_evaluations(tmp_path / "run").timesteps[-1] >= 768
 
 
-def test_a_cluster_without_the_package_is_refused(tmp_path):
+def test_a_cluster_without_the_package_is_rejected(tmp_path):
     with head(tmp_path, "") as address:
-        code, said = train_tiny(tmp_path, address, 1)
+        code, printed = train_tiny(tmp_path, address, 1)
     assert code == 1
-    assert f"ballbot_rs cannot be imported on the cluster {address}: " in said
+    assert f"ballbot_rs cannot be imported on the cluster {address}: " in printed
 
 
 def test_an_interrupted_training_keeps_a_checkpoint(tmp_path):

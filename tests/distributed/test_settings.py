@@ -34,7 +34,7 @@ def test_arguments_have_the_names_of_rllib():
     assert settings.steps_each(shipped("balance")) == 32
 
 
-def test_defaults_are_those_of_stable_baselines3():
+def test_defaults_match_stable_baselines3():
     stable_baselines3 = pytest.importorskip("stable_baselines3")
     import inspect
 
@@ -45,7 +45,7 @@ def test_defaults_are_those_of_stable_baselines3():
     assert theirs["n_steps"].default == settings.DEFAULT_STEPS
 
 
-def test_a_rate_that_falls_goes_on_where_it_was():
+def test_a_decaying_learning_rate_resumes_at_its_value():
     config = shipped("path")
     assert settings.arguments(config)["lr"] == [[0, 1e-3], [4_000_000, 0.0]]
     assert settings.arguments(config, 3_000_000)["lr"] == [[0, 0.25e-3], [1_000_000, 0.0]]
@@ -72,12 +72,12 @@ def test_every_configuration_of_the_package_fits(task):
         ),
     ],
 )
-def test_what_rllib_does_not_have_is_refused_by_name(values, message):
+def test_settings_that_rllib_does_not_have_are_rejected_by_name(values, message):
     with pytest.raises(ValueError, match=message):
         settings.arguments(shipped("balance", **values))
 
 
-def test_robots_are_shared_out_evenly_or_not_at_all():
+def test_robots_are_divided_evenly_or_rejected():
     config = shipped("balance")
     assert Ray(2).robots_each(config) == 64
     with pytest.raises(ValueError, match="num_envs = 128 robots are not a multiple of 3 workers"):
@@ -87,7 +87,7 @@ def test_robots_are_shared_out_evenly_or_not_at_all():
 
 
 @pytest.mark.parametrize("workers", [0, -1, 1025, True, 1.5])
-def test_a_number_of_workers_out_of_range_is_refused(workers):
+def test_a_number_of_workers_out_of_range_is_rejected(workers):
     with pytest.raises(ValueError, match=r"workers = .* is out of range: it must be from 1 to 1024"):
         Ray(workers)
 
@@ -95,12 +95,12 @@ def test_a_number_of_workers_out_of_range_is_refused(workers):
 @pytest.mark.parametrize(
     "address", ["", "here", "host:", ":1", "host:0", "host:65536", "ray://host:1", "host:x", "auto"]
 )
-def test_what_is_no_address_is_refused(address):
+def test_invalid_addresses_are_rejected(address):
     with pytest.raises(ValueError, match=r"is not an address: expected HOST:PORT with a port from 1 to 65535"):
         Ray(1, address)
 
 
-def test_an_address_where_nothing_listens_is_refused_at_once():
+def test_an_address_where_nothing_listens_is_rejected_at_once():
     with socket.socket() as unused:
         unused.bind(("127.0.0.1", 0))
         address = f"127.0.0.1:{unused.getsockname()[1]}"
@@ -116,7 +116,7 @@ def test_an_address_where_nothing_listens_is_refused_at_once():
         (["--on", "ray", "--ray-address", "here"], "--ray-address here is not an address"),
     ],
 )
-def test_the_command_refuses_what_has_no_place(given, message, capsys, tmp_path, monkeypatch):
+def test_the_command_rejects_options_that_do_not_apply(given, message, capsys, tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["train", "balance", *given]) == 1
     assert message in capsys.readouterr().err
@@ -124,7 +124,7 @@ def test_the_command_refuses_what_has_no_place(given, message, capsys, tmp_path,
 
 
 @pytest.mark.slow("a process")
-def test_without_ray_the_message_says_what_to_install():
+def test_without_ray_the_message_names_what_to_install():
     code = """
 import sys
 class Hidden:

@@ -1,6 +1,6 @@
 """The site as a browser has it, from its files: nothing fails to load, nothing is wider than the window.
 
-BALLBOT_SITE names a built site; without it one is built, which takes two minutes. Skipped without the extra `site`.
+BALLBOT_SITE names a built site; without it a site is built, in two minutes. Skipped without the extra `site`.
 """
 
 import importlib.util
@@ -58,7 +58,7 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
 
 
 def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE) -> None:
-    """Opens a page and forgets what was said before."""
+    """Opens a page and clears earlier messages."""
     browser.call(
         "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=size == NARROW
     )
@@ -87,7 +87,7 @@ def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, brow
 
 
 @pytest.mark.parametrize("page", ["derivations.html", "laws.html", "references.html", "verification.html"])
-def test_formulas_are_drawn_and_none_is_left_as_text(page: str, site: Path, browser: Chromium) -> None:
+def test_formulas_are_rendered_and_none_is_left_as_text(page: str, site: Path, browser: Chromium) -> None:
     opened(browser, site / page)
     assert browser.evaluate("document.querySelectorAll('math').length") > 10
     heights = "[...document.querySelectorAll('.formula math')].map(m => m.getBoundingClientRect().height)"

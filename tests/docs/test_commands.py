@@ -20,7 +20,7 @@ FREE = ("git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv
 
 
 def commands(page: str) -> Iterator[str]:
-    """The lines of a page's blocks for the shell, with what `&&` joins apart; what is quoted over lines is one."""
+    """The lines of a page's blocks for the shell, split at `&&`; a quotation over several lines is a single line."""
     for block in re.findall(r"```sh\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), flags=re.DOTALL):
         text = re.sub(r'"[^"]*"', lambda quoted: quoted[0].replace("\n", ";"), block.replace("\\\n", " "))
         for line in text.splitlines():

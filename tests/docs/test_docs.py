@@ -103,9 +103,9 @@ def test_a_broken_link_is_found(line, complaint):
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_math_survives_markdown(page):
-    """Between dollar signs, Markdown may take backslashes before punctuation and free-standing `_` and `*` first.
+    """Between dollar signs, Markdown may consume backslashes before punctuation and separate `_` and `*` first.
 
-    In blocks of code of the language `math` it takes nothing.
+    In blocks of code of the language `math` it consumes nothing.
     """
     text = page.read_text(encoding="utf-8")
     for block in MATH_BLOCK.findall(text):

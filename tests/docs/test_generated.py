@@ -9,7 +9,7 @@ from tests.support.paths import ROOT
 
 
 @pytest.mark.slow("generates all files")
-def test_generated_files_are_those_of_the_core():
+def test_generated_files_match_the_core():
     done = subprocess.run(
         [sys.executable, "tools/generate.py", "--check"], cwd=ROOT, capture_output=True, text=True, timeout=300
     )

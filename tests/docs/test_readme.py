@@ -1,4 +1,4 @@
-"""The Python of README and docs/ runs as it stands, trainings included; the parser takes their command lines."""
+"""The Python of README and docs/ runs unchanged, trainings included; the parser accepts their command lines."""
 
 import re
 import shlex
@@ -29,7 +29,7 @@ COMMANDS = [
 
 
 @pytest.mark.parametrize(("page", "line"), COMMANDS)
-def test_the_parser_takes_the_command_line(page: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
+def test_the_parser_accepts_the_command_line(page: str, line: str, capsys: pytest.CaptureFixture[str]) -> None:
     try:
         parsed = parser().parse_args(shlex.split(line, comments=True)[1:])
     except SystemExit:
@@ -65,7 +65,7 @@ def test_the_blocks_of_a_page_run_one_after_another(page: str, clone: Path) -> N
         exec(compile(block, page, "exec"), namespace)
 
 
-def test_the_controller_block_is_one_for_the_command_line(clone: Path) -> None:
+def test_the_controller_block_runs_on_the_command_line(clone: Path) -> None:
     (block,) = blocks("docs/command_line.md")
     (clone / "mine.py").write_text(block, encoding="utf-8")
     result = bb.evaluate("mine.py:Damped", episodes=1)
@@ -88,21 +88,21 @@ def test_the_citation_has_the_version_of_the_package() -> None:
     assert bibtex[1] == cff[1] == bb.__version__
 
 
-def test_the_animation_is_that_of_its_command() -> None:
+def test_the_animation_matches_its_command() -> None:
     """Duration, rate and size of the README's command, and small enough for a page."""
     from PIL import Image
 
     text = " ".join((ROOT / "README.md").read_text(encoding="utf-8").split())
     (line,) = re.findall(r"`(ballbot record [^`]*-o docs/push\.webp)`", text)
-    asked = parser().parse_args(shlex.split(line)[1:])
-    with Image.open(ROOT / asked.output) as animation:
-        assert list(animation.size) == asked.size
+    requested = parser().parse_args(shlex.split(line)[1:])
+    with Image.open(ROOT / requested.output) as animation:
+        assert list(animation.size) == requested.size
         durations = []
         for i in range(animation.n_frames):
             animation.seek(i)
             animation.load()
             durations.append(animation.info["duration"])
-    # Frames that are alike are one.
-    assert sum(durations) == 1000 * asked.seconds
-    assert min(durations) == 1000 / asked.frame_rate
-    assert (ROOT / asked.output).stat().st_size <= 1_500_000
+    # Equal frames are merged.
+    assert sum(durations) == 1000 * requested.seconds
+    assert min(durations) == 1000 / requested.frame_rate
+    assert (ROOT / requested.output).stat().st_size <= 1_500_000

@@ -31,7 +31,7 @@ def test_rows_of_a_matrix_end_by_either_command(row, mathml):
     assert tags(matrix).count("mtd") == 4
 
 
-def test_the_index_of_a_letter_with_an_accent_is_beside_it(mathml):
+def test_the_index_of_a_letter_with_an_accent_is_next_to_it(mathml):
     index = mathml(r"\dot\psi_i").find(f"{MATHML}msub")
     assert [child.tag for child in index] == [f"{MATHML}mover", f"{MATHML}mi"]
     assert [child.text for child in index[0]] == ["ψ", "˙"]
@@ -43,14 +43,14 @@ def test_bars_open_and_close(mathml):
     assert bars == ["prefix", "postfix"]
 
 
-def test_functions_have_space_on_both_sides_but_before_a_bracket(mathml):
+def test_functions_have_space_on_both_sides_except_before_a_bracket(mathml):
     assert tags(mathml(r"l\sin\theta")).count("mspace") == 2
     assert tags(mathml(r"\operatorname{diag}(a)")).count("mspace") == 0
     assert tags(mathml(r"a = \cos\theta")).count("mspace") == 1
 
 
 @pytest.mark.parametrize("tex", [r"\frac32", r"\gt", r"\dots", "^2"])
-def test_what_github_takes_is_taken(tex, mathml):
+def test_math_that_github_renders_is_accepted(tex, mathml):
     assert tags(mathml(tex))[0] == "math"
 
 
@@ -61,7 +61,7 @@ def test_every_displayed_formula_is_converted(mathml):
         assert "merror" not in tags(mathml(block)), block
 
 
-def test_docstrings_mean_what_markdown_means():
+def test_docstrings_render_like_markdown():
     pytest.importorskip("sphinx", reason="Sphinx is missing: pip install -e '.[site]'")
     from website.signatures import restructured
 
@@ -69,7 +69,7 @@ def test_docstrings_mean_what_markdown_means():
     assert restructured("See:\n\n```python\na * b\n```\n") == "See:\n\n::\n\n    a * b\n\n"
 
 
-def test_signatures_of_the_extension_are_those_of_the_stub():
+def test_signatures_of_the_extension_match_the_stub():
     pytest.importorskip("sphinx", reason="Sphinx is missing: pip install -e '.[site]'")
     from website.signatures import STUB, signatures
 

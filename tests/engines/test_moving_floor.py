@@ -24,12 +24,12 @@ def test_the_plane_touches_ground_and_ball():
         np.testing.assert_allclose(upright, terrain.normal(*point[:2]), atol=1e-12)
 
 
-def test_a_state_that_has_diverged_has_a_plane_too():
+def test_a_diverged_state_has_a_plane_too():
     contact_plane(bb.Terrain.generate("noise"), np.full(3, np.nan), 0.1)
 
 
 @pytest.mark.slow("another engine")
-def test_a_regulator_does_there_what_it_does_here_on_hills():
+def test_a_regulator_behaves_alike_in_both_engines_on_hills():
     ground = {"kind": "noise", "slope": 0.08, "wavelength": 0.8, "seed": 2}
     options = {"max_episode_steps": 200, "terrain": ground}
     here, there = (

@@ -12,7 +12,7 @@ mujoco = pytest.importorskip("mujoco")
 
 
 @pytest.mark.parametrize("task", ["balance", "velocity", "goal", "path", "push"])
-def test_a_regulator_does_there_what_it_does_here(task):
+def test_a_regulator_behaves_alike_in_both_engines(task):
     """Every measure of three seconds within 2 %, but for what MuJoCo's soft contacts let sink."""
     options = {"max_episode_steps": 300}
     if task == "push":
@@ -28,7 +28,7 @@ def test_a_regulator_does_there_what_it_does_here(task):
     assert there.mean_reward == pytest.approx(here.mean_reward, rel=0.02)
 
 
-def test_robots_that_an_event_draws_are_those_that_move():
+def test_robots_sampled_by_an_event_are_the_robots_that_move():
     """A heavier body falls at another rate; its robot is made again in each episode."""
     events = [{"term": "body_com_height", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.1, 0.3]}]
     options = {"events": events, "max_episode_steps": 20, "reset_tilt": 0.0, "reset_tilt_rate": 0.0}
@@ -48,7 +48,7 @@ def test_robots_that_an_event_draws_are_those_that_move():
     assert not np.allclose(tilts[None, 0], tilts[None, 1], rtol=1e-2)
 
 
-def test_parameters_that_are_set_are_those_that_move():
+def test_parameters_that_are_set_change_the_motion():
     params = bb.Params.paper()
     lower = params.replace(body_com_height=0.5 * params.body_com_height)
     start = bb.State.at_rest(params, (0.05, 0.0))
@@ -68,7 +68,7 @@ def test_parameters_that_are_set_are_those_that_move():
             batch.step(np.zeros((1, 3)))
 
 
-def test_motors_that_an_event_weakens_are_weak_there():
+def test_motors_weakened_by_an_event_are_weak_in_the_engine():
     events = [{"term": "max_wheel_torque", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.02, 0.021]}]
     speeds = []
     for engine in (None, "mujoco"):
@@ -99,7 +99,7 @@ def test_a_state_that_diverges_ends_its_episode(tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_a_task_in_python_moves_there_too():
+def test_a_task_in_python_runs_in_the_engine():
     class Upright(bb.Task):
         def observe(self, robots):
             return robots.gravity
@@ -143,12 +143,12 @@ def test_a_task_in_python_moves_there_too():
         ({"model": "rigid"}, "replaces model = 'rigid'"),
     ],
 )
-def test_what_the_engine_does_not_simulate_is_refused(options, message):
+def test_features_that_the_engine_does_not_simulate_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         bb.compare(["lqr"], episodes=1, env_options=options, engine="mujoco")
 
 
-def test_an_unknown_engine_is_refused():
+def test_an_unknown_engine_is_rejected():
     with pytest.raises(ValueError, match="unknown engine 'mujocoo': expected one of mujoco"):
         bb.compare(["lqr"], episodes=1, engine="mujocoo")
 

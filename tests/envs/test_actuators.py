@@ -157,7 +157,7 @@ def test_what_is_returned_is_a_copy():
         ([1.0], TypeError, "not list"),
     ],
 )
-def test_what_is_wrong_is_refused_by_every_front_end(actuators, kind, message):
+def test_invalid_values_are_rejected_by_every_front_end(actuators, kind, message):
     for make in (
         lambda: bb.Batch(1, actuators=actuators),
         lambda: bb.BalanceEnv(actuators=actuators),
@@ -216,7 +216,7 @@ def test_a_run_keeps_its_motors(tmp_path, capsys):
     capsys.readouterr()
 
 
-def test_commands_take_motors(tmp_path, capsys):
+def test_commands_accept_motors(tmp_path, capsys):
     def results(*arguments):
         assert main(["evaluate", "--episodes", "3", "--json", *arguments]) == 0
         return json.loads(capsys.readouterr().out)["results"]
@@ -265,7 +265,7 @@ def closed_loop(delay_steps, lag):
 
 
 @pytest.mark.parametrize(("delay_steps", "lag"), [(0, 0.0), (7, 0.0), (0, 0.03), (12, 0.02), (35, 0.0)])
-def test_a_closed_loop_is_that_of_the_linear_model(delay_steps, lag):
+def test_a_closed_loop_matches_the_linear_model(delay_steps, lag):
     matrix = closed_loop(delay_steps, lag)
     batch = bb.Batch(
         1,
@@ -289,7 +289,7 @@ def test_a_closed_loop_is_that_of_the_linear_model(delay_steps, lag):
     assert worst < 1e-5
 
 
-def test_the_delay_at_which_lqr_fails_is_that_of_the_linear_model():
+def test_the_delay_at_which_lqr_fails_matches_the_linear_model():
     radii = [np.abs(np.linalg.eigvals(closed_loop(steps, 0.0))).max() for steps in (28, 29)]
     assert radii[0] < 1.0 < radii[1]
     for delay, grows in ((0.05, False), (0.066, True)):

@@ -27,7 +27,7 @@ def drawn(task):
         batch.step(batch.control(lqr))
         if (batch.command() != commands[-1]).any():
             commands.append(batch.command())
-    # Where the ball is when a goal is drawn depends on the regulator.
+    # The position of the ball when a goal is sampled depends on the regulator.
     if task == "goal":
         commands = commands[:1]
     return {
@@ -40,7 +40,7 @@ def drawn(task):
 
 @pytest.mark.slow("200 episodes a task")
 @pytest.mark.parametrize("task", sorted(TASKS))
-def test_the_bank_is_the_committed_one(task):
+def test_the_bank_matches_the_committed_bank(task):
     """If it is not, the numbers of docs/policies.md and docs/transfer.md are of other episodes."""
     found = drawn(task)
     assert found.keys() == BANK[task].keys()

@@ -93,7 +93,7 @@ def test_seeds_of_the_vector_environment_are_a_tuple():
     assert env.np_random_seed == (7, 31, 3)
 
 
-def test_spaces_by_get_attr_are_those_of_one_environment():
+def test_spaces_by_get_attr_match_a_single_environment():
     env = bb.BalanceVectorEnv(2)
     assert env.get_attr("action_space") == (env.single_action_space,) * 2
     assert env.get_attr("observation_space")[0].shape == (16,)
@@ -101,7 +101,7 @@ def test_spaces_by_get_attr_are_those_of_one_environment():
 
 
 @pytest.mark.parametrize("limit", [5, 1000])
-def test_success_is_told_at_every_step_and_limit(balance, limit):
+def test_success_is_reported_at_every_step_and_limit(balance, limit):
     made = {} if limit == 1000 else {"max_episode_steps": limit}
     env = gymnasium.make(BALANCE, model="spatial", **made)
     direct = bb.BalanceEnv(model="spatial", max_episode_steps=limit)
@@ -139,7 +139,7 @@ def test_a_view_has_what_wrappers_of_gymnasium_use():
 @pytest.mark.parametrize(
     ("variable", "argument", "expected"), [(None, "", 1), (None, ", torch_threads=None", 2), ("2", "", 2)]
 )
-def test_torch_has_one_thread_unless_told_otherwise(variable, argument, expected):
+def test_torch_has_one_thread_by_default(variable, argument, expected):
     code = f"""
 import torch
 torch.set_num_threads(2)
@@ -179,7 +179,7 @@ def test_results_of_an_episode_end_with_its_reset() -> None:
     assert batch.infos() == [{"TimeLimit.truncated": False, "is_success": False, "termination": 0}]
 
 
-def test_a_snapshot_of_other_options_is_refused() -> None:
+def test_a_snapshot_of_other_options_is_rejected() -> None:
     raw = bb.Batch(1, model="contact", scale_observations=False)
     raw.reset()
     scaled = bb.Batch(1, model="contact")
@@ -208,14 +208,14 @@ def test_bad_input_of_batches_names_value_and_limit(call, message: str) -> None:
         call(batch)
 
 
-def test_a_record_beyond_memory_is_refused() -> None:
+def test_a_record_beyond_memory_is_rejected() -> None:
     batch = bb.Batch(2, model="contact")
     batch.reset()
     with pytest.raises(MemoryError, match="record 'states' of shape"):
         batch.rollout(bb.Lqr(), 2**60)
 
 
-def test_lqr_takes_a_cost_once() -> None:
+def test_lqr_accepts_a_cost_once() -> None:
     with pytest.raises(TypeError, match="R or the weight torque"):
         bb.Lqr(R=np.eye(3), torque=0.1)
     with pytest.raises(TypeError, match="Q or the weight tilt"):

@@ -75,7 +75,7 @@ def test_gymnasium_checks_the_environment():
 
 @pytest.mark.parametrize("options", [{}, {"history": 3}, {"scale_observations": False}, {"scan": {"points": (3, 2)}}])
 @pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
-def test_many_robots_do_what_each_does_alone(mode, options):
+def test_many_robots_equal_single_robots(mode, options):
     n = 7
     made = {**OPTIONS, **ADDED, **options}
     many = new_batch(n, task=TASK, autoreset=mode, seed=3, num_threads=2, options=made)
@@ -109,7 +109,7 @@ def test_many_robots_do_what_each_does_alone(mode, options):
 
 @pytest.mark.parametrize("model", ["contact", "rigid", "spatial"])
 def test_the_task_itself_is_unchanged(model):
-    """Its terms, rows and ends are the same to the last bit."""
+    """Its terms, rows and ends are bit-identical."""
     n = 5
     added = {**ADDED, "terminations": {"never": lambda robots: np.zeros(len(robots), bool)}}
     plain = new_batch(n, task="velocity", seed=1, options={"model": model})
@@ -268,7 +268,7 @@ def test_a_command_whose_rows_fail_requires_a_reset(broken):
     batch.step(np.zeros((3, 3)))
 
 
-def test_a_command_or_a_look_at_one_robot_computes_rows_of_that_robot_only():
+def test_commanding_or_reading_a_robot_computes_only_its_rows():
     called = []
 
     def see(robots):
@@ -370,7 +370,7 @@ def test_after_an_exception_all_environments_are_reset():
     env.step(np.zeros((2, 3)))
 
 
-def test_a_batch_within_its_own_step_is_refused():
+def test_using_a_batch_within_its_step_is_rejected():
     held = {}
 
     def looks(robots):
@@ -477,7 +477,7 @@ def test_policies_with_rows_in_another_order_are_not_compared(tmp_path):
         bb.compare(files, episodes=1)
 
 
-def test_policy_files_choose_no_code(tmp_path):
+def test_policy_files_select_no_code(tmp_path):
     sb3 = pytest.importorskip("stable_baselines3")
     env = bb.BallbotVecEnv(TASK, num_envs=2, reward={"energy": f"{__name__}:energy"})
     bb.save(sb3.PPO("MlpPolicy", env, n_steps=8, batch_size=16, device="cpu"), tmp_path / "policy.zip")

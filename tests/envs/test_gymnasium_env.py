@@ -26,13 +26,13 @@ def run_to_end(env, act, limit=3000):
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_gymnasium_checker_has_nothing_to_say(model):
+def test_the_checker_of_gymnasium_reports_nothing(model):
     with warnings.catch_warnings():
         warnings.simplefilter("error")
         check_env(gymnasium.make(BALANCE, model=model).unwrapped)
 
 
-def test_stable_baselines_checker_has_nothing_to_say():
+def test_the_checker_of_stable_baselines_reports_nothing():
     checker = pytest.importorskip("stable_baselines3.common.env_checker")
     with warnings.catch_warnings():
         warnings.simplefilter("error")
@@ -67,7 +67,7 @@ def test_spaces_and_python_types():
     assert info == {"is_success": False, "termination": 0}
 
 
-def test_observation_rows_are_what_the_documentation_says():
+def test_observation_rows_match_the_documentation():
     env = BalanceEnv(setpoint=(0.3, -0.1), scale_observations=False)
     yaw, tilt = 0.7, 0.04
     state = State.at_rest(env.params, tilt=(tilt, 0.0), yaw=yaw).replace(
@@ -157,7 +157,7 @@ def test_make_honors_max_episode_steps(balance, length):
 
 
 @pytest.mark.parametrize(("length", "success"), [(5, False), (900, True), (1200, True)])
-def test_success_is_told_at_the_end_that_make_sets(balance, length, success):
+def test_success_is_reported_at_the_end_that_make_sets(balance, length, success):
     env = gymnasium.make(BALANCE, max_episode_steps=length, model="spatial")
     env.reset(seed=3)
     _, (*_, info) = run_to_end(env, lambda e: balance(e.unwrapped.state))
@@ -172,7 +172,7 @@ def test_constructor_honors_max_episode_steps(balance):
     assert (steps, terminated, truncated) == (12, False, True)
 
 
-def test_survival_without_precision_is_no_success(balance):
+def test_survival_without_precision_is_not_success(balance):
     env = BalanceEnv(model="spatial", max_episode_steps=300, success_radius=1e-9)
     env.reset(seed=1)
     _, (_, _, _, truncated, info) = run_to_end(env, lambda e: balance(e.state))
@@ -215,7 +215,7 @@ def test_divergence_ends_the_episode_with_finite_numbers(model, impulse):
     assert np.isfinite(observation).all()
     assert observation in env.observation_space
     assert np.isfinite(reward)
-    # The next episode is as good as one in a new environment.
+    # The next episode equals an episode in a new environment.
     np.testing.assert_array_equal(env.reset(seed=4)[0], BalanceEnv(model=model).reset(seed=4)[0])
     env.step(ZERO)
 
@@ -225,12 +225,12 @@ def test_reset_to_a_given_state(paper):
     env = gymnasium.make(BALANCE)
     env.reset(seed=9, options={"state": state})
     np.testing.assert_allclose(env.unwrapped.state.to_array(), state.to_array(), atol=1e-12)
-    # A given start draws no random numbers.
+    # A given start uses no random numbers.
     drawn = env.reset()[0]
     np.testing.assert_array_equal(drawn, BalanceEnv().reset(seed=9)[0])
 
 
-def test_reset_refuses_what_it_does_not_know():
+def test_reset_rejects_unknown_options():
     env = BalanceEnv()
     with pytest.raises(ValueError, match="unknown reset option 'stat': expected one of state"):
         env.reset(options={"stat": 1})
@@ -295,7 +295,7 @@ def test_copies_continue_bit_identically(model, duplicate):
     assert ends >= 2
 
 
-def test_a_copy_knows_its_last_reward():
+def test_a_copy_keeps_its_last_reward():
     env = BalanceEnv()
     env.reset(seed=5)
     env.step([0.1, 0.2, 0.3])
@@ -331,7 +331,7 @@ def test_spec_survives_json():
     ],
     ids=["float64", "list", "tuple", "strided", "reversed", "fortran row", "big endian"],
 )
-def test_actions_of_any_layout_mean_the_same(convert):
+def test_actions_of_any_memory_layout_are_equivalent(convert):
     action = np.array([0.5, -0.25, 0.125], dtype=np.float32)
     env, other = BalanceEnv(), BalanceEnv()
     env.reset(seed=0)

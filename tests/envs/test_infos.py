@@ -1,4 +1,4 @@
-"""Infos as clients of others take them: the same finite numbers at every reset and step, ends of episodes included."""
+"""Infos as third-party clients use them: the same finite numbers at every reset and step, ends of episodes included."""
 
 import gymnasium
 import numpy as np
@@ -75,7 +75,7 @@ def test_a_single_environment_has_the_same_finite_numbers_at_every_step(task):
 @pytest.mark.slow("all tasks, many steps")
 @pytest.mark.parametrize("task", [*ALL, "test_infos/Lean-v0"])
 @pytest.mark.parametrize("mode", ["next_step", "same_step", "disabled"])
-def test_many_environments_have_the_infos_that_gymnasium_makes_of_single_ones(task, mode):
+def test_many_environments_have_the_infos_that_gymnasium_combines_from_single_environments(task, mode):
     n, enum = 3, gymnasium.vector.AutoresetMode[mode.upper()]
     fast = bb.BallbotVectorEnv(n, task=task, autoreset_mode=mode, **SHORT)
     slow = SyncVectorEnv([lambda: bb.BallbotEnv(task, **SHORT)] * n, autoreset_mode=enum)
@@ -97,7 +97,7 @@ def test_many_environments_have_the_infos_that_gymnasium_makes_of_single_ones(ta
     assert ends >= 2 * n
 
 
-def test_arrays_of_infos_are_of_their_step_alone():
+def test_arrays_of_infos_belong_to_their_step():
     env = bb.BallbotVectorEnv(2, task="velocity", autoreset_mode="same_step", **SHORT)
     kept = [env.reset(seed=0)[1], *(env.step(actions(step, 2))[4] for step in range(30))]
 
@@ -191,19 +191,19 @@ def test_stable_baselines3_has_the_same_numbers_at_every_step(task):
     assert {tuple(type(info[name]) for name in names) for info in every} == {tuple(names.values())}
 
 
-def test_success_is_told_before_the_end(balance):
+def test_success_is_reported_before_the_end(balance):
     env = bb.BallbotVecEnv(1, model="spatial", seed=0, max_episode_steps=400, success_window=1.0)
     single = bb.BallbotEnv(model="spatial", max_episode_steps=400, success_window=1.0)
     env.reset()
     single.reset(seed=0)
-    told = []
+    messages = []
     for _ in range(400):
         action = balance(single.state)
         *_, infos = env.step(action[None])
-        told.append(infos[0]["is_success"])
-        assert single.step(action)[4]["is_success"] == told[-1]
-    assert not told[50]
-    assert told[-2:] == [True, True]
+        messages.append(infos[0]["is_success"])
+        assert single.step(action)[4]["is_success"] == messages[-1]
+    assert not messages[50]
+    assert messages[-2:] == [True, True]
 
 
 def test_metrics_are_running_and_zero_before_they_are_defined():

@@ -62,7 +62,7 @@ def test_scaled_readings_are_within_the_space():
 
 
 @pytest.mark.parametrize("terrain", [None, HILLS])
-def test_a_depth_picture_is_that_of_the_renderer(terrain):
+def test_a_depth_image_matches_the_renderer(terrain):
     pitch, view, size = 0.5, 1.1, (32, 24)
     # Ahead of the robot, which the renderer shows.
     position = (0.8, 0.0, 0.5)
@@ -130,7 +130,7 @@ def test_policies_keep_their_instruments(tmp_path):
     assert bb.evaluate(file, episodes=2, env_options={"max_episode_steps": 20}).episodes == 2
 
 
-def test_copies_and_pickles_go_on_with_the_same_readings():
+def test_copies_and_pickles_continue_with_the_same_readings():
     env = velocity_env(scan={**SCAN, "latency": 0.05, "noise": 0.01, "dropout": 0.1})
     env.reset(seed=4)
     for _ in range(7):
@@ -168,7 +168,7 @@ def test_options_of_a_wrong_type_are_named(options):
         bb.VelocityEnv(**options)
 
 
-def test_robots_without_instruments_say_so():
+def test_robots_without_instruments_raise():
     env = bb.BalanceEnv()
     for name in INSTRUMENTS:
         with pytest.raises(ValueError, match=f"the robots have no {name}"):

@@ -1,4 +1,4 @@
-"""Events on every front end; tests/rust/core/randomization tests what they draw, and when."""
+"""Events on every front end; tests/rust/core/randomization tests what they sample, and when."""
 
 import copy
 import json
@@ -32,7 +32,7 @@ def same(found, expected):
         np.testing.assert_array_equal(found[term], expected[term], err_msg=term)
 
 
-def test_sensors_of_each_robot_are_drawn():
+def test_sensors_of_each_robot_are_sampled():
     events = [{"term": "sensors.gyro_noise", "range": [0.0, 0.01]}, {"term": "sensors.latency", "range": [0.0, 0.03]}]
     with pytest.raises(ValueError, match="the robots have none"):
         bb.Batch(2, events=events)
@@ -50,7 +50,7 @@ def test_sensors_of_each_robot_are_drawn():
         bb.BalanceEnv(sensors={}, events=[{"term": "sensors.gyro_bias", "at": 1.0, "range": [0.0, 0.1]}])
 
 
-def test_draws_have_a_place_for_every_robot_and_number():
+def test_draws_have_an_entry_for_every_robot_and_number():
     batch = bb.Batch(5, events=EVENTS, seed=SEED, num_threads=1)
     assert all(np.isnan(values).all() for values in batch.draws().values())
     batch.reset()
@@ -125,13 +125,13 @@ def test_trajectories_have_the_draws():
     assert len(fallen.draws["body_mass"]) == len(fallen.times)
 
 
-def test_a_law_runs_on_motors_weaker_than_the_nominal_ones():
+def test_a_controller_runs_on_motors_weaker_than_nominal():
     weak = {"term": "max_wheel_torque", "op": "scale", "range": [0.02, 0.5]}
     result = bb.evaluate("lqr", episodes=4, env_options={"events": weak, "max_episode_steps": 50})
     assert result.episodes == 4
 
 
-def test_front_ends_draw_the_same():
+def test_front_ends_sample_the_same_values():
     pytest.importorskip("torch")
     batch = bb.Batch(3, events=EVENTS, seed=SEED)
     batch.reset()
@@ -154,7 +154,7 @@ def test_front_ends_draw_the_same():
         assert env.params == batch.params(2) != env.nominal_params == bb.Params.paper()
 
 
-def test_every_spelling_is_the_same(tmp_path):
+def test_every_spelling_is_equivalent(tmp_path):
     full = bb.load_events(EVENTS)
     file = tmp_path / "mine.toml"
     file.write_text(_toml.dumps({"events": full}), encoding="utf-8")
@@ -183,7 +183,7 @@ def test_sets_by_name(name):
 
 
 @pytest.mark.parametrize("copied", [copy.deepcopy, lambda env: pickle.loads(pickle.dumps(env))])
-def test_copies_continue_to_the_last_bit(copied):
+def test_copies_continue_bit_identically(copied):
     env = bb.BallbotVectorEnv(3, events=EVENTS, max_episode_steps=20, num_threads=1)
     env.reset(seed=SEED)
     actions = np.full((3, 3), 0.1, np.float32)
@@ -219,7 +219,7 @@ def test_copies_continue_to_the_last_bit(copied):
         ([EVENTS[0], EVENTS[0]], ValueError, r"events\[1\] \(body_mass\).*another id"),
     ],
 )
-def test_what_cannot_be_is_refused_with_its_term(events, error, message):
+def test_invalid_events_are_rejected_with_their_term(events, error, message):
     for make in (bb.Batch, bb.BallbotVectorEnv):
         with pytest.raises(error, match=message):
             make(1, events=events)
@@ -227,7 +227,7 @@ def test_what_cannot_be_is_refused_with_its_term(events, error, message):
         bb.BalanceEnv(events=events)
 
 
-def test_controllers_and_evaluations_have_nominal_robots_unless_asked():
+def test_controllers_and_evaluations_have_nominal_robots_by_default():
     nominal = bb.evaluate("lqr", episodes=10)
     randomized = bb.evaluate("lqr", episodes=10, env_options={"events": "hard"})
     assert randomized != nominal
@@ -237,7 +237,7 @@ def test_controllers_and_evaluations_have_nominal_robots_unless_asked():
     assert by_hand.tilt_rms == pytest.approx(randomized.tilt_rms, rel=1e-6)
 
 
-def test_a_trajectory_is_of_a_drawn_robot():
+def test_a_trajectory_is_of_a_sampled_robot():
     trajectories = [bb.run("lqr", seconds=0.5, env_options={"events": "hard"}) for _ in range(2)]
     assert trajectories[0].params != bb.Params.paper()
     assert trajectories[0].params == trajectories[1].params
@@ -245,7 +245,7 @@ def test_a_trajectory_is_of_a_drawn_robot():
     assert trajectories[0].states[0].ball_position[2] == trajectories[0].params.ball_radius
 
 
-def test_events_of_a_training_are_left_out_unless_asked_for():
+def test_events_of_a_training_are_left_out_by_default():
     def policy(name, events):
         return ResolvedController(name, {"model": "contact"}, lambda observations: observations[:, :3], events=events)
 
@@ -258,7 +258,7 @@ def test_events_of_a_training_are_left_out_unless_asked_for():
             common_options(those, {"events": "trained"})
 
 
-def test_the_command_line_takes_sets_and_files(capsys, tmp_path):
+def test_the_command_line_accepts_sets_and_files(capsys, tmp_path):
     def evaluated(*arguments):
         assert main(["evaluate", "balance", "--episodes", "5", "--json", *arguments]) == 0
         return json.loads(capsys.readouterr().out)["results"]
@@ -293,7 +293,7 @@ def test_a_training_keeps_its_events(tmp_path):
     assert main(["evaluate", "--controller", str(folder), "--events", "trained", "--episodes", "2", "--quiet"]) == 0
 
 
-def test_slopes_are_drawn_within_an_episode():
+def test_slopes_are_sampled_within_an_episode():
     event = {"term": "floor_tilt", "mode": "interval", "every": [0.03, 0.05], "range": [-0.05, 0.05]}
     env = bb.BalanceEnv(events=[event])
     env.reset(seed=SEED)

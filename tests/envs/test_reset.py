@@ -13,8 +13,8 @@ def leaning(paper):
     return State.at_rest(paper, tilt=(0.05, 0.0))
 
 
-def test_the_episode_after_a_given_start_is_that_of_a_single_environment(leaning):
-    """A start that is given draws no random numbers, in a batch as in a single environment."""
+def test_the_episode_after_a_given_start_matches_a_single_environment(leaning):
+    """A given start uses no random numbers, in a batch as in a single environment."""
     single = BalanceEnv(**OPTIONS)
     single.reset(seed=5, options={"state": leaning})
     expected, _ = single.reset()
@@ -30,19 +30,19 @@ def test_the_episode_after_a_given_start_is_that_of_a_single_environment(leaning
     np.testing.assert_array_equal(sb3.reset()[0], expected)
 
 
-def test_a_refused_reset_changes_nothing(paper, leaning):
+def test_a_rejected_reset_changes_nothing(paper, leaning):
     env, twin = (BalanceVectorEnv(3, **OPTIONS) for _ in range(2))
     for e in (env, twin):
         e.reset(seed=1)
         e.step(np.full((3, 3), 0.1))
     sliding = State((0, 0, paper.ball_radius), ball_velocity=(1, 0, 0))
-    refused = [
+    rejected = [
         ({"states": [leaning]}, "3"),
         ({"states": [leaning, sliding, None]}, "without slip"),
         ({"reset_mask": np.ones(2, bool)}, r"\(3,\)"),
         ({"reset_mask": np.array([True, False, True]), "states": [None, leaning, None]}, "environment 1"),
     ]
-    for options, message in refused:
+    for options, message in rejected:
         with pytest.raises(ValueError, match=message):
             env.reset(seed=9, options=options)
     np.testing.assert_array_equal(env.states, twin.states)
@@ -58,7 +58,7 @@ def test_task_options_cannot_be_set_as_attributes():
                 env.set_attr(name, 0.3)
 
 
-def test_call_refuses_what_is_no_method_of_an_environment():
+def test_call_rejects_unknown_methods_of_an_environment():
     env = BalanceVectorEnv(2, **OPTIONS)
     env.reset(seed=0)
     assert len(env.call("state")) == 2

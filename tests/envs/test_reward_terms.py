@@ -67,9 +67,9 @@ def goal(batch, states, options):
     away = batch.command() - states[:, rows.BALL_POSITION][:, :2]
     distance = np.sqrt(squares(away))
     speed = distance / (options["approach_time"] + np.sqrt(distance / (2.0 * options["approach_acceleration"])))
-    wanted = away / distance[:, np.newaxis] * speed[:, np.newaxis]
+    expected = away / distance[:, np.newaxis] * speed[:, np.newaxis]
     return {
-        "approach": bounded(squares(states[:, rows.BALL_VELOCITY][:, :2] - wanted), 0.3),
+        "approach": bounded(squares(states[:, rows.BALL_VELOCITY][:, :2] - expected), 0.3),
         "distance": distance / (distance + 0.5),
         "position": bounded(distance**2, 0.05),
     }
@@ -114,7 +114,7 @@ def test_every_task_is_here():
 
 
 @pytest.mark.parametrize("task", OF_TASKS)
-def test_terms_are_those_of_the_documentation(task):
+def test_terms_match_the_documentation(task):
     # Terms that count for nothing by default count here.
     reward = {term["name"]: term["scale"] or 0.2 for term in TASKS[task]["rewards"]}
     batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5, reward=reward)
@@ -136,17 +136,17 @@ def test_terms_are_those_of_the_documentation(task):
             last = action.astype(float)
             continue
         states = batch.states()
-        wanted = {
+        expected = {
             **effort(states, action.astype(float), last),
             **OF_TASKS[task](batch, states, batch.options),
         }
         if task == "openballbot":
             # Sums over steps of 2 ms.
             norm = squares(action.astype(float))
-            wanted = {"progress": wanted["progress"], "alive": np.full(N, 5.0), "action": 5.0 * norm}
+            expected = {"progress": expected["progress"], "alive": np.full(N, 5.0), "action": 5.0 * norm}
         terms = batch.reward_terms()
-        assert set(names) == set(wanted)
+        assert set(names) == set(expected)
         for k, name in enumerate(names):
-            np.testing.assert_allclose(terms[:, k], scales[name] * wanted[name], rtol=1e-6, atol=1e-9, err_msg=name)
+            np.testing.assert_allclose(terms[:, k], scales[name] * expected[name], rtol=1e-6, atol=1e-9, err_msg=name)
         np.testing.assert_allclose(rewards, terms.sum(axis=1), rtol=1e-9)
         last = action.astype(float)

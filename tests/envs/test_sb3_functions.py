@@ -18,7 +18,7 @@ OPTIONS = {"model": "spatial", "control_dt": 0.02, "params": "kugle"}
 
 
 def pair(tmp_path=None, **options):
-    """The same environments from our class and from that of Stable-Baselines3."""
+    """The same environments from our class and from the class of Stable-Baselines3."""
     made = []
     for kind in (bb.BallbotVecEnv, None):
         folder = None if tmp_path is None else str(tmp_path / str(kind))
@@ -48,7 +48,7 @@ def without_time(info):
     return info
 
 
-def test_steps_and_episodes_are_those_of_a_dummy_vec_env(tmp_path):
+def test_steps_and_episodes_match_a_dummy_vec_env(tmp_path):
     ours, theirs = pair(tmp_path)
     assert isinstance(ours, bb.BallbotVecEnv)
     assert (ours.num_envs, ours.control_dt, ours.model, ours.render_mode) == (3, 0.02, "spatial", "rgb_array")
@@ -73,7 +73,7 @@ def test_steps_and_episodes_are_those_of_a_dummy_vec_env(tmp_path):
         assert sorted(logs[0][column]) == sorted(logs[1][column])
 
 
-def test_the_monitor_is_known_to_evaluations(recwarn):
+def test_evaluations_detect_the_monitor(recwarn):
     ours, theirs = pair()
     for index in (None, 1, [0, 2]):
         assert ours.env_is_wrapped(Monitor, index) == theirs.env_is_wrapped(Monitor, index)
@@ -116,7 +116,7 @@ def test_a_copy_writes_no_files(tmp_path, duplicate):
     assert len(load_results(str(tmp_path / str(bb.BallbotVecEnv)))) == 0
 
 
-def test_functions_without_a_monitor_and_with_a_limit_of_their_own():
+def test_functions_without_a_monitor_and_with_a_separate_limit():
     env = bb.BallbotVecEnv([functools.partial(bb.GoalEnv, max_episode_steps=4)] * 2, num_threads=1, seed=3)
     assert (env.task, env.num_envs, env.task_options["max_episode_steps"]) == ("goal", 2, 4)
     twin = bb.BallbotVecEnv(2, task="goal", seed=3, max_episode_steps=4)
@@ -149,7 +149,7 @@ def test_functions_without_a_monitor_and_with_a_limit_of_their_own():
         ([bb.BalanceEnv], {"control_dt": 0.02}, TypeError, "got functions and control_dt=0.02"),
     ],
 )
-def test_functions_that_no_batch_can_have_are_refused(functions, options, error, message):
+def test_functions_that_a_batch_does_not_support_are_rejected(functions, options, error, message):
     with pytest.raises(error, match=message):
         bb.BallbotVecEnv(functions, **options)
 
@@ -168,7 +168,7 @@ def test_a_monitor_that_forbids_early_resets_does_so_here():
 
 
 @pytest.mark.parametrize("wrong", [True, 2.0, 2.5, object(), {"n": 2}, [1, 2], lambda: None])
-def test_what_is_no_number_name_or_list_of_functions_is_refused_by_name(wrong):
+def test_arguments_of_wrong_types_are_rejected_by_name(wrong):
     with pytest.raises(
         TypeError, match="expected a number of robots, the name or id of a task, or a list of functions"
     ):

@@ -18,7 +18,7 @@ from tests.support.names import BALANCE
 #: Falls and truncations both happen within the steps that the tests take.
 SHORT = {"model": "spatial", "max_episode_steps": 45}
 
-#: The info of a step within an episode that is no success yet.
+#: The info of a step within an episode that is not yet a success.
 UNDERWAY = {"TimeLimit.truncated": False, "is_success": False, "termination": 0}
 
 
@@ -172,7 +172,7 @@ def test_terminal_observation_is_the_last_of_the_episode():
         np.testing.assert_array_equal(observations[i], single.reset()[0])
 
 
-def test_a_fall_is_no_truncation():
+def test_a_fall_is_not_a_truncation():
     env = BallbotVecEnv(num_envs=1, seed=0)
     env.set_options({"state": State.at_rest(Params.paper(), tilt=(0.3, 0.0))})
     env.reset()
@@ -298,7 +298,7 @@ def test_a_batch_equals_single_environments_for_any_number_of_threads(num_thread
 
 
 @pytest.mark.parametrize("convert", [np.asfortranarray, lambda a: a.astype(np.float64), np.ndarray.tolist])
-def test_actions_of_any_layout_mean_the_same(convert):
+def test_actions_of_any_memory_layout_are_equivalent(convert):
     env, twin = BallbotVecEnv(num_envs=4, seed=0), BallbotVecEnv(num_envs=4, seed=0)
     env.reset()
     twin.reset()
@@ -370,12 +370,12 @@ def test_a_child_process_steps_what_its_parent_has_stepped(kind, method):
 
 
 @pytest.mark.parametrize("num_envs", [0, -1])
-def test_no_environments_are_refused(num_envs):
+def test_zero_environments_are_rejected(num_envs):
     with pytest.raises(ValueError, match=f"num_envs = {num_envs}, it must be at least 1"):
         BallbotVecEnv(num_envs=num_envs)
 
 
-def test_an_unknown_environment_is_refused():
+def test_an_unknown_environment_is_rejected():
     with pytest.raises(ValueError, match="unknown task 'walk': expected one of balance"):
         BallbotVecEnv(task="walk")
     with pytest.raises(TypeError, match="BallbotVecEnv got an unexpected keyword argument 'env_id'"):

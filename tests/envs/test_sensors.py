@@ -100,7 +100,7 @@ def test_readings_of_one_robot_are_its_row():
         bb.Batch(1).readings()
 
 
-def test_exact_sensors_leave_the_observation_of_the_truth_alone():
+def test_exact_sensors_do_not_change_the_observation_of_the_truth():
     expected = np.array(front_ends()["Batch"](3))
     for sensors in (None, "exact", EVERYTHING):
         np.testing.assert_array_equal(np.array(front_ends(sensors=sensors)["Batch"](3)), expected)
@@ -183,7 +183,7 @@ def test_sensors_come_from_names_files_and_dicts(tmp_path):
         ({"history": 1.5}, ValueError, "history = 1.5"),
     ],
 )
-def test_what_is_wrong_is_refused_by_every_front_end(options, kind, message):
+def test_invalid_values_are_rejected_by_every_front_end(options, kind, message):
     for make in (
         lambda: bb.Batch(1, **options),
         lambda: bb.BalanceEnv(**options),
@@ -245,7 +245,7 @@ def test_robots_that_were_never_reset_read_at_rest():
     assert not batch.observations().any()
 
 
-def test_estimates_are_beside_the_states():
+def test_estimates_are_recorded_with_the_states():
     batch = bb.Batch(9, sensors="kugle", observation="sensors", seed=3)
     batch.reset()
     np.testing.assert_allclose(batch.estimates()[:, 16:20], batch.states()[:, 16:20], atol=1e-12)
@@ -262,7 +262,7 @@ def test_estimates_are_beside_the_states():
 
 
 @pytest.mark.parametrize("model", _core.MODELS)
-def test_controllers_take_what_the_task_observes(model):
+def test_controllers_observe_what_the_task_observes(model):
     """The reference is the controller on the estimates, and for a teacher on the states, robot by robot."""
     batch = bb.Batch(11, model=model, sensors=EVERYTHING, observation="sensors", seed=3)
     batch.reset()
@@ -306,7 +306,7 @@ def law_in_python(state):
 
 
 def test_every_command_has_controllers_on_estimates(capsys):
-    """A law in Python and the same one of the core see alike, and neither sees the truth."""
+    """A controller in Python observes the same as in the core, and neither observes the truth."""
     options = {"sensors": EVERYTHING, "observation": "sensors"}
     core, python = (bb.evaluate(law, episodes=5, env_options=options) for law in ("lqr", law_in_python))
     assert core.tilt_rms == pytest.approx(python.tilt_rms, rel=1e-6)

@@ -65,7 +65,7 @@ def test_the_same_motion_gives_the_same_step(task, mode):
 
 
 @pytest.mark.parametrize("model", ["contact", "rigid"])
-def test_a_state_that_is_not_finite_ends_its_own_episode_alone(model):
+def test_a_state_that_is_not_finite_ends_only_its_episode(model):
     batch = bb.Batch(3, autoreset="disabled", seed=1, model=model)
     batch.reset()
 
@@ -116,7 +116,7 @@ def test_quaternions_have_unit_length():
 
 
 @pytest.mark.parametrize("model", ["planar", "spatial"])
-def test_models_without_slip_are_refused(model):
+def test_models_without_slip_are_rejected(model):
     batch = bb.Batch(1, seed=1, model=model)
     batch.reset()
     with pytest.raises(ValueError, match=f"the model {model} cannot hold a state with slip"):
@@ -124,7 +124,7 @@ def test_models_without_slip_are_refused(model):
     batch.step(np.zeros((1, 3), np.float32))
 
 
-def test_states_that_are_not_those_of_the_robots_are_refused():
+def test_states_that_do_not_match_the_robots_are_rejected():
     batch = bb.Batch(2, seed=1)
     batch.reset()
     with pytest.raises(ValueError, match=r"states .*\(2, 32\)|states"):

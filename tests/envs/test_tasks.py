@@ -1,4 +1,4 @@
-"""What holds for every task of the core in every front end."""
+"""Properties of every task of the core in every front end."""
 
 import pickle
 
@@ -39,7 +39,7 @@ def test_gymnasium_checks_the_environment(task):
 @pytest.mark.parametrize("task", ALL)
 @pytest.mark.parametrize("mode", MODES)
 def test_front_ends_agree_and_pickles_continue(task, mode):
-    """One robot, the vector environment and its pickle do the same to the last bit, ends of episodes included."""
+    """A single robot, the vector environment and its pickle are bit-identical, ends of episodes included."""
     n = 5
     vector = gymnasium.make_vec(TASKS[task]["id"], num_envs=n, autoreset_mode=mode, **SHORT).unwrapped
     singles = [bb.BallbotEnv(task, **SHORT) for _ in range(n)]
@@ -137,7 +137,7 @@ def test_commands_are_set_by_hand_on_every_front_end(task):
 
 
 @pytest.mark.parametrize("task", COMMANDED)
-def test_wrong_commands_are_refused(task):
+def test_wrong_commands_are_rejected(task):
     env = bb.BallbotEnv(task, model="contact")
     env.reset(seed=0)
     parts = len(TASKS[task]["command"])

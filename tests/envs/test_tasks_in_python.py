@@ -77,7 +77,7 @@ def test_gymnasium_checks_the_environment():
 
 
 @pytest.mark.parametrize("mode", ["same_step", "next_step", "disabled"])
-def test_many_robots_do_what_each_does_alone(mode):
+def test_many_robots_equal_single_robots(mode):
     n = 6
     vector = gymnasium.make_vec("me/Spin-v0", num_envs=n, autoreset_mode=mode, model="contact", **SHORT).unwrapped
     singles = [bb.BallbotEnv("me/Spin-v0", model="contact", **SHORT) for _ in range(n)]
@@ -243,7 +243,7 @@ def test_registration_is_checked():
 
 
 @pytest.mark.parametrize("name", ["control_dt", "params", "terrain", "model", "seed", "num_envs", "fall_tilt"])
-def test_an_argument_of_a_task_with_the_name_of_an_option_is_refused(name):
+def test_an_argument_of_a_task_with_the_name_of_an_option_is_rejected(name):
     class Counts(Spin):
         pass
 
@@ -294,7 +294,7 @@ def test_observations_beyond_float32_are_clipped():
     np.testing.assert_array_equal(observation, [1000.0, -1000.0])
 
 
-def test_the_tilt_of_a_fall_is_that_of_the_task():
+def test_the_tilt_of_a_fall_matches_the_task():
     with pytest.raises(ValueError, match="fall_tilt: the method `terminated`"):
         bb.BallbotEnv("me/Spin-v0", fall_tilt=0.3)
 
@@ -440,7 +440,7 @@ def test_snapshots_keep_that_the_task_has_ended_an_episode():
     np.testing.assert_array_equal(env.step(actions(3, 2))[0], other.step(actions(3, 2))[0])
 
 
-def test_the_tilt_is_that_of_the_present_robot():
+def test_the_tilt_follows_the_present_robot():
     tilts = []
 
     class Tilt(Spin):

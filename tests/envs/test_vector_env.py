@@ -25,7 +25,7 @@ def actions_of(num_envs, steps, seed=0, scale=1.0):
 
 
 @pytest.mark.parametrize("mode", MODES)
-def test_equals_gymnasiums_own_vectorization(mode):
+def test_equals_the_vectorization_of_gymnasium(mode):
     """The reference is SyncVectorEnv of single environments: observations, rewards, ends and infos."""
     n, enum = 4, AutoresetMode[mode.upper()]
     fast = BalanceVectorEnv(n, autoreset_mode=mode, num_threads=2, **SHORT)
@@ -50,7 +50,7 @@ def test_equals_gymnasiums_own_vectorization(mode):
 
 @pytest.mark.parametrize("num_threads", [1, 2])
 @pytest.mark.parametrize("model", ["rigid", "contact", "spatial"])
-def test_each_environment_equals_a_single_one(num_threads, model):
+def test_each_environment_equals_a_single_environment(num_threads, model):
     n, seed, steps = 5, 40, 130
     options = {"model": model, "max_episode_steps": 60}
     vector = BalanceVectorEnv(n, num_threads=num_threads, **options)
@@ -126,7 +126,7 @@ def test_autoreset_mode_by_name_or_enum(mode):
 
 
 @pytest.mark.parametrize("mode", ["sometimes", "", 3, None])
-def test_unknown_autoreset_modes_are_refused(mode):
+def test_unknown_autoreset_modes_are_rejected(mode):
     with pytest.raises(ValueError, match="autoreset mode"):
         BalanceVectorEnv(2, autoreset_mode=mode)
 
@@ -178,7 +178,7 @@ def test_wrappers_count_episodes_right():
     assert np.abs(observations - expected[0]).max() > 1e-3, "NormalizeObservation did nothing"
 
 
-def test_same_step_gives_the_last_observation_apart():
+def test_same_step_returns_the_last_observation_separately():
     env = BalanceVectorEnv(3, autoreset_mode="same_step", **SHORT)
     shadow = BalanceVectorEnv(3, autoreset_mode="next_step", **SHORT)
     env.reset(seed=8)
@@ -249,7 +249,7 @@ def test_seeds_as_a_list():
     np.testing.assert_array_equal(env.reset(seed=np.int64(5))[0], env.reset(seed=5)[0])
 
 
-def test_constructor_seed_is_that_of_the_first_reset():
+def test_constructor_seed_equals_the_seed_of_the_first_reset():
     np.testing.assert_array_equal(BalanceVectorEnv(2, seed=5).reset()[0], BalanceVectorEnv(2).reset(seed=5)[0])
     assert not np.array_equal(BalanceVectorEnv(2).reset()[0], BalanceVectorEnv(2).reset()[0])
 
@@ -346,7 +346,7 @@ def test_spec_survives_json():
     ],
     ids=["float64", "fortran", "fortran float64", "strided", "list"],
 )
-def test_actions_of_any_layout_mean_the_same(convert):
+def test_actions_of_any_memory_layout_are_equivalent(convert):
     reference, env = BalanceVectorEnv(4), BalanceVectorEnv(4)
     reference.reset(seed=0)
     env.reset(seed=0)
@@ -355,7 +355,7 @@ def test_actions_of_any_layout_mean_the_same(convert):
         np.testing.assert_array_equal(env.step(converted)[0], reference.step(actions)[0])
 
 
-def test_a_refused_step_moves_nothing():
+def test_a_rejected_step_moves_nothing():
     env, twin = BalanceVectorEnv(2), BalanceVectorEnv(2)
     env.reset(seed=0)
     twin.reset(seed=0)
@@ -367,17 +367,17 @@ def test_a_refused_step_moves_nothing():
     np.testing.assert_array_equal(env.step(np.zeros((2, 3)))[0], twin.step(np.zeros((2, 3)))[0])
 
 
-def test_the_scalar_time_limit_is_refused():
+def test_the_scalar_time_limit_is_rejected():
     with pytest.raises(TypeError, match=r"gymnasium\.Env"):
         gymnasium.wrappers.TimeLimit(BalanceVectorEnv(2), 10)
 
 
-def test_step_before_reset_is_refused():
+def test_step_before_reset_is_rejected():
     with pytest.raises(ValueError, match="before the first reset"):
         BalanceVectorEnv(2).step(np.zeros((2, 3)))
 
 
-def test_infos_equal_those_of_make_vec_without_our_batch():
+def test_infos_equal_make_vec_without_our_batch():
     made = {"num_envs": 3, "max_episode_steps": 40, "model": "spatial"}
     fast = gymnasium.make_vec(BALANCE, **made)
     slow = SyncVectorEnv([lambda: BalanceEnv(max_episode_steps=40, model="spatial")] * 3)

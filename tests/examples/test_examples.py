@@ -1,4 +1,4 @@
-"""The programs of `examples/` run, say what they do, and need nothing but what the package promises."""
+"""The programs of `examples/` run, print what they do, and need only the dependencies of the package."""
 
 import ast
 import os

@@ -47,7 +47,7 @@ def test_it_runs(name, monkeypatch):
     done = tool().executed(path, changes)
     assert text in shown(done)
     kept = nbformat.read(path, as_version=4)
-    assert text in shown(kept), "the kept output is not that of such a run: run tools/run_notebooks.py"
+    assert text in shown(kept), "the kept output does not match such a run: run tools/run_notebooks.py"
     for one in (kept, done):
         counts = [cell.execution_count for cell in one.cells if cell.cell_type == "code"]
         assert counts == list(range(1, len(counts) + 1))

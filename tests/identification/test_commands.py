@@ -8,7 +8,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.cli import main
-from ballbot_rs.cli.scenario import robot_option
+from ballbot_rs.cli.arguments import robot_option
 from tests.support import commands
 
 pytest.importorskip("scipy")
@@ -29,7 +29,7 @@ def log(capsys, tmp_path):
     return path
 
 
-def test_a_log_becomes_a_robot_that_other_commands_take(capsys, log, tmp_path):
+def test_a_log_becomes_a_robot_that_other_commands_accept(capsys, log, tmp_path):
     robot = tmp_path / "mine.toml"
     fields = "body_com_height,lag"
     code, out, err = run(capsys, "identify", log, "--fields", fields, "--threads", 1, "-o", robot)
@@ -81,6 +81,6 @@ def test_ctrl_c_ends_a_fit_and_leaves_nothing(log, tmp_path):
     time.sleep(1.5)
     assert process.poll() is None, process.communicate()
     process.send_signal(signal.SIGINT)
-    printed, said = process.communicate(timeout=300)
-    assert (process.returncode, printed, said) == (130, "", "interrupted\n")
+    printed, errors = process.communicate(timeout=300)
+    assert (process.returncode, printed, errors) == (130, "", "interrupted\n")
     assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]

@@ -159,7 +159,7 @@ def test_windows_that_no_robot_explains_are_left_out(noisy):
         identify(changed(noisy, torques=torques), TRUTH, ("body_com_height",), num_threads=1, actuators=MOTORS)
 
 
-def test_robots_with_one_motion_are_not_told_apart(noisy):
+def test_robots_with_the_same_motion_are_not_distinguished(noisy):
     """From the ball to the body with first and second moments about the ball's center kept: the motion is the same."""
     more = 0.05
     height = TRUTH.body_mass * TRUTH.body_com_height / (TRUTH.body_mass + more)
@@ -248,7 +248,7 @@ def test_a_robot_at_rest_determines_little():
         ({"actuators": "kugle"}, "stall_torque = 15.4375 cannot be part of an identification"),
     ],
 )
-def test_bad_arguments_are_refused_with_value_and_limit(exact, arguments, message):
+def test_bad_arguments_are_rejected_with_value_and_limit(exact, arguments, message):
     with pytest.raises(ValueError, match=message):
         identify(exact, **{"params": TRUTH, "fields": ("delay",), **arguments})
 
@@ -264,7 +264,7 @@ def test_bad_arguments_are_refused_with_value_and_limit(exact, arguments, messag
         ({"seed": -1}, "seed = -1 is out of range"),
     ],
 )
-def test_bad_arguments_of_a_recording_are_refused(arguments, message):
+def test_bad_arguments_of_a_recording_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         record_log(**{"seconds": 1.0, **arguments})
 
@@ -317,7 +317,7 @@ WRONG = {
 
 @pytest.mark.parametrize("fields", FIELDS.values(), ids=FIELDS)
 @pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
-def test_a_wrong_column_is_refused_whatever_is_fitted(noisy, wrong, fields):
+def test_a_wrong_column_is_rejected_whatever_is_fitted(noisy, wrong, fields):
     message = "contradicts the other columns|windows contradict the model|the limit is"
     with pytest.raises(ValueError, match=message):
         identify(changed(noisy, **wrong(noisy)), "paper", fields, num_threads=1)
@@ -325,7 +325,7 @@ def test_a_wrong_column_is_refused_whatever_is_fitted(noisy, wrong, fields):
 
 @pytest.mark.parametrize(("axis", "title"), list(enumerate(("gyro_x", "gyro_y", "gyro_z"))))
 def test_a_gyroscope_of_the_wrong_sign_is_named(noisy, axis, title):
-    """With wheel frictions alone the fit took the wrong axis for noise, nine times the sensor's."""
+    """With wheel frictions alone the fit explained the wrong axis by noise, nine times the noise of the sensor."""
     with pytest.raises(ValueError, match=rf"^{title} contradicts the other columns: it shows -\S+ times the changes"):
         identify(changed(noisy, **negated("gyro", axis)(noisy)), "paper", FIELDS["friction"], num_threads=1)
 
@@ -342,8 +342,8 @@ def test_a_gyroscope_of_the_wrong_sign_is_named(noisy, axis, title):
 )
 def test_a_fit_may_start_from_a_robot_that_is_far_off(exact, nominal):
     found = identify(exact, TRUTH.replace(**nominal), tuple(nominal), actuators=MOTORS, num_threads=1)
-    wanted = np.ravel([getattr(TRUTH, name) for name in nominal])
-    np.testing.assert_allclose(found.values, wanted, rtol=2e-3)
+    desired = np.ravel([getattr(TRUTH, name) for name in nominal])
+    np.testing.assert_allclose(found.values, desired, rtol=2e-3)
 
 
 def test_the_table_has_residual_noise_and_rejected_windows(noisy):

@@ -36,7 +36,7 @@ def changed(name, place, value):
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
 @pytest.mark.parametrize("without", [{}, {"accelerations": None}])
-def test_a_file_restores_the_log_to_the_last_bit(tmp_path, suffix, without):
+def test_a_file_restores_the_log_exactly(tmp_path, suffix, without):
     written = log(**without)
     written.write(tmp_path / f"log{suffix}")
     read = SensorLog.read(tmp_path / f"log{suffix}")
@@ -44,7 +44,7 @@ def test_a_file_restores_the_log_to_the_last_bit(tmp_path, suffix, without):
         np.testing.assert_array_equal(getattr(read, name), getattr(written, name))
 
 
-def test_columns_may_have_any_order_and_others_beside_them(tmp_path):
+def test_columns_may_have_any_order_and_additional_columns(tmp_path):
     log().write(tmp_path / "log.csv")
     rows = [line.split(",") for line in (tmp_path / "log.csv").read_text().splitlines()]
     rows = [[*row[::-1], "note"] for row in rows]
@@ -81,7 +81,7 @@ def test_columns_may_have_any_order_and_others_beside_them(tmp_path):
         ),
     ],
 )
-def test_a_bad_log_is_refused_with_value_and_limit(changes, message):
+def test_a_bad_log_is_rejected_with_value_and_limit(changes, message):
     with pytest.raises(ValueError, match=message):
         log(**changes)
 
@@ -100,7 +100,7 @@ def test_a_bad_log_is_refused_with_value_and_limit(changes, message):
         (lambda _: "", "column time is missing"),
     ],
 )
-def test_a_bad_file_is_refused_with_its_name(tmp_path, change, message):
+def test_a_bad_file_is_rejected_with_its_name(tmp_path, change, message):
     path = tmp_path / "log.csv"
     log().write(path)
     path.write_text(change(path.read_text()))
@@ -116,7 +116,7 @@ def test_columns_that_are_ignored_are_not_unpacked(tmp_path):
 
 
 @pytest.mark.parametrize("rows", [9 * 10**12, 2**62])
-def test_a_header_that_claims_more_than_there_is_is_refused(tmp_path, rows):
+def test_a_header_that_claims_more_data_than_the_file_has_is_rejected(tmp_path, rows):
     header = io.BytesIO()
     np.lib.format.write_array_header_1_0(header, {"descr": "<f8", "fortran_order": False, "shape": (rows,)})
     with zipfile.ZipFile(tmp_path / "log.npz", "w") as archive:
@@ -127,7 +127,7 @@ def test_a_header_that_claims_more_than_there_is_is_refused(tmp_path, rows):
         SensorLog.read(tmp_path / "log.npz")
 
 
-def test_other_files_are_refused(tmp_path):
+def test_other_files_are_rejected(tmp_path):
     (tmp_path / "log.npz").write_bytes(b"no archive")
     with pytest.raises(ValueError, match="not an npz file"):
         SensorLog.read(tmp_path / "log.npz")
@@ -175,7 +175,7 @@ def test_a_lag_answers_a_step_as_the_closed_form():
     np.testing.assert_allclose(torques[250:450, 0], 1.0 - np.exp(-after / 0.03), atol=1e-12)
 
 
-def test_motors_of_a_curve_are_refused():
+def test_motors_of_a_curve_are_rejected():
     with pytest.raises(
         ValueError, match=r"stall_torque = 0\.5 cannot be part of an identification, which has delay, lag, strength"
     ):
@@ -184,7 +184,7 @@ def test_motors_of_a_curve_are_refused():
         Motors.of({"delay": 0.2})
 
 
-def test_windows_have_no_gap_and_share_no_row():
+def test_windows_have_no_gaps_and_no_common_rows():
     kept = np.ones(ROWS, dtype=bool)
     kept[100:110] = False
     fields = {name: getattr(log(), name)[kept] for name in COLUMNS}
@@ -218,12 +218,12 @@ def test_windows_have_no_gap_and_share_no_row():
         ((0.05, 0.002, 0.0), "has 0 windows of 0.05 s"),
     ],
 )
-def test_a_log_that_cannot_be_divided_is_refused(arguments, message):
+def test_a_log_that_cannot_be_divided_is_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         split(log(), *arguments)
 
 
-def test_any_duration_makes_a_log():
+def test_a_log_may_have_any_duration():
     assert len(record_log(Params.paper(), seconds=1.999).time) == 201
     with pytest.raises(ValueError, match="control_dt = 0"):
         record_log(Params.paper(), seconds=1.0, control_dt=0.0)

@@ -1,6 +1,6 @@
 """What a command writes is there whole, or the file that was there before is untouched and the error names it.
 
-A limit of the size of files stands for a full disk.
+A limit of the size of files simulates a full disk.
 """
 
 import os
@@ -52,18 +52,18 @@ def test_the_old_file_stays(name, tiny_run, tmp_path, monkeypatch):
 
 def test_a_file_appears_whole(tmp_path):
     path = tmp_path / "folder" / "file.txt"
-    with _files.replacing(path) as beside:
-        beside.write_text("new")
-        assert beside.parent == path.parent
-        assert beside.suffix == path.suffix
+    with _files.replacing(path) as temporary:
+        temporary.write_text("new")
+        assert temporary.parent == path.parent
+        assert temporary.suffix == path.suffix
         assert not path.exists()
     assert path.read_text() == "new"
     assert list(path.parent.iterdir()) == [path]
 
 
 def interrupted_write(path):
-    with _files.replacing(path) as beside:
-        beside.write_text("half of the n")
+    with _files.replacing(path) as temporary:
+        temporary.write_text("half of the n")
         raise KeyboardInterrupt
 
 
@@ -76,7 +76,7 @@ def test_after_an_error_the_old_file_is_there(tmp_path):
     assert list(tmp_path.iterdir()) == [path]
 
 
-def test_what_is_no_file_is_not_replaced(tmp_path):
+def test_targets_that_are_not_files_are_not_replaced(tmp_path):
     pipe = tmp_path / "pipe"
     os.mkfifo(pipe)
     for path in (pipe, tmp_path):
@@ -89,7 +89,7 @@ def test_what_is_no_file_is_not_replaced(tmp_path):
     assert list(tmp_path.iterdir()) == [pipe]
 
 
-def test_a_link_stays_one(tmp_path):
+def test_a_link_stays_a_link(tmp_path):
     target, link = tmp_path / "target.txt", tmp_path / "link.txt"
     target.write_text("old")
     link.symlink_to(target)

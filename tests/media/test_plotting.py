@@ -107,7 +107,7 @@ def drawn_boxes(fig, tmp_path):
 
 
 @pytest.mark.parametrize("width", [None, 3.5, 7.0])
-def test_legends_are_beside_the_curves_and_nothing_is_cut(width, moving, maps, two_runs, tmp_path):
+def test_legends_are_next_to_the_curves_and_nothing_is_cut(width, moving, maps, two_runs, tmp_path):
     named = [dataclasses.replace(moving[0], controller="runs/lance-seed-0-20261121-104046/best_model.zip")]
     measured = [dataclasses.replace(named[0], estimates=named[0].states)]
     far = [dataclasses.replace(maps[0], controller=named[0].controller)]
@@ -136,7 +136,7 @@ def test_legends_are_beside_the_curves_and_nothing_is_cut(width, moving, maps, t
     ("width", "count", "message"),
     [(1.0, 1, "25.4 mm is out of range: it must be from 51 to 1016 mm"), (3.5, 2, "88.9 mm is too narrow for 2")],
 )
-def test_a_width_that_cannot_be_is_refused(width, count, message, moving):
+def test_an_invalid_width_is_rejected(width, count, message, moving):
     with pytest.raises(ValueError, match="too narrow" if count == 1 else message):
         trajectories.draw(moving[:1] * count, width)
     if count == 1:
@@ -144,7 +144,7 @@ def test_a_width_that_cannot_be_is_refused(width, count, message, moving):
             phase_portrait.draw(moving[:1], width)
 
 
-def test_estimates_are_drawn_over_the_true_states():
+def test_estimates_are_plotted_over_the_true_states():
     options = {**CONTACT, "sensors": "kugle", "observation": "sensors"}
     standing, fallen = (bb.run(name, seconds=1.0, env_options=options) for name in ("lqr", "zero"))
     assert len(standing.estimates) == len(standing.times)
@@ -213,7 +213,7 @@ def test_tilt_rates_are_the_derivative_of_the_tilt():
     np.testing.assert_allclose(tilt_rates_of(upright), [0.3, -0.2])
 
 
-def test_recovery_knows_who_rights_the_robot(maps):
+def test_recovery_detects_who_rights_the_robot(maps):
     regulated, alone = maps
     assert regulated.recovered[0].all()
     assert not regulated.recovered[-1].any()
@@ -225,8 +225,8 @@ def test_recovery_knows_who_rights_the_robot(maps):
     assert np.nanmean(regulated.recovery_times[1]) > np.nanmean(regulated.recovery_times[0])
 
 
-def test_recovery_leans_where_it_says():
-    # Wheels stand 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
+def test_recovery_leans_in_the_stated_direction():
+    # Wheels are 120 deg apart, so the map of a law without a sense of direction repeats itself as often.
     found = recovery.collect("lqr", rings=3, sectors=12, max_tilt=0.3, seconds=3.0, env_options=CONTACT)
     np.testing.assert_allclose(found.recovery_times, np.roll(found.recovery_times, 4, axis=1), atol=0.021)
     (rim,) = found.recovered[2:]
@@ -236,12 +236,12 @@ def test_recovery_leans_where_it_says():
 @pytest.mark.parametrize(
     ("arguments", "message"), [({"max_tilt": 1.5}, "max_tilt = 1.5"), ({"sectors": 2}, "4 rings and 2 sectors")]
 )
-def test_maps_of_nothing_are_refused(arguments, message):
+def test_empty_maps_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         recovery.collect("lqr", **{"rings": 4, **arguments})
 
 
-def test_a_map_is_not_that_of_a_clock():
+def test_a_map_does_not_depend_on_its_duration():
     """A robot that brakes is not lost: with 5 s the map had fewer starts."""
     at = {"max_tilt": 0.48, "rings": 8, "sectors": 4, "env_options": CONTACT}
     usual, long = recovery.collect("lqr", **at), recovery.collect("lqr", seconds=20.0, **at)
@@ -282,7 +282,7 @@ def test_learning_curves_of_seeds_have_their_mean(two_runs):
     assert labels_of(fig)[0] == "environment steps (thousands)"
 
 
-def test_runs_that_are_none_are_refused(tmp_path, tiny_run):
+def test_invalid_runs_are_rejected(tmp_path, tiny_run):
     with pytest.raises(FileNotFoundError, match="holds no training run"):
         curve.read(tmp_path)
     for damaged in ("{}", "[]", "", '{"seed": "0"}'):
@@ -318,7 +318,7 @@ def test_the_command_writes_vectors_and_pixels(tiny_run, tmp_path, capsys):
     assert (tmp_path / "phase_portrait.pdf").read_bytes().startswith(b"%PDF")
 
 
-def test_numbers_stand_beside_the_pictures(tiny_run, tmp_path, capsys):
+def test_numbers_are_written_next_to_the_pictures(tiny_run, tmp_path, capsys):
     what = ["--figure", "phase_portrait", "--figure", "trajectories", "--figure", "learning_curve", "--seconds", "0.2"]
     controllers = ["--controller", "lqr", "--controller", "pid", "--controller", str(tiny_run)]
     how = ["--data", "--width", "180", "--json", "-o", str(tmp_path)]
@@ -349,12 +349,12 @@ def test_the_numbers_of_a_map_are_its_starts(maps, tmp_path):
         data.write(data.of_recovery(maps[0]), tmp_path / "map.txt")
 
 
-def test_a_learning_curve_of_a_controller_is_refused(capsys, tmp_path):
+def test_a_learning_curve_of_a_controller_is_rejected(capsys, tmp_path):
     assert main(["plot", "--controller", "lqr", "--figure", "learning_curve", "--output", str(tmp_path / "f")]) == 1
     assert "a learning curve needs training runs" in capsys.readouterr().err
     assert not (tmp_path / "f").exists()
 
 
-def test_figures_are_of_no_window(moving):
+def test_figures_open_no_window(moving):
     assert isinstance(phase_portrait.draw(moving), matplotlib.figure.Figure)
     assert type(phase_portrait.draw(moving).canvas).__name__ == "FigureCanvasBase"

@@ -43,7 +43,7 @@ def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
     assert after.max() > before.max()
 
 
-def test_a_trajectory_is_that_of_the_environment():
+def test_a_trajectory_matches_the_environment():
     shown = bb.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
     torque = bb.Params.paper().max_wheel_torque
     batch = Batch(1, autoreset="disabled", num_threads=1, max_wheel_torque=torque, **CONTACT)
@@ -72,7 +72,7 @@ def test_motors_are_off_after_a_fall():
         ({"env_options": {"model": "flat"}}, "unknown model 'flat'"),
     ],
 )
-def test_what_cannot_happen_is_refused(arguments, message):
+def test_impossible_requests_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         bb.run("lqr", **arguments)
 
@@ -146,7 +146,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
         (["--controller", "lqrr"], "no policy at lqrr"),
     ],
 )
-def test_a_wrong_wish_leaves_nothing_behind(arguments, message, tmp_path, capsys, monkeypatch):
+def test_an_invalid_request_leaves_no_file(arguments, message, tmp_path, capsys, monkeypatch):
     monkeypatch.chdir(tmp_path)
     assert main(["record", "--model", "planar", "--seconds", "0.2", *arguments]) == 1
     assert message in capsys.readouterr().err
@@ -217,14 +217,14 @@ def test_arrows_of_two_pushes_are_as_long_as_their_impulses():
     assert len(arrows(shown, 22)) == 3
 
 
-def test_the_command_of_the_task_is_drawn():
+def test_the_command_of_the_task_is_shown():
     going = bb.simulate("lqr", seconds=3.0, task="velocity", seed=1)
     row = int(np.abs(going.commands[:, 0]).argmax())
     ((tail, tip),) = arrows(going, row)
     x, y, _ = going.commands[row]
     yaw = going.states[row].yaw
-    wanted = [x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) + y * np.cos(yaw)]
-    np.testing.assert_allclose((tip - tail)[:2], wanted, atol=1e-12)
+    desired = [x * np.cos(yaw) - y * np.sin(yaw), x * np.sin(yaw) + y * np.cos(yaw)]
+    np.testing.assert_allclose((tip - tail)[:2], desired, atol=1e-12)
     to_goal = bb.simulate("lqr", seconds=0.1, task="goal", seed=1)
     mark, way = arrows(to_goal, 0)
     np.testing.assert_allclose(mark[1][:2], to_goal.commands[0])
@@ -234,7 +234,7 @@ def test_the_command_of_the_task_is_drawn():
     np.testing.assert_allclose(path[0, 0, :2], 0.0, atol=1e-12)
 
 
-def test_a_caption_says_when_the_robot_fell():
+def test_a_caption_states_when_the_robot_fell():
     shown = bb.run("zero", seconds=1.5, tilt=(0.3, 0.0), env_options=CONTACT)
     assert shown.fell_at is not None
     assert lines(shown, len(shown.times) - 1)[2] == f"fell at {shown.fell_at:.2f} s"
@@ -251,7 +251,7 @@ def test_edges_are_blended_and_nothing_else():
     np.testing.assert_array_equal(smooth(flat), flat)
     tiny = np.zeros((2, 2, 3), dtype=np.uint8)
     np.testing.assert_array_equal(smooth(tiny), tiny)
-    # A shallow edge, as a renderer with one sample a pixel and one with many have it.
+    # A shallow edge, with one and with many samples for each pixel.
     fine = np.add.outer(np.arange(0, 20, 0.125), -0.2 * np.arange(0, 40, 0.125)) > 6.0
     exact = 40.0 + 180.0 * fine.reshape(20, 8, 40, 8).mean(axis=(1, 3))
     stairs = np.repeat(np.uint8(40 + 180 * fine[4::8, 4::8])[..., np.newaxis], 3, axis=2)
@@ -271,7 +271,7 @@ def test_controllers_are_shown_side_by_side(tmp_path, capsys):
     assert [one["controller"] for one in report["shown"]] == ["lqr", "zero"]
     standing, fallen = report["shown"]
     assert standing["fell_at"] is None
-    assert fallen["seconds"] == fallen["fell_at"] < 1.0, "without a floor the video of a fallen robot stands still"
+    assert fallen["seconds"] == fallen["fell_at"] < 1.0, "without a floor the video of a fallen robot does not move"
     frames = decoded(out)[2]
     assert len(frames) == report["frames"] == 12
     assert frames[0].shape == (48, 128, 3)
@@ -284,7 +284,7 @@ def test_controllers_are_shown_side_by_side(tmp_path, capsys):
 HALVES = (slice(0, 62), slice(66, 128))
 
 
-def test_a_picture_each_needs_a_renderer_each(tmp_path):
+def test_one_image_for_each_robot_needs_one_renderer_for_each(tmp_path):
     shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
     one, low = renderer_for(shown, **SMALL), renderer_for(shown, **{**SMALL, "height": 48})
     for renderers, message in (

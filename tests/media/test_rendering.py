@@ -31,7 +31,7 @@ FRAMES = {
 
 @pytest.mark.parametrize("name", FRAMES)
 def test_frames_look_as_they_did(name):
-    """`python tests/media/test_rendering.py` keeps new ones, to be looked at and committed."""
+    """`python tests/media/test_rendering.py` keeps new frames, to be inspected and committed."""
     golden = np.load(GOLDEN)[name].astype(int)
     off = np.abs(FRAMES[name]().astype(int) - golden).max(axis=2)
     # Rounding may decide about a ray along an edge.
@@ -76,7 +76,7 @@ def test_a_batch_is_its_single_frames():
     assert renderer.render_batch(np.empty((0, 32))).shape == (0, 72, 96, 3)
 
 
-def test_the_camera_follows_the_ball_or_stands():
+def test_the_camera_follows_the_ball_or_stays_fixed():
     away = UPRIGHT.replace(ball_position=[3.0, 0.0, PARAMS.ball_radius], body_position=[3.0, 0.0, PARAMS.ball_radius])
     following = bb.Renderer(**SMALL)
     standing = bb.Renderer(**SMALL, camera={"follows": False})
@@ -100,12 +100,12 @@ def test_the_camera_follows_the_ball_or_stands():
         ({"urdf": ("nothing.urdf", "ball.urdf")}, OSError, r"nothing\.urdf"),
     ],
 )
-def test_what_is_no_renderer_is_refused(arguments, error, match):
+def test_invalid_renderers_are_rejected(arguments, error, match):
     with pytest.raises(error, match=match):
         bb.Renderer(**arguments)
 
 
-def test_what_cannot_be_drawn_is_refused():
+def test_invalid_input_of_the_renderer_is_rejected():
     renderer = bb.Renderer(**SMALL)
     with pytest.raises(ValueError, match="arrows"):
         renderer.render(UPRIGHT, arrows=[[0.0, 0.0, 1.0]])
@@ -136,7 +136,7 @@ def test_render_without_a_mode_warns_and_shows_nothing():
         assert made.render() is None
 
 
-def test_an_unknown_mode_is_refused():
+def test_an_unknown_mode_is_rejected():
     for make in (bb.BalanceEnv, bb.BalanceVectorEnv):
         with pytest.raises(ValueError, match="render_mode = 'ansi'"):
             make(render_mode="ansi")
@@ -151,7 +151,7 @@ def test_render_options_are_checked_when_an_environment_is_made():
         bb.BalanceEnv(params="kugle", max_wheel_torque=1.0, render_mode="rgb_array", render_options={"urdf": shipped})
 
 
-def test_pictures_that_memory_cannot_hold_are_refused():
+def test_images_larger_than_memory_are_rejected():
     renderer = bb.Renderer(width=8192, height=8192)
     states = np.broadcast_to(UPRIGHT.to_array(), (100_000, 32))
     with pytest.raises(MemoryError, match="picture"):
@@ -165,7 +165,7 @@ def frame_elsewhere(env, connection):
 
 @pytest.mark.filterwarnings("ignore:.*fork.*:DeprecationWarning")
 def test_a_child_process_renders_what_its_parent_has_rendered():
-    """Threads do not survive a fork: waiting for the parent's would take forever."""
+    """Threads do not survive a fork: waiting for threads of the parent would never end."""
     made = bb.BalanceEnv(render_mode="rgb_array", render_options=SMALL | {"num_threads": 2})
     made.reset(seed=0)
     frame = made.render()

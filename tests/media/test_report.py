@@ -1,4 +1,4 @@
-"""The report: one file, all in it, nothing fetched."""
+"""The report: a single file with all content, nothing fetched."""
 
 import base64
 import datetime
@@ -70,7 +70,7 @@ def test_nothing_is_fetched(run_with_report, shown):
 def test_everything_is_there(shown):
     assert shown.headings == [
         "The policy at work",
-        "Beside the classical controllers",
+        "Comparison with the classical controllers",
         "Learning curve",
         "After a push",
         "Recovery",
@@ -82,7 +82,7 @@ def test_everything_is_there(shown):
         assert expected in shown.text
 
 
-def test_it_says_where_the_run_comes_from(shown, run_with_report):
+def test_it_states_where_the_run_comes_from(shown, run_with_report):
     record = json.loads((run_with_report / "run.json").read_text(encoding="utf-8"))
     for part in ("started", "finished", "machine", "command"):
         assert record[part]
@@ -156,7 +156,7 @@ def test_a_training_ends_with_its_report(capsys, tmp_path, tiny_config):
 
 @pytest.mark.slow("a training")
 @pytest.mark.parametrize("missing", ["matplotlib", "moviepy"])
-def test_without_what_it_needs_training_goes_on(missing, run_with_report):
+def test_training_continues_without_optional_packages(missing, run_with_report):
     code = f"""
 import sys
 from pathlib import Path
@@ -172,7 +172,7 @@ print(after_training(Path(sys.argv[1]), [], True))
     assert done.stderr.count("\n") == 1
 
 
-def test_what_is_no_run_is_refused(tmp_path, capsys):
+def test_paths_that_are_not_runs_are_rejected(tmp_path, capsys):
     assert main(["report", str(tmp_path)]) == 1
     assert "holds no training run" in capsys.readouterr().err
     assert list(tmp_path.iterdir()) == []

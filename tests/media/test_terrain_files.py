@@ -34,7 +34,7 @@ def test_a_picture_is_read_as_it_was_written(terrain, tmp_path):
     assert higher.size == pytest.approx((10.0, 5.0))
 
 
-def test_a_picture_of_others_needs_its_scale(tmp_path):
+def test_a_third_party_image_needs_its_scale(tmp_path):
     from PIL import Image
 
     gray = (128 + 100 * np.sin(np.linspace(0, 3, 60))[:, None] * np.ones(80)).astype(np.uint8)
@@ -49,7 +49,7 @@ def test_a_picture_of_others_needs_its_scale(tmp_path):
         bb.read_terrain(tmp_path / "color.png", cell=0.1, height=0.2)
 
 
-#: Texts `ballbot` of a picture that do not say its scale.
+#: Texts `ballbot` of an image that do not give its scale.
 TEXTS = [
     "",
     "[]",
@@ -64,7 +64,7 @@ TEXTS = [
 
 
 @pytest.mark.parametrize("text", TEXTS, ids=lambda text: text[:20])
-def test_a_text_that_is_not_the_scale_is_refused_where_it_is_needed(tmp_path, text):
+def test_a_text_that_is_not_the_scale_is_rejected_where_it_is_needed(tmp_path, text):
     from PIL import Image, PngImagePlugin
 
     facts = PngImagePlugin.PngInfo()
@@ -96,13 +96,13 @@ def huge(path, columns, rows):
 
 @pytest.mark.parametrize("size", [(2049, 2048), (9000, 9000), (13_000, 13_000), (30_000, 30_000), (2**31 - 1, 1)])
 @pytest.mark.filterwarnings("ignore:Image size")
-def test_a_picture_that_is_too_large_is_refused_by_its_header(tmp_path, size):
+def test_an_image_that_is_too_large_is_rejected_by_its_header(tmp_path, size):
     huge(tmp_path / "huge.png", *size)
     with pytest.raises(bb.InvalidInputError, match=r"huge\.png: the picture .* at most 4194304"):
         bb.read_terrain(tmp_path / "huge.png", 0.1, 0.1)
 
 
-def test_what_is_no_picture_is_refused_by_its_name(tmp_path):
+def test_files_that_are_not_images_are_rejected_by_name(tmp_path):
     path = tmp_path / "no.png"
     huge(path, 8, 8)
     without_pixels = path.read_bytes()
@@ -114,12 +114,12 @@ def test_what_is_no_picture_is_refused_by_its_name(tmp_path):
         bb.read_terrain(tmp_path / "none.png")
     Image = pytest.importorskip("PIL.Image")
     Image.fromarray(np.eye(8, dtype=np.uint8) * 255).save(path)
-    for arguments, says in [
+    for arguments, message in [
         ((0.01, 1.0), "slope of .* smooth or lower its heights, or take a larger cell"),
         ((0.1, math.inf), "height = inf"),
         ((-1.0, 0.1), "cell = -1"),
     ]:
-        with pytest.raises(bb.InvalidInputError, match=rf"no\.png: .*{says}"):
+        with pytest.raises(bb.InvalidInputError, match=rf"no\.png: .*{message}"):
             bb.read_terrain(path, *arguments)
 
 
@@ -148,7 +148,7 @@ def test_triangles_are_on_the_surface_and_face_up(terrain, tmp_path):
     assert (facets["normal"][:, 2] > 0.8).all()
 
 
-def test_what_cannot_be_written_is_refused(terrain, tmp_path):
+def test_terrains_that_cannot_be_written_are_rejected(terrain, tmp_path):
     with pytest.raises(ValueError, match=r"written as \.xml, \.png, \.stl"):
         bb.write_terrain(terrain, tmp_path / "hills.obj")
     with pytest.raises(ValueError, match="no edges"):

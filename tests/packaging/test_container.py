@@ -10,7 +10,7 @@ from tests.support.paths import ROOT
 DOCKERFILE = (ROOT / "Dockerfile").read_text(encoding="utf-8")
 
 
-def test_its_extras_are_those_of_the_package():
+def test_its_extras_match_the_package():
     (extras,) = re.findall(r"\.whl\)\[(.*?)\]", DOCKERFILE)
     known = _toml.loads((ROOT / "pyproject.toml").read_text())["project"]["optional-dependencies"]
     assert {"train", "view", "export"} <= set(extras.split(",")) <= set(known)
@@ -29,5 +29,5 @@ def test_what_it_copies_is_there_and_nothing_of_the_repository_is_left_out():
 def test_the_compiler_is_new_enough():
     needed = _toml.loads((ROOT / "Cargo.toml").read_text())["workspace"]["package"]["rust-version"]
     (tag,) = re.findall(r"^FROM rust:(\S+?)-slim", DOCKERFILE, flags=re.MULTILINE)
-    # `1` is the newest one.
+    # `1` is the newest version.
     assert tag == "1" or [int(part) for part in tag.split(".")] >= [int(part) for part in needed.split(".")]

@@ -15,7 +15,7 @@ from tests.support.paths import ROOT
 from tools.check_wheel import check
 
 TARGET = Path(os.environ.get("CARGO_TARGET_DIR", ROOT / "target")).resolve()
-#: Of this worker: another one may run the other tests.
+#: Of this worker: another worker may run the other tests.
 BUILT = TARGET / "distribution" / os.environ.get("PYTEST_XDIST_WORKER", "alone")
 
 pytestmark = [
@@ -55,7 +55,7 @@ def source():
 
 @pytest.fixture(scope="module")
 def wheel():
-    """Where the wheel is installed, alone."""
+    """The folder in which only the wheel is installed."""
     wheels, folder = empty_folder("wheels"), empty_folder("installed")
     build = ("build", "--release", "--locked", "--offline", "--compatibility", "linux", "--out", wheels)
     run(sys.executable, "-m", "maturin", *build)
@@ -86,7 +86,7 @@ def test_the_source_distribution_compiles_in_an_empty_folder(source):
     for crate in crates:
         # A file that is older than what an earlier run has compiled counts as compiled.
         (source / "crates" / crate / "src/lib.rs").touch()
-    # Cargo takes a crate at this path for the one in the clone, and the clone for compiled, unless the profiles differ.
+    # Cargo takes a crate at this path to be the crate of the clone, already compiled, unless the profiles differ.
     profile = [option for crate in crates for option in ("--config", f"profile.dev.package.{crate}.debug=1")]
     # Without --locked: cargo drops from the lock file what only tests and benchmarks need, and those are not shipped.
     run("cargo", "check", "--offline", "--package", "ballbot-py", *profile, cwd=source)

@@ -41,7 +41,7 @@ def run_python(code):
     ).stdout
 
 
-def test_importing_the_package_brings_no_learner():
+def test_importing_the_package_imports_no_learner():
     code = """
 import sys, gymnasium, ballbot_rs
 env = gymnasium.make("ballbot/Balance-v0")
@@ -68,7 +68,7 @@ print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
         ("main(['view'])", "the page needs viser: install it with `pip install -e '.[view]'`"),
     ],
 )
-def test_without_the_learner_the_message_says_what_to_install(use, message):
+def test_without_the_learner_the_message_names_what_to_install(use, message):
     code = f"""
 import sys
 class Hidden:
@@ -88,7 +88,7 @@ except ModuleNotFoundError as error:
     assert message in run_python(code)
 
 
-def test_version_is_that_of_the_installed_package():
+def test_version_matches_the_installed_package():
     assert ballbot_rs.__version__ == importlib.metadata.version("ballbot-rs")
 
 
@@ -97,7 +97,7 @@ def test_type_information_is_shipped():
     assert (PACKAGE / "_core.pyi").is_file()
 
 
-def test_a_clone_has_its_own_assets():
+def test_a_clone_contains_its_assets():
     assets = ASSETS
     for name in ("bot.urdf", "ball.urdf", "policies/balance.onnx"):
         assert _assets.path(name) == assets / name
@@ -137,7 +137,7 @@ def test_imports_go_downwards(module):
         assert "matplotlib" not in roots
     own = {name for name in imports_of(module) if name.startswith("ballbot_rs.")}
     if not module.startswith(("cli/", "__main__")):
-        assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line knows itself"
+        assert not any(name.startswith("ballbot_rs.cli") for name in own), "only the command line depends on itself"
     if module.startswith("envs/"):
         assert all(name.startswith(("ballbot_rs._", "ballbot_rs.envs.")) for name in own), "environments are the base"
     if module.startswith("control/"):
@@ -150,7 +150,7 @@ def test_the_list_of_learning_modules_is_current():
         assert roots & {"torch", "stable_baselines3"}, f"{module} needs no exception any more"
 
 
-def test_an_installed_package_is_told_to_install_from_the_index(tmp_path, monkeypatch):
+def test_messages_of_an_installed_package_install_from_the_index(tmp_path, monkeypatch):
     from ballbot_rs import _extras
 
     monkeypatch.chdir(ROOT)

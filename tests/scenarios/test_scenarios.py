@@ -49,7 +49,7 @@ def test_targets_of_the_papers_robot():
     assert line.metrics["final_error"].max() < 5e-3
 
 
-def test_offsets_are_those_of_the_closed_form():
+def test_offsets_match_the_closed_form():
     """A static law comes to rest where the torques of position and lean cancel."""
     lqr = bb.Lqr()
     gain = np.asarray(lqr.gain)
@@ -94,7 +94,7 @@ def test_all_controllers_have_the_same_episodes():
 
 
 @pytest.mark.parametrize("name", ["S20-push", "S22-6s"])
-def test_robots_made_once_have_the_same_episodes_again(name):
+def test_reused_robots_repeat_their_episodes(name):
     """Other robots than the nominal one; sensors, motors and events with random numbers."""
     scenario = dataclasses.replace(load()[name], seeds=3, seconds=2.0, measure_from=0.0)
     lqr, lqi = find("lqr"), find("lqi")
@@ -122,7 +122,7 @@ def test_episodes_of_every_preset(name):
             assert all(value < math.inf for value in lean), (preset, lean)
 
 
-def test_pushes_have_the_impulse_that_is_said():
+def test_pushes_have_the_stated_impulse():
     for duration in (0.0, 0.1):
         scenario = Scenario(
             "x", "", seconds=1.0, score="rms_tilt", push=0.7, push_time=0.3, push_duration=duration, directions=4
@@ -135,14 +135,14 @@ def test_pushes_have_the_impulse_that_is_said():
     np.testing.assert_allclose(np.linalg.norm(kugle.impulses.sum(axis=0), axis=-1), 0.7 * ratio, rtol=1e-12)
 
 
-def test_slow_pushes_are_those_of_simulate():
+def test_slow_pushes_match_simulate():
     push = bb.Push((1.0, 0.0, 0.0), time=0.3, duration=0.1)
     shares = [push.share(0.3 + 0.01 * k, 0.31 + 0.01 * k) for k in range(10)]
     scenario = Scenario("x", "", seconds=1.0, score="rms_tilt", push=1.0, push_time=0.3, push_duration=0.1)
     np.testing.assert_allclose(trial(scenario, bb.Params.paper(), 0.01).impulses[30:40, 0, 0], shares, atol=1e-14)
 
 
-def test_pushes_beside_the_center_of_mass():
+def test_pushes_off_the_center_of_mass():
     high, arm = (trial(load()[name], bb.Params.paper(), 0.01) for name in ("S5-high", "S5-arm"))
     np.testing.assert_array_equal(high.points, [[0.0, 0.0, 0.25]] * 4)
     com = bb.Params.paper().body_com_height
@@ -198,7 +198,7 @@ def test_metrics_of_known_rows():
     assert found["settling_time"][0] == math.inf
 
 
-def test_pushes_at_random_are_the_same_at_any_rate():
+def test_random_pushes_are_the_same_at_any_rate():
     scenario = load()["S22-10s"]
     fast, slow = (trial(scenario, bb.Params.paper(), dt, seed=2).impulses for dt in (0.01, 0.02))
     for episode in range(fast.shape[1]):
@@ -211,7 +211,7 @@ def test_steps_go_in_all_directions():
     assert len(set(outcome.metrics["rms_error"].tolist())) == 6
 
 
-def test_laws_without_a_setpoint_have_what_asks_for_no_motion():
+def test_controllers_without_a_setpoint_run_scenarios_without_motion():
     pushed = Scenario("pushed", "", seconds=1.0, push=0.1, score="rms_tilt")
     (outcome,) = run_scenarios(["zero"], [pushed])
     assert outcome.metrics["fell"].all() or outcome.score > 0.1
@@ -227,7 +227,7 @@ def test_laws_without_a_setpoint_have_what_asks_for_no_motion():
     assert rows([skipped])[1][3] == "-"
 
 
-def test_forces_and_slopes_can_be_stood():
+def test_forces_and_slopes_are_withstood():
     for name in ("S6-1N", "S7-1deg"):
         assert run_scenarios("lqi", name)[0].success_rate == 1.0
 
@@ -245,7 +245,7 @@ def test_rows_are_json():
     assert json.loads(text)["score"] is None
 
 
-def test_names_twice_are_refused():
+def test_duplicate_names_are_rejected():
     with pytest.raises(ValueError, match="two controllers are named 'lqr'"):
         run_scenarios(["lqr", "lqr"], "S4")
 
@@ -259,7 +259,7 @@ def test_what_a_controller_cannot_follow_is_skipped():
     assert float(line[4]) > 0.0
 
 
-def test_intervals_are_wilsons():
+def test_intervals_are_wilson_intervals():
     metrics = {name: np.zeros(10) for name in METRICS} | {"fell": np.zeros(10, dtype=bool)}
     outcome = Outcome("x", load()["S20-push"], metrics, np.arange(10) < 8, np.empty(0))
     low, high = outcome.interval()
@@ -270,7 +270,7 @@ def test_intervals_are_wilsons():
 VALUES = ["5", "-1", "1e400", "nan", "true", '"x"', "[]", "[[1]]", "[1, 2, 3]", "{ a = 1 }", "1979-05-27", "[1e-9, 2]"]
 
 
-def test_a_file_of_scenarios_that_is_changed_is_refused_by_its_name_or_taken(tmp_path):
+def test_an_edited_file_of_scenarios_is_rejected_by_name_or_accepted(tmp_path):
     """Fields with other values, lines that are missing, bytes that are others."""
     text = resources.files("ballbot_rs.scenarios").joinpath("scenarios.toml").read_text(encoding="utf-8")
     lines = text.splitlines()
@@ -290,25 +290,25 @@ def test_a_file_of_scenarios_that_is_changed_is_refused_by_its_name_or_taken(tmp
     contents += [f"scenario = {value}".encode() for value in VALUES]
     contents += [b"[" * 100_000, b"scenario = " + b"[" * 100_000, b"a." * 100_000 + b"b = 1", b"x" * (1 << 21)]
     path = tmp_path / "changed.toml"
-    refused = []
+    rejected = []
     for content in contents:
         path.write_bytes(content)
         try:
             load(path)
         except bb.InvalidInputError as error:
-            refused.append(str(error))
-    assert all(message.startswith(str(path)) for message in refused)
-    assert 500 < len(refused) < len(contents)
+            rejected.append(str(error))
+    assert all(message.startswith(str(path)) for message in rejected)
+    assert 500 < len(rejected) < len(contents)
 
 
-def test_scenarios_of_ones_own(tmp_path):
+def test_custom_scenarios(tmp_path):
     path = tmp_path / "own.toml"
     path.write_text(
         '[[scenario]]\nid = "A"\ntitle = "t"\nseconds = 2\npush = 0.3\ndirections = 2\nscore = "rms_tilt"\n'
     )
     (outcome,) = run_scenarios(["lqr"], file=path)
     assert outcome.success.all()
-    for text, says in [
+    for text, error in [
         ("", r"there is no \[\[scenario\]\]"),
         ("x = 1\n", r"'x' is not known, expected only tables \[\[scenario\]\]"),
         ("scenario = 5\n", r"scenario = 5, expected tables \[\[scenario\]\]"),
@@ -333,7 +333,7 @@ def test_scenarios_of_ones_own(tmp_path):
         (OWN + "reference = { radius = 1 }\n", "reference.kind = None"),
     ]:
         path.write_text(text)
-        with pytest.raises(ValueError, match=says):
+        with pytest.raises(ValueError, match=error):
             load(path)
 
 

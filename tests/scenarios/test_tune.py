@@ -23,25 +23,25 @@ def test_tuning_improves_and_repeats_itself():
     assert second.score / first.score == pytest.approx(found.cost, rel=1e-9)
 
 
-def test_one_option_alone():
+def test_a_single_option():
     assert tune("lqr", LINE, 10, options=["position"]).cost <= 1.0
 
 
-def test_costs_of_one_baseline_can_be_compared():
+def test_costs_of_the_same_baseline_can_be_compared():
     plain, by_lqr = (tune("lqi", LINE, 1, baseline=name) for name in (None, "lqr"))
     first, second = run_scenarios(["lqr", "lqi"], [LINE])
     assert plain.cost == 1.0
     assert by_lqr.cost == pytest.approx(second.score / first.score, rel=1e-12)
 
 
-def test_default_scenarios_leave_the_heading_alone():
+def test_default_scenarios_do_not_depend_on_the_heading():
     found = tune("sliding_mode", budget=2)
     assert "surface" in found.options
     assert not any(name.startswith("yaw") for name in found.options)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "says"),
+    ("arguments", "message"),
     [
         (("nothing",), "tune takes a controller of the core"),
         (("lqr", LINE, 0), "budget"),
@@ -49,8 +49,8 @@ def test_default_scenarios_leave_the_heading_alone():
         (("lqr", ["S4", "S4"], 5), "have the same id"),
     ],
 )
-def test_what_cannot_be_tuned_is_refused(arguments, says):
-    with pytest.raises(ValueError, match=says):
+def test_controllers_that_cannot_be_tuned_are_rejected(arguments, message):
+    with pytest.raises(ValueError, match=message):
         tune(*arguments)
     with pytest.raises(ValueError, match="not 'nothing'"):
         tune("lqr", LINE, 5, baseline="nothing")
@@ -58,12 +58,12 @@ def test_what_cannot_be_tuned_is_refused(arguments, says):
         tune("lqr", LINE, 5, options=["mass"])
 
 
-def test_options_that_are_refused_cost_the_most():
+def test_rejected_options_have_the_largest_cost():
     with pytest.raises(ValueError, match="out of range"):
         run_scenarios([with_options("lqr", {"position": -1.0})], [LINE])
 
 
-def test_a_scenario_that_is_skipped_has_no_part_in_the_cost():
+def test_a_skipped_scenario_does_not_affect_the_cost():
     still = Scenario("still", "", seconds=0.5, tilt=2.0, score="rms_tilt")
     outcomes = run_scenarios("pid", [still, LINE])
     assert [one.skipped is None for one in outcomes] == [True, False]

@@ -121,9 +121,9 @@ def main() -> int:
             # If the process ends, this is the last line.
             log.write(f"{name}\n")
             log.flush()
-            said = complaint(call)
-            if said is not None:
-                print(f"{name}: {said}", flush=True)
+            output = complaint(call)
+            if output is not None:
+                print(f"{name}: {output}", flush=True)
                 found += 1
     return min(found, 1)
 

@@ -34,7 +34,7 @@ class Same:
 
 
 def fingerprint(value: Any) -> Any:
-    """Something that is equal for equal results alone."""
+    """A value that is equal only for equal results."""
     if isinstance(value, np.ndarray):
         return (value.shape, str(value.dtype), value.tobytes())
     if isinstance(value, Mapping):
@@ -67,9 +67,9 @@ def changes(
 ) -> str | None:
     """What is wrong with a keyword: None if one of the candidates changes the result, or all are rejected by name.
 
-    `named` is the name in the refusal, if it is another one.
+    `named` is the name in the error, if it is another name.
     """
-    refused = 0
+    rejected = 0
     for candidate in candidates:
         others = {**base, **candidate.others} if isinstance(candidate, With) else dict(base)
         value = _value(candidate)
@@ -84,16 +84,16 @@ def changes(
             after = fingerprint(call(**{**others, name: value}))
         except (ValueError, TypeError) as error:
             if (named or name) not in str(error):
-                return f"{name} = {value!r} is refused without its name: {error}"
-            refused += 1
+                return f"{name} = {value!r} is rejected without its name: {error}"
+            rejected += 1
             continue
         if isinstance(candidate, Refused):
-            return f"{name} = {value!r} is not refused"
+            return f"{name} = {value!r} is not rejected"
         if isinstance(candidate, Same):
             return None if before == after else f"{name} = {value!r} changes the result"
         if before != after:
             return None
-    if refused == len(candidates):
+    if rejected == len(candidates):
         return None
     return f"{name} changes nothing, tried {[_value(candidate) for candidate in candidates]}"
 

@@ -126,11 +126,11 @@ def check(run: Path, whole: Path) -> None:
         else:
             raise AssertionError("a run without a checkpoint was resumed")
     else:
-        said: list[str] = []
+        output: list[str] = []
         with warnings.catch_warnings():
             warnings.simplefilter("error")
-            train.resume(run, progress_bar=False, tell=said.append)
-        assert said == [f"resuming from {kept[0]}"], said
+            train.resume(run, progress_bar=False, tell=output.append)
+        assert output == [f"resuming from {kept[0]}"], output
     evaluations = run_folder.read_evaluations(run)
     assert evaluations is not None
     assert evaluations.timesteps.tolist() == [256, 512, STEPS], evaluations.timesteps

@@ -21,12 +21,12 @@ def looping_policy(target, trips=2**62):
     number = lambda name, kind: helper.make_tensor_value_info(name, kind, [])  # noqa: E731
     body = helper.make_graph(
         [
-            helper.make_node("Identity", ["goes_on"], ["still_goes_on"]),
+            helper.make_node("Identity", ["continues"], ["still_continues"]),
             helper.make_node("Sin", ["before"], ["after"]),
         ],
         "turn",
-        [number("turn", TensorProto.INT64), number("goes_on", TensorProto.BOOL), number("before", TensorProto.FLOAT)],
-        [number("still_goes_on", TensorProto.BOOL), number("after", TensorProto.FLOAT)],
+        [number("turn", TensorProto.INT64), number("continues", TensorProto.BOOL), number("before", TensorProto.FLOAT)],
+        [number("still_continues", TensorProto.BOOL), number("after", TensorProto.FLOAT)],
     )
     first = model.graph.input[0].name
     constants = [

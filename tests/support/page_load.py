@@ -91,9 +91,7 @@ def main() -> int:
         page.send_signal(signal.SIGINT)
         errors = page.communicate()[1].replace("interrupted\n", "")
     print(f"{visits} visits in {rounds} rounds; alive: {alive}")
-    print(
-        f"memory, MB: {alone} alone, {most} with clients at most, {first} after the first round, {last} after the last"
-    )
+    print(f"memory, MB: {alone} before, {most} at most, {first} after the first round, {last} after the last")
     if errors:
         print(errors, file=sys.stderr)
     return int(not alive or bool(errors) or last > first + GROWTH)

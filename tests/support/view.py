@@ -49,7 +49,7 @@ def packed(**message):
     return msgspec.msgpack.encode(message)
 
 
-def ask(view, function):
+def query(view, function):
     """The result of a function of the session, in the thread that owns it."""
     answers = []
     assert view.runner.submit(lambda session: answers.append(function(session)))

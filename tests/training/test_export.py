@@ -43,7 +43,7 @@ def test_an_exported_policy_acts_as_its_source(exported, tiny_run, observations)
     np.testing.assert_allclose(one, expected[7], atol=1e-5)
 
 
-def test_actions_are_clipped_as_those_of_the_source(tiny_run, tmp_path, observations):
+def test_actions_are_clipped_as_in_the_source(tiny_run, tmp_path, observations):
     # A policy trained for a second hardly acts; this policy exceeds its limits.
     model = PPO.load(tiny_run / "best_model.zip")
     model.policy.action_net.weight.data *= 200.0
@@ -68,7 +68,7 @@ def test_a_policy_of_sac_is_exported_too(tmp_path, observations):
     np.testing.assert_allclose(OnnxPolicy(tmp_path / "sac.onnx").act(observations), expected, atol=1e-5)
 
 
-def test_it_says_what_it_is_for_and_nothing_of_this_machine(exported):
+def test_metadata_state_the_purpose_and_nothing_of_this_machine(exported):
     policy = OnnxPolicy(exported)
     assert policy.env_options == bb.BallbotVecEnv(1, model="spatial", max_episode_steps=60).task_options
     assert policy.metadata["env_id"] == BALANCE
@@ -111,7 +111,7 @@ def edited(source, target, edit):
         (lambda f: f.clear(), "does not name its env_id"),
     ],
 )
-def test_a_policy_for_something_else_is_refused(exported, tmp_path, edit, message):
+def test_a_policy_for_something_else_is_rejected(exported, tmp_path, edit, message):
     path = edited(exported, tmp_path / "edited.onnx", edit)
     with pytest.raises(ValueError, match=message) as caught:
         compare([str(path)], episodes=1)
@@ -130,7 +130,7 @@ def test_a_policy_from_before_scaling_acts_on_what_it_was_trained_on(exported, t
     assert OnnxPolicy(exported).env_options["scale_observations"] is True
 
 
-def test_files_that_are_no_policy_are_refused(exported, tmp_path):
+def test_files_that_are_not_policies_are_rejected(exported, tmp_path):
     (tmp_path / "cut.onnx").write_bytes(exported.read_bytes()[:500])
     with pytest.raises(ValueError, match=r"cut\.onnx is not an ONNX file"):
         OnnxPolicy(tmp_path / "cut.onnx")
@@ -139,7 +139,7 @@ def test_files_that_are_no_policy_are_refused(exported, tmp_path):
 
 
 @pytest.mark.parametrize("shape", [(15,), (4, 17), (2, 2, 16), ()])
-def test_observations_of_another_shape_are_refused(exported, shape):
+def test_observations_of_another_shape_are_rejected(exported, shape):
     with pytest.raises(ValueError, match="observation has shape"):
         OnnxPolicy(exported).act(np.zeros(shape))
 

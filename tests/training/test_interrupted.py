@@ -63,7 +63,7 @@ def test_a_damaged_checkpoint_is_skipped_and_later_evaluations_are_dropped(longe
     assert not list(longer_run.rglob(".*partial*"))
 
 
-def test_what_a_kill_has_left_is_no_obstacle(tmp_path, capsys):
+def test_leftovers_of_a_kill_do_not_prevent_resuming(tmp_path, capsys):
     run = tmp_path / "run"
     run.mkdir()
     dead, alive = (run / f".run.{process}.partial.json" for process in (ended_process(), os.getppid()))
@@ -78,7 +78,7 @@ def test_what_a_kill_has_left_is_no_obstacle(tmp_path, capsys):
     shutil.rmtree(run / "checkpoints")
     assert main(resume) == 1
     assert "has no checkpoint to resume from: the run was ended before its first one" in capsys.readouterr().err
-    assert (dead.exists(), alive.exists()) == (False, True), "only those of dead processes are deleted"
+    assert (dead.exists(), alive.exists()) == (False, True), "only files of dead processes are deleted"
     (run / "config.toml").unlink()
     assert main(resume) == 1
     err = capsys.readouterr().err
@@ -128,7 +128,7 @@ def test_a_damaged_file_is_named(longer_run, capsys, name, how):
         assert contents(longer_run) == before
 
 
-def test_no_checkpoint_that_can_be_read(longer_run):
+def test_without_a_readable_checkpoint(longer_run):
     for path in run_folder.checkpoints(longer_run):
         path.write_bytes(b"")
     with (
@@ -141,7 +141,7 @@ def test_no_checkpoint_that_can_be_read(longer_run):
 
 @pytest.mark.slow("processes")
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
+def test_a_signal_saves_and_prints_how_to_resume(tmp_path, number):
     path = tmp_path / "tiny.toml"
     text = TINY_CONFIG.replace("768", "100_000_000").replace('[schedule]\nlearning_rate = "linear"\n', "")
     path.write_text(text, encoding="utf-8")
@@ -152,8 +152,8 @@ def test_a_signal_saves_and_says_how_to_go_on(tmp_path, number):
     out, err = process.communicate(timeout=300)
     assert (process.returncode, out) == (128 + number, "")
     newest = run_folder.checkpoints(run)[0]
-    told, ended = err.splitlines()
-    assert told == f"saved {newest}, to continue: ballbot train balance --resume {run}"
+    message, ended = err.splitlines()
+    assert message == f"saved {newest}, to continue: ballbot train balance --resume {run}"
     assert ended == {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}[number]
     steps = PPO.load(newest).num_timesteps
     # A constant rate: the number of steps has no other effect.

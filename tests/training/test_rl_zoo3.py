@@ -29,7 +29,7 @@ def test_a_second_training_in_one_process_finds_them_all():
 
 @pytest.mark.slow("a training")
 @pytest.mark.parametrize("env_id", hyperparams)
-def test_environment_and_algorithm_take_them(env_id):
+def test_environment_and_algorithm_use_them(env_id):
     settings = {name: value for name, value in hyperparams[env_id].items() if name not in OF_THE_ZOO}
     rate = settings["learning_rate"]
     if isinstance(rate, str):

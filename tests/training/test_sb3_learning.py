@@ -14,7 +14,7 @@ SMALL = {"net_arch": [8]}
 
 
 class KeepRollouts(BaseCallback):
-    """Copies what PPO has stored, as it stands before the update."""
+    """Copies what PPO has stored before the update."""
 
     def __init__(self):
         super().__init__()
@@ -160,7 +160,7 @@ def test_sac_learns_a_little(tmp_path):
     buffer = model.replay_buffer
     stored = buffer.observations[: buffer.pos].reshape(-1, 16)
     assert len(np.unique(stored, axis=0)) == len(stored) == 120
-    # Where no episode ended, the next observation is the following one; where one did, it is the last of the episode.
+    # Where no episode ended, the next observation follows; where an episode ended, it is the last of the episode.
     following, next_stored = buffer.observations[1 : buffer.pos], buffer.next_observations[: buffer.pos - 1]
     dones = buffer.dones[: buffer.pos - 1].astype(bool)
     np.testing.assert_array_equal(next_stored[~dones], following[~dones])

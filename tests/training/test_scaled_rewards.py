@@ -9,7 +9,7 @@ from ballbot_rs.training import config
 from ballbot_rs.training.scaled_rewards import ScaledRewards
 
 
-def test_the_learner_sees_scaled_rewards_and_its_log_those_of_the_task():
+def test_the_learner_gets_scaled_rewards_and_its_log_the_rewards_of_the_task():
     options = {"model": "spatial", "num_threads": 1, "max_episode_steps": 20, "seed": 4}
     plain, scaled = (VecMonitor(BallbotVecEnv(3, **options)) for _ in range(2))
     scaled = ScaledRewards(scaled, 0.25)
@@ -27,6 +27,6 @@ def test_the_learner_sees_scaled_rewards_and_its_log_those_of_the_task():
 
 
 @pytest.mark.parametrize("value", ["0", "-1.0", "inf", "nan", "true", "1e-60", "5e38", '"a"'])
-def test_a_factor_that_is_none_is_refused(value):
+def test_an_invalid_factor_is_rejected(value):
     with pytest.raises(ValueError, match=r"reward_scale = .* must be from 1e-6 to 1e6"):
         config.parse(f"reward_scale = {value}", "test")

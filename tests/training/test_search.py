@@ -1,4 +1,4 @@
-"""`ballbot tune`: searches of hyperparameters that continue, share their work, and reject what cannot be compared."""
+"""`ballbot tune`: searches of hyperparameters continue, share their work, and reject different settings."""
 
 import json
 import os
@@ -63,7 +63,7 @@ def test_a_range_is_read_as_it_is_written(text, ends):
 
 
 @pytest.mark.parametrize("text", ["", "1", "a:b", "2:1", "0:1:log", "nan:1", "1:inf", "[]", "[[1]]", "1:2:exp", "{}"])
-def test_a_range_that_is_none_is_refused(text):
+def test_an_invalid_range_is_rejected(text):
     with pytest.raises(ValueError, match="x="):
         dimension_of("x", text)
 
@@ -77,13 +77,13 @@ def test_a_range_that_is_none_is_refused(text):
         ("num_envs", r"num_envs = -3 is out of range"),
     ],
 )
-def test_what_cannot_be_searched_is_refused_before_anything_is_written(tmp_path, name, message):
+def test_invalid_searches_are_rejected_before_anything_is_written(tmp_path, name, message):
     with pytest.raises(ValueError, match=message):
         search(tmp_path / "study", **{name: "[-3, 4]"})
     assert not (tmp_path / "study").exists()
 
 
-def test_a_search_goes_on_and_its_best_configuration_is_that_of_its_best_trial(tmp_path):
+def test_a_search_resumes_and_its_best_configuration_comes_from_its_best_trial(tmp_path):
     search(tmp_path).work()
     found = search(tmp_path, trials=4)
     found.work()
@@ -107,17 +107,17 @@ def test_a_folder_has_one_search(tmp_path):
         search(tmp_path, **{RATE: "1e-5:1e-3:log"}).work()
 
 
-def test_a_configuration_that_no_learner_takes_ends_the_search(tmp_path):
+def test_a_configuration_that_the_learner_rejects_ends_the_search(tmp_path):
     with pytest.raises(ValueError, match="does not fit PPO"):
         search(tmp_path, algorithm_arguments__nonsense="[1, 2]").work()
 
 
-def test_numbers_that_no_learner_bears_end_one_trial(tmp_path):
+def test_numbers_with_which_the_learner_fails_end_one_trial(tmp_path):
     found = search(tmp_path, trials=2, algorithm_arguments__learning_rate="[1e30]")
-    told = []
-    found.work(told.append)
+    messages = []
+    found.work(messages.append)
     assert len(ended(found.study())) == 2
-    assert all("trial" in text for text in told)
+    assert all("trial" in text for text in messages)
 
 
 @pytest.mark.slow("processes")
@@ -136,9 +136,9 @@ def test_two_processes_share_the_trials_of_a_command(tmp_path, capsys):
 
 
 @pytest.mark.slow("processes")
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are specific to Unix")
 @pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGKILL])
-def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
+def test_a_search_interrupted_in_a_trial_resumes(tmp_path, kind):
     config = tmp_path / "long.toml"
     config.write_text(TINY.replace("total_timesteps = 2048", "total_timesteps = 200000000"))
     study = tmp_path / "study"
@@ -151,17 +151,17 @@ def test_a_search_that_was_ended_in_a_trial_goes_on(tmp_path, kind):
         assert time.monotonic() - begins < 120.0
         time.sleep(0.1)
     process.send_signal(kind)
-    _, said = process.communicate(timeout=60.0)
-    assert process.returncode == (130 if kind == signal.SIGINT else -signal.SIGKILL), said
+    _, output = process.communicate(timeout=60.0)
+    assert process.returncode == (130 if kind == signal.SIGINT else -signal.SIGKILL), output
     text = config.read_text()
     again = Search(text, {RATE: dimension_of(RATE, "1e-4:1e-3:log")}, study, 1)
     assert len(ended(again.study())) == 0
-    assert kind == signal.SIGKILL or "give the same command again" in said
+    assert kind == signal.SIGKILL or "give the same command again" in output
 
 
 @pytest.mark.slow("processes")
-@pytest.mark.skipif(sys.platform == "win32", reason="signals are those of Unix")
-def test_control_c_in_a_terminal_is_said_once_for_all_processes(tmp_path):
+@pytest.mark.skipif(sys.platform == "win32", reason="signals are specific to Unix")
+def test_control_c_in_a_terminal_is_reported_once_for_all_processes(tmp_path):
     config = tmp_path / "long.toml"
     config.write_text(TINY.replace("total_timesteps = 2048", "total_timesteps = 200000000"))
     command = [sys.executable, "-m", "ballbot_rs.cli", "tune", "balance", "--config", str(config), "--jobs", "2"]
@@ -173,14 +173,14 @@ def test_control_c_in_a_terminal_is_said_once_for_all_processes(tmp_path):
         assert time.monotonic() - begins < 120.0
         time.sleep(0.1)
     os.killpg(process.pid, signal.SIGINT)
-    _, said = process.communicate(timeout=60.0)
-    assert process.returncode == 130, said
-    assert said.count("interrupted") == 1, said
-    assert "terminated" not in said
-    assert "Traceback" not in said
+    _, output = process.communicate(timeout=60.0)
+    assert process.returncode == 130, output
+    assert output.count("interrupted") == 1, output
+    assert "terminated" not in output
+    assert "Traceback" not in output
 
 
-def test_a_line_that_was_not_written_to_its_end_is_taken_away(tmp_path):
+def test_an_incomplete_line_is_removed(tmp_path):
     search(tmp_path, trials=1).work()
     journal = tmp_path / "journal.log"
     whole = journal.read_bytes()
@@ -193,7 +193,7 @@ def test_a_line_that_was_not_written_to_its_end_is_taken_away(tmp_path):
 
 
 @pytest.mark.slow("processes")
-def test_the_lock_of_a_killed_process_does_not_hold_for_ever(tmp_path):
+def test_the_lock_of_a_killed_process_is_released(tmp_path):
     search(tmp_path).study()
     (tmp_path / "journal.log.lock").touch()
     began = time.monotonic()
@@ -201,7 +201,7 @@ def test_the_lock_of_a_killed_process_does_not_hold_for_ever(tmp_path):
     assert time.monotonic() - began < 30.0
 
 
-def test_what_is_in_the_way_is_named(tmp_path):
+def test_files_in_the_way_are_named(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(ValueError, match="file is a file: name a folder with --study"):
         search(tmp_path / "file").study()
@@ -222,7 +222,7 @@ def test_what_is_in_the_way_is_named(tmp_path):
         ("algorithm_arguments.batch_size", "[NaN, 1]", r"batch_size=\[NaN, 1\]: expected"),
     ],
 )
-def test_a_range_beyond_what_can_be_learned_with_is_refused(tmp_path, name, text, message):
+def test_a_range_beyond_the_limits_of_the_learner_is_rejected(tmp_path, name, text, message):
     with pytest.raises(ValueError, match=message):
         Search(TINY, {name: dimension_of(name, text)}, tmp_path, 1)
 

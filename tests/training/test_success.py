@@ -47,20 +47,20 @@ def test_a_run_ends_once_its_best_policy_succeeds(tmp_path, monkeypatch):
     monkeypatch.setattr(callbacks.KeepBest, "success_of_best", lambda _: next(shares, 0.9))
     text = text_with(**{"evaluation.success": 0.8, "max_timesteps": 10_000})
     record, timesteps = trained(text, tmp_path / "run")
-    # Asked from the configured steps on.
+    # Success is required from the configured steps on.
     assert timesteps == [256, 512, 768, 1024]
     assert (record["success"], record["required_success"], record["timesteps"]) == (0.9, 0.8, 1024)
     assert run_folder.failure(record) is None
 
 
-def test_nothing_is_asked_by_default(tmp_path):
+def test_nothing_is_required_by_default(tmp_path):
     record, timesteps = trained(text_with(), tmp_path / "run")
     assert timesteps == [256, 512, 768]
     assert "success" not in record
     assert run_folder.failure(record) is None
 
 
-def test_judging_the_best_policy_leaves_the_training_as_it_is(tmp_path):
+def test_evaluating_the_best_policy_does_not_change_the_training(tmp_path):
     plain = text_with()
     judged = text_with(**{"evaluation.success": 0.0, "max_timesteps": 768})
     trained(plain, tmp_path / "plain")
@@ -84,7 +84,7 @@ def test_mistakes_are_named(values, message):
         config.parse(text_with(**values), "tiny")
 
 
-def test_the_steps_of_the_command_line_are_neither_more_nor_less():
+def test_the_steps_of_the_command_line_are_exact():
     loaded, text = config.load("balance")
     assert loaded.max_timesteps > loaded.total_timesteps
     fixed = config.parse(config.with_values(text, train.steps_alone(loaded, 4096)), "balance")
@@ -117,7 +117,7 @@ def test_the_discount_follows_the_robot():
 
 
 @pytest.mark.parametrize("task", TASKS)
-def test_every_configuration_says_what_success_is(task):
+def test_every_configuration_defines_success(task):
     assert 0.5 <= config.load(task)[0].evaluation.success <= 1.0
 
 

@@ -59,9 +59,9 @@ def difference(model, law):
     env = bb.BallbotVecEnv(50, model="spatial", num_threads=1, seed=77)
     observations, differences = env.reset(), []
     for _ in range(100):
-        wanted = env._batch.control(law, {"position": np.zeros((50, 2)), "yaw": [state.yaw for state in env.state]})
+        desired = env._batch.control(law, {"position": np.zeros((50, 2)), "yaw": [state.yaw for state in env.state]})
         actions = model.predict(observations, deterministic=True)[0]
-        differences.append(actions - wanted)
+        differences.append(actions - desired)
         observations = env.step(actions)[0]
     return np.sqrt(np.mean(np.square(differences)))
 
@@ -79,10 +79,10 @@ def fitted():
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("taught") / "run"
-    told = []
-    train.train(config.parse(TAUGHT, "taught"), TAUGHT, folder, seed=3, progress_bar=False, tell=told.append)
-    assert len(told) == 1
-    assert told[0].startswith("fitted to lqr: root mean square error of the actions 0.")
+    messages = []
+    train.train(config.parse(TAUGHT, "taught"), TAUGHT, folder, seed=3, progress_bar=False, tell=messages.append)
+    assert len(messages) == 1
+    assert messages[0].startswith("fitted to lqr: root mean square error of the actions 0.")
     return folder
 
 
@@ -101,7 +101,7 @@ class TestFit:
         _, lengths = evaluate_policy(new_model(), env, 20, return_episode_rewards=True)
         assert np.mean(lengths) < 200
 
-    def test_the_value_function_learns_alone(self, fitted):
+    def test_the_value_function_learns_without_the_policy(self, fitted):
         model, _ = fitted
         actor, value = of_actor(model), of_value(model)
         rate, epochs, log = model.lr_schedule, model.n_epochs, model.tensorboard_log
@@ -114,7 +114,7 @@ class TestFit:
         model.learn(model.n_steps * model.n_envs)
         assert not any(shares(actor, of_actor(model)))
 
-    def test_what_is_asked_does_not_depend_on_the_heading(self):
+    def test_the_command_does_not_depend_on_the_heading(self):
         model = new_model()
         batch = teacher._batch(model)
         params, yaws = batch.params(0), np.linspace(-3.0, 3.0, 32)
@@ -141,17 +141,17 @@ class TestFit:
             "yaw",
         }
 
-    def test_a_law_that_does_not_follow_positions_takes_any_for_the_right_one(self):
+    def test_a_controller_that_does_not_follow_positions_ignores_the_position(self):
         model = new_model("path")
         batch = teacher._batch(model)
         batch.reset()
         law = teacher.law_of(model, FIT)
-        asked = batch.setpoint(0)
+        requested = batch.setpoint(0)
         for follows in (True, False):
             chosen = teacher._setpoints(batch, law, dataclasses.replace(FIT, follows_position=follows))
-            place = asked["position"] if follows else batch.state(0).ball_position[:2]
+            place = requested["position"] if follows else batch.state(0).ball_position[:2]
             np.testing.assert_array_equal(chosen["position"][0], place)
-            np.testing.assert_array_equal(chosen["velocity"][0], asked["velocity"])
+            np.testing.assert_array_equal(chosen["velocity"][0], requested["velocity"])
         with pytest.raises(ValueError, match="follows_position = 1 must be true or false"):
             dataclasses.replace(FIT, follows_position=1)
 
@@ -181,7 +181,7 @@ class TestRun:
         assert np.load(folder / "evaluations.npz")["timesteps"].tolist() == [0, 256, 512, 768]
         assert weights(folder / "final_model.zip") == weights(run / "final_model.zip")
 
-    def test_the_command_line_tells_and_sets(self, tmp_path, capsys):
+    def test_the_command_line_prints_and_sets(self, tmp_path, capsys):
         path = tmp_path / "tiny.toml"
         path.write_text(TAUGHT, encoding="utf-8")
         arguments = ["train", "--config", str(path), "--episodes", "0", "--no-report", "--set"]
@@ -218,7 +218,7 @@ class TestMistakes:
         assert str(caught.value).startswith("source: ")
 
     @pytest.mark.parametrize(("name", "value"), [("torque", -1.0), ("gain", 2.0), ("max_lean", "wide")])
-    def test_an_option_that_the_law_does_not_take_touches_nothing(self, tmp_path, name, value):
+    def test_an_option_that_the_controller_rejects_changes_nothing(self, tmp_path, name, value):
         text = config.with_values(TAUGHT, {f"teacher.options.{name}": value})
         with pytest.raises(ValueError, match=f"^teacher: .*{name}"):
             train.train(config.parse(text, "bad"), text, tmp_path / "new", progress_bar=False)

@@ -107,7 +107,7 @@ class TestRun:
         assert PPO.load(tiny_run / "final_model.zip").num_timesteps == 768
         assert find_file(tiny_run) == tiny_run / "best_model.zip"
 
-    def test_a_policy_says_what_it_was_trained_for(self, tiny_run):
+    def test_a_policy_states_what_it_was_trained_for(self, tiny_run):
         model, found = load(tiny_run, "balance")
         assert isinstance(model, PPO)
         assert found == getattr(model, METADATA)
@@ -153,7 +153,7 @@ class TestRun:
             ('model = "spatial"', "num_envs = 3"),
         ],
     )
-    def test_a_refused_configuration_touches_nothing(self, tiny_run, tmp_path, old, new):
+    def test_a_rejected_configuration_changes_nothing(self, tiny_run, tmp_path, old, new):
         text = bad(old, new)
         with pytest.raises(ValueError, match=r"does not fit PPO|unknown model|n_steps = .* is out of range"):
             train.train(config.parse(text, "bad"), text, tmp_path / "new", progress_bar=False)
@@ -164,14 +164,14 @@ class TestRun:
         assert (run / "best_model.zip").is_file(), "the earlier run was deleted"
         assert (run / "config.toml").read_text(encoding="utf-8") == TINY_CONFIG
 
-    def test_a_training_that_diverges_says_so_and_leaves_nothing_to_resume(self, tmp_path):
+    def test_a_training_that_diverges_reports_it_and_leaves_nothing_to_resume(self, tmp_path):
         text = config.with_values(TINY_CONFIG, {"algorithm_arguments.learning_rate": 1e30})
         with pytest.raises(ValueError, match=r"the training has diverged after \d+ steps: Expected parameter \w+$"):
             train.train(config.parse(text, "fast"), text, tmp_path / "run", progress_bar=False)
         for checkpoint in run_folder.checkpoints(tmp_path / "run"):
             assert torch.isfinite(PPO.load(checkpoint).policy.log_std).all()
 
-    def test_an_earlier_run_is_not_overwritten_unasked(self, tiny_run, tmp_path):
+    def test_an_earlier_run_is_not_overwritten_by_default(self, tiny_run, tmp_path):
         parsed = config.parse(TINY_CONFIG, "tiny")
         run = shutil.copytree(tiny_run, tmp_path / "run")
         with pytest.raises(
@@ -213,7 +213,7 @@ class TestResume:
         assert (interrupted / "best_model.zip").read_bytes() == before
         assert np.load(interrupted / "evaluations.npz")["timesteps"].tolist() == [256, 512, 768, 1024]
 
-    def test_a_finished_run_goes_on_for_more_steps(self, tiny_run, tmp_path):
+    def test_a_finished_run_continues_for_more_steps(self, tiny_run, tmp_path):
         run = shutil.copytree(tiny_run, tmp_path / "run")
         train.resume(run, timesteps=1024, progress_bar=False)
         assert PPO.load(run / "final_model.zip").num_timesteps == 1024
@@ -238,7 +238,7 @@ class TestResume:
         # The folder is free again.
         train.train(parsed, TINY_CONFIG, run, seed=6, overwrite=True, progress_bar=False)
 
-    def test_what_cannot_be_resumed(self, interrupted, tmp_path):
+    def test_runs_that_cannot_be_resumed(self, interrupted, tmp_path):
         with pytest.raises(FileNotFoundError, match="holds no training run"):
             train.resume(tmp_path / "nowhere")
         shutil.rmtree(interrupted / "checkpoints")
@@ -260,7 +260,7 @@ class TestEvaluation:
         assert zero.mean_reward < 0.1
         assert zero.tilt_rms > 5 * lqr.tilt_rms
 
-    def test_pid_runs_at_its_own_rate(self):
+    def test_pid_runs_at_its_rate(self):
         options = {"model": "spatial"}
         pid = evaluate("pid", episodes=5, env_options=options)
         assert pid.control_dt == 0.002

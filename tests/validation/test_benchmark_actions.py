@@ -15,7 +15,7 @@ from validation.engines.steps import SIM_DT, SUBSTEPS
 _MODELS = ("contact", "rigid", "spatial", "planar")
 
 
-def test_actions_are_as_large_as_asked_and_otherwise_the_same() -> None:
+def test_actions_have_the_requested_size_and_are_otherwise_unchanged() -> None:
     small, large = task.make_actions(50, 8, 0.1), task.make_actions(50, 8, 1.0)
     assert 0.09 < np.abs(small).max() * task.MAX_TORQUE <= 0.1
     np.testing.assert_allclose(small * 10.0, large, rtol=1e-6)
@@ -52,7 +52,7 @@ def test_robots_fall_more_often_under_larger_actions() -> None:
     assert 1.0 < falls[0] < falls[1] < 1.0 / (SUBSTEPS * SIM_DT)
 
 
-def test_thrashing_robots_lie_on_the_floor_and_go_on_where_they_were() -> None:
+def test_thrashing_robots_lie_on_the_floor_and_continue_where_they_were() -> None:
     robots = Thrashing(16)
     kept = 0
     for _ in range(30):
@@ -73,7 +73,7 @@ def test_thrashing_robots_lie_on_the_floor_and_go_on_where_they_were() -> None:
     assert set(robots.batch.endings()[1].tolist()) <= {0, 2}
 
 
-def test_thrashing_robots_that_stand_are_refused() -> None:
+def test_thrashing_robots_that_did_not_fall_are_rejected() -> None:
     robots = Thrashing(8)
     robots.batch.reset()
     robots.batch.step(np.zeros((8, 3), dtype=np.float32))

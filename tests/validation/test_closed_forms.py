@@ -1,4 +1,4 @@
-"""Every claim of the page on closed forms holds. `make verify` draws the same runs."""
+"""Every claim of the page on closed forms holds. `make verify` uses the same runs."""
 
 from pathlib import Path
 
@@ -23,18 +23,16 @@ def test_claims_hold(topic: Topic) -> None:
     [
         (Findings([Claim("holds", 1.0, 1.0, 0.0)]), False, 0),
         (Findings([Claim("fails", 1.0, 2.0, 0.1)]), True, 1),
-        (Findings([Claim("is no number", float("nan"), 2.0, 0.1)]), True, 1),
+        (Findings([Claim("not a number", float("nan"), 2.0, 0.1)]), True, 1),
         (Findings([], missing=("an engine is not available",)), False, 1),
         (Findings([], missing=("an engine is not available",)), True, 0),
     ],
 )
-def test_the_exit_code_tells_of_failures_and_of_what_was_not_run(
-    findings: Findings, allow_missing: bool, code: int
-) -> None:
+def test_the_exit_code_reports_failures_and_skipped_topics(findings: Findings, allow_missing: bool, code: int) -> None:
     assert page.verdict([findings], allow_missing) == code
 
 
-def test_a_topic_by_name_prints_its_claims_and_draws_only_where_asked(
+def test_a_topic_by_name_prints_its_claims_and_plots_only_on_request(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     topic = next(topic for topic in TOPICS if topic.name == "growth")

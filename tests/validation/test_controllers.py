@@ -13,7 +13,7 @@ from validation.controllers import TOPICS, law_figure, laws, limits, responses
 
 
 @pytest.mark.slow("repeats a page")
-def test_the_default_regulator_is_the_one_of_the_page():
+def test_the_default_regulator_matches_the_page():
     assert [topic.name for topic in TOPICS] == ["limits", "matrix", "tunings", "presets"]
     # Every third direction.
     scenario = dataclasses.replace(load()["S2-rest"], directions=8)
@@ -37,14 +37,14 @@ def test_a_law_has_a_section_with_its_diagram_and_figure(law: str):
 
 
 @pytest.mark.slow("repeats a page")
-def test_the_basin_of_a_figure_is_that_of_the_tables():
+def test_the_basin_of_a_figure_matches_the_tables():
     found = responses.measure("lqr").recovered
     edges = responses.RING * np.argmin(found, axis=0)
     assert abs(edges.min() - limits.BASIN) <= responses.RING
     assert not found[responses.TILTS > 52.0].any()
 
 
-def test_a_searched_basin_is_that_of_the_map(monkeypatch: pytest.MonkeyPatch):
+def test_a_searched_basin_matches_the_map(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(responses, "TILTS", np.arange(13.5, 24.0))
     map_ = responses._basin("pid")
     assert 0 < map_.sum(axis=0).min() < map_.sum(axis=0).max() < len(map_)

@@ -3,7 +3,7 @@
 from validation.benchmarks.comparability import task_error
 
 
-def test_observations_rewards_and_falls_are_those_of_the_simulator() -> None:
+def test_observations_rewards_and_falls_match_the_simulator() -> None:
     found = task_error()["task"]
     assert found["falls"] > 10, "too few falls to compare"
     assert found["falls_disagreeing"] == 0

@@ -1,4 +1,4 @@
-"""Every claim of the page on the paper holds, but for training. `make paper` draws the same runs."""
+"""Every claim of the page on the paper holds, but for training. `make paper` uses the same runs."""
 
 import numpy as np
 import pytest

@@ -61,7 +61,7 @@ def test_every_task_on_level_ground_has_a_policy():
 
 
 def test_the_policy_of_balance_does_not_turn():
-    """Stopped wheels are no reason to turn on: where it learned from robots that never turn, it did at 1.2 deg/s."""
+    """It stops turning when its wheels stop; trained on robots that never turn, it turned at 1.2 deg/s."""
     policy = find(ROOT / "assets" / "policies" / "balance.onnx")
     seconds, robots = 60, 32
     options = {**policy.env_options, "max_episode_steps": None}

@@ -77,7 +77,7 @@ def test_an_edge_is_found_between_the_values(monkeypatch, values, threshold, edg
     assert ("| none |" in measured.markdown()) == (edge is None)
 
 
-def test_a_drawn_parameter_leaves_controllers_those_of_the_nominal_robot() -> None:
+def test_a_sampled_parameter_does_not_change_the_controllers_of_the_nominal_robot() -> None:
     from ballbot_rs import Batch
 
     batch = Batch(1, **sweep.drawn("body_com_offset", "abs", (0.002, 0.0)))

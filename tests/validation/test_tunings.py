@@ -1,4 +1,4 @@
-"""Tunings of the page on controllers: published ones keep their poles, found ones have the cost that is said."""
+"""Tunings of the page on controllers: published tunings keep their poles, searched tunings have the stated cost."""
 
 import numpy as np
 import pytest
@@ -17,14 +17,14 @@ def poles_of(law: str, chosen: dict[str, float], control_dt: float) -> np.ndarra
     controller = Controller(law, PAPER, control_dt, **chosen)
     small = 1e-6
     upright = bb.State.at_rest(PAPER)
-    asked = [
+    requested = [
         (upright, {"position": (-small, 0.0)}),
         (bb.State.at_rest(PAPER, tilt=(0.0, small)), {"position": (0.0, 0.0)}),
         (upright, {"velocity": (-small, 0.0)}),
         (bb.State.rolling(PAPER, (0.0, 0.0), upright.body_quaternion, (0.0, small, 0.0)), {"position": (0.0, 0.0)}),
     ]
     torques = []
-    for state, setpoint in asked:
+    for state, setpoint in requested:
         controller.reset()
         torques.append(np.asarray(controller(state, setpoint)) / small)
     linear = LinearModel(PAPER)
@@ -46,7 +46,7 @@ def test_a_weight_below_zero_moves_the_poles_little():
     np.testing.assert_allclose(poles_of("lqr", found, 1e-3), expected, rtol=0.05)
 
 
-def test_the_lean_of_the_sliding_mode_is_that_of_kugle():
+def test_the_lean_of_the_sliding_mode_matches_kugle():
     """ω of the calm tuning in docs/laws.md, by λ of both robots."""
     found, plane = options("sliding_mode", PAPER), Plane.of(PAPER)
     natural = np.sqrt(found["surface"] * found["switching"] / found["layer"]) * plane.toppling
@@ -55,7 +55,7 @@ def test_the_lean_of_the_sliding_mode_is_that_of_kugle():
     assert found["yaw_surface"] / plane.toppling == pytest.approx(6.0 / kugle, rel=1e-9)
 
 
-def test_tunings_on_their_own_time_scale():
+def test_tunings_on_a_separate_time_scale():
     """Nagarajan's LQR as CMU's repository has it: λ² = 24.36 1/s²."""
     tuning = published()["lqr"]
     assert tuning.toppling == pytest.approx(4.9358, abs=1e-4)
@@ -71,5 +71,5 @@ def test_tuned_options_have_the_cost_of_the_file(law):
     assert found.cost < tuning.cost(law, {})
 
 
-def test_the_page_says_the_budget():
+def test_the_page_states_the_budget():
     assert f"with {tuning.BUDGET} evaluations" in str(tunings.__doc__)

@@ -1,4 +1,4 @@
-"""What is changed, drawn and driven of the robots of a session: parameters, events and motors."""
+"""Changes of the robots of a session: parameters, events and motors."""
 
 import math
 
@@ -32,7 +32,7 @@ EXPECTED = {
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_a_change_is_what_it_says_and_the_motion_goes_on(name):
+def test_a_change_has_its_stated_value_and_the_motion_continues(name):
     value, expected = EXPECTED[name]
     session = Session(num_robots=2)
     run(session, 0.1)
@@ -68,7 +68,7 @@ def test_inertia_and_friction_change_in_proportion():
 
 @pytest.mark.parametrize("name", CHANGES)
 @pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, 1e308, -1e308, 1e9, True, "1", None, [1.0]])
-def test_what_is_no_value_of_a_change_changes_nothing(name, value):
+def test_invalid_values_of_a_change_change_nothing(name, value):
     session = Session()
     run(session, 0.05)
     before = session.frame().states
@@ -87,7 +87,7 @@ def test_what_is_no_value_of_a_change_changes_nothing(name, value):
         ({"mass": 1.0}, "unknown change 'mass'"),
     ],
 )
-def test_a_robot_that_cannot_be_is_refused_and_nothing_changes(values, message):
+def test_an_invalid_robot_is_rejected_and_nothing_changes(values, message):
     session, other = Session(num_robots=3), Session(num_robots=3)
     run(session, 0.1)
     run(other, 0.1)
@@ -99,7 +99,7 @@ def test_a_robot_that_cannot_be_is_refused_and_nothing_changes(values, message):
     assert np.array_equal(session.frame().states, other.frame().states)
 
 
-def test_a_change_that_one_drawn_robot_of_several_refuses_changes_none():
+def test_a_change_that_one_sampled_robot_rejects_changes_none():
     """Half of the robots are sampled at a mass whose tenth is less than the mass of the wheels."""
     events = [{"term": "body_mass", "op": "scale", "mode": "startup", "range": [0.2, 1.5]}]
     session = Session(num_robots=6, events=events)
@@ -112,7 +112,7 @@ def test_a_change_that_one_drawn_robot_of_several_refuses_changes_none():
     assert np.array_equal(session.frame().states, states)
 
 
-def test_planar_refuses_a_center_of_mass_off_the_mast():
+def test_planar_rejects_a_center_of_mass_off_the_mast():
     session = Session("planar")
     with pytest.raises(ValueError, match="symmetric about their mast"):
         session.change(com_x=5.0)
@@ -130,8 +130,8 @@ def test_planar_refuses_a_center_of_mass_off_the_mast():
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_motors_are_those_of_the_environment(model):
-    """The reference is a batch with the same motors under the same commands, to the last bit."""
+def test_motors_match_the_environment(model):
+    """The reference is a batch with the same motors under the same commands, bit for bit."""
     motors = {"delay": 0.006, "lag": 0.01, "strength": [0.8, 0.9, 1.1]}
     session = Session(model, motors=motors)
     batch = Batch(1, model=model, control_dt=0.002, max_wheel_torque=PAPER.max_wheel_torque, actuators=motors)
@@ -158,7 +158,7 @@ def test_motors_without_strength_move_nothing_and_delay_begins_with_none():
 
 
 @pytest.mark.parametrize("offset", [(20.0, 0.0), (-10.0, 15.0)])
-def test_the_tilt_is_that_from_the_equilibrium(offset):
+def test_the_tilt_is_relative_to_the_equilibrium(offset):
     """A robot at rest in equilibrium leans by the angle whose tangent is offset by height, and its tilt is zero."""
     session = Session(controller="zero")
     session.change(com_x=offset[0], com_y=offset[1])
@@ -186,14 +186,14 @@ def test_a_robot_has_fallen_by_its_tilt_from_the_equilibrium():
     assert abs(after.tilt - FALLEN_TILT) > 0.1
 
 
-def test_tilt_components_are_those_of_states_for_a_center_of_mass_on_the_mast():
+def test_tilt_components_match_states_for_a_center_of_mass_on_the_mast():
     rng = np.random.default_rng(0)
     states = [State.at_rest(PAPER, rng.uniform(-1.0, 1.0, 2), yaw) for yaw in rng.uniform(-3.0, 3.0, 50)]
     states.append(State.at_rest(PAPER))
     for com in ((0.0, 0.0, 0.142), (0.0, 0.0, 3.0)):
         found = tilt_components_of(np.array([state.to_array() for state in states]), com)
         np.testing.assert_allclose(found, [state.tilt_components for state in states], atol=1e-14)
-    # For one off the mast they are what the state was made of.
+    # For a center of mass off the mast they equal the input of the state.
     params = PAPER.replace(body_com_offset=(0.02, -0.01))
     for tilt, yaw in (((0.1, -0.2), 2.0), ((0.0, 0.0), -1.0), ((-0.4, 0.3), 0.0)):
         state = State.at_equilibrium(params, tilt, yaw).to_array()
@@ -207,7 +207,7 @@ EVENTS = [
 ]
 
 
-def test_each_reset_draws_the_robot_of_the_environment():
+def test_each_reset_samples_the_robot_of_the_environment():
     """The reference is the batch of as many environments, reset with the seeds of the episodes."""
     session = Session(num_robots=3, events=EVENTS, seed=7)
     batch = Batch(3, events=EVENTS, seed=7)
@@ -224,7 +224,7 @@ def test_each_reset_draws_the_robot_of_the_environment():
             assert draws["body_mass"] == pytest.approx(params.body_mass / PAPER.body_mass)
         np.testing.assert_allclose(np.hypot(*session.frame().tilt), math.radians(3.0), atol=1e-12)
     assert len(set(seen)) == 12
-    # What makes other environments leaves the episode and its draws as they are.
+    # Changes of other environments keep the episode and its random numbers.
     for action in (
         lambda: session.change(motor_delay=10.0),
         lambda: session.change(com_x=3.0),
@@ -239,7 +239,7 @@ def test_each_reset_draws_the_robot_of_the_environment():
     assert session.robots[2].params.body_mass == batch.params(2).body_mass
 
 
-def test_the_robot_that_falls_is_drawn_anew_and_the_others_remain():
+def test_a_fallen_robot_is_resampled_and_the_others_remain():
     session = Session(num_robots=3, events=EVENTS)
     before = [session.robots[i].params for i in range(3)]
     session.robots[1].push([20.0, 0.0, 0.0])
@@ -275,14 +275,14 @@ def test_pushes_and_intervals_of_events_act():
         ({"motors": {"delay": -1.0}}, r"actuators\.delay"),
     ],
 )
-def test_events_and_motors_that_cannot_be_are_refused(arguments, message):
+def test_invalid_events_and_motors_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
         Session(**arguments)
 
 
 @pytest.mark.slow("a long drive")
 @pytest.mark.parametrize("model", MODELS)
-def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
+def test_hard_randomized_robots_fall_and_restart_for_a_long_time(model):
     session = Session(model, controller="lqr", num_robots=4, events="hard", seed=3)
     rng = np.random.default_rng(0)
     for _ in range(12):
@@ -292,7 +292,7 @@ def test_robots_drawn_hard_fall_and_start_anew_for_a_long_time(model):
     assert any("starts again" in notice for notice in session.notices)
 
 
-def test_a_robot_that_cannot_have_the_tilt_begins_anew_in_equilibrium():
+def test_a_robot_that_does_not_allow_the_tilt_restarts_in_equilibrium():
     session = Session(num_robots=2)
     session.change(com_x=10.0)
     run(session, 0.1)

@@ -1,4 +1,4 @@
-"""Clients of the page that are no browsers, or no friends."""
+"""Clients of the page that are not browsers, or are hostile."""
 
 import contextlib
 import html
@@ -20,11 +20,11 @@ from websockets.datastructures import Headers  # noqa: E402
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 
 from ballbot_rs.viewer.server import messages, server  # noqa: E402
-from ballbot_rs.viewer.server.server import is_own, refusal  # noqa: E402
+from ballbot_rs.viewer.server.server import is_own, rejection  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
-from tests.support.view import CAMERA, CLICK, DRAG, ask, connect, packed  # noqa: E402
+from tests.support.view import CAMERA, CLICK, DRAG, connect, packed, query  # noqa: E402
 from tests.support.waiting import wait_until  # noqa: E402
 
 
@@ -79,7 +79,7 @@ WRONG = [
 ]
 
 
-#: What no slider of the robot takes.
+#: Values that no slider of the robot accepts.
 NO_NUMBERS = [math.nan, math.inf, -math.inf, 1e308, -1e308, 2**63, True, "1", None, [1.0], {"value": 1.0}]
 
 
@@ -89,7 +89,7 @@ def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value
     assert messages.accepted(update(handle, value), view.server.controls) is None
 
 
-def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
+def test_only_valid_values_reach_other_clients(view):
     """A value of 1e308 in a control dropped every client that came later."""
     handle = control(view, "Impulse (N·s)")
     before = handle.value
@@ -100,9 +100,9 @@ def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
         sender.send(packed(**{**DRAG, "end_position": [1e308] * 3}))
         sender.send(packed(**{**CAMERA, "position": [1e308, 0, 0]}))
         sender.send(update(control(view, "Speed (×)"), 0.5))
-        wait_until(lambda: ask(view, lambda session: session.speed) == 0.5)
+        wait_until(lambda: query(view, lambda session: session.speed) == 0.5)
         sender.send(update(control(view, "Speed (×)"), 1))
-        wait_until(lambda: ask(view, lambda session: session.speed) == 1.0)
+        wait_until(lambda: query(view, lambda session: session.speed) == 1.0)
         assert handle.value == before
     with client(view) as later:
         # All of the page comes, and can be read.
@@ -110,7 +110,7 @@ def test_what_is_wrong_reaches_no_other_client_and_what_is_right_does(view):
 
 
 @pytest.mark.parametrize("name", CHANGES)
-def test_sliders_of_the_robot_take_their_range_and_nothing_else(view, name):
+def test_sliders_of_the_robot_accept_only_their_range(view, name):
     change = CHANGES[name]
     handle = control(view, change.label)
     for value in (change.low, change.neutral, change.high, 0.5 * (change.low + change.high)):
@@ -124,34 +124,34 @@ def moved(view, client, name, value):
     handle = control(view, CHANGES[name].label)
     client.send(update(handle, value))
     wait_until(lambda: handle.value == value)
-    wait_until(lambda: ask(view, lambda session: session.changes)[name] == handle.value)
-    return ask(view, lambda session: session.changes)
+    wait_until(lambda: query(view, lambda session: session.changes)[name] == handle.value)
+    return query(view, lambda session: session.changes)
 
 
-def test_sliders_change_the_running_robot_and_a_button_takes_it_back(view):
-    ask(view, lambda session: session.reset())
+def test_sliders_change_the_running_robot_and_a_button_restores_it(view):
+    query(view, lambda session: session.reset())
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
-        wanted = {name: change.neutral for name, change in CHANGES.items()}
+        expected = {name: change.neutral for name, change in CHANGES.items()}
         for name, value in (("body_mass", 1.3), ("com_x", -4.0), ("motor_delay", 20.0), ("wheel_friction", 0.8)):
-            wanted[name] = value
-            assert moved(view, sender, name, value) == wanted
-        params = ask(view, lambda session: session.robots[0].params)
+            expected[name] = value
+            assert moved(view, sender, name, value) == expected
+        params = query(view, lambda session: session.robots[0].params)
         assert params.body_mass == pytest.approx(1.3 * params.paper().body_mass)
         # The table follows each change with the next frame.
         wait_until(lambda: "| delay | | 0.02 | |" in view._page._parameters._table.content)
         assert "| body_mass | 2.228 | 2.896 |  |" in view._page._parameters._table.content
         sender.send(update(control(view, "Nominal robot"), True))
-        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+        wait_until(lambda: query(view, lambda session: session.changes) == dict(NEUTRAL))
         wait_until(lambda: all(control(view, CHANGES[name].label).value == NEUTRAL[name] for name in CHANGES))
-        assert ask(view, lambda session: session.robots[0].params) == params.paper()
+        assert query(view, lambda session: session.robots[0].params) == params.paper()
 
 
 def test_what_the_controller_sees_is_chosen_and_plotted(view):
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
         sender.send(update(control(view, "Controller sees"), "estimate"))
-        wait_until(lambda: ask(view, lambda session: session.observation) == "sensors")
+        wait_until(lambda: query(view, lambda session: session.observation) == "sensors")
         assert moved(view, sender, "sensor_noise", 5.0)["sensor_noise"] == 5.0
         wait_until(lambda: "| encoder_ticks | | 7.1e+04 | |" in view._page._parameters._table.content)
         chart = next(chart for chart in view._page._plots._charts if chart._plot.row == "tilt")
@@ -159,29 +159,29 @@ def test_what_the_controller_sees_is_chosen_and_plotted(view):
         wait_until(lambda: (np.array(chart._handle.data[1:3]) != np.array(chart._handle.data[3:5])).any())
         assert all("dash" in style for style in chart._handle.series[3:5])
         sender.send(update(control(view, "Controller sees"), "true state"))
-        wait_until(lambda: ask(view, lambda session: session.observation) == "ground_truth")
+        wait_until(lambda: query(view, lambda session: session.observation) == "ground_truth")
         sender.send(update(control(view, "Nominal robot"), True))
-        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+        wait_until(lambda: query(view, lambda session: session.changes) == dict(NEUTRAL))
 
 
-def test_a_robot_that_cannot_be_is_refused_with_the_reason_and_the_slider_goes_back(view):
+def test_an_invalid_robot_is_rejected_with_the_reason_and_the_slider_returns(view):
     """Both values are within the sliders; the center of mass is then off the wheels."""
-    ask(view, lambda session: session.reset())
+    query(view, lambda session: session.reset())
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
         moved(view, sender, "com_height", 0.5)
-        before = ask(view, lambda session: (session.time, session.changes))
+        before = query(view, lambda session: (session.time, session.changes))
         sender.send(update(control(view, CHANGES["com_x"].label), 100.0))
-        wait_until(lambda: ask(view, lambda session: bool(session.notices)))
-        notice = ask(view, lambda session: session.notices[-1])
+        wait_until(lambda: query(view, lambda session: bool(session.notices)))
+        notice = query(view, lambda session: session.notices[-1])
         assert notice.startswith("the load of wheel 1 in equilibrium = -")
         wait_until(lambda: html.escape(notice) in view._page._status._html.content)
         wait_until(lambda: control(view, CHANGES["com_x"].label).value == 0.0)
-        assert ask(view, lambda session: session.changes) == before[1]
-        wait_until(lambda: ask(view, lambda session: session.time) > before[0] + 0.1)
+        assert query(view, lambda session: session.changes) == before[1]
+        wait_until(lambda: query(view, lambda session: session.time) > before[0] + 0.1)
         sender.send(update(control(view, "Nominal robot"), True))
-        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
-    ask(view, lambda session: session.notices.clear())
+        wait_until(lambda: query(view, lambda session: session.changes) == dict(NEUTRAL))
+    query(view, lambda session: session.notices.clear())
 
 
 def test_a_slider_that_moves_stays_while_another_change_is_shown(view):
@@ -197,11 +197,11 @@ def test_a_slider_that_moves_stays_while_another_change_is_shown(view):
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())
         sender.send(update(com_height, 0.5))
-        assert ask(view, busy) == 0.5
-        wait_until(lambda: ask(view, lambda session: session.changes)["com_height"] == 0.5)
+        assert query(view, busy) == 0.5
+        wait_until(lambda: query(view, lambda session: session.changes)["com_height"] == 0.5)
         assert control(view, CHANGES["body_mass"].label).value == 1.2
         sender.send(update(control(view, "Nominal robot"), True))
-        wait_until(lambda: ask(view, lambda session: session.changes) == dict(NEUTRAL))
+        wait_until(lambda: query(view, lambda session: session.changes) == dict(NEUTRAL))
 
 
 def everything(connection):
@@ -245,7 +245,7 @@ def test_a_camera_that_sees_nothing_is_dropped(edit):
     assert messages.accepted(packed(**{**CAMERA, **edit}), {}) is None
 
 
-def test_uploads_are_refused(view):
+def test_uploads_are_rejected(view):
     button = control(view, "Push")
     start = packed(
         type="FileTransferStart",
@@ -264,11 +264,11 @@ def test_uploads_are_refused(view):
         for message in (start, part):
             sender.send(message)
         sender.send(update(control(view, "Time"), "Pause"))
-        wait_until(lambda: ask(view, lambda session: session.paused))
-        # The button that pauses is then the one that continues.
+        wait_until(lambda: query(view, lambda session: session.paused))
+        # The pause button is then the continue button.
         wait_until(lambda: "Continue" in control(view, "Time").options)
         sender.send(update(control(view, "Time"), "Continue"))
-        wait_until(lambda: not ask(view, lambda session: session.paused))
+        wait_until(lambda: not query(view, lambda session: session.paused))
     assert not view.server.gui._current_file_upload_states
 
 
@@ -288,10 +288,10 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
     for garbage in (b"\xff\x00garbage", b"", "text", b"\x81\xa4type\xa7NoSuchM", b"\xc1" * 1000, b"\x91" * 15_000):
         with client(view) as sender:
             with contextlib.suppress(ConnectionClosed):
-                for _ in range(server.MAX_REFUSED + 1):
+                for _ in range(server.MAX_REJECTED + 1):
                     sender.send(garbage)
             assert is_closed(sender)
-    # Larger than any message of the page; and bytes that are no handshake at all.
+    # Larger than any message of the page; and bytes that are not a handshake.
     with client(view) as sender:
         with contextlib.suppress(ConnectionClosed):
             sender.send(b"\0" * (messages.MAX_MESSAGE + 1))
@@ -304,14 +304,14 @@ def test_a_flood_of_malformed_messages_ends_the_connection_and_prints_nothing(vi
     # A click before the first camera, with which viser could not name the client.
     with connect(view.url.replace("http", "ws"), max_size=None, close_timeout=0.1) as sender:
         sender.send(packed(**CLICK))
-    before = ask(view, lambda session: session.time)
-    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.3)
+    before = query(view, lambda session: session.time)
+    wait_until(lambda: query(view, lambda session: session.time) > before + 0.3)
     out, err = capfd.readouterr()
     assert (out, err) == ("", "")
 
 
 @pytest.mark.slow("many clients")
-def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(view):
+def test_clients_beyond_the_limit_are_rejected_with_the_reason_and_leave_nothing(view):
     wait_until(lambda: not view.server._clients)
     address = view.url.replace("http", "ws")
     with contextlib.ExitStack() as stack:
@@ -321,11 +321,11 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
         for _ in range(50):
             with pytest.raises(InvalidStatus, match="503"), connect(address):
                 pass
-        with pytest.raises(urllib.error.HTTPError) as refused:
+        with pytest.raises(urllib.error.HTTPError) as rejected:
             urllib.request.urlopen(view.url, timeout=60)
-        assert refused.value.code == 503
+        assert rejected.value.code == 503
         assert (
-            refused.value.read().decode() == "16 pages of this server are open already, which is the limit: close one"
+            rejected.value.read().decode() == "16 pages of this server are open already, which is the limit: close one"
         )
     wait_until(lambda: not view.server.get_clients() and not view.server._clients)
     assert not view.server._websock_server._client_state_from_id
@@ -335,7 +335,7 @@ def test_clients_beyond_the_limit_are_refused_with_the_reason_and_leave_nothing(
 
 @pytest.mark.slow("200 clients")
 @pytest.mark.skipif(not os.path.exists("/proc/self/statm"), reason="reads the memory of Linux")  # noqa: PTH110
-def test_two_hundred_clients_take_bounded_memory(view):
+def test_two_hundred_clients_use_bounded_memory(view):
     def megabytes():
         with open("/proc/self/statm") as file:  # noqa: PTH123
             return int(file.read().split()[1]) * os.sysconf("SC_PAGE_SIZE") / 1e6
@@ -385,24 +385,24 @@ BAD = [
 
 
 @pytest.mark.parametrize("host", GOOD)
-def test_own_names_pass(host):
-    assert refusal("/", Headers({"Host": host})) is None
+def test_our_names_pass(host):
+    assert rejection("/", Headers({"Host": host})) is None
     for scheme in ("http", "https"):
-        assert refusal("/", Headers({"Host": host, "Origin": f"{scheme}://{host}"})) is None
+        assert rejection("/", Headers({"Host": host, "Origin": f"{scheme}://{host}"})) is None
 
 
 @pytest.mark.parametrize("host", BAD)
-def test_other_forms_of_names_are_refused(host):
-    assert refusal("/", Headers({"Host": host})) is not None
-    assert refusal("/", Headers({"Host": "localhost:8080", "Origin": f"http://{host}"})) is not None
+def test_other_forms_of_names_are_rejected(host):
+    assert rejection("/", Headers({"Host": host})) is not None
+    assert rejection("/", Headers({"Host": "localhost:8080", "Origin": f"http://{host}"})) is not None
 
 
 @pytest.mark.parametrize("host", ["localhost:٨٠", "localhost\n", "127.0.0.1\0", "127.0.0.1\r\nX: y"])
-def test_names_that_no_header_can_have_are_not_own(host):
+def test_names_that_no_header_can_have_are_not_ours(host):
     assert not is_own(host)
 
 
-def test_missing_double_and_foreign_headers_are_refused():
+def test_missing_double_and_foreign_headers_are_rejected():
     own = ("Host", "localhost:8080")
     for headers in (
         [],
@@ -417,10 +417,10 @@ def test_missing_double_and_foreign_headers_are_refused():
         [own, ("Origin", "http://localhost:3000")],
         [own, ("Origin", "http://127.0.0.1:8080")],
     ):
-        assert refusal("/", Headers(headers)) == "this server is only for this machine"
+        assert rejection("/", Headers(headers)) == "this server is only for this machine"
 
 
-def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):
+def test_a_page_that_ends_within_a_frame_prints_nothing(recwarn):
     ending = View(Session(), port=18835)
     showing, ended = threading.Event(), threading.Event()
     show = ending._page.show
@@ -440,7 +440,7 @@ def test_a_page_that_ends_within_a_frame_says_nothing(recwarn):
     assert not [str(warning.message) for warning in recwarn]
 
 
-def test_a_page_that_is_closed_while_its_camera_is_set_says_nothing(view, recwarn):
+def test_a_page_that_is_closed_while_its_camera_is_set_prints_nothing(view, recwarn):
     with client(view):
         wait_until(lambda: view.server.get_clients())
         (handle,) = view.server.get_clients().values()
@@ -457,7 +457,7 @@ def test_the_memory_of_pages_that_are_closed_is_given_back(view, monkeypatch):
     wait_until(lambda: given_back[-1:] == [0])
 
 
-def test_a_request_without_a_host_is_refused_on_the_wire(view):
+def test_a_request_without_a_host_is_rejected_on_the_wire(view):
     with socket.create_connection(("127.0.0.1", view.server.get_port()), timeout=60) as raw:
         raw.sendall(b"GET / HTTP/1.1\r\nConnection: close\r\n\r\n")
         assert raw.recv(1000).startswith(b"HTTP/1.1 403")

@@ -1,4 +1,4 @@
-"""Tasks in the viewer's session: commands are drawn, set by hand within the task's limits, and followed."""
+"""Tasks in the viewer's session: commands are sampled, set by hand within the task's limits, and followed."""
 
 import dataclasses
 import math
@@ -26,7 +26,7 @@ def command(session, robot=0):
 
 @pytest.mark.parametrize("model", ["contact", "spatial"])
 @pytest.mark.parametrize("task", TASKS)
-def test_a_law_does_what_it_does_in_the_batch(task, model):
+def test_a_controller_acts_as_in_the_batch(task, model):
     session = Session(model, task=task, seed=5)
     batch = session.robots.setup.batch(0)
     batch.reset(starts=[session.robots.states[0]])
@@ -42,7 +42,7 @@ def test_a_law_does_what_it_does_in_the_batch(task, model):
     np.testing.assert_allclose(session.frame().states[0], batch.states()[0], atol=1e-3)
     assert session.frame().commands.metrics == pytest.approx(batch.metrics(0), abs=1e-3, nan_ok=True)
     if task == "velocity":
-        # Within 7 s they have been drawn more than once.
+        # Within 7 s they have been sampled more than once.
         assert len(set(commands)) > 1
 
 
@@ -68,7 +68,7 @@ def test_a_policy_brings_its_task_and_observes_as_in_training(task, tmp_path):
     np.testing.assert_allclose(session.frame().states, [batch.states()[0] for batch in batches], atol=1e-5)
 
 
-def test_a_policy_of_another_task_is_refused(tmp_path):
+def test_a_policy_of_another_task_is_rejected(tmp_path):
     pytest.importorskip("onnx", reason="needs 'ballbot-rs[export]'")
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     from tests.support.onnx_policies import tiny_policy
@@ -115,7 +115,7 @@ def test_driving_is_followed_and_limited(controller):
 
 @pytest.mark.slow("long drives")
 @pytest.mark.parametrize("robot", Params.preset_names())
-def test_nothing_that_keys_do_topples_lqr(robot):
+def test_no_keys_topple_lqr(robot):
     session = Session(robot=robot, task="velocity", num_robots=2)
     rng = np.random.default_rng(1)
     for _ in range(150):
@@ -154,7 +154,7 @@ def test_a_clicked_goal_is_reached_in_a_batch():
 
 
 @pytest.mark.parametrize("change", [lambda s: s.change(motor_lag=5.0), lambda s: s.choose(controller="lqi")])
-def test_a_change_while_a_command_turns_around_is_no_jump(change):
+def test_a_change_while_a_command_turns_around_does_not_jump(change):
     session = Session(robot="rezero", task="velocity")
     session.drive(1.0, 0.0, 1.0)
     run(session, 5.0)
@@ -171,7 +171,7 @@ def test_a_change_while_a_command_turns_around_is_no_jump(change):
     np.testing.assert_array_equal(before, [-0.5, 0.0, -1.0])
 
 
-def test_goals_by_hand_outlive_a_fall_and_a_change():
+def test_manual_goals_persist_through_a_fall_and_a_change():
     session = Session(task="goal", num_robots=2)
     session.move_setpoint(1.0, 0.0)
     session.commanding.restarted(session.robots, 0)
@@ -181,7 +181,7 @@ def test_goals_by_hand_outlive_a_fall_and_a_change():
     np.testing.assert_array_equal([command(session, i) for i in range(2)], before)
 
 
-def test_options_of_a_law_are_those_of_the_task():
+def test_options_of_a_controller_match_the_task():
     law = dataclasses.replace(find("lqr"), env_options={"speed": 0.3, "control_dt": 0.01})
     session = Session(task="velocity", controller=law)
     assert session.commanding.max_speed == 0.3
@@ -189,7 +189,7 @@ def test_options_of_a_law_are_those_of_the_task():
     assert session.task == "goal"
 
 
-def test_the_limits_are_those_of_the_options():
+def test_the_limits_match_the_options():
     session = Session(task="velocity", task_options={"speed": 0.2, "yaw_rate": 0.4})
     session.drive(-1.0, 0.0, 1.0)
     run(session, 2.0)
@@ -203,7 +203,7 @@ def test_the_limits_are_those_of_the_options():
         Session(task="velocity", task_options={"speeed": 0.2})
 
 
-def test_commands_by_hand_hold_until_the_task_has_them_again():
+def test_manual_commands_persist_until_the_task_takes_over():
     session = Session(task="velocity")
     session.drive(0.5, 0.0, 0.0)
     run(session, 20.0)
@@ -224,7 +224,7 @@ def test_commands_by_hand_hold_until_the_task_has_them_again():
     assert not session.frame().commands.by_hand
 
 
-def test_the_same_command_again_counts_no_error_anew():
+def test_repeating_a_command_does_not_restart_its_error():
     session, other = Session(task="velocity"), Session(task="velocity")
     for one in (session, other):
         one.drive(1.0, 0.0, 0.0)
@@ -237,7 +237,7 @@ def test_the_same_command_again_counts_no_error_anew():
 
 
 @pytest.mark.parametrize("task", ["velocity", "goal"])
-def test_after_a_fall_a_robot_that_is_commanded_by_hand_rests(task):
+def test_after_a_fall_a_manually_commanded_robot_rests(task):
     session = Session(task=task)
     if task == "velocity":
         session.drive(1.0, 0.0, 0.0)
@@ -254,7 +254,7 @@ def test_after_a_fall_a_robot_that_is_commanded_by_hand_rests(task):
 
 
 @pytest.mark.parametrize("seed", range(4))
-def test_the_shown_curve_is_that_of_the_moving_point(seed):
+def test_the_shown_curve_matches_the_moving_point(seed):
     pytest.importorskip("viser", reason="needs 'ballbot-rs[view]'")
     from ballbot_rs.media.arrows import path_of
     from ballbot_rs.viewer.scene.commands import SAMPLES
@@ -283,7 +283,7 @@ def test_a_push_of_the_task_is_shown():
     assert -math.pi <= azimuth <= 2.0 * math.pi
 
 
-def test_a_replay_shows_what_was_asked():
+def test_a_replay_shows_the_commands():
     session = Session(task="goal")
     session.start_recording()
     run(session, 0.5)
@@ -312,7 +312,7 @@ def test_a_replay_shows_what_was_asked():
         ("goal", lambda s: s.choose(task="dance"), "unknown task 'dance'"),
     ],
 )
-def test_what_is_refused_leaves_the_task_as_it_was(task, misuse, message):
+def test_a_rejected_change_leaves_the_task_unchanged(task, misuse, message):
     session, other = Session(task=task), Session(task=task)
     with pytest.raises(ValueError, match=message):
         misuse(session)

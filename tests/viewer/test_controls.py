@@ -15,7 +15,7 @@ from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES
 from ballbot_rs.viewer.view import View
 from tests.support.chromium import Chromium, find_browser
-from tests.support.view import ask
+from tests.support.view import query
 from tests.support.waiting import wait_until
 
 pytestmark = [
@@ -94,12 +94,12 @@ def rectangle(page, expression):
 def opened(request, tmp_path_factory):
     folder = tmp_path_factory.mktemp(request.param)
     view = View(Session(), port=18920)
-    # They are drawn in software, which takes most of the time.
+    # They are rendered in software, which takes most of the time.
     view._page._scene.shows_shadow = False
     page = Chromium(find_browser(), folder)
     page.call("Network.enable")
     width, height = SIZES[request.param]
-    # Few pixels: they are drawn in software.
+    # Few pixels: they are rendered in software.
     page.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=0.3, mobile=False)
     page.call("Page.navigate", url=view.url)
     page.wait_for(f"document.querySelector('canvas[data-engine]') && {named('Push')}")
@@ -116,7 +116,7 @@ def open_tab(page, name):
     press(page, named(name, "[role=tab]"), lambda: page.evaluate(f"{named(name, '[role=tab]')}.ariaSelected") == "true")
 
 
-def test_the_panel_is_beside_the_scene_and_the_robot_in_it(opened):
+def test_the_panel_is_next_to_the_scene_and_the_robot_in_it(opened):
     view, page, _ = opened
     scene = rectangle(page, "document.querySelector('canvas[data-engine]')")
     panel = rectangle(page, "document.querySelector('.ballbot-status')")
@@ -142,8 +142,8 @@ def test_the_panel_is_beside_the_scene_and_the_robot_in_it(opened):
 def test_every_text_can_be_read(opened):
     view, page, _ = opened
     assert page.evaluate("document.title") == "ballbot"
-    ask(view, lambda session: session.notices.append("a message that is longer than one line of the panel is " * 3))
-    ask(view, lambda session: setattr(session, "paused", True))
+    query(view, lambda session: session.notices.append("a message that is longer than one line of the panel is " * 3))
+    query(view, lambda session: setattr(session, "paused", True))
     # It wraps.
     page.wait_for("document.querySelector('.ballbot-status [role=alert]')?.getBoundingClientRect().height > 30")
     for tab in ("Run", "Robot", "Parameters", "Plots", "Record", "View"):
@@ -157,26 +157,26 @@ def test_every_text_can_be_read(opened):
     assert not page.evaluate("[...document.querySelectorAll('button')].some(b => /share/i.test(b.innerHTML))")
     # It is gone after a while.
     page.wait_for("!document.querySelector('.ballbot-status [role=alert]')")
-    ask(view, lambda session: setattr(session, "paused", False))
+    query(view, lambda session: setattr(session, "paused", False))
 
 
-def test_every_button_does_what_it_says(opened):
+def test_every_button_does_what_its_label_states(opened):
     view, page, _ = opened
 
     def becomes(function, value=True):
-        return lambda: ask(view, function) == value
+        return lambda: query(view, function) == value
 
-    ask(view, lambda session: session.reset((0.0, 0.0)))
+    query(view, lambda session: session.reset((0.0, 0.0)))
     open_tab(page, "Run")
-    press(page, named("Push"), lambda: ask(view, lambda s: s.pushed is not None))
+    press(page, named("Push"), lambda: query(view, lambda s: s.pushed is not None))
     press(page, named("Pause"), becomes(lambda s: s.paused))
-    before = ask(view, lambda s: s.time)
-    press(page, named("Step"), lambda: ask(view, lambda s: s.time) > before)
+    before = query(view, lambda s: s.time)
+    press(page, named("Step"), lambda: query(view, lambda s: s.time) > before)
     press(page, named("Continue"), becomes(lambda s: s.paused, False))
-    press(page, named("Circle"), lambda: ask(view, lambda s: s.frame().route is not None))
-    press(page, named("Figure eight"), lambda: ask(view, lambda s: s._objective._route.name == "eight"))
-    press(page, named("Origin"), lambda: ask(view, lambda s: s.frame().route is None))
-    press(page, named("Reset"), lambda: ask(view, lambda s: s.time) < 3.0)
+    press(page, named("Circle"), lambda: query(view, lambda s: s.frame().route is not None))
+    press(page, named("Figure eight"), lambda: query(view, lambda s: s._objective._route.name == "eight"))
+    press(page, named("Origin"), lambda: query(view, lambda s: s.frame().route is None))
+    press(page, named("Reset"), lambda: query(view, lambda s: s.time) < 3.0)
     press(page, labelled("Click to go"), lambda: not view._page.run.clicks.value)
     press(page, labelled("Click to go"), lambda: view._page.run.clicks.value)
     open_tab(page, "View")
@@ -191,10 +191,10 @@ def test_every_button_does_what_it_says(opened):
     scene.shows_shadow = False
     open_tab(page, "Record")
     press(page, named("Record", "button:not([role=tab])"), becomes(lambda s: s.is_recording))
-    wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
+    wait_until(lambda: query(view, lambda s: s.recording.duration) > 0.3)
     press(page, named("Stop recording"), becomes(lambda s: s.is_recording, False))
-    press(page, named("Replay"), lambda: ask(view, lambda s: s.replay_time is not None))
-    press(page, named("Back to the simulation"), lambda: ask(view, lambda s: s.replay_time is None))
+    press(page, named("Replay"), lambda: query(view, lambda s: s.replay_time is not None))
+    press(page, named("Back to the simulation"), lambda: query(view, lambda s: s.replay_time is None))
     page.evaluate("document.querySelector('[data-ballbot=link]').dataset.query").index("robot=paper")
     open_tab(page, "Plots")
     page.wait_for(f"document.querySelectorAll('.uplot canvas').length === {len(PLOTS)}")
@@ -205,9 +205,9 @@ def test_a_recording_comes_as_a_file_of_each_kind(opened, tmp_path):
     view, page, _ = opened
     page.call("Page.setDownloadBehavior", behavior="allow", downloadPath=str(tmp_path))
     open_tab(page, "Record")
-    press(page, named("Record", "button:not([role=tab])"), lambda: ask(view, lambda s: s.is_recording))
-    wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.5)
-    press(page, named("Stop recording"), lambda: not ask(view, lambda s: s.is_recording))
+    press(page, named("Record", "button:not([role=tab])"), lambda: query(view, lambda s: s.is_recording))
+    wait_until(lambda: query(view, lambda s: s.recording.duration) > 0.5)
+    press(page, named("Stop recording"), lambda: not query(view, lambda s: s.is_recording))
     first = {"CSV": b"time_s,", "MCAP": b"\x89MCAP0\r\n", "Video": b"\0\0\0 ftyp"}
     for kind, begins in first.items():
         path = tmp_path / f"ballbot{KINDS[kind]}"
@@ -229,8 +229,10 @@ def test_a_link_restores_what_was_chosen(opened):
     page.call(
         "Page.navigate", url=f"{view.url}/?robot=rezero&model=rigid&controller=pid&body_mass=1.2&compare=lqr&speed=2"
     )
-    wait_until(lambda: ask(view, lambda s: s.speed) == 2.0)
-    now = ask(view, lambda s: (s.robots.name, s.robots.model, s.controller, s.changes["body_mass"], s.ghost.controller))
+    wait_until(lambda: query(view, lambda s: s.speed) == 2.0)
+    now = query(
+        view, lambda s: (s.robots.name, s.robots.model, s.controller, s.changes["body_mass"], s.ghost.controller)
+    )
     assert now == ("rezero", "rigid", "pid", 1.2, "lqr")
-    assert not ask(view, lambda session: [n for n in session.notices if "link" in n])
+    assert not query(view, lambda session: [n for n in session.notices if "link" in n])
     page.wait_for(f"document.querySelector('canvas[data-engine]') && {named('Push')}")

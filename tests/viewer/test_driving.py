@@ -17,7 +17,7 @@ from websockets.sync.client import connect  # noqa: E402
 from ballbot_rs.viewer.server import server, teleop  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
-from tests.support.view import ask  # noqa: E402
+from tests.support.view import query  # noqa: E402
 from tests.support.waiting import LIMIT, wait_until  # noqa: E402
 
 
@@ -35,11 +35,11 @@ def page(view, **headers):
 
 
 def command(view):
-    return ask(view, lambda session: session.frame().commands.values[0])
+    return query(view, lambda session: session.frame().commands.values[0])
 
 
 def is_by_hand(view):
-    return ask(view, lambda session: session.frame().commands.by_hand)
+    return query(view, lambda session: session.frame().commands.by_hand)
 
 
 def drive_until(condition, connection, *shares):
@@ -59,14 +59,14 @@ def test_a_page_drives_while_it_sends(view):
         drive_until(lambda: np.array_equal(command(view), [0.5, 0.0, 0.0]), connection, 1.0, 0.0, 0.0)
         # The connection stays, but nothing comes any more.
         wait_until(lambda: np.array_equal(command(view), [0.0, 0.0, 0.0]))
-        assert any("nothing has come from the page" in text for text in ask(view, lambda s: list(s.notices)))
+        assert any("nothing has come from the page" in text for text in query(view, lambda s: list(s.notices)))
         drive_until(lambda: np.array_equal(command(view), [0.0, 0.0, -1.0]), connection, 0.0, 0.0, -1.0)
     wait_until(lambda: np.array_equal(command(view), [0.0, 0.0, 0.0]))
     assert is_by_hand(view)
 
 
 @pytest.mark.slow("real time")
-def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeypatch):
+def test_a_page_that_vanishes_stops_only_its_robot_at_once(view, monkeypatch):
     monkeypatch.setattr(teleop, "HOLD", 1e6)
     with page(view) as first, page(view) as second:
         drive_until(lambda: command(view)[0] == 0.5, first, 1.0, 0.0, 0.0)
@@ -78,7 +78,7 @@ def test_a_page_that_vanishes_stops_its_robot_at_once_and_no_other(view, monkeyp
         wait_until(lambda: np.array_equal(command(view), [0.0, 0.0, 0.0]))
 
 
-def test_pages_hear_whether_they_drive_and_nothing_is_driven_otherwise(view):
+def test_pages_are_notified_whether_they_drive_and_only_drivers_drive(view):
     with page(view) as connection:
         assert connection.recv(timeout=LIMIT) == "on"
         view.runner.submit(lambda session: session.choose(task="goal"))
@@ -86,7 +86,7 @@ def test_pages_hear_whether_they_drive_and_nothing_is_driven_otherwise(view):
         connection.send("[1, 0, 0]")
         time.sleep(0.3)
         assert not is_by_hand(view)
-        assert not ask(view, lambda session: list(session.notices))
+        assert not query(view, lambda session: list(session.notices))
         view.runner.submit(lambda session: session.choose(task="velocity"))
         assert connection.recv(timeout=LIMIT) == "on"
         view.runner.submit(lambda session: (session.start_recording(), session.step(), session.replay()))
@@ -110,14 +110,14 @@ WRONG = [
 
 
 @pytest.mark.parametrize("wrong", WRONG, ids=lambda raw: repr(raw)[:20])
-def test_what_is_no_command_is_dropped(wrong):
+def test_invalid_commands_are_dropped(wrong):
     assert teleop.message_of(wrong) is None
     assert teleop.message_of("[1, -1, 0.5]") == (1.0, -1.0, 0.5)
 
 
 def test_a_page_that_sends_nonsense_is_closed_and_drives_nothing(view):
     with page(view) as connection, contextlib.suppress(ConnectionClosed):
-        for _ in range(teleop.MAX_REFUSED + 10):
+        for _ in range(teleop.MAX_REJECTED + 10):
             connection.send("[2, 0, 0]")
         while True:
             connection.recv(timeout=LIMIT)
@@ -129,22 +129,22 @@ def test_a_page_that_sends_nonsense_is_closed_and_drives_nothing(view):
     "headers", [{"Origin": "https://evil.example"}, {"Origin": "null"}, {"Origin": "http://127.0.0.1:1"}]
 )
 def test_other_sites_do_not_drive(view, headers):
-    with pytest.raises(InvalidStatus) as refused, page(view, **headers):
+    with pytest.raises(InvalidStatus) as rejected, page(view, **headers):
         pass
-    assert refused.value.response.status_code == 403
+    assert rejected.value.response.status_code == 403
 
 
-def test_there_is_room_for_as_many_as_there_are_pages(view, monkeypatch):
+def test_every_page_up_to_the_limit_may_connect(view, monkeypatch):
     monkeypatch.setattr(server, "MAX_CLIENTS", 2)
     with page(view) as first, page(view) as second:
         for connection in (first, second):
             assert connection.recv(timeout=LIMIT) == "on"
-        with pytest.raises(InvalidStatus) as refused, page(view):
+        with pytest.raises(InvalidStatus) as rejected, page(view):
             pass
-        assert refused.value.response.status_code == 503
+        assert rejected.value.response.status_code == 503
 
 
-def test_the_page_has_our_head_once_and_whole_and_calls_nobody(view):
+def test_the_page_has_our_head_once_and_makes_no_external_requests(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read()
     own = server.head()

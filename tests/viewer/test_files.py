@@ -13,7 +13,7 @@ from ballbot_rs._reading import read_regular
 from ballbot_rs.viewer.scene import robot
 from tests.support.paths import ASSETS
 
-unix = pytest.mark.skipif(os.name != "posix", reason="devices and pipes as files are those of Unix")
+unix = pytest.mark.skipif(os.name != "posix", reason="devices and pipes as files are specific to Unix")
 
 
 def within(seconds, function):
@@ -45,7 +45,7 @@ def with_mesh(tmp_path, mesh):
 
 @unix
 @pytest.mark.parametrize("kind", ["device", "pipe", "folder"])
-def test_a_mesh_that_is_no_regular_file_is_refused(tmp_path, kind):
+def test_a_mesh_that_is_not_a_regular_file_is_rejected(tmp_path, kind):
     path = {"device": "/dev/zero", "pipe": tmp_path / "pipe.stl", "folder": tmp_path}[kind]
     if kind == "pipe":
         os.mkfifo(path)
@@ -55,7 +55,7 @@ def test_a_mesh_that_is_no_regular_file_is_refused(tmp_path, kind):
 
 
 @unix
-def test_a_urdf_that_is_a_pipe_or_a_device_is_refused(tmp_path):
+def test_a_urdf_that_is_a_pipe_or_a_device_is_rejected(tmp_path):
     pipe = tmp_path / "bot.urdf"
     os.mkfifo(pipe)
     for path in (pipe, ASSETS.parent.__class__("/dev/zero")):
@@ -72,7 +72,7 @@ def test_a_urdf_that_is_a_pipe_or_a_device_is_refused(tmp_path):
         (b"\xff" * 200, "not a readable mesh|not finite|no triangles"),
     ],
 )
-def test_a_mesh_that_is_malformed_is_refused(tmp_path, contents, message):
+def test_a_mesh_that_is_malformed_is_rejected(tmp_path, contents, message):
     path = tmp_path / "mesh.stl"
     path.write_bytes(contents)
     with pytest.raises(ValueError, match=f"{re.escape(str(path))}.*({message})"):

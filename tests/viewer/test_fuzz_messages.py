@@ -18,7 +18,7 @@ from ballbot_rs.viewer.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES
 from ballbot_rs.viewer.view import View
 from tests.support.fuzzing import budget, numbers, values
-from tests.support.view import CAMERA, CLICK, DRAG, ask, connect, packed
+from tests.support.view import CAMERA, CLICK, DRAG, connect, packed, query
 from tests.support.waiting import wait_until
 
 
@@ -60,8 +60,8 @@ def check(view, raw):
 
 def check_unharmed(view, capfd):
     """The simulation runs, nothing was printed, and what later clients get is finite."""
-    before = ask(view, lambda session: session.reset() or session.time)
-    wait_until(lambda: ask(view, lambda session: session.paused) or ask(view, lambda s: s.time) > before)
+    before = query(view, lambda session: session.reset() or session.time)
+    wait_until(lambda: query(view, lambda session: session.paused) or query(view, lambda s: s.time) > before)
     for message in list(view.server._websock_server._broadcast_buffer.message_from_id.values()):
         if type(message).__name__ in ("GuiUpdateMessage", "SetPositionMessage"):
             assert is_finite(message.as_serializable_dict())
@@ -70,7 +70,7 @@ def check_unharmed(view, capfd):
 
 @budget(500)
 @given(raw=st.one_of(st.binary(max_size=300), st.text(max_size=50), values.map(msgspec.msgpack.encode)))
-def test_bytes_are_no_message(view, raw):
+def test_arbitrary_bytes_are_not_messages(view, raw):
     assert not check(view, raw)
 
 
@@ -96,7 +96,7 @@ def test_edited_messages_of_the_scene_do_no_harm(view, capfd):
 
 
 def near(handle):
-    """Values that a control takes, or nearly does."""
+    """Values that a control accepts, or nearly accepts."""
     if hasattr(handle, "min"):
         # The range of the recording's slider grows; fractions of it do not.
         return st.floats(-0.2, 1.2).map(lambda share: handle.min + share * (handle.max - handle.min))
@@ -131,6 +131,6 @@ def test_values_of_controls_do_no_harm(view, capfd):
             assert handle.min <= handle.value <= handle.max
         if hasattr(handle, "options"):
             assert handle.value in handle.options
-    for name, value in ask(view, lambda session: session.changes).items():
+    for name, value in query(view, lambda session: session.changes).items():
         assert CHANGES[name].low <= value <= CHANGES[name].high
     check_unharmed(view, capfd)

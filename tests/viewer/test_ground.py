@@ -1,4 +1,4 @@
-"""Sessions on uneven ground: robots stand on it, leave it and start again, and rays meet it where it is."""
+"""Sessions on uneven ground: robots balance on it, leave it and start again, and rays meet it."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def gap_of(session):
 
 
 @pytest.mark.parametrize("model", ["contact", "rigid"])
-def test_a_robot_stands_on_the_ground_and_starts_in_its_lean(model):
+def test_a_robot_is_placed_on_the_ground_and_starts_in_its_lean(model):
     session = Session(model=model, task_options={"terrain": HILLS})
     session.reset([0.0, 0.0])
     start = session.robots.states[0]
@@ -31,7 +31,7 @@ def test_a_robot_stands_on_the_ground_and_starts_in_its_lean(model):
     assert abs(gap_of(session)) < 1e-3
 
 
-def test_the_task_terrain_has_its_own_ground_for_each_robot_and_a_tile_to_start_on():
+def test_the_terrain_task_has_separate_ground_for_each_robot_and_a_tile_to_start_on():
     session = Session(task="terrain")
     paper = session.robots.setup.terrain
     session.advance(3.0)
@@ -57,7 +57,7 @@ def drive_along_x(session, until):
     raise AssertionError("the robot did not get there in 40 s")
 
 
-def test_who_reaches_the_edge_of_a_tile_goes_on_with_its_command_and_of_the_terrain_starts_anew():
+def test_a_robot_at_the_edge_of_a_tile_keeps_its_command_and_at_the_edge_of_the_terrain_restarts():
     session = Session(task="terrain", robot="kugle", task_options={"terrain": SMALL}, seed=1)
     session.robots[0].start((0.0, 0.0))
     while session.robots.states[0].ball_position[0] > 0.0:
@@ -106,7 +106,7 @@ def test_a_body_that_strikes_the_floor_in_rigid_lies_where_it_fell(robot):
     assert fell > 8
 
 
-def test_a_rolling_robot_goes_on_where_it_is_in_a_model_without_slip_on_a_plane():
+def test_a_rolling_robot_continues_in_place_in_a_model_without_slip_on_a_plane():
     session = Session(task_options={"terrain": {"kind": "plane", "slope": 0.08, "direction": 0.6}})
     session.move_setpoint(0.6, 0.3)
     session.advance(1.2)
@@ -122,7 +122,7 @@ def test_a_rolling_robot_goes_on_where_it_is_in_a_model_without_slip_on_a_plane(
 
 
 def same(session):
-    """Whether robot and ghost are in the same episode, with the same command, at the same place."""
+    """Whether robot and ghost are in the same episode, with the same command, at the same position."""
     robot, ghost = session.robots, session.ghost.robots
     assert ghost.episodes == robot.episodes
     if session.task != "balance":
@@ -143,7 +143,7 @@ def test_a_ghost_begins_the_episodes_of_the_robot(task):
         session.sample_commands()
         session.advance(0.5)
         same(session)
-    # One falls alone and begins its episode again; when the robot falls, both begin the next one.
+    # If only the ghost falls, it restarts its episode; if the robot falls, both begin the next episode.
     session.ghost.robots[0].push([20.0, 0.0, 0.0])
     session.advance(4.0)
     assert session.ghost.robots.episodes == session.robots.episodes
@@ -178,7 +178,7 @@ def test_a_level_of_tiles_stays_behind_on_other_ground():
     assert session.robots.setup.terrain is not None
 
 
-def test_level_ground_and_back_begin_anew_and_a_ghost_stands_on_the_same():
+def test_changing_to_level_ground_and_back_restarts_and_a_ghost_is_on_the_same_ground():
     session = Session(task_options={"terrain": HILLS})
     ground = session.robots.setup.terrain
     session.compare_with("lqi")
@@ -192,12 +192,12 @@ def test_level_ground_and_back_begin_anew_and_a_ghost_stands_on_the_same():
 
 
 @pytest.mark.parametrize("wrong", [{"kind": "noise", "slope": 2.0}, {"kind": "lava"}])
-def test_ground_that_cannot_be_is_refused(wrong):
+def test_invalid_ground_is_rejected(wrong):
     with pytest.raises(ValueError, match=r"slope|lava"):
         Session(task_options={"terrain": wrong})
 
 
-def test_models_without_ground_of_their_own_refuse_it_and_nothing_changes():
+def test_models_without_ground_reject_it_and_nothing_changes():
     session = Session(task_options={"terrain": HILLS})
     with pytest.raises(ValueError, match=r"planar|level"):
         session.choose(model="planar")

@@ -19,7 +19,7 @@ from ballbot_rs.viewer.session.foreign import Interrupted, Watchdog, is_any_left
 from ballbot_rs.viewer.session.session import MAX_CALL, Session
 from ballbot_rs.viewer.view import View
 from tests.support.onnx_policies import SHIPPED, looping_policy
-from tests.support.view import ask
+from tests.support.view import query
 from tests.support.waiting import wait_until
 
 
@@ -28,7 +28,7 @@ def looping(tmp_path_factory):
     return looping_policy(tmp_path_factory.mktemp("policies") / "looping.onnx")
 
 
-def test_the_looping_policy_is_the_shipped_one_once_its_loop_ends(tmp_path):
+def test_the_looping_policy_equals_the_shipped_policy_once_its_loop_ends(tmp_path):
     observations = np.random.default_rng(0).normal(size=(4, 16)).astype(np.float32)
     ends = OnnxPolicy(looping_policy(tmp_path / "ends.onnx", trips=10))
     np.testing.assert_allclose(ends.act(observations), OnnxPolicy(SHIPPED).act(observations), atol=1e-6)
@@ -41,7 +41,7 @@ def test_a_policy_that_loops_is_interrupted_from_another_thread(looping):
         policy.act(np.zeros(16, dtype=np.float32))
 
 
-def test_the_page_goes_on_without_a_policy_that_loops(looping):
+def test_the_page_continues_without_a_policy_that_loops(looping):
     view = View(Session(), port=18860)
     try:
         view.runner.submit(lambda session: session.choose(controller=str(looping)))
@@ -49,22 +49,22 @@ def test_the_page_goes_on_without_a_policy_that_loops(looping):
         # The page is served while the policy is waited for.
         with urllib.request.urlopen(view.url, timeout=0.5 * MAX_CALL) as answer:
             assert answer.status == 200
-        wait_until(lambda: ask(view, lambda session: session.controller) == "zero")
-        notice = ask(view, lambda session: session.notices[-1])
+        wait_until(lambda: query(view, lambda session: session.controller) == "zero")
+        notice = query(view, lambda session: session.notices[-1])
         assert notice == f"{looping} took longer than 1 s; the motors are off"
-        before = ask(view, lambda session: session.time)
-        wait_until(lambda: ask(view, lambda session: session.time) > before + 0.2)
+        before = query(view, lambda session: session.time)
+        wait_until(lambda: query(view, lambda session: session.time) > before + 0.2)
         # The call itself has ended, too, and others are made.
         wait_until(lambda: not is_any_left())
         view.runner.submit(lambda session: (session.choose(controller=str(SHIPPED)), session.reset()))
-        wait_until(lambda: ask(view, lambda s: (s.controller, s.time > 0.2)) == (str(SHIPPED), True))
+        wait_until(lambda: query(view, lambda s: (s.controller, s.time > 0.2)) == (str(SHIPPED), True))
     finally:
         view.stop()
     assert view.runner.error is None
     assert not view.runner.running
 
 
-def test_a_policy_that_loops_is_refused_on_another_robot(looping, monkeypatch):
+def test_a_policy_that_loops_is_rejected_on_another_robot(looping, monkeypatch):
     monkeypatch.setattr("ballbot_rs.viewer.session.session.MAX_LOAD", 0.2)
     with pytest.raises(TimeoutError, match=r"took longer than 0\.2 s"):
         Session(robot="kugle", controller=str(looping))
@@ -82,7 +82,7 @@ def test_a_call_that_is_waited_for_is_canceled():
     wait_until(lambda: not is_any_left())
 
 
-def test_results_and_errors_of_calls_are_passed_on():
+def test_results_and_errors_of_calls_are_forwarded():
     watch, threads = Watchdog(), set()
     for i in range(100):
         assert watch.call("add", lambda i=i: (threads.add(threading.get_ident()), i + 1)[1], 5.0) == i + 1
@@ -99,7 +99,7 @@ def test_results_and_errors_of_calls_are_passed_on():
 @pytest.mark.skipif(sys.platform != "linux", reason="reads /proc to send Ctrl-C at the right time")
 @pytest.mark.parametrize("at", ["loading", "trial", "loop", "end of the loop"])
 def test_the_keyboard_ends_the_command(looping, tmp_path, at):
-    """That it takes less than 0.2 s is measured, not tested; a call that is waited for takes 5 s or forever."""
+    """That it takes less than 0.2 s is measured, not tested; a call that is waited for lasts 5 s or does not end."""
     controller, options = str(looping), []
     if at == "loading":
         slow = tmp_path / "slow.py"

@@ -10,7 +10,7 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
-from tests.support.view import ask  # noqa: E402
+from tests.support.view import query  # noqa: E402
 from tests.support.waiting import wait_until  # noqa: E402
 
 #: Virtual key codes by the code of a key.
@@ -36,7 +36,7 @@ def up(page, code):
 
 
 def stays(viewer, eye):
-    """Whether a camera has been at a place for a second; the place is overwritten by that of now."""
+    """Whether a camera has been at a position for a second; the position is overwritten by the present position."""
     before = eye.copy()
     time.sleep(1.0)
     eye[:] = viewer.camera.position
@@ -46,20 +46,20 @@ def stays(viewer, eye):
 @pytest.mark.slow("a browser")
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_keys_and_sticks_drive_in_a_browser(tmp_path):
-    # Nothing is drawn: what moves, moves by hand.
+    # Nothing is sampled: robots move only by keys.
     session = Session(task="velocity", task_options={"standing": 1.0})
     view = View(session, port=18880)
     view._page._scene.shows_shadow = False
     page = Chromium(find_browser(), tmp_path)
 
     def command():
-        return ask(view, lambda session: session.frame().commands.values[0])
+        return query(view, lambda session: session.frame().commands.values[0])
 
     def ball():
-        return ask(view, lambda session: session.robots.states[0].ball_position[:2])
+        return query(view, lambda session: session.robots.states[0].ball_position[:2])
 
-    def becomes(*wanted):
-        wait_until(lambda: np.allclose(command(), wanted, atol=1e-9))
+    def becomes(*expected):
+        wait_until(lambda: np.allclose(command(), expected, atol=1e-9))
 
     try:
         page.call("Emulation.setFocusEmulationEnabled", enabled=True)
@@ -73,10 +73,10 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         eye = np.array(viewer.camera.position)
         wait_until(lambda: stays(viewer, eye))
 
-        # A key drives while it is down, two together go across, and opposite ones cancel.
+        # A key drives while it is down, two together drive diagonally, and opposite keys cancel.
         down(page, "KeyW")
         becomes(0.5, 0.0, 0.0)
-        assert ask(view, lambda session: session.frame().commands.by_hand)
+        assert query(view, lambda session: session.frame().commands.by_hand)
         page.wait_for("/0.50, 0.00\\) m.s.*by hand/.test(document.querySelector('.ballbot-status').innerText)")
         wait_until(lambda: np.linalg.norm(ball()) > 3.2)
         page.screenshot(tmp_path / "drive.png")
@@ -139,9 +139,9 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         view.runner.submit(lambda session: setattr(session, "paused", True))
         time.sleep(1.0)
         where = ball()
-        # Next to the robot, which is pulled by a drag and takes no click.
+        # Next to the robot, which is pulled by a drag and not clicked.
         page.click(250, 520)
-        wait_until(lambda: ask(view, lambda session: session.frame().commands.by_hand))
+        wait_until(lambda: query(view, lambda session: session.frame().commands.by_hand))
         assert np.linalg.norm(command() - where) < 1.5
         view.runner.submit(lambda session: setattr(session, "paused", False))
 

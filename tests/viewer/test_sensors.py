@@ -16,7 +16,7 @@ from tests.viewer.test_viewer_session import MODELS, Linear, run
 
 PAPER = Params.paper()
 
-#: Worse than published ones, with all that a factor changes.
+#: Worse than published sensors, with all errors that a factor changes.
 NOISY = {"gyro_noise": 0.001, "gyro_bias": 0.02, "gyro_bias_walk": 0.001, "accelerometer_noise": 0.01}
 
 
@@ -41,7 +41,7 @@ def session_of(law, **arguments):
 
 @pytest.mark.parametrize("model", MODELS)
 def test_controllers_see_the_estimates_of_the_environment(model):
-    """The reference is a batch with the same sensors under the same torques, to the last bit."""
+    """The reference is a batch with the same sensors under the same torques, bit for bit."""
     law = Seen()
     session = session_of(law, model=model, sensors=NOISY, seed=5)
     options = {"sim_dt": 0.002, "control_dt": 0.01, "max_wheel_torque": PAPER.max_wheel_torque, "fall_tilt": math.pi}
@@ -57,7 +57,7 @@ def test_controllers_see_the_estimates_of_the_environment(model):
     assert not np.array_equal(batch.estimates(), batch.states())
 
 
-def test_a_policy_observes_what_it_would_in_the_environment():
+def test_a_policy_observes_the_same_as_in_the_environment():
     """The reference is the environment itself, with the same sensors, seed and start."""
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(controller=policy.named("any.onnx"), sensors=NOISY, observation="sensors", seed=5)
@@ -138,7 +138,7 @@ def test_the_slider_is_a_factor_on_the_errors():
     assert errors[0.0] < 0.3 * errors[1.0] < 0.3 * errors[4.0]
 
 
-def test_the_estimator_is_that_of_the_robot_without_changes():
+def test_the_estimator_uses_the_robot_without_changes():
     """What is estimated does not depend on whether the robot was changed before the sensors were chosen or after."""
     before, after = Session(), Session(sensors="kugle", observation="sensors")
     before.change(body_mass=1.5, wheel_friction=0.5)
@@ -154,7 +154,7 @@ def test_the_estimator_is_that_of_the_robot_without_changes():
 
 @pytest.mark.slow("a long drive")
 @pytest.mark.parametrize("model", MODELS)
-def test_robots_on_estimates_fall_and_start_anew_for_a_long_time(model):
+def test_robots_on_estimates_fall_and_restart_for_a_long_time(model):
     session = Session(model, num_robots=4, events="hard", seed=3, sensors=NOISY, observation="sensors")
     rng = np.random.default_rng(0)
     for _ in range(12):
@@ -171,27 +171,27 @@ def test_lqr_balances_on_estimates_after_a_push_and_a_reset(robot):
     params = session.robots.setup.nominal
     impulse = 0.02 * (params.body_mass + params.ball_mass)
 
-    def stands(seconds):
+    def balances(seconds):
         run(session, seconds)
         for index, state in enumerate(session.robots.states):
             assert state.tilt < math.radians(1.5), f"robot {index}"
             assert np.linalg.norm(state.ball_position[:2]) < 0.1, f"robot {index}"
             assert session.robots.seen[index].tilt == pytest.approx(state.tilt, abs=math.radians(0.5))
 
-    stands(10.0)
+    balances(10.0)
     session.push(0.7, impulse)
     session.step()
     assert np.linalg.norm(session.frame().states[0, 7:9]) > 1e-3
-    stands(6.0)
+    balances(6.0)
     session.reset((0.0, 0.05))
     np.testing.assert_allclose(session.frame().estimated_tilt, [0.0, 0.05], atol=1e-3)
-    stands(6.0)
+    balances(6.0)
     session.move_setpoint(0.3, 0.2)
     run(session, 6.0)
     np.testing.assert_allclose(session.frame().states[0, :2], [0.3, 0.2], atol=0.1)
 
 
-def test_a_robot_that_fell_starts_anew_with_a_new_estimate():
+def test_a_fallen_robot_restarts_with_a_new_estimate():
     session = Session(num_robots=2, sensors=NOISY, observation="sensors")
     session.robots[1].push([20.0, 0.0, 0.0])
     run(session, LIES_FOR + 3.0)
@@ -211,12 +211,12 @@ def test_a_robot_that_fell_starts_anew_with_a_new_estimate():
         ({"latency": 0.003}, "latency"),
     ],
 )
-def test_sensors_that_cannot_be_are_refused(sensors, message, observation):
+def test_invalid_sensors_are_rejected(sensors, message, observation):
     with pytest.raises(ValueError, match=message):
         Session(sensors=sensors, observation=observation)
 
 
-def test_a_controller_whose_rate_does_not_fit_the_sensors_is_refused_and_nothing_changes():
+def test_a_controller_whose_rate_does_not_fit_the_sensors_is_rejected_and_nothing_changes():
     session = Session(controller="pid", sensors={"latency": 0.002}, observation="sensors")
     run(session, 0.1)
     before = session.frame().states
@@ -236,7 +236,7 @@ def test_the_command_line_has_sensors(capsys):
     assert "history" in capsys.readouterr().err
 
 
-def test_drawn_motors_move_the_robots_of_the_page():
+def test_sampled_motors_move_the_robots_of_the_page():
     """The reference is a batch with the same events, reset with the seeds of the episodes."""
     events = [
         {"term": "actuators.strength", "range": [0.5, 0.8]},

@@ -1,4 +1,4 @@
-"""Nothing that a user clicks on the floor topples a robot that stands."""
+"""Nothing that a user clicks on the floor topples a balancing robot."""
 
 import math
 
@@ -82,7 +82,7 @@ def test_pid_does_not_pretend_to_follow_a_goal():
 
 
 @pytest.mark.parametrize("robot", [name for name in Params.preset_names() if name != "paper"])
-def test_a_policy_is_refused_on_a_robot_that_it_does_not_balance(robot):
+def test_a_policy_is_rejected_on_a_robot_that_it_does_not_balance(robot):
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     session = Session(controller=POLICY)
     with pytest.raises(ValueError, match=f"trained on another robot and does not balance {robot}: in a trial it fell"):
@@ -92,7 +92,7 @@ def test_a_policy_is_refused_on_a_robot_that_it_does_not_balance(robot):
         Session(robot=robot, controller=POLICY)
 
 
-def test_a_policy_is_taken_on_a_robot_on_which_it_holds_and_on_its_own():
+def test_a_policy_is_accepted_on_robots_that_it_balances_and_on_its_training_robot():
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     heavier = Params.paper().replace(body_mass=1.05 * Params.paper().body_mass)
     session = Session(robot="heavier", params=heavier, controller=POLICY)
@@ -104,7 +104,7 @@ def test_a_policy_is_taken_on_a_robot_on_which_it_holds_and_on_its_own():
     assert session.controller == "lazy.onnx"
 
 
-def test_after_a_fall_robot_and_setpoint_start_anew():
+def test_after_a_fall_robot_and_setpoint_restart():
     session = Session("contact")
     session.move_setpoint(2.0, 0.0)
     run(session, 1.0)
@@ -133,7 +133,7 @@ def test_a_robot_without_motors_stays_where_it_fell():
     assert not session.notices
 
 
-def test_a_reset_takes_the_setpoint_back():
+def test_a_reset_restores_the_setpoint():
     session = Session()
     session.move_setpoint(3.0, 1.0)
     run(session, 2.0)
@@ -143,7 +143,7 @@ def test_a_reset_takes_the_setpoint_back():
     assert np.linalg.norm(session.frame().states[0, :2]) < 0.01
 
 
-def test_one_robot_of_a_batch_starts_anew_and_the_others_go_on():
+def test_one_robot_of_a_batch_restarts_and_the_others_continue():
     session = Session("contact", num_robots=4)
     session.move_setpoint(1.0, 0.0)
     run(session, 0.5)

@@ -26,7 +26,7 @@ from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
-from tests.support.view import ask, connect  # noqa: E402
+from tests.support.view import connect, query  # noqa: E402
 from tests.support.waiting import LIMIT, wait_until  # noqa: E402
 
 pytestmark = pytest.mark.slow("a browser")
@@ -41,7 +41,7 @@ def view():
 
 
 def state(view):
-    return ask(view, lambda session: session.frame().states[0])
+    return query(view, lambda session: session.frame().states[0])
 
 
 def button(name):
@@ -117,8 +117,8 @@ def test_the_page_in_a_browser(view, tmp_path):
         (viewer,) = view.server.get_clients().values()
         wait_until(lambda: viewer.camera.position[0] < 0.0)
         page.click(300, 560)
-        wait_until(lambda: np.linalg.norm(ask(view, lambda s: s.setpoint)) > 0.1)
-        goal = ask(view, lambda s: s.setpoint)
+        wait_until(lambda: np.linalg.norm(query(view, lambda s: s.setpoint)) > 0.1)
+        goal = query(view, lambda s: s.setpoint)
 
         def shows_the_goal():
             red, green, blue = scene_of(page.screenshot(tmp_path / "goal.png"))[540:580, 280:320].transpose(2, 0, 1)
@@ -126,12 +126,12 @@ def test_the_page_in_a_browser(view, tmp_path):
 
         wait_until(shows_the_goal)
 
-        # A drag turns the camera and is no click.
+        # A drag turns the camera and is not a click.
         eye = np.array(viewer.camera.position)
         page.drag((300, 600), (420, 560))
         wait_until(lambda: np.linalg.norm(viewer.camera.position - eye) > 0.1)
         time.sleep(0.5)
-        assert np.array_equal(ask(view, lambda s: s.setpoint), goal)
+        assert np.array_equal(query(view, lambda s: s.setpoint), goal)
 
         # Controllers and models are chosen while it runs.
         click(page, button("Robot"))
@@ -142,21 +142,21 @@ def test_the_page_in_a_browser(view, tmp_path):
             ("Robot", "kugle", lambda s: s.robots.name),
         ):
             choose(page, label, option)
-            wait_until(lambda option=option, chosen=chosen: ask(view, chosen) == option)
+            wait_until(lambda option=option, chosen=chosen: query(view, chosen) == option)
 
         # A single step pauses; a replay stays open at its end.
-        click_until(lambda: ask(view, lambda s: s.paused), page, button("Run"), button("Step"))
-        time_ = ask(view, lambda s: s.time)
-        click_until(lambda: ask(view, lambda s: s.time) == pytest.approx(time_ + 0.01), page, button("Step"))
+        click_until(lambda: query(view, lambda s: s.paused), page, button("Run"), button("Step"))
+        time_ = query(view, lambda s: s.time)
+        click_until(lambda: query(view, lambda s: s.time) == pytest.approx(time_ + 0.01), page, button("Step"))
         view.runner.submit(lambda session: setattr(session, "paused", False))
         record = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Record')"
-        click_until(lambda: ask(view, lambda s: s.is_recording), page, button("Record"), record)
-        wait_until(lambda: ask(view, lambda s: s.recording.duration) > 0.3)
-        click_until(lambda: ask(view, lambda s: s.replay_time is not None), page, button("Replay"))
+        click_until(lambda: query(view, lambda s: s.is_recording), page, button("Record"), record)
+        wait_until(lambda: query(view, lambda s: s.recording.duration) > 0.3)
+        click_until(lambda: query(view, lambda s: s.replay_time is not None), page, button("Replay"))
         at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
-        wait_until(lambda: ask(view, at_end))
+        wait_until(lambda: query(view, at_end))
         page.wait_for("/replay, /.test(document.querySelector('.ballbot-status').innerText)")
-        click_until(lambda: ask(view, lambda s: s.replay_time is None), page, button("Back to the simulation"))
+        click_until(lambda: query(view, lambda s: s.replay_time is None), page, button("Back to the simulation"))
 
         # Plots draw.
         shown = "document.querySelectorAll('.uplot canvas').length"
@@ -168,9 +168,9 @@ def test_the_page_in_a_browser(view, tmp_path):
         page.screenshot(tmp_path / "last.png")
         page.close()
     # The client that vanished left no trace.
-    before = ask(view, lambda session: session.time)
-    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.2)
-    assert not ask(view, lambda session: list(session.notices))
+    before = query(view, lambda session: session.time)
+    wait_until(lambda: query(view, lambda session: session.time) > before + 0.2)
+    assert not query(view, lambda session: list(session.notices))
 
 
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
@@ -199,14 +199,14 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
         # The robot was pulled to the right, then released; the end of the drag was not taken for a click on the floor.
         wait_until(lambda: pulls and pulls[-1] is None)
         assert max(point[0] for point in pulls if point is not None) > 0.1
-        assert np.array_equal(ask(view, lambda session: session.setpoint), [0.0, 0.0])
+        assert np.array_equal(query(view, lambda session: session.setpoint), [0.0, 0.0])
         # viser 1.1.1 stops the default of a passive event in a drag, which Chromium notes.
         assert [error for error in page.errors if "inside passive event listener" not in error] == []
     finally:
         page.close()
 
 
-def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
+def test_the_urdf_and_the_parameters_agree_on_the_positions_of_the_wheels():
     params = Params.paper()
     described, made = robot.from_urdf(params, *robot.URDFS["paper"]), robot.from_params(params)
     for one, other in zip(described.wheels, made.wheels, strict=True):
@@ -217,7 +217,7 @@ def test_the_urdf_and_the_parameters_put_the_wheels_in_the_same_places():
             tyre = next(piece for piece in wheel.pieces if piece.color == robot.TYRE)
             points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
             assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
-    # Its own colors, one a material, and a mast that stands well above the wheels.
+    # The colors of its materials, and a mast well above the wheels.
     assert len({piece.color for piece in described.body}) == len(described.body) > 2
     assert 0.5 < max(piece.vertices[:, 2].max() for piece in described.body) < 0.7
 
@@ -235,7 +235,7 @@ def test_uneven_wheels_are_shown_where_they_are():
         np.testing.assert_allclose(wheel.mount[:3, :3] @ wheel.axle, axle, atol=1e-15)
 
 
-def test_the_command_stops_by_itself_and_says_how_fast_it_was():
+def test_the_command_stops_by_itself_and_prints_its_speed():
     command = [sys.executable, "-m", "ballbot_rs.cli", "view", "--model", "contact", "--batch", "16"]
     done = subprocess.run(
         [*command, "--seconds", "2", "--no-open", "--port", "18740"],
@@ -264,10 +264,10 @@ def test_the_command_stops_by_itself_and_says_how_fast_it_was():
         ("/..%5C..%5Cx", {}),
     ],
 )
-def test_other_sites_and_other_files_are_refused(view, path, headers):
-    with pytest.raises(urllib.error.HTTPError) as refused:
+def test_other_sites_and_other_files_are_rejected(view, path, headers):
+    with pytest.raises(urllib.error.HTTPError) as rejected:
         urllib.request.urlopen(urllib.request.Request(view.url + path, headers=headers), timeout=60)
-    assert refused.value.code == 403
+    assert rejected.value.code == 403
 
 
 def test_a_search_for_a_free_port_ends():
@@ -280,7 +280,7 @@ def test_a_search_for_a_free_port_ends():
     assert 18800 <= free_port(18800) <= 65535
 
 
-def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
+def test_a_urdf_whose_mesh_is_missing_is_rejected(tmp_path):
     bot, ball = (tmp_path / name for name in ("bot.urdf", "ball.urdf"))
     for path in (bot, ball):
         path.write_bytes((ASSETS / path.name).read_bytes())
@@ -288,7 +288,7 @@ def test_a_urdf_whose_mesh_is_missing_is_refused(tmp_path):
         View(Session(), port=18790, urdfs={"paper": (bot, ball)})
 
 
-def test_the_page_is_served_and_calls_nobody(view):
+def test_the_page_is_served_and_makes_no_external_requests(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read().decode()
     assert '<div id="root">' in page
@@ -306,15 +306,15 @@ def test_garbage_and_many_clients_that_vanish_do_no_harm(view, capfd):
     with contextlib.suppress(ConnectionClosed), contextlib.ExitStack() as stack:
         for client in [stack.enter_context(connect(address, max_size=None, close_timeout=0.1)) for _ in range(8)]:
             client.socket.shutdown(socket.SHUT_RDWR)
-    before = ask(view, lambda session: session.time)
-    wait_until(lambda: ask(view, lambda session: session.time) > before + 0.3)
+    before = query(view, lambda session: session.time)
+    wait_until(lambda: query(view, lambda session: session.time) > before + 0.3)
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         assert answer.status == 200
     capfd.readouterr()
 
 
-def test_choices_that_are_not_offered_are_refused(view):
-    """What a client that is no browser may put into a control; viser lets all text through."""
+def test_choices_that_are_not_offered_are_rejected(view):
+    """Text that a client other than a browser may put into a control; viser accepts all text."""
     panel = view._page.robot
     event = viser.GuiEvent(client=None, client_id=3, target=None)
     controls = (panel.model, panel.robot, panel.count, panel.controller)
@@ -324,8 +324,8 @@ def test_choices_that_are_not_offered_are_refused(view):
             control.value = value
         asyncio.run(panel._choose(event))
         wait_until(lambda: [control.value for control in controls] == now)
-    assert ask(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
-    assert ask(view, lambda session: len(session.notices)) == 3
+    assert query(view, lambda s: (s.robots.model, s.robots.name, s.controller)) == ("contact", "paper", "lqr")
+    assert query(view, lambda session: len(session.notices)) == 3
 
 
 def test_a_viser_that_cannot_be_restricted_is_not_used(monkeypatch):

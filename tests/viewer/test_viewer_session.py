@@ -72,7 +72,7 @@ def test_a_push_is_an_impulse_in_the_inertial_frame(model):
 
 @pytest.mark.parametrize("first", MODELS)
 @pytest.mark.parametrize("second", MODELS)
-def test_the_motion_goes_on_when_the_model_is_switched(first, second):
+def test_the_motion_continues_when_the_model_is_switched(first, second):
     session = Session(first)
     session.push(0.0, 0.2)
     run(session, 0.1)
@@ -107,7 +107,7 @@ def test_the_setpoint_is_reached():
     np.testing.assert_allclose(session.frame().states[0, :2], [0.5, -0.3], atol=0.01)
 
 
-def test_pulling_moves_the_robot_and_letting_go_lets_it_return():
+def test_pulling_moves_the_robot_and_releasing_lets_it_return():
     session = Session()
     session.reset((0.0, 0.0))
     session.pull([0.3, 0.0, 0.25])
@@ -119,8 +119,8 @@ def test_pulling_moves_the_robot_and_letting_go_lets_it_return():
 
 
 @pytest.mark.parametrize("model", MODELS)
-def test_a_policy_sees_and_does_what_it_would_in_the_environment(model):
-    """The reference is the environment itself, with the same setpoint and start: observations equal to the last bit."""
+def test_a_policy_observes_and_acts_as_in_the_environment(model):
+    """The reference is the environment itself, with the same setpoint and start: observations are bit-identical."""
     policy = Linear(control_dt=0.02, max_wheel_torque=0.5, sim_dt=0.001)
     session = Session(model)
     session.choose(controller=policy.named("any.onnx"))
@@ -151,7 +151,7 @@ def fail(_):
         (fail, "no such input"),
     ],
 )
-def test_a_policy_that_chooses_nonsense_turns_the_motors_off(choose, message):
+def test_a_policy_with_invalid_actions_turns_the_motors_off(choose, message):
     session = Session()
     session.choose(controller=Linear(choose).named("bad.onnx"))
     runner = Runner(session)
@@ -163,7 +163,7 @@ def test_a_policy_that_chooses_nonsense_turns_the_motors_off(choose, message):
     assert session.notices[-1].endswith("; the motors are off")
 
 
-def test_a_policy_goes_on_when_the_model_is_switched_and_ends_with_another_controller():
+def test_a_policy_continues_when_the_model_is_switched_and_ends_with_another_controller():
     session = Session()
     session.choose(controller=Linear().named("a.onnx"))
     session.choose(model="rigid")
@@ -219,7 +219,7 @@ def test_only_onnx_files_are_read(tmp_path, name, content, error, message):
         lambda s: s.replay(),
     ],
 )
-def test_what_is_refused_leaves_the_session_as_it_was(misuse):
+def test_a_rejected_change_leaves_the_session_unchanged(misuse):
     session, other = Session(), Session()
     with pytest.raises((ValueError, FileNotFoundError)):
         misuse(session)
@@ -230,13 +230,13 @@ def test_what_is_refused_leaves_the_session_as_it_was(misuse):
 
 
 @pytest.mark.parametrize("control_dt", [0.0, -1.0, math.nan, math.inf, 1e-9, 2.0])
-def test_a_law_with_a_time_step_out_of_range_is_refused(control_dt):
+def test_a_law_with_a_time_step_out_of_range_is_rejected(control_dt):
     law = ResolvedController("mine", make_law=lambda *_: Lqr(), control_dt=control_dt)
     with pytest.raises(ValueError, match=f"mine has control_dt = {control_dt}, which is out of range"):
         Session(controller=law)
 
 
-def test_a_policy_with_too_many_time_steps_is_refused():
+def test_a_policy_with_too_many_time_steps_is_rejected():
     session = Session()
     with pytest.raises(ValueError, match=r"fine.onnx has 10000 time steps of sim_dt = 1e-06.*expected at most 1000"):
         session.choose(controller=Linear(sim_dt=1e-6, control_dt=0.01).named("fine.onnx"))
@@ -244,7 +244,7 @@ def test_a_policy_with_too_many_time_steps_is_refused():
 
 
 @pytest.mark.parametrize("control_dt", [0.001, 0.003, 0.005, 0.0125])
-def test_a_law_runs_at_its_own_rate(control_dt):
+def test_a_controller_runs_at_its_rate(control_dt):
     session = Session(
         controller=ResolvedController("mine", make_law=lambda *_: Lqr(control_dt=control_dt), control_dt=control_dt)
     )
@@ -265,7 +265,7 @@ def test_robots_of_a_batch_start_in_all_directions():
     tilts = np.array([state.tilt_components for state in session.robots.states])
     np.testing.assert_allclose(tilts.sum(axis=0), 0.0, atol=1e-15)
     np.testing.assert_allclose(np.linalg.norm(tilts, axis=1), math.radians(3.0))
-    # Any of them is the robot that one alone would be.
+    # Each of them equals a single robot.
     alone = Session()
     alone.reset(tilts[1])
     run(session, 0.5)
@@ -273,7 +273,7 @@ def test_robots_of_a_batch_start_in_all_directions():
     np.testing.assert_allclose(session.frame().states[1], alone.frame().states[0], atol=1e-6)
 
 
-def test_a_robot_that_falls_for_ever_starts_anew():
+def test_a_robot_that_falls_forever_restarts():
     session = Session("spatial", controller="zero", num_robots=2)
     for _ in range(200):
         session.push(0.0, 20.0)
@@ -330,7 +330,7 @@ def test_a_recording_is_bounded():
     assert len(recording.frames) * 64 <= CAPACITY
 
 
-def test_history_holds_the_last_seconds_of_what_the_models_say():
+def test_history_has_the_last_seconds_of_the_results_of_the_models():
     session = Session()
     session.push(0.5, 0.3)
     run(session, SPAN + 3.0)
@@ -413,7 +413,7 @@ def test_a_command_that_fails_and_a_flood_of_commands_do_no_harm():
     assert "impulse = nan" in session.notices[0]
 
 
-def test_own_parameters_are_a_robot_beside_the_presets():
+def test_custom_parameters_are_a_robot_in_addition_to_the_presets():
     params = Params.paper().replace(body_mass=3.0)
     session = Session(robot="mine", params=params)
     assert session.robots.setup.nominal == params

@@ -106,7 +106,7 @@ sign.
 
 `termination` in the info has the number, 0 for none, and `metadata["terminations"]` the names.
 
-Success: {described["success"]}. `is_success` in the info tells whether an episode that ended now would be a success.
+Success: {described["success"]}. `is_success` in the info states whether an episode that ended now would be a success.
 
 {_command(task)}{_metrics(task)}## Options
 

@@ -18,8 +18,8 @@ def _index(infos: dict[str, ControllerInfo]) -> str:
     return "\n".join(
         [
             "# The controllers, one by one\n",
-            "Generated from the tables of the core. What they stand is in [Controllers](../controllers.md), their laws"
-            " are in [Laws](../laws.md).\n",
+            "Generated from the tables of the core. Their disturbance limits are in [Controllers](../controllers.md),"
+            " their laws in [Laws](../laws.md).\n",
             _row("controller", "what", "control step"),
             _row("---", "---", "---"),
             *rows,
@@ -52,7 +52,7 @@ def _page(info: ControllerInfo) -> str:
 It follows {parts}. {_traction(info)} Its control step is {_rate(info)}.
 
 [Its law](../laws.md#{name}) has the equations, the block diagram and the responses,
-[Controllers](../controllers.md) what it stands.
+[Controllers](../controllers.md) its disturbance limits.
 
 ```python
 import ballbot_rs as bb

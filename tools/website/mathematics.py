@@ -40,14 +40,14 @@ def mathml(tex: str, is_block: bool) -> str:
     )
     for element in formula.iter():
         if element.tag == f"{SPACE}munderover" and element[2].text in ACCENTS:
-            _index_beside(element)
+            _index_next_to(element)
         _close_bars(element)
         if element.tag in ROWS:
             _space_functions(element)
     return ElementTree.tostring(formula, encoding="unicode")
 
 
-def _index_beside(element: ElementTree.Element) -> None:
+def _index_next_to(element: ElementTree.Element) -> None:
     """Moves the index of an accented letter to its side; the converter puts it below."""
     letter, index, accent = element
     element.tag = f"{SPACE}msub"

@@ -16,13 +16,13 @@ from website.paths import ROOT
 
 def _resolve(app: Sphinx, doctree: nodes.document, page: str) -> None:
     """Makes `source:PATH` and `rust:PATH` relative to a page."""
-    wanted = app.env.linked_sources = getattr(app.env, "linked_sources", set())
+    linked = app.env.linked_sources = getattr(app.env, "linked_sources", set())
     for node in doctree.findall(nodes.reference):
         scheme, _, target = node.get("refuri", "").partition(":")
         up = "../" * page.count("/")
         if scheme == "source":
             path, _, fragment = target.partition("#")
-            wanted.add(path)
+            linked.add(path)
             node["refuri"] = f"{up}source/{path}.html" + (f"#{fragment}" if fragment else "")
         elif scheme == "rust":
             node["refuri"] = f"{up}rust/{target}"

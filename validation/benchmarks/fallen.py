@@ -93,7 +93,7 @@ class Thrashing:
             except ValueError:
                 continue
             return start
-        raise RuntimeError(f"robot {i} cannot begin where it began before")
+        raise RuntimeError(f"robot {i} cannot restart at its start")
 
 
 def thrashing(num_envs: int) -> Running:

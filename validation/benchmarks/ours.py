@@ -10,12 +10,12 @@ from validation.benchmarks import task
 WANTED = ("contact", "rigid", "spatial")
 
 
-def known_models(wanted: tuple[str, ...] = WANTED) -> list[str]:
-    """The models of `wanted` that this build has, with a printed line for each that it does not."""
-    for model in wanted:
+def known_models(names: tuple[str, ...] = WANTED) -> list[str]:
+    """The models of `names` that this build has, with a printed line for each that it does not."""
+    for model in names:
         if model not in MODELS:
             print(f"model '{model}' is not in this build: left out", flush=True)
-    return [model for model in wanted if model in MODELS]
+    return [model for model in names if model in MODELS]
 
 
 def make_env(model: str, num_envs: int, num_threads: int, **options: Any) -> bb.BallbotVecEnv:

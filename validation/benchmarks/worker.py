@@ -48,7 +48,7 @@ def in_child(function: str, *, pinned: bool, timeout: float = 900.0, **arguments
 
 
 def main() -> None:
-    """Runs one function as the arguments say."""
+    """Runs one function with the given arguments."""
     name, result, pinned, arguments = sys.argv[1:]
     if int(pinned) and hasattr(os, "sched_setaffinity"):
         os.sched_setaffinity(0, {cores()[-1]})

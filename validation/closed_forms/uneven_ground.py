@@ -14,7 +14,7 @@ With $k = J_k / (M_k r_k^2)$, without slip:
 - ten meters of waves cost it nothing: the limit is a fraction of $10^{-4}$ of its speed.
 
 The integrators are of first order, so the limits depend on the time step, 0.5 ms; the curved surfaces are splines on a
-grid of 2.5 to 10 mm. [terrain.md](terrain.md) explains how robots stand on them.
+grid of 2.5 to 10 mm. [terrain.md](terrain.md) explains how robots balance on them.
 """
 
 from collections.abc import Iterator

@@ -49,7 +49,7 @@ def draw(fig: "Figure", found: Measured) -> None:
 def _follow(position: "Axes", lean: "Axes", response: Response, color: str, label: str) -> Any:
     from ballbot_rs.media.figures.style import INK
 
-    position.plot(response.times, response.wanted, color=INK, linestyle=":", linewidth=1.0)
+    position.plot(response.times, response.reference, color=INK, linestyle=":", linewidth=1.0)
     lean.plot(response.times, response.lean, color=color)
     (line,) = position.plot(response.times, response.position, color=color, label=label)
     return line

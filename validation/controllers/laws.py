@@ -20,13 +20,13 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.controllers.laws", description=__doc__)
     parser.add_argument("laws", nargs="*", metavar="LAW", help="draw these (default: all but mppi: two minutes)")
     parser.add_argument("--figures", type=Path, metavar="DIR", default=FIGURES, help="where to (default: docs/laws)")
-    asked = parser.parse_args()
+    requested = parser.parse_args()
     known = list(bb.controllers())
-    if unknown := [name for name in asked.laws if name not in known]:
+    if unknown := [name for name in requested.laws if name not in known]:
         parser.error(f"no law {', '.join(unknown)}; there are: {', '.join(known)}")
-    for name in asked.laws or USUAL:
+    for name in requested.laws or USUAL:
         began = time.perf_counter()
-        path = write(name, asked.figures)
+        path = write(name, requested.figures)
         print(f"wrote {path}, {time.perf_counter() - began:.1f} s", flush=True)
     return 0
 

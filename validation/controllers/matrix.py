@@ -74,12 +74,12 @@ def claims(found: Found) -> list[Claim]:
         scores = [outcome.score for (_, name), outcome in found.items() if name == scenario]
         return max(scores) if largest else min(scores)
 
-    def least(what: str, asked: float, scenario: str, of: str) -> Claim:
-        return Claim(f"{what}, missing to {asked:g} {of}", max(asked - best(scenario, True), 0.0), 0.0, 0.0, of, True)
+    def least(what: str, value: float, scenario: str, of: str) -> Claim:
+        return Claim(f"{what}, missing to {value:g} {of}", max(value - best(scenario, True), 0.0), 0.0, 0.0, of, True)
 
-    def most(what: str, asked: float, scenario: str, of: str, factor: float) -> Claim:
-        above = max(factor * best(scenario, False) - asked, 0.0)
-        return Claim(f"{what}, above {asked:g} {of}", above, 0.0, 0.0, of, True)
+    def most(what: str, value: float, scenario: str, of: str, factor: float) -> Claim:
+        above = max(factor * best(scenario, False) - value, 0.0)
+        return Claim(f"{what}, above {value:g} {of}", above, 0.0, 0.0, of, True)
 
     return [
         least("largest tilt in the worst direction", 27.0, "S2-rest", "deg"),

@@ -43,7 +43,7 @@ class Response(NamedTuple):
     position: Array
     lean: Array
     #: Position of the setpoint.
-    wanted: Array
+    reference: Array
 
 
 class Measured(NamedTuple):
@@ -80,9 +80,9 @@ def _step(name: str) -> Response:
     return _response(done, np.full(len(done.times), STEP))
 
 
-def _response(done: bb.Trajectory, wanted: Array) -> Response:
+def _response(done: bb.Trajectory, reference: Array) -> Response:
     lean = np.degrees(done.of_states("tilt_components")[:, 1])
-    return Response(done.times, done.of_states("ball_position")[:, 0], lean, wanted)
+    return Response(done.times, done.of_states("ball_position")[:, 0], lean, reference)
 
 
 def _basin(name: str) -> Mask:

@@ -16,11 +16,11 @@ def main() -> int:
     parser = argparse.ArgumentParser(prog="python -m validation.controllers.tune_all", description=__doc__)
     parser.add_argument("laws", nargs="*", metavar="LAW", help=f"some of {', '.join(laws)}; all without")
     parser.add_argument("--threads", type=int, default=1, help="that step the robots (%(default)s)")
-    asked = parser.parse_args()
-    if unknown := [name for name in asked.laws if name not in laws]:
+    requested = parser.parse_args()
+    if unknown := [name for name in requested.laws if name not in laws]:
         parser.error(f"no law {', '.join(unknown)} to tune; there are: {', '.join(laws)}")
-    for name in asked.laws or laws:
-        found = tuning.search(name, asked.threads)
+    for name in requested.laws or laws:
+        found = tuning.search(name, requested.threads)
         # Another process may have written the file in the meantime.
         tuning.tuned.cache_clear()
         tuning.write({**tuning.tuned(), name: found})

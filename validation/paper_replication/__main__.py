@@ -1,4 +1,4 @@
-"""Repeats the paper's experiments and writes docs/paper.md; the exit code tells whether all claims hold."""
+"""Repeats the paper's experiments and writes docs/paper.md; the exit code reports whether all claims hold."""
 
 import sys
 from collections.abc import Sequence

@@ -17,10 +17,10 @@ which is compared here with the difference of both, mass matrix times difference
 states.
 
 In a plane both agree to rounding; without wheel inertia they do everywhere, so that nothing but the wheels'
-constraint tells them apart. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not
+constraint distinguishes them. Off the plane they differ, here by up to 2 % of the acceleration, and energy does not
 show it: both conserve it. The simulation `contact`, which uses neither (it has free bodies and contact forces),
 follows Kane's equations, the closer the smaller its step. The figure: left, the difference over how far the motion is
-from planar, for the paper's wheel energy and that of absolute spins; right, the distance of the ball in each from its
+from planar, for the wheel energy of the paper and of absolute spins; right, the distance of the ball in each from its
 place in `contact` with steps of 0.1 ms, of a robot that falls while it turns.
 """
 

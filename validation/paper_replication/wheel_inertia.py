@@ -89,7 +89,7 @@ def run() -> Findings:
             "J_w",
             f"3/2 cos²α J_w = 0.75 J_w: growth of a fall {poles['three wheels, relative spin']:.4f} instead of "
             f"{poles['as printed']:.4f} 1/s; with absolute spins {poles['three wheels, absolute spin']:.4f}",
-            "one virtual wheel stands for three; spin counted relative to the body",
+            "one virtual wheel replaces three; spin counted relative to the body",
         ),
         Comparison(
             "yaw gain",

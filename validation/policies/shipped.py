@@ -47,7 +47,7 @@ class Shipped(NamedTuple):
     @property
     def file(self) -> str:
         """Its file in assets/policies."""
-        # What a task's name alone stands for is the policy to begin with.
+        # The name of a task alone means the default policy.
         variant = None if self.recipe.variant == "still" else self.recipe.variant
         return "-".join(filter(None, (self.recipe.task, variant))) + ".onnx"
 

@@ -36,9 +36,9 @@ class Recipe(NamedTuple):
 
 def train_all(recipes: Sequence[Recipe]) -> None:
     """Trains recipes that have not been trained with their present configuration."""
-    wanted = [recipe for recipe in recipes if not _is_done(recipe)]
+    pending = [recipe for recipe in recipes if not _is_done(recipe)]
     with ProcessPoolExecutor(AT_ONCE, mp_context=multiprocessing.get_context("spawn")) as pool:
-        for recipe, seconds in zip(wanted, pool.map(_train, wanted), strict=True):
+        for recipe, seconds in zip(pending, pool.map(_train, pending), strict=True):
             print(f"trained {recipe.name} in {seconds:.0f} s", flush=True)
 
 

@@ -8,7 +8,7 @@ position, $k_x$, and of tilt, $k_\vartheta$, the ball rests off its setpoint by
 $$e = \frac{k_\vartheta}{k_x}\ \varphi,$$
 
 for large $\varphi$ too. Success ends where $e$ passes 0.1 m, long before the robot falls. LQR made for the robot uses
-the tilt from the equilibrium in $x$ and stands at the setpoint.
+the tilt from the equilibrium in $x$ and comes to rest at the setpoint.
 """
 
 from typing import TYPE_CHECKING

@@ -29,8 +29,8 @@ def matrix(delay: float = 0.0, lag: float = 0.0, strength: Array | float = 1.0) 
     commands = [-gain @ state, *(np.eye(3, size, 13 + 3 * age) for age in range(kept))]
     shares = np.broadcast_to(strength, (3,))[:, np.newaxis]
     for step in range(SUBSTEPS):
-        wanted = shares * commands[-((step - steps) // SUBSTEPS)]
-        torque = torque + (1.0 - math.exp(-SIM_DT / lag) if lag else 1.0) * (wanted - torque)
+        commanded = shares * commands[-((step - steps) // SUBSTEPS)]
+        torque = torque + (1.0 - math.exp(-SIM_DT / lag) if lag else 1.0) * (commanded - torque)
         state = a @ state + b @ torque
     return np.vstack([state, torque, *commands[:kept]])
 

@@ -1,13 +1,13 @@
 r"""A slope.
 
-On a floor tilted by $\theta$ (`floor_tilt`) a robot stands still only if it leans uphill, with the common center of
+On a floor tilted by $\theta$ (`floor_tilt`) a robot is at rest only if it leans uphill, with the common center of
 mass of ball and body above the floor contact, and if its motors hold it ([slope](derivations.md#slope)). From the
 floor's normal the lean is
 
 $$\lambda = \theta + \arcsin\frac{(M_k + M_b) r_k \sin\theta}{M_b l},$$
 
 more than twice the slope. A controller that assumes level ground commands $-K x$. At rest this must be the torques
-$\tau$ that hold the robot, so that LQR stands downhill of its setpoint by $e$ from
+$\tau$ that hold the robot, so that LQR rests downhill of its setpoint by $e$ from
 
 $$-k_x e = \tau + k_\vartheta \lambda,$$
 
@@ -50,8 +50,8 @@ def displacement(degrees: float) -> float:
     """Distance downhill of the setpoint, m, at which LQR for a level floor holds the ball."""
     gain = bb.Lqr(control_dt=0.01).gain
     # Columns: position x, and tilt about y, which is negative.
-    asked = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
-    return float(np.linalg.lstsq(gain[:, :1], asked, rcond=None)[0][0])
+    requested = gain[:, 3] * lean(degrees) - np.array(on_slope(degrees).holding_torques())
+    return float(np.linalg.lstsq(gain[:, :1], requested, rcond=None)[0][0])
 
 
 def at_rest(model: str, degrees: float) -> tuple[float, float]:

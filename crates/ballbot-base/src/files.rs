@@ -10,16 +10,16 @@ use std::path::Path;
 /// # Errors
 /// [`Error::Io`] for a file that cannot be read, is not a regular file, or is too large.
 pub fn read(path: &Path, limit: u64) -> Result<Vec<u8>> {
-    let refuse = |source| Error::Io { path: path.into(), source };
-    let other = |reason: String| refuse(io::Error::other(reason));
+    let error = |source| Error::Io { path: path.into(), source };
+    let other = |reason: String| error(io::Error::other(reason));
     // Before opening: opening a pipe waits for a writer.
-    let found = fs::metadata(path).map_err(refuse)?;
+    let found = fs::metadata(path).map_err(error)?;
     if !found.is_file() {
         let kind = if found.is_dir() { io::ErrorKind::IsADirectory } else { io::ErrorKind::Other };
-        return Err(refuse(io::Error::new(kind, "not a regular file")));
+        return Err(error(io::Error::new(kind, "not a regular file")));
     }
     let mut contents = Vec::new();
-    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut contents)).map_err(refuse)?;
+    File::open(path).and_then(|file| file.take(limit + 1).read_to_end(&mut contents)).map_err(error)?;
     if contents.len() as u64 > limit {
         return Err(other(format!("more than {limit} bytes")));
     }

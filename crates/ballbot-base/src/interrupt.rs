@@ -15,7 +15,7 @@ const WORK_PER_LOOK: Duration = Duration::from_millis(5);
 /// A caller to query, and the time of its last query.
 struct Caller {
     stop: Rc<dyn Fn() -> bool>,
-    asked: Instant,
+    last_request: Instant,
 }
 
 thread_local! {
@@ -31,7 +31,7 @@ pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T)
             CALLER.set(self.0.take());
         }
     }
-    let _restore = Restore(CALLER.replace(Some(Caller { stop: Rc::new(stop), asked: Instant::now() })));
+    let _restore = Restore(CALLER.replace(Some(Caller { stop: Rc::new(stop), last_request: Instant::now() })));
     work()
 }
 
@@ -39,10 +39,10 @@ pub fn stoppable<T>(stop: impl Fn() -> bool + 'static, work: impl FnOnce() -> T)
 fn stopped(now: Instant) -> bool {
     let stop = CALLER.with_borrow_mut(|caller| {
         let caller = caller.as_mut()?;
-        if now.duration_since(caller.asked) < INTERVAL {
+        if now.duration_since(caller.last_request) < INTERVAL {
             return None;
         }
-        caller.asked = now;
+        caller.last_request = now;
         Some(Rc::clone(&caller.stop))
     });
     // Not while the caller is borrowed: its function may call this one again.

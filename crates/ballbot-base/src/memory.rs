@@ -31,19 +31,19 @@ pub fn require_memory(what: impl fmt::Display, items: usize, bytes: usize) -> Re
     if let Some(free) = available()
         && need > free
     {
-        return Err(refused(what, need, format!("{} are available", Bytes(free))));
+        return Err(out_of_memory(what, need, format!("{} are available", Bytes(free))));
     }
     // Amounts that the system would reject, for example by a process limit.
     let reserved = usize::try_from(need).map(|need| Vec::<u8>::new().try_reserve_exact(need));
     if !matches!(reserved, Ok(Ok(()))) {
-        return Err(refused(what, need, NOT_GIVEN.to_owned()));
+        return Err(out_of_memory(what, need, NOT_GIVEN.to_owned()));
     }
     Ok(())
 }
 
 const NOT_GIVEN: &str = "the system does not give that much to this process";
 
-fn refused(what: impl fmt::Display, need: u64, limit: String) -> Error {
+fn out_of_memory(what: impl fmt::Display, need: u64, limit: String) -> Error {
     Error::Memory { what: what.to_string(), need: format!("about {}", Bytes(need)), limit }
 }
 
@@ -66,7 +66,7 @@ pub fn try_reserve<T>(what: impl fmt::Display, items: &mut Vec<T>, len: usize) -
         return Ok(());
     }
     require_memory(&what, len, size_of::<T>())?;
-    items.try_reserve_exact(len).map_err(|_| refused(&what, (len * size_of::<T>()) as u64, NOT_GIVEN.to_owned()))
+    items.try_reserve_exact(len).map_err(|_| out_of_memory(&what, (len * size_of::<T>()) as u64, NOT_GIVEN.to_owned()))
 }
 
 /// Memory available without swapping, if the system reports it: the minimum of machine and container.

@@ -258,7 +258,7 @@ impl Params {
         check(
             "ball_inertia",
             self.ball_inertia,
-            format_args!("at most 2/3 ball_mass ball_radius^2 = {shell}, that of a thin shell"),
+            format_args!("at most 2/3 ball_mass ball_radius^2 = {shell}, the inertia of a thin shell"),
             |j| j <= 1.01 * shell,
         )?;
         for (i, &zenith) in self.wheel_zeniths().iter().enumerate() {

@@ -20,11 +20,11 @@ pub fn pack<T: Serialize>(value: &T) -> Vec<u8> {
 
 /// Decodes the value from [`pack`]; `what` names it in messages.
 pub fn unpack<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
-    let refused = |reason: String| Error::Decode { what: what.to_owned(), reason };
+    let invalid = |reason: String| Error::Decode { what: what.to_owned(), reason };
     match postcard::take_from_bytes(bytes) {
         Ok((value, [])) => Ok(value),
-        Ok((_, rest)) => Err(refused(format!("{} bytes too many", rest.len()))),
-        Err(error) => Err(refused(error.to_string())),
+        Ok((_, rest)) => Err(invalid(format!("{} bytes too many", rest.len()))),
+        Err(error) => Err(invalid(error.to_string())),
     }
 }
 
@@ -40,21 +40,21 @@ pub fn encode<T: Serialize>(value: &T) -> Vec<u8> {
 
 /// Decodes the value from [`encode`]; `what` names it in messages.
 pub fn decode<T: DeserializeOwned>(what: &str, bytes: &[u8]) -> Result<T> {
-    let refused = |reason: String| Error::Decode { what: what.to_owned(), reason };
+    let invalid = |reason: String| Error::Decode { what: what.to_owned(), reason };
     if bytes.len() < HEADER_LEN + CHECKSUM_LEN {
-        return Err(refused(format!("{} bytes are too few", bytes.len())));
+        return Err(invalid(format!("{} bytes are too few", bytes.len())));
     }
     let (data, checksum) = bytes.split_at(bytes.len() - CHECKSUM_LEN);
     let (header, data_only) = data.split_at(HEADER_LEN);
     if !header.starts_with(&MAGIC) {
-        return Err(refused("it is not a snapshot of ballbot 0.2 or newer".into()));
+        return Err(invalid("it is not a snapshot of ballbot 0.2 or newer".into()));
     }
     let version = u16::from_le_bytes([header[4], header[5]]);
     if version != VERSION {
-        return Err(refused(format!("its format has version {version}, this library reads version {VERSION}")));
+        return Err(invalid(format!("its format has version {version}, this library reads version {VERSION}")));
     }
     if crc32fast::hash(data).to_le_bytes() != *checksum {
-        return Err(refused("its checksum does not match: it is damaged".into()));
+        return Err(invalid("its checksum does not match: it is damaged".into()));
     }
     unpack(what, data_only)
 }

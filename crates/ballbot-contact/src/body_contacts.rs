@@ -14,7 +14,7 @@ use super::footing::{Footing, Relief};
 use super::friction::{Friction, JointFriction};
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
-use super::types::{Actions, PerRow, Pose, Velocities, select3};
+use super::types::{Actions, PerRow, Pose, Velocities, select3, with_positive_zero};
 use ball_on_body::BallOnBody;
 use ballbot_base::lanes::{Lane, Own, Value, Vec3};
 use ballbot_base::wheels::Wheels;
@@ -108,8 +108,8 @@ impl<'a, L: Lane> Near<'a, L> {
             let across = (drift.x.abs() + drift.y.abs()).mul_add(dt, margin);
             let above = (c.body_bottom.at(zero) - ball.z).max(ball.z - c.body_top.at(zero)) - along;
             let radial = ball.x.mul_add(ball.x, ball.y.squared()).sqrt();
-            let (above, beside) = (above.max(zero), (radial - c.body_radius.at(zero) - across).max(zero));
-            let distance = beside.mul_add(beside, above.squared());
+            let (above, lateral) = (above.max(zero), (radial - c.body_radius.at(zero) - across).max(zero));
+            let distance = lateral.mul_add(lateral, above.squared());
             ball_near = displaced & distance.lt(c.ball_radius.at(zero).squared());
             let Wheels([a, b, d]) = start.rows.gaps;
             wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
@@ -134,7 +134,7 @@ pub fn finish_near<L: Lane>(
         token,
         #[inline(always)]
         || {
-            let c = &constants.loaded::<L>(token);
+            let c = &constants.owned::<L>(token);
             let start = Start::new::<true, Own<L>>(c, token, state);
             let near = Near::new(c, &start, token, state, footing);
             let (velocities, impulses) = (without.velocities(token), without.impulses(token));
@@ -162,9 +162,9 @@ pub fn finish_near<L: Lane>(
             if let Some(footing) = near.footing {
                 impulse = footing.relief(token).inertial(impulse);
             }
-            let sound = L::load(token, &state.diverged).le(zero);
+            let is_finite = L::load(token, &state.diverged).le(zero);
             let before = Vec3::load(token, &state.bot_floor_impulse);
-            Vec3::select(touches & sound, impulse, before).store(&mut state.bot_floor_impulse);
+            Vec3::select(touches & is_finite, impulse, before).store(&mut state.bot_floor_impulse);
         },
     );
 }
@@ -191,10 +191,10 @@ fn lowest_over<L: Lane, V: Value<L>>(
     lowest.min(clearance(&relief, body + rotation.apply(top.into()), [radius, sine * radius]))
 }
 
-/// Lower bound of the height of a part that extends `beside` and `below` its center.
+/// Lower bound of the height of a part that extends `lateral` and `below` its center.
 #[inline(always)]
-fn clearance<L: Lane>(relief: &Relief<'_, L>, center: Vec3<L>, [beside, below]: [L; 2]) -> L {
-    let along = center.x.mul_add(center.x, center.y.squared()).sqrt() + beside;
+fn clearance<L: Lane>(relief: &Relief<'_, L>, center: Vec3<L>, [lateral, below]: [L; 2]) -> L {
+    let along = center.x.mul_add(center.x, center.y.squared()).sqrt() + lateral;
     center.z - below - relief.rise(along, center.z.abs() + below)
 }
 
@@ -301,8 +301,8 @@ impl<L: Lane> Contacts<L> {
         }
         // A skipped contact adds nothing; a contact used only by a neighbor adds zero, which changes only the sign of
         // −0.
-        self.impulses = PerRow::select(near.mask, &self.impulses.with_positive_zeros(), &self.impulses);
-        self.velocities = Velocities::select(near.mask, &self.velocities.with_positive_zeros(), &self.velocities);
+        self.impulses = PerRow::select(near.mask, &self.impulses.map(with_positive_zero), &self.impulses);
+        self.velocities = Velocities::select(near.mask, &self.velocities.map(with_positive_zero), &self.velocities);
     }
 
     /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which

@@ -4,17 +4,17 @@ use super::constants::Constants;
 use super::encoder::encoder_rates;
 use super::types::{PerRow, Pose, Velocities};
 use ballbot_base::lane_state::{LaneRobot, LaneState};
-use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
+use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, lane_struct};
 use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
 /// Largest sum of squared speeds and rates of a robot that has not diverged.
 const MAX_SPEED_SQUARED: f64 = 1e30;
 
-cells! {
+lane_struct! {
     /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless stated.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct ContactState {
+    pub struct ContactState<T> {
         /// Steps since the reset.
         pub steps: T,
         pub ball_position: [T; 3],
@@ -137,8 +137,9 @@ impl<T: Cell> ContactState<T> {
 
     #[inline(always)]
     pub fn impulses<L: Lane<Cell = T>>(&self, token: L::Token) -> PerRow<L> {
+        let [z, x, y] = &self.floor_impulse;
         PerRow {
-            floor: load3(token, &self.floor_impulse),
+            floor: [L::load(token, z), L::load(token, x), L::load(token, y)],
             normals: Wheels::load(token, &self.normal_impulses),
             drives: Wheels::load(token, &self.drive_impulses),
             joints: Wheels::load(token, &self.joint_impulses),
@@ -147,7 +148,7 @@ impl<T: Cell> ContactState<T> {
 
     /// Mask of the robots that have not diverged and do not diverge with these velocities.
     #[inline(always)]
-    pub fn sound<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
+    pub fn stays_finite<L: Lane<Cell = T>>(&self, token: L::Token, velocities: &Velocities<L>) -> L::Mask {
         let size = velocities.norm_squared();
         let diverged = L::load(token, &self.diverged);
         size.lt(size.splat(MAX_SPEED_SQUARED)) & diverged.le(diverged.zero())
@@ -166,7 +167,9 @@ impl<T: Cell> ContactState<T> {
     /// Replaces the impulses of the contacts.
     #[inline(always)]
     pub fn set_impulses<L: Lane<Cell = T>>(&mut self, impulses: &PerRow<L>) {
-        store3(impulses.floor, &mut self.floor_impulse);
+        for (cell, impulse) in self.floor_impulse.iter_mut().zip(impulses.floor) {
+            impulse.store(cell);
+        }
         impulses.normals.store(&mut self.normal_impulses);
         impulses.drives.store(&mut self.drive_impulses);
         impulses.joints.store(&mut self.joint_impulses);
@@ -183,16 +186,16 @@ impl<T: Cell> ContactState<T> {
         impulses: &PerRow<L>,
         on_floor: L,
     ) {
-        let sound = self.sound(token, velocities);
-        if !L::any(!sound) {
+        let stays_finite = self.stays_finite(token, velocities);
+        if !L::any(!stays_finite) {
             self.write(pose, velocities, impulses, on_floor);
             return;
         }
-        L::select(sound, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
-        let pose = Pose::select(sound, pose, &self.pose(token));
-        let velocities = Velocities::select(sound, velocities, &self.velocities(token));
-        let impulses = PerRow::select(sound, impulses, &self.impulses(token));
-        let on_floor = L::select(sound, on_floor, L::load(token, &self.bot_on_floor));
+        L::select(stays_finite, L::load(token, &self.diverged), on_floor.splat(1.0)).store(&mut self.diverged);
+        let pose = Pose::select(stays_finite, pose, &self.pose(token));
+        let velocities = Velocities::select(stays_finite, velocities, &self.velocities(token));
+        let impulses = PerRow::select(stays_finite, impulses, &self.impulses(token));
+        let on_floor = L::select(stays_finite, on_floor, L::load(token, &self.bot_on_floor));
         self.write(&pose, &velocities, &impulses, on_floor);
     }
 

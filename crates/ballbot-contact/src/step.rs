@@ -74,7 +74,7 @@ fn several<L: Lane, V: Value<L>>(
     let mut actions = Actions { torques: *torques, gravity_dt: [L::Cell::default(); 3] };
     let like = L::load(token, &state.steps);
     Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
-    let unusual = L::any(like.zero().lt(c.unusual.at(like)));
+    let has_losses_or_ripple = L::any(like.zero().lt(c.has_losses_or_ripple.at(like)));
     for _ in 0..steps {
         // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
@@ -84,7 +84,7 @@ fn several<L: Lane, V: Value<L>>(
                 || footing.enter(c, token, state, &mut actions.gravity_dt),
             );
         }
-        let on_rollers = unusual
+        let on_rollers = has_losses_or_ripple
             && L::rarely(
                 token,
                 #[inline(always)]
@@ -197,7 +197,7 @@ fn step_without_rare_contacts<L: Lane>(
         token,
         #[inline(always)]
         || {
-            let c = &constants.loaded::<L>(token);
+            let c = &constants.owned::<L>(token);
             let start = Start::new::<true, Own<L>>(c, token, state);
             let joints = JointFriction::new(c, start.rows.floor_gap);
             let (velocities, solution) = solve::<L, Own<L>, true, true>(c, token, state, actions, &start, &joints);

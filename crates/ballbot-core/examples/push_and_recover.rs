@@ -20,7 +20,7 @@ fn run() -> Result<(), Box<dyn Error>> {
     let impulse: f64 = impulse.parse().map_err(|_| format!("push '{impulse}' is not a number of N·s"))?;
 
     let params = Params::paper();
-    // A new robot stands upright at rest at the origin.
+    // A new robot is upright at rest at the origin.
     let mut robot = Ballbot::new(&params, ModelKind::Rigid, SIM_DT)?;
     let mut lqr = Lqr::new(&params, CONTROL_DT)?;
     robot.push(&Vector3::new(impulse, 0.0, 0.0), None)?;

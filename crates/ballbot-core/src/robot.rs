@@ -200,11 +200,11 @@ impl Ballbot {
             }
             _ => None,
         };
-        let goes_on = self.change_params(params)?;
+        let continues = self.change_params(params)?;
         if ground.is_some() {
             self.set_ground(ground.as_ref())?;
         }
-        Ok(goes_on)
+        Ok(continues)
     }
 
     /// [`Ballbot::set_params`] with valid parameters, on the ground that it shares with other robots.
@@ -213,12 +213,12 @@ impl Ballbot {
             params.require_level("a robot on a terrain")?;
         }
         self.kind.require(params)?;
-        let goes_on = same_geometry(self.params(), params);
+        let continues = same_geometry(self.params(), params);
         self.model.set_params(params)?;
-        if !goes_on {
+        if !continues {
             self.diverged = None;
         }
-        Ok(goes_on)
+        Ok(continues)
     }
 
     /// Advances by `steps` time steps under constant motor torques, N·m.

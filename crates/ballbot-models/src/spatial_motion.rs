@@ -2,7 +2,7 @@
 
 use super::rk4::rk4;
 use super::slope::Slope;
-use super::{BallSpin, Saved, SpatialModel, WheelSpin, require_rolling, sound};
+use super::{BallSpin, Coordinates, Progress, SpatialModel, WheelSpin, require_rolling, are_bounded};
 use ballbot_base::error::Result;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -10,11 +10,8 @@ use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
-use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::sync::Arc;
-
-/// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
-type Coordinates = SVector<f64, 19>;
 
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
@@ -24,10 +21,8 @@ pub struct SpatialMotion {
     params: Params,
     slope: Option<Slope>,
     sim_dt: f64,
-    steps: u64,
-    healthy: bool,
-    coordinates: Coordinates,
-    wheel_torques: Wheels<f64>,
+    /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
+    progress: Progress,
 }
 
 impl SpatialMotion {
@@ -39,16 +34,8 @@ impl SpatialMotion {
     fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
         let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
         let model = SpatialModel::new(&there, WheelSpin::Absolute, BallSpin::Free);
-        let mut motion = Self {
-            model,
-            params: params.clone(),
-            slope,
-            sim_dt,
-            steps: 0,
-            healthy: true,
-            coordinates: Coordinates::zeros(),
-            wheel_torques: Wheels::default(),
-        };
+        let mut motion =
+            Self { model, params: params.clone(), slope, sim_dt, progress: Progress::at(Coordinates::zeros()) };
         motion.place(&motion.upright());
         motion
     }
@@ -63,7 +50,7 @@ impl SpatialMotion {
     }
 
     fn velocity(&self) -> Vector6<f64> {
-        self.coordinates.fixed_rows::<6>(6).into_owned()
+        self.progress.coordinates().fixed_rows::<6>(6).into_owned()
     }
 
     fn derivative(&self, y: &Coordinates) -> Coordinates {
@@ -80,7 +67,7 @@ impl SpatialMotion {
         out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
             &body_quaternion,
             &velocity,
-            self.wheel_torques,
+            self.progress.wheel_torques,
         ));
         let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
         write_quaternion(&mut out, 12, &ball_quaternion_rate);
@@ -105,10 +92,7 @@ impl Model for SpatialMotion {
         }
         let mut robot = Self::on(params, self.slope.clone(), self.sim_dt);
         if same_geometry(self.params(), params) {
-            robot.coordinates = self.coordinates;
-            robot.steps = self.steps;
-            robot.healthy = self.healthy;
-            robot.wheel_torques = self.wheel_torques;
+            robot.progress = self.progress.clone();
         }
         *self = robot;
         Ok(())
@@ -121,34 +105,28 @@ impl Model for SpatialMotion {
     }
 
     fn place(&mut self, state: &State) {
-        self.coordinates = coordinates_of(&self.level(state));
-        self.steps = 0;
-        self.healthy = true;
-        self.wheel_torques = Wheels::default();
+        self.progress = Progress::at(coordinates_of(&self.level(state)));
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
-        self.wheel_torques = wheel_torques;
+        self.progress.wheel_torques = wheel_torques;
         for _ in 0..steps {
-            let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-            self.healthy &= sound(next.as_slice());
+            let mut next = rk4(&self.progress.coordinates(), self.sim_dt, |y| self.derivative(y));
+            self.progress.is_finite &= are_bounded(next.as_slice());
             for at in [2, 12] {
                 let length = next.fixed_rows::<4>(at).norm();
                 next.fixed_rows_mut::<4>(at).unscale_mut(length);
             }
-            if self.healthy {
-                self.coordinates = next;
-            }
-            self.steps += 1;
+            self.progress.advance(next);
         }
     }
 
     fn time(&self) -> f64 {
-        self.steps as f64 * self.sim_dt
+        self.progress.steps as f64 * self.sim_dt
     }
 
     fn healthy(&self) -> bool {
-        self.healthy
+        self.progress.is_finite
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
@@ -156,7 +134,7 @@ impl Model for SpatialMotion {
     }
 
     fn state(&self) -> State {
-        let y = &self.coordinates;
+        let y = &self.progress.coordinates();
         let velocity = self.velocity();
         let rolling = State::rolling_on(
             self.model.params(),
@@ -181,7 +159,11 @@ impl Model for SpatialMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), self.wheel_torques);
+        let contacts = self.model.contacts(
+            &quaternion_at(&self.progress.coordinates(), 2),
+            &self.velocity(),
+            self.progress.wheel_torques,
+        );
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
             None => contacts,
@@ -189,7 +171,7 @@ impl Model for SpatialMotion {
     }
 
     fn energy(&self) -> f64 {
-        let (p, y) = (self.model.params(), &self.coordinates);
+        let (p, y) = (self.model.params(), &self.progress.coordinates());
         // Potential energy of the ball's position on the slope.
         let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
         // On a slope the ball's center is lower by the cosine of the slope than on level ground.
@@ -202,26 +184,19 @@ impl Model for SpatialMotion {
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let impulse = self.slope.as_ref().map_or(*impulse, |slope| slope.rotation * impulse);
-        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), &impulse, point);
-        let mut velocity = self.coordinates.fixed_rows_mut::<6>(6);
+        let mut y = self.progress.coordinates();
+        let jump = self.model.velocity_jump(&quaternion_at(&y, 2), &impulse, point);
+        let mut velocity = y.fixed_rows_mut::<6>(6);
         velocity += jump;
+        self.progress.coordinates = y.into();
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&Saved {
-            steps: self.steps,
-            healthy: self.healthy,
-            coordinates: self.coordinates.into(),
-            wheel_torques: self.wheel_torques,
-        })
+        snapshot::pack(&self.progress)
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let saved: Saved = snapshot::unpack("snapshot of a spatial model", bytes)?;
-        self.steps = saved.steps;
-        self.healthy = saved.healthy;
-        self.coordinates = saved.coordinates.into();
-        self.wheel_torques = saved.wheel_torques;
+        self.progress = snapshot::unpack("snapshot of a spatial model", bytes)?;
         Ok(())
     }
 }

@@ -42,7 +42,7 @@ use std::sync::Arc;
 ///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
 ///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
-///         None is ideal motors), `sensors` (as `actuators`; None is no sensors), `terrain`, instruments by their names
+///         None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
 ///         in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
 ///         ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
 ///         `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),

@@ -91,10 +91,11 @@ fn tuple(sizes: &[String]) -> String {
 /// Checks the shape of an array, and that it has at most `most` elements.
 fn check_shape<T: Number>(name: &str, found: &[usize], shape: &[Option<usize>], most: usize) -> PyResult<()> {
     let text = || tuple(&found.iter().map(ToString::to_string).collect::<Vec<_>>());
-    let fits = found.len() == shape.len() && found.iter().zip(shape).all(|(n, wanted)| wanted.is_none_or(|w| w == *n));
+    let fits =
+        found.len() == shape.len() && found.iter().zip(shape).all(|(n, expected)| expected.is_none_or(|w| w == *n));
     if !fits {
-        let wanted: Vec<_> = shape.iter().map(|d| d.map_or_else(|| "n".to_owned(), |d| d.to_string())).collect();
-        return Err(InvalidInputError::new_err(format!("{name} has shape {}, expected {}", text(), tuple(&wanted))));
+        let expected: Vec<_> = shape.iter().map(|d| d.map_or_else(|| "n".to_owned(), |d| d.to_string())).collect();
+        return Err(InvalidInputError::new_err(format!("{name} has shape {}, expected {}", text(), tuple(&expected))));
     }
     let count = found.iter().fold(1_usize, |count, n| count.saturating_mul(*n));
     if count > most {

@@ -13,7 +13,7 @@ use std::path::PathBuf;
 const MAX_VALUES: usize = 64;
 const MAX_DEPTH: usize = 3;
 
-/// Events: the name of a set, the path of a TOML file, a dict or a list of dicts; None is no events.
+/// Events: the name of a set, the path of a TOML file, a dict or a list of dicts; None means no events.
 pub(crate) fn events(given: &Bound<'_, PyAny>) -> PyResult<Vec<Event>> {
     if given.is_none() {
         return Ok(Vec::new());

@@ -66,7 +66,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
     Ok(())
 }
 
-/// Whether None stands for a value that follows from other options.
+/// Whether None means a value that follows from other options.
 fn is_optional(config: &dyn TaskConfig, name: &str) -> bool {
     SCALAR_OPTIONS.iter().any(|option| option.name == name && option.kind == ScalarKind::OptionalReal)
         || config.is_scaled(name)

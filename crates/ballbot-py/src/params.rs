@@ -145,13 +145,13 @@ impl PyParams {
         <[f64; 3]>::from(self.0.gravity_vector()).into()
     }
 
-    /// Tilt (x, y) from the floor's normal at which the robot stands still on the slope of `floor_tilt`, rad, as
+    /// Tilt (x, y) from the floor's normal at which the robot is at rest on the slope of `floor_tilt`, rad, as
     /// `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
     fn slope_lean(&self) -> PyResult<(f64, f64)> {
         self.0.slope_lean().map(|lean| (lean.x, lean.y)).map_err(to_python)
     }
 
-    /// Slopes on which the robot can stand still in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
+    /// Slopes on which the robot can balance at rest in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
     /// which its lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball begins to slip; `motor`, at which
     /// a motor reaches its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
     #[pyo3(signature = (fall_tilt=0.349_065_850_398_865_9))]

@@ -69,7 +69,7 @@ impl PyReference {
         }
         Err(Error::Inconsistent(format!(
             "the Reference '{}' was made with params of another robot, which leans otherwise in the same motion: make it \
-             without params, or with those of this robot",
+             without params, or with the params of this robot",
             self.kind
         )))
     }

@@ -74,7 +74,7 @@ impl PyBallbot {
 
     /// Restarts at rest with the ball on the ground, its center above `x` and `y`, m, at the heading `yaw`, rad. `tilt`
     /// is the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; None is the lean at which
-    /// it stands still on the slope there.
+    /// it is at rest on the slope there.
     ///
     /// Raises:
     ///     ValueError: no lean holds the robot on the slope, or a part of it would be below the ground.

@@ -204,8 +204,8 @@ impl PyTerrain {
             return Err(PyValueError::new_err("a plane has no edges, and so no grid of heights"));
         }
         let [x, y] = self.0.half_size();
-        let wanted = cell.unwrap_or_else(|| self.0.surface().cell());
-        let (nodes, cell) = call(|| Terrain::grid([2.0 * x, 2.0 * y], wanted))?;
+        let desired = cell.unwrap_or_else(|| self.0.surface().cell());
+        let (nodes, cell) = call(|| Terrain::grid([2.0 * x, 2.0 * y], desired))?;
         let place = |i: usize, axis: usize| Terrain::node(nodes, cell, i, axis);
         let mut heights = Vec::new();
         try_reserve("the heights", &mut heights, nodes[0] * nodes[1]).map_err(to_python)?;

@@ -82,11 +82,11 @@ impl Shape {
     /// # Errors
     /// [`Error::Decode`] for contents that are not an STL, for more than two million triangles, and as [`Shape::mesh`].
     pub fn stl(contents: &[u8], scale: &Vector3<f64>) -> Result<Self> {
-        let refuse = |reason: String| Error::Decode { what: "mesh".into(), reason };
+        let invalid = |reason: String| Error::Decode { what: "mesh".into(), reason };
         let stl =
-            stl_io::read_stl(&mut Cursor::new(contents)).map_err(|e| refuse(format!("not a readable STL: {e}")))?;
+            stl_io::read_stl(&mut Cursor::new(contents)).map_err(|e| invalid(format!("not a readable STL: {e}")))?;
         if stl.faces.len() > MAX_TRIANGLES {
-            return Err(refuse(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
+            return Err(invalid(format!("{} triangles, limit {MAX_TRIANGLES}", stl.faces.len())));
         }
         let point = |p: &stl_io::Vertex| Vector3::new(p[0], p[1], p[2]).cast::<f64>().component_mul(scale);
         let points: Vec<_> = stl.vertices.iter().map(point).collect();

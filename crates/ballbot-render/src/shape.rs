@@ -53,15 +53,15 @@ impl Shape {
     /// # Errors
     /// [`Error::Decode`] for a mesh without triangles, an index out of range or a corner that is not finite.
     pub fn mesh(points: &[Vector3<f64>], triangles: &[[u32; 3]]) -> Result<Self> {
-        let refuse = |reason: String| Error::Decode { what: "mesh".into(), reason };
+        let invalid = |reason: String| Error::Decode { what: "mesh".into(), reason };
         if let Some(point) = points.iter().find(|p| !p.iter().all(|x| x.is_finite())) {
-            return Err(refuse(format!("a corner is {point:?}, must be finite")));
+            return Err(invalid(format!("a corner is {point:?}, must be finite")));
         }
         if let Some(index) = triangles.iter().flatten().find(|&&i| i as usize >= points.len()) {
-            return Err(refuse(format!("index {index} is beyond the {} corners", points.len())));
+            return Err(invalid(format!("index {index} is beyond the {} corners", points.len())));
         }
         let points = points.iter().map(|p| Vector::new(p.x, p.y, p.z)).collect();
-        let mesh = TriMesh::new(points, triangles.to_vec()).map_err(|e| refuse(e.to_string()))?;
+        let mesh = TriMesh::new(points, triangles.to_vec()).map_err(|e| invalid(e.to_string()))?;
         Ok(Self::Mesh(Arc::new(mesh)))
     }
 

@@ -54,7 +54,7 @@ pub(super) struct SimulationState {
     /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
     pub(super) push: [f64; 6],
     /// False after a non-finite state, which rapier freezes.
-    pub(super) healthy: bool,
+    pub(super) is_finite: bool,
     /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
     pub(super) searched_steps: u64,
     /// Searched steps in which the modes did not settle at all.
@@ -69,7 +69,7 @@ impl SimulationState {
             blow: [0.0; 15],
             floor_force: [0.0; 3],
             push: [0.0; 6],
-            healthy: true,
+            is_finite: true,
             searched_steps: 0,
             unsolved_steps: 0,
         }
@@ -246,7 +246,7 @@ impl Model for RigidMotion {
     }
 
     fn healthy(&self) -> bool {
-        self.sim_state.healthy
+        self.sim_state.is_finite
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
@@ -324,10 +324,10 @@ impl Model for RigidMotion {
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        let refused = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
+        let invalid = |reason: String| Error::Decode { what: "snapshot of a rigid world".into(), reason };
         let (sim_state, world): (SimulationState, World) = snapshot::unpack("snapshot of a rigid world", bytes)?;
         if !world.holds(&self.handles) {
-            return Err(refused("it lacks a part of the robot".into()));
+            return Err(invalid("it lacks a part of the robot".into()));
         }
         self.sim_state = sim_state;
         self.world = world;

@@ -137,12 +137,12 @@ impl Problem<'_> {
 
     fn modes(&self, limits: &Limits, impulses: &Impulses) -> Modes {
         let velocities = self.residual + self.coupling * impulses;
-        let wanted = |row: usize| impulses[row] - velocities[row] / self.coupling[(row, row)];
+        let required = |row: usize| impulses[row] - velocities[row] / self.coupling[(row, row)];
         std::array::from_fn(|k| {
             let (normal, tangents) = rows_of(k);
             let limit = match normal {
                 Some(normal) => {
-                    let load = wanted(normal);
+                    let load = required(normal);
                     if load <= 0.0 {
                         return Mode::Open;
                     }
@@ -154,8 +154,8 @@ impl Problem<'_> {
             if self.coupling[(tangents[0], tangents[0])] == 0.0 {
                 return Mode::Slide([0.0; 2]);
             }
-            let x = wanted(tangents[0]);
-            let y = tangents.get(1).map_or(0.0, |&row| wanted(row));
+            let x = required(tangents[0]);
+            let y = tangents.get(1).map_or(0.0, |&row| required(row));
             let size = x.hypot(y);
             if size <= limit { Mode::Stick } else { Mode::Slide([x / size, y / size]) }
         })
@@ -219,7 +219,7 @@ impl Problem<'_> {
 
     /// One projected Gauss-Seidel sweep.
     fn sweep(&self, limits: &Limits, loads: &mut Wheels<f64>, impulses: &mut Impulses) {
-        let wanted = |row: usize, impulses: &Impulses| {
+        let required = |row: usize, impulses: &Impulses| {
             let velocity = self.residual[row] + self.coupling.row(row).transpose().dot(impulses);
             impulses[row] - velocity / self.coupling[(row, row)]
         };
@@ -227,7 +227,7 @@ impl Problem<'_> {
             let (normal, tangents) = rows_of(k);
             let limit = match normal {
                 Some(normal) => {
-                    impulses[normal] = wanted(normal, impulses).max(0.0);
+                    impulses[normal] = required(normal, impulses).max(0.0);
                     match loads.0.get_mut(k) {
                         Some(load) => {
                             *load += LOAD_FILTER * (impulses[normal] - *load);
@@ -241,7 +241,7 @@ impl Problem<'_> {
             };
             for &row in tangents {
                 if self.coupling[(row, row)] > 0.0 {
-                    impulses[row] = wanted(row, impulses);
+                    impulses[row] = required(row, impulses);
                 }
             }
             within(limit, tangents, impulses);

@@ -134,7 +134,7 @@ impl RigidMotion {
         let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
         let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
-        self.sim_state.healthy &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
+        self.sim_state.is_finite &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
         let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
         let floor_force = self.world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
         self.sim_state.floor_force = floor_force.into();

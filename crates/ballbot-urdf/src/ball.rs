@@ -31,7 +31,7 @@ impl Ball {
         let shape = spheres_and_cylinders(&tree, &links, |s| s.cylinder_axis.is_none())?
             .into_iter()
             .next()
-            .ok_or_else(|| format!("'{name}' has no collision or visual sphere to tell the ball's radius"))?;
+            .ok_or_else(|| format!("'{name}' has no collision or visual sphere with the ball's radius"))?;
         let Shape { radius, center, .. } = shape;
         let off_center = (body.center - center).norm();
         if !(..=TOLERANCE).contains(&off_center) {
@@ -44,7 +44,7 @@ impl Ball {
         let uneven = (body.inertia - Matrix3::from_diagonal_element(inertia)).amax() / inertia;
         if !(..=TOLERANCE).contains(&uneven) {
             return Err(format!(
-                "the inertia of '{name}' is not that of a ball: it differs from its mean moment {inertia} kg m^2 by \
+                "the inertia of '{name}' is not the inertia of a ball: it differs from its mean moment {inertia} kg m^2 by \
                  {uneven:.3e} of it, at most {TOLERANCE:e}"
             ));
         }

@@ -24,7 +24,7 @@ pub(super) struct Bot {
 }
 
 impl Bot {
-    /// Reads the URDF `text` of a bot that stands on a ball of radius `ball_radius`.
+    /// Reads the URDF `text` of a bot on a ball of radius `ball_radius`.
     pub fn read(text: &str, ball_radius: f64) -> Checked<Self> {
         let tree = Tree::read(text)?;
         let wheels = wheels(&tree)?;

@@ -4,7 +4,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::files;
 use std::path::Path;
 
-/// A value, or the reason why its file is rejected; [`refuse`] adds the file name.
+/// A value, or the reason why its file is rejected; [`invalid_file`] adds the file name.
 pub(super) type Checked<T> = std::result::Result<T, String>;
 
 /// Largest position error, m, and largest direction error that count as rounding in a file.
@@ -18,7 +18,7 @@ pub(super) fn read_file(path: &Path) -> Result<String> {
 }
 
 /// Why the file named `label` is rejected.
-pub(super) fn refuse(label: &str) -> impl Fn(String) -> Error {
+pub(super) fn invalid_file(label: &str) -> impl Fn(String) -> Error {
     let file = label.to_owned();
     move |reason| Error::Urdf { file: file.clone(), reason }
 }

@@ -33,7 +33,7 @@ pub use visual::{Visual, VisualLink, VisualShape, visuals_from_urdf, visuals_fro
 
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
-use checked::{read_file, refuse};
+use checked::{invalid_file, read_file};
 use std::path::Path;
 
 /// Parameters of the ballbot described by the files `bot` and `ball`.
@@ -56,13 +56,13 @@ pub fn params_from_urdf_text(bot: &str, ball: &str) -> Result<Params> {
 
 /// Parameters from the (label, text) of both URDFs.
 fn read_params((bot_label, bot): (&str, &str), (ball_label, ball): (&str, &str)) -> Result<Params> {
-    let ball = ball::Ball::read(ball).map_err(refuse(ball_label))?;
-    let bot = bot::Bot::read(bot, ball.radius).map_err(refuse(bot_label))?;
+    let ball = ball::Ball::read(ball).map_err(invalid_file(ball_label))?;
+    let bot = bot::Bot::read(bot, ball.radius).map_err(invalid_file(bot_label))?;
     let mut fields: Vec<(&str, &[f64])> = vec![
         ("ball_mass", std::slice::from_ref(&ball.mass)),
         ("ball_inertia", std::slice::from_ref(&ball.inertia)),
         ("ball_radius", std::slice::from_ref(&ball.radius)),
     ];
     fields.extend(bot.fields());
-    Params::from_fields(fields).map_err(|e| refuse(&format!("{bot_label} and {ball_label}"))(e.to_string()))
+    Params::from_fields(fields).map_err(|e| invalid_file(&format!("{bot_label} and {ball_label}"))(e.to_string()))
 }

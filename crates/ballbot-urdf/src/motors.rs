@@ -1,6 +1,6 @@
 //! The motors of a URDF: the velocity limit of its wheel joints.
 
-use super::checked::{Checked, TOLERANCE, read_file, refuse};
+use super::checked::{Checked, TOLERANCE, invalid_file, read_file};
 use super::tree::Tree;
 use ballbot_base::error::Result;
 use ballbot_base::options::OptionTable;
@@ -27,9 +27,9 @@ pub fn motors_from_urdf_text(bot: &str) -> Result<MotorOptions> {
 }
 
 fn read_motors(label: &str, bot: &str) -> Result<MotorOptions> {
-    let speed_limit = speed_limit(bot).map_err(refuse(label))?;
+    let speed_limit = speed_limit(bot).map_err(invalid_file(label))?;
     let options = MotorOptions { speed_limit, ..MotorOptions::default() };
-    options.validate().map_err(|error| refuse(label)(error.to_string()))?;
+    options.validate().map_err(|error| invalid_file(label)(error.to_string()))?;
     Ok(options)
 }
 

@@ -1,7 +1,7 @@
 //! Visual shapes of two URDFs, in the frames of the simulated robot.
 
 use super::bot::Bot;
-use super::checked::{Checked, read_file, refuse};
+use super::checked::{Checked, invalid_file, read_file};
 use super::numbers::pose;
 use super::tree::Tree;
 use ballbot_base::error::Result;
@@ -83,8 +83,8 @@ fn read_visuals((bot, bot_text): (&Path, &str), (ball, ball_text): (&Path, &str)
         }
         Ok(found)
     };
-    let mut found = of_ball(ball_text).map_err(refuse(&ball_label))?;
-    found.extend(of_bot(bot_text).map_err(refuse(&bot_label))?);
+    let mut found = of_ball(ball_text).map_err(invalid_file(&ball_label))?;
+    found.extend(of_bot(bot_text).map_err(invalid_file(&bot_label))?);
     Ok(found)
 }
 

@@ -40,7 +40,7 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
     return found
 
 
-def beside(task: str) -> tuple[str, ...]:
+def baselines(task: str) -> tuple[str, ...]:
     """Controllers that can perform the task, with which a policy is compared."""
     return ("lqr",) if description_of(task)["command"] else ("lqr", "pid")
 

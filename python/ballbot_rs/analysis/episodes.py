@@ -123,7 +123,7 @@ def compare(
 
     Args:
         controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`;
-            "zero" is no torque), the path of a policy file (Stable-Baselines3 or ONNX) or of a training run, a
+            "zero" is zero torque), the path of a policy file (Stable-Baselines3 or ONNX) or of a training run, a
             `Controller`, or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the
             setpoint, m).
         task: name of the task; None is the policies' task, else "balance". Policy files without metadata need it or

@@ -119,7 +119,7 @@ def rollout(
         steps: number of control steps.
         starts: states to start from; None samples them.
     """
-    # The core does not know other engines.
+    # The core has no other engines.
     law = core_law(controller, batch) if isinstance(batch, Batch) else None
     loop = ClosedLoop(batch, law or make_actor(controller, batch))
     loop.reset(starts=starts)

@@ -8,7 +8,8 @@ from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS
-from ballbot_rs.cli import scenario, settings
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.scenarios.matrix import WIDTH, text
@@ -22,14 +23,14 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "scenario", nargs="*", metavar="SCENARIO", help="S13-6s, or S13 for all of them (default: all)"
     )
-    scenario.add_controller(command, several=True)
+    shared.add_controller(command, several=True)
     command.add_argument("--file", type=Path, metavar="FILE.toml", help="custom scenarios")
     command.add_argument("--robot", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)")
     settings.add_to(command, "a parameter of the robot, as params.body_mass=2.5")
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
-    scenario.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
+    shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")
-    scenario.add_verbosity(command, "one row for each controller and scenario")
+    shared.add_verbosity(command, "one row for each controller and scenario")
     command.set_defaults(carry_out=run)
 
 
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
             indent = " " * (width + 2)
             print(textwrap.fill(f"{one.id.ljust(width)}  {one.title}", WIDTH, subsequent_indent=indent))
         return
-    robot = settings.robot_of(arguments, scenario.robot_option(arguments.robot or "paper"))
+    robot = settings.robot_of(arguments, shared.robot_option(arguments.robot or "paper"))
     with bar("comparing", arguments.quiet or arguments.json) as progress:
         outcomes = run_scenarios(
             arguments.controller or ["lqr"],

@@ -7,7 +7,7 @@ from typing import Any
 from ballbot_rs import __version__
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
@@ -18,25 +18,25 @@ from ballbot_rs.envs.registration import env_id_of
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("evaluate", help="evaluate controllers and policies")
-    scenario.add_task_or_policy(command)
-    scenario.add_controller(command, several=True)
-    scenario.add_robot(command)
-    scenario.add_events(command, TRAINED)
+    shared.add_task_or_policy(command)
+    shared.add_controller(command, several=True)
+    shared.add_robot(command)
+    shared.add_events(command, TRAINED)
     command.add_argument(
         "--engine", choices=ENGINES, help="another engine in place of a model, with ideal motors (default: none)"
     )
-    scenario.add_seed(command, "seed of the first start (default 1000)", 1000, MAX_SEED)
+    shared.add_seed(command, "seed of the first start (default 1000)", 1000, MAX_SEED)
     command.add_argument(
         "--episodes", type=whole(1, MAX_EPISODES), default=100, help="number of episodes (default 100)"
     )
-    scenario.add_verbosity(command, "the results")
+    shared.add_verbosity(command, "the results")
     command.set_defaults(carry_out=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     arguments.controller = arguments.controller or ["lqr"]
-    controllers, options = scenario.controllers(arguments), scenario.env_options(arguments)
+    controllers, options = shared.controllers(arguments), shared.env_options(arguments)
     task = common_task(controllers, arguments.task)
     with bar("evaluating", arguments.quiet or arguments.json) as progress:
         results = compare(

@@ -8,7 +8,8 @@ from typing import Any
 
 from ballbot_rs import _files
 from ballbot_rs._extras import require
-from ballbot_rs.cli import scenario, settings
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
 
@@ -28,7 +29,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--task",
-        type=scenario.task_name,
+        type=shared.task_name,
         metavar="TASK",
         help="the task of a policy file without metadata (ballbot_rs.save adds it)",
     )
@@ -47,8 +48,8 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--estimator", action="store_true", help="the estimator as C, for the robot of --robot and its --sensors"
     )
-    scenario.add_robot(command)
-    scenario.add_output(
+    shared.add_robot(command)
+    shared.add_output(
         command,
         "FILE.onnx|FILE.h",
         "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h)",
@@ -96,7 +97,7 @@ def _export_policy(arguments: argparse.Namespace, target: Path) -> None:
 def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
     with require("exporting", "train", "export"):
         from ballbot_rs.training import export
-    options = scenario.env_options(arguments)
+    options = shared.env_options(arguments)
     given = options if options or arguments.task is not None else None
     return export.export(arguments.policy, target, arguments.task, given)
 
@@ -104,7 +105,7 @@ def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
 def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
     task = arguments.task
     if arguments.policy.suffix == ".onnx":
-        if options := scenario.env_options(arguments):
+        if options := shared.env_options(arguments):
             raise ValueError(
                 f"{arguments.policy} has its own options of the environment: leave out {', '.join(options)}"
             )
@@ -124,7 +125,7 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
     target = arguments.output or Path(f"{arguments.controller or 'estimator'}.h")
     if target.suffix != ".h":
         raise ValueError(f"{target}: the name of a C header ends in .h")
-    options = scenario.env_options(arguments)
+    options = shared.env_options(arguments)
     if others := sorted(set(options) - set(known)):
         raise ValueError(
             f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"

@@ -7,7 +7,8 @@ from typing import Any, Final
 
 from ballbot_rs import _files
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
-from ballbot_rs.cli import scenario, settings
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
@@ -57,8 +58,8 @@ def add_to(commands: Any) -> None:
         help="of the accelerometer in the body frame, m (default 0 0 0)",
     )
     command.add_argument("--threads", type=whole(1, 256), help="threads of the simulations (default: all cores)")
-    scenario.add_output(command, "FILE.toml", "the robot, for --robot and --actuators (default: none is written)")
-    scenario.add_verbosity(command, "the result")
+    shared.add_output(command, "FILE.toml", "the robot, for --robot and --actuators (default: none is written)")
+    shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
 
 
@@ -67,7 +68,7 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.output
     if out is not None and out.suffix != ".toml":
         raise ValueError(f"{out}: the name of a robot's file ends in .toml")
-    params = settings.params_of(scenario.robot_option(arguments.robot))
+    params = settings.params_of(shared.robot_option(arguments.robot))
     actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
     with bar("identifying", arguments.quiet or arguments.json) as progress:
         found = identify(

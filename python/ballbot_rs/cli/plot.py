@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ballbot_rs._extras import require
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import NAMES, TRAINED
@@ -25,12 +25,12 @@ MM, WIDTHS = 25.4, (2.0, 40.0)
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("plot", help="draw figures of controllers, policies and training runs")
-    scenario.add_task_or_policy(command)
-    scenario.add_controller(command, several=True)
-    scenario.add_robot(command)
-    scenario.add_events(command, TRAINED)
-    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    scenario.add_output(command, "FOLDER", "folder (default figures)")
+    shared.add_task_or_policy(command)
+    shared.add_controller(command, several=True)
+    shared.add_robot(command)
+    shared.add_events(command, TRAINED)
+    shared.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
+    shared.add_output(command, "FOLDER", "folder (default figures)")
     command.add_argument(
         "--figure", action="append", choices=FIGURES, help="which figure; repeat for several (default all that apply)"
     )
@@ -48,8 +48,8 @@ def add_to(commands: Any) -> None:
         const="csv",
         help="also the numbers of each figure, a file a controller (default csv)",
     )
-    scenario.add_scenario(command, seconds=4.0)
-    scenario.add_verbosity(command, "the files")
+    shared.add_scenario(command, seconds=4.0)
+    shared.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
 
 
@@ -61,16 +61,16 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     output = arguments.output or Path("figures")
     runs = [name for name in arguments.controller if name not in NAMES and (Path(name) / "run.json").is_file()]
-    options = scenario.env_options(arguments)
+    options = shared.env_options(arguments)
     measured = options.get("observation") == "sensors"
     unfit = {"learning_curve": not runs, "recovery_map": bool(options.get("events")), "estimates": not measured}
-    wanted = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
-    if "learning_curve" in wanted and not runs:
+    selected = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
+    if "learning_curve" in selected and not runs:
         raise ValueError("a learning curve needs training runs, and none is given")
-    if "estimates" in wanted and not measured:
+    if "estimates" in selected and not measured:
         raise ValueError("estimates need a task that observes sensors: add --set observation=sensors")
     files = []
-    for drawn in _draw(wanted, arguments, runs):
+    for drawn in _draw(selected, arguments, runs):
         for suffix in (arguments.format, "png"):
             path = output / f"{drawn.name}.{suffix}"
             save(drawn.figure, path)
@@ -102,7 +102,7 @@ def _tables(drawn: _Drawn, output: Path, suffix: str) -> Iterator[tuple[Path, di
         yield output / f"{drawn.data_name}-{name}{again}.{suffix}", table()
 
 
-def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[_Drawn]:
+def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[_Drawn]:
     from ballbot_rs.analysis import recovery_map as recovery
     from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
     from ballbot_rs.media.figures.data import of_curve, of_recovery
@@ -110,18 +110,18 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json
-    chosen, found = scenario.on_one_robot(arguments)
+    chosen, found = shared.on_one_robot(arguments)
     drawn: list[_Drawn] = []
     inches = None if arguments.width is None else arguments.width / MM
-    if {"trajectories", "estimates", "phase_portrait"} & set(wanted):
+    if {"trajectories", "estimates", "phase_portrait"} & set(selected):
         moving = [chosen.of(controller) for controller in found]
         owners, tables = [short(one.controller) for one in moving], [one.columns for one in moving]
         drawers = {"trajectories": trajectories, "estimates": estimates, "phase_portrait": phase_portrait}
         for name, drawer in drawers.items():
-            if name in wanted:
+            if name in selected:
                 # Their numbers are the same.
                 drawn.append(_Drawn(name, drawer.draw(moving, inches), "trajectory", owners, tables))
-    if "recovery_map" in wanted:
+    if "recovery_map" in selected:
         maps = []
         for controller in found:
             with bar(f"recovery of {controller.name}", quiet) as progress:
@@ -131,7 +131,7 @@ def _draw(wanted: Sequence[str], arguments: argparse.Namespace, runs: Sequence[s
         tables = [functools.partial(of_recovery, one) for one in maps]
         owners = [short(one.controller) for one in maps]
         drawn.append(_Drawn("recovery_map", recovery_map.draw(maps, inches), "recovery_map", owners, tables))
-    if "learning_curve" in wanted:
+    if "learning_curve" in selected:
         curves = [read(Path(name)) for name in runs]
         tables = [functools.partial(of_curve, one) for one in curves]
         owners = [one.folder.resolve().name for one in curves]

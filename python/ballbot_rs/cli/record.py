@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Renderer
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
@@ -25,13 +25,13 @@ STILL_SAMPLES = 4
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("record", help="record a video of a controller or policy")
-    scenario.add_task_or_policy(command)
-    scenario.add_controller(command, several=True)
-    scenario.add_robot(command)
-    scenario.add_events(command, TRAINED)
-    scenario.add_urdf(command)
-    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    scenario.add_output(command, "FILE.mp4|FILE.webp", "the video, or an animation (default CONTROLLER.mp4)")
+    shared.add_task_or_policy(command)
+    shared.add_controller(command, several=True)
+    shared.add_robot(command)
+    shared.add_events(command, TRAINED)
+    shared.add_urdf(command)
+    shared.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
+    shared.add_output(command, "FILE.mp4|FILE.webp", "the video, or an animation (default CONTROLLER.mp4)")
     command.add_argument(
         "--still",
         type=real(0.0, MAX_SECONDS),
@@ -62,8 +62,8 @@ def add_to(commands: Any) -> None:
     command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames per second (default 50)")
     command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
     command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")
-    scenario.add_scenario(command, seconds=5.0)
-    scenario.add_verbosity(command, "the files")
+    shared.add_scenario(command, seconds=5.0)
+    shared.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
 
 
@@ -74,7 +74,7 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     out = arguments.output or Path(f"{'-'.join(Path(name).stem for name in arguments.controller)}.mp4")
     check_suffix(out)
-    shown = scenario.trajectories(arguments)
+    shown = shared.trajectories(arguments)
     caption = not arguments.no_caption
     described = [_described(one) for one in shown]
     # The record of a single robot, or a list of the records of several, from left to right.

@@ -6,7 +6,8 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
-from ballbot_rs.cli import scenario, settings
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.excitation import MAX_SECONDS, NOISE, record_log
@@ -29,9 +30,9 @@ def add_to(commands: Any) -> None:
         "--excitation", type=real(0.0, 10.0), default=1.0, help="factor of the multisine and the steps (default 1)"
     )
     command.add_argument("--exact", action="store_true", help="sensors without noise")
-    scenario.add_seed(command, "of the excitation and the noise (default 0)", 0, MAX_SEED)
-    scenario.add_output(command, "FILE.csv|FILE.npz", "the log (default log.csv)")
-    scenario.add_verbosity(command, "the file")
+    shared.add_seed(command, "of the excitation and the noise (default 0)", 0, MAX_SEED)
+    shared.add_output(command, "FILE.csv|FILE.npz", "the log (default log.csv)")
+    shared.add_verbosity(command, "the file")
     command.set_defaults(carry_out=run)
 
 
@@ -42,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
     with bar("recording", arguments.quiet or arguments.json) as progress:
         log = record_log(
-            settings.params_of(scenario.robot_option(arguments.robot)),
+            settings.params_of(shared.robot_option(arguments.robot)),
             arguments.seconds,
             actuators=None if arguments.actuators is None else load_actuators(arguments.actuators),
             model=arguments.model,

@@ -10,7 +10,7 @@ from typing import Any
 
 from ballbot_rs._progress import Progress
 from ballbot_rs.analysis.episodes import MAX_EPISODES, Result
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.media.report.report import write
@@ -20,14 +20,14 @@ def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("report", help="write a training run's report, one HTML file")
     command.add_argument("run", type=Path, metavar="RUN", help="the run's folder")
-    scenario.add_output(command, "FILE.html", "the file (default report.html in the run)")
+    shared.add_output(command, "FILE.html", "the file (default report.html in the run)")
     command.add_argument(
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"
     )
     command.add_argument(
         "--video-seconds", type=real(0.0, MAX_SECONDS), default=4.0, help="length of the video (default 4, 0: none)"
     )
-    scenario.add_verbosity(command, "the file's name")
+    shared.add_verbosity(command, "the file's name")
     command.set_defaults(carry_out=run)
 
 

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
-from ballbot_rs.analysis.conditions import beside
+from ballbot_rs.analysis.conditions import baselines
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
-from ballbot_rs.cli import report, scenario, settings
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import report, settings
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
@@ -31,14 +32,14 @@ MAX_TIMESTEPS = 10**12
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
-    scenario.add_task(command)
-    scenario.add_robot(
+    shared.add_task(command)
+    shared.add_robot(
         command,
         otherwise="the configuration's, else",
         others=", or a key of the configuration, as total_timesteps=1000000 or algorithm_arguments.gamma=0.98",
     )
-    scenario.add_events(command)
-    scenario.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
+    shared.add_events(command)
+    shared.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
     command.add_argument(
         "--config",
         type=Path,
@@ -74,11 +75,11 @@ def add_to(commands: Any) -> None:
         help="with --on ray: a cluster to join instead of starting one",
     )
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
-    scenario.add_verbosity(command, "the result")
+    shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
 
 
-def _config_of_run(folder: Path, asked: str | None) -> "TrainConfig":
+def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
     """The configuration of a run, before the run is changed.
 
     Raises:
@@ -91,8 +92,8 @@ def _config_of_run(folder: Path, asked: str | None) -> "TrainConfig":
     run_folder.read_record(folder)
     config = config_module.parse(run_folder.read_config_text(folder), str(folder / run_folder.CONFIG))
     task = task_of(config.env_id)
-    if asked is not None and asked != task:
-        raise ValueError(f"{folder} is a run of {task}, not of {asked}: leave the task out, or name the run's")
+    if chosen is not None and chosen != task:
+        raise ValueError(f"{folder} is a run of {task}, not of {chosen}: leave the task out, or name the run's")
     return config
 
 
@@ -109,7 +110,7 @@ def run(arguments: argparse.Namespace) -> None:
         given = [name for name in fixed if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} cannot be combined with it")
-        if arguments.set or scenario.named_options(arguments):
+        if arguments.set or shared.named_options(arguments):
             raise ValueError("--resume continues a run as it was configured: it takes no other values")
         folder = arguments.resume
         config = _config_of_run(folder, arguments.task)
@@ -154,7 +155,7 @@ def run(arguments: argparse.Namespace) -> None:
         with bar("comparing", not progress_bar) as progress:
             trained = task_of(config.env_id)
             results = compare(
-                [str(policy), *beside(trained)], task=trained, episodes=arguments.episodes, progress=progress
+                [str(policy), *baselines(trained)], task=trained, episodes=arguments.episodes, progress=progress
             )
     written = None if arguments.no_report else report.after_training(folder, results, not progress_bar)
     record = run_folder.read_record(folder)
@@ -214,7 +215,7 @@ def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) 
     settings.check_names(given, task, keys)
     values = {name: value for name, value in given.items() if name.partition(".")[0] in keys}
     options = {name: value for name, value in given.items() if name not in values}
-    options = settings.apply(options, scenario.named_options(arguments), env)
+    options = settings.apply(options, shared.named_options(arguments), env)
     return values | {f"env.{name}": value for name, value in options.items()}
 
 

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._text_table import WIDTH
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import train as train_command
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.envs.registration import DEFAULT_TASK
@@ -32,14 +32,14 @@ SHOWN = 5
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("tune", help="search the hyperparameters of a training")
-    scenario.add_task(command)
-    scenario.add_robot(
+    shared.add_task(command)
+    shared.add_robot(
         command,
         otherwise="the configuration's, else",
         others=", or a key of the configuration, as evaluation.episodes=200",
     )
-    scenario.add_events(command)
-    scenario.add_seed(command, "seed of every trial (default 0)", 0, MAX_RUN_SEED)
+    shared.add_events(command)
+    shared.add_seed(command, "seed of every trial (default 0)", 0, MAX_RUN_SEED)
     command.add_argument("--config", type=Path, help="TOML file to start from instead of the task's own")
     command.add_argument(
         "--timesteps",
@@ -63,7 +63,7 @@ def add_to(commands: Any) -> None:
         help="a key of the configuration and its range: LOW:HIGH, LOW:HIGH:log or [A, B]; repeat for more "
         "(default: rates, steps, batches, discounts and noise of PPO)",
     )
-    scenario.add_verbosity(command, "the result")
+    shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
 
 
@@ -79,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
         with _interrupts.patient():
             _carry_out(search, arguments.jobs, tell)
     except (KeyboardInterrupt, OSError):
-        _tell(f"to go on, give the same command again: {search.folder} has the trials that have ended")
+        _tell(f"to continue, give the same command again: {search.folder} has the trials that have ended")
         raise
     best = search.finish()
     config = search.folder / search_module.BEST

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any
 from ballbot_rs._checks import check_options
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
-from ballbot_rs.cli import scenario
+from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.envs._batch_env import option_names
@@ -30,12 +30,12 @@ PORT = 8080
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
-    scenario.add_task_or_policy(command)
-    scenario.add_controller(command)
-    scenario.add_robot(command)
-    scenario.add_events(command, TRAINED)
-    scenario.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    scenario.add_urdf(command)
+    shared.add_task_or_policy(command)
+    shared.add_controller(command)
+    shared.add_robot(command)
+    shared.add_events(command, TRAINED)
+    shared.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
+    shared.add_urdf(command)
     command.add_argument(
         "--batch",
         type=whole(1, MAX_ROBOTS),
@@ -76,8 +76,8 @@ def _end_without(code: int) -> None:
 
 
 def _start(arguments: argparse.Namespace) -> "View":
-    (controller,) = scenario.controllers(arguments)
-    given = scenario.env_options(arguments)
+    (controller,) = shared.controllers(arguments)
+    given = shared.env_options(arguments)
     if "history" in given:
         raise ValueError(
             "--set history=... cannot be set here: the page's policies observe with the history of their training"

@@ -191,8 +191,8 @@ class Laws:
             raise failed(self.name, error) from error
 
     def _numbers(self, answer: Any, shape: tuple[int, ...]) -> Array:
-        wanted = f"wheel torques of shape {shape}, N·m"
-        torques = real_array(f"{self.name} gave", answer, wanted).astype(np.float64, copy=False)
+        desired = f"wheel torques of shape {shape}, N·m"
+        torques = real_array(f"{self.name} gave", answer, desired).astype(np.float64, copy=False)
         if torques.shape != shape:
             raise InvalidInputError(f"{self.name} gave torques of shape {torques.shape}: expected {shape}, N·m")
         return torques

@@ -82,8 +82,8 @@ class Reference:
         # The speed from which the target can still stop at the goal after this step: v²/2a + v dt = distance.
         brakes = math.hypot(seconds, math.sqrt(2.0 * distance / self.max_acceleration)) - seconds
         speed = min(self.max_speed, self.max_acceleration * brakes)
-        wanted = way * (speed / distance) if distance > 0.0 else np.zeros(2)
-        self._velocity = self._velocity + _within(wanted - self._velocity, self.max_acceleration * seconds)
+        desired = way * (speed / distance) if distance > 0.0 else np.zeros(2)
+        self._velocity = self._velocity + _within(desired - self._velocity, self.max_acceleration * seconds)
         ahead = self.position + seconds * self._velocity - np.asarray(ball, dtype=np.float64)
         self.position = np.asarray(ball, dtype=np.float64) + _within(ahead, self.lead)
         return self.position

@@ -131,7 +131,7 @@ def find(
         )
     file, _, attribute = name.rpartition(":")
     if file.endswith(".py") and attribute:
-        return _from_object(_imported(Path(file), attribute), name)
+        return _from_object(_load_object(Path(file), attribute), name)
     if not path.exists() and path.suffix not in (".zip", ".py:"):
         known = f"expected {', '.join(NAMES)} or the path of a policy"
         raise FileNotFoundError(f"no policy at {name}: {known}{did_you_mean(name, NAMES)}")
@@ -168,8 +168,8 @@ def common_task(controllers: Sequence[ResolvedController], task: str | None = No
     chosen = task or (policies[0].task if policies else None) or DEFAULT_TASK
     for controller in policies:
         if controller.task != chosen:
-            asked = f"the task {chosen}" if task is not None else f"that of {policies[0].name}, {chosen}"
-            raise ValueError(f"{controller.name} was trained for the task {controller.task}, not for {asked}")
+            other = f"the task {chosen}" if task is not None else f"the task of {policies[0].name}, {chosen}"
+            raise ValueError(f"{controller.name} was trained for the task {controller.task}, not for {other}")
     return chosen
 
 
@@ -186,7 +186,7 @@ def common_options(
     policies = [controller for controller in controllers if controller.policy is not None or controller.env_options]
     options: Mapping[str, Any] = policies[0].env_options if policies else {}
     for controller in policies:
-        if controller.env_options != options or _rows(controller.env_options) != _rows(options):
+        if controller.env_options != options or _row_names(controller.env_options) != _row_names(options):
             raise ValueError(
                 f"{controller.name} was trained with {dict(controller.env_options)}, "
                 f"{policies[0].name} with {dict(options)}: not one task"
@@ -200,7 +200,7 @@ def common_options(
     return {**without_curriculum(options), **given}
 
 
-def _rows(options: Mapping[str, Any]) -> list[str]:
+def _row_names(options: Mapping[str, Any]) -> list[str]:
     """Names of added rows in the order in which they are observed."""
     return list(options.get("rows") or ())
 
@@ -213,7 +213,7 @@ def options_of(
     return {name: value for name, value in shared.items() if is_kept or name != "max_wheel_torque"}
 
 
-def _imported(file: Path, attribute: str) -> Any:
+def _load_object(file: Path, attribute: str) -> Any:
     """An object in a Python file, or an instance of a class in it."""
     if not file.is_file():
         raise FileNotFoundError(f"no Python file at {file}")

@@ -42,28 +42,28 @@ def read(path: Path) -> dict[str, Any]:
     Raises:
         ValueError: not a policy file of Stable-Baselines3, or a damaged file.
     """
-    refusal = f"{path} is not a policy file of Stable-Baselines3"
+    rejection = f"{path} is not a policy file of Stable-Baselines3"
     if not zipfile.is_zipfile(path):
-        raise ValueError(f"{refusal}: it is not a zip file, or it is truncated")
+        raise ValueError(f"{rejection}: it is not a zip file, or it is truncated")
     try:
         with zipfile.ZipFile(path) as archive:
             sizes = {entry.filename: entry.file_size for entry in archive.infolist()}
             for name in ("data", "policy.pth"):
                 if name not in sizes:
-                    raise ValueError(f"{refusal}: it has no '{name}'")
+                    raise ValueError(f"{rejection}: it has no '{name}'")
             if sizes["data"] > MAX_DATA or sum(sizes.values()) > MAX_SIZE:
                 limits = f"{sizes['data']} and {sum(sizes.values())} bytes, more than {MAX_DATA} and {MAX_SIZE}"
-                raise ValueError(f"{refusal}: its 'data' and all of it have {limits}")
+                raise ValueError(f"{rejection}: its 'data' and all of it have {limits}")
             damaged = archive.testzip()
             if damaged is not None:
-                raise ValueError(f"{refusal}: '{damaged}' in it is damaged")
+                raise ValueError(f"{rejection}: '{damaged}' in it is damaged")
             data = json.loads(archive.read("data"))
     except (zipfile.BadZipFile, zlib.error, EOFError, OSError, NotImplementedError, RuntimeError) as error:
-        raise ValueError(f"{refusal}: {error}") from error
+        raise ValueError(f"{rejection}: {error}") from error
     except (json.JSONDecodeError, UnicodeDecodeError, RecursionError) as error:
-        raise ValueError(f"{refusal}: its 'data' cannot be read: {error}") from error
+        raise ValueError(f"{rejection}: its 'data' cannot be read: {error}") from error
     if not isinstance(data, dict):
-        raise ValueError(f"{refusal}: its 'data' is not a table")
+        raise ValueError(f"{rejection}: its 'data' is not a table")
     return data
 
 

@@ -97,13 +97,13 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     return file
 
 
-def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = MappingProxyType({})) -> None:
+def write(model: BaseAlgorithm, file: Path, extra: Mapping[str, bytes] = MappingProxyType({})) -> None:
     """Writes a model as Stable-Baselines3 does, but atomically.
 
     Args:
         model: the model.
         file: the file to write.
-        beside: further content of the archive, by name.
+        extra: further content of the archive, by name.
 
     Raises:
         OSError: the file cannot be written.
@@ -113,7 +113,7 @@ def write(model: BaseAlgorithm, file: Path, beside: Mapping[str, bytes] = Mappin
     with _interrupts.held_back():
         model.save(content)
     with zipfile.ZipFile(content, "a") as archive:
-        for name, other in beside.items():
+        for name, other in extra.items():
             archive.writestr(name, other)
     _files.write(file, content.getvalue())
 
@@ -191,7 +191,7 @@ def load(
     if unknown:
         if "policy_class" in unknown:
             _check_class(path, data["policy_class"], found["algorithm"])
-        _warn_of_code(path, f"{' and '.join(unknown)} of its own")
+        _warn_of_code(path, f"custom {' and '.join(unknown)}")
     _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task, options)
     return _unpacked(path, found["algorithm"], replaced), {**found, "env_options": options}
 
@@ -221,7 +221,7 @@ def _load_unnamed(
             f"{path} was trained for another environment: it maps {found_spaces[0]} to {found_spaces[1]}, "
             f"expected {known[True][0]} to {known[True][1]}"
         )
-    # Observations without scaling mean a policy from before 0.2.0, unless the options say otherwise.
+    # Observations without scaling mean a policy from before 0.2.0, unless the options state otherwise.
     options = {"scale_observations": True, **env_options} if scaled else dict(env_options)
     return model, {**metadata(task, name, {}), "env_options": policy_file.completed(task, options)}
 

@@ -98,7 +98,7 @@ class Episodes:
         self._keywords = found[0].info_keywords if found else ()
         if found and found[0].reset_keywords:
             raise ValueError(f"reset_keywords = {found[0].reset_keywords!r} of Monitor: resets of robots take none")
-        self._refuses_early = any(not monitor.allow_early_resets for monitor in found)
+        self._rejects_early = any(not monitor.allow_early_resets for monitor in found)
         self._is_reset = False
         self._writers = [monitor.results_writer for monitor in found]
         self._returns: npt.NDArray[np.float64] = np.zeros(len(found))
@@ -110,7 +110,7 @@ class Episodes:
         Raises:
             RuntimeError: an episode has begun, and a `Monitor` has `allow_early_resets=False`.
         """
-        if self._refuses_early and self._is_reset:
+        if self._rejects_early and self._is_reset:
             raise RuntimeError(
                 "reset of robots within their episodes, which allow_early_resets=False of Monitor forbids"
             )

@@ -263,7 +263,7 @@ class VelocityOptions(CommonOptions, total=False):
     speed: float
     #: Largest commanded rate of the heading; uniform within ± this. (rad/s, >= 0 and <= 10)
     yaw_rate: float
-    #: Fraction of the commands to stand still. (>= 0 and <= 1)
+    #: Fraction of zero commands. (>= 0 and <= 1)
     standing: float
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike

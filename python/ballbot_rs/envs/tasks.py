@@ -317,7 +317,7 @@ class VelocityEnv(BallbotEnv):
       FILE.toml, or a list of dicts)
     - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <= 10)
     - `yaw_rate`: Largest commanded rate of the heading; uniform within ± this. (default 1 rad/s; >= 0 and <= 10)
-    - `standing`: Fraction of the commands to stand still. (default 0.1; >= 0 and <= 1)
+    - `standing`: Fraction of zero commands. (default 0.1; >= 0 and <= 1)
     - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s; > 0 and <=
       1e9)
     - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)

@@ -47,9 +47,9 @@ def check_determined(problem: Problem, derivatives: Array, kept: Mask, fit: Poin
 
     After a fit, numbers at a limit are not checked.
     """
-    wanted, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
-    free = np.ones(len(wanted.names), dtype=np.bool_) if fit is None else ~at_limit(wanted, fit.values)
-    names, flat = np.array(wanted.names)[free], flat[:, free]
+    unknowns, flat = problem.fitted, derivatives[kept[problem.windows.window]].reshape(-1, derivatives.shape[-1])
+    free = np.ones(len(unknowns.names), dtype=np.bool_) if fit is None else ~at_limit(unknowns, fit.values)
+    names, flat = np.array(unknowns.names)[free], flat[:, free]
     if not len(names):
         return
     sizes = np.linalg.norm(flat, axis=0)
@@ -73,9 +73,9 @@ def check_determined(problem: Problem, derivatives: Array, kept: Mask, fit: Poin
         )
 
 
-def at_limit(wanted: Fitted, values: Array) -> Mask:
+def at_limit(unknowns: Fitted, values: Array) -> Mask:
     """Which numbers are at one of their limits."""
-    near: Mask = np.minimum(values - wanted.low, wanted.high - values) <= LIMIT * wanted.scales
+    near: Mask = np.minimum(values - unknowns.low, unknowns.high - values) <= LIMIT * unknowns.scales
     return near
 
 

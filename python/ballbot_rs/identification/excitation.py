@@ -61,7 +61,7 @@ def record_log(
         control_dt: time between two rows, s.
         imu_position: place of the accelerometer in the body frame, m.
         noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
-            missing key is no noise.
+            missing key means no noise.
         excitation: scale factor of multisine and steps.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.
@@ -103,8 +103,8 @@ def record_log(
             state = batch.state(0)
             states[row] = state.to_array()
             setpoint = steps[int(times[row] / STEP_EVERY)]
-            wanted = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
-            yield np.clip(wanted / limit, -1.0, 1.0).astype(np.float32)[None]
+            desired = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
+            yield np.clip(desired / limit, -1.0, 1.0).astype(np.float32)[None]
 
     loop = ClosedLoop(batch, Replay(actions()))
     loop.reset(starts=[State.at_equilibrium(robot)])

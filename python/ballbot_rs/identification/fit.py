@@ -118,12 +118,12 @@ def identify(
         raise InvalidInputError(f"model = {model!r}: expected {', '.join(name for name in MODELS if name != 'planar')}")
     if rejection is not None and not rejection > 1.0:
         raise InvalidInputError(f"rejection = {rejection}, it must be above 1")
-    wanted = fitted(fields, base, sim_dt)
-    if "acc_bias" in wanted.fields and log.accelerations is None:
+    unknowns = fitted(fields, base, sim_dt)
+    if "acc_bias" in unknowns.fields and log.accelerations is None:
         raise InvalidInputError("fields has acc_bias, but the log has no acc_x, acc_y, acc_z")
     check_torques(log, base)
-    settling = (MAX_DELAY if base.motors.delay or "delay" in wanted.fields else 0.0) + (
-        MAX_LAG if base.motors.lag or "lag" in wanted.fields else 0.0
+    settling = (MAX_DELAY if base.motors.delay or "delay" in unknowns.fields else 0.0) + (
+        MAX_LAG if base.motors.lag or "lag" in unknowns.fields else 0.0
     )
     windows = split(log, window, sim_dt, settling)
     simulator = Simulator(log, model, sim_dt, offset, num_threads)
@@ -134,7 +134,7 @@ def identify(
         count += 1
         progress(count, max(USUAL, count + 1))
 
-    problem = Problem(log, windows, simulator, wanted, base, called)
+    problem = Problem(log, windows, simulator, unknowns, base, called)
     starts = starts_of.estimated(log, windows, base.params)
     spreads = noise_of.first_guess(log) if noise is None else noise_of.given(noise, log)
     found = _passes(problem, starts, spreads, noise is None, rejection, log)
@@ -193,19 +193,19 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
     """One nonlinear least-squares fit over the fitted numbers, in units of their scales."""
     from scipy.optimize import least_squares
 
-    wanted, rows = problem.fitted, kept[problem.windows.window]
+    unknowns, rows = problem.fitted, kept[problem.windows.window]
     known: dict[bytes, Point | None] = {}
     # The point of the derivatives: a trial starts from its best starts there, moved along their tangents.
-    last, tangents = first, np.zeros((*first.starts.shape, len(wanted.names)))
+    last, tangents = first, np.zeros((*first.starts.shape, len(unknowns.names)))
     # Invalid parameters, or a robot that falls, are rejected as a step without a decrease.
-    refused = np.full(int(rows.sum()) * problem.channels, 10.0 * np.sqrt(np.mean(first.residuals[rows] ** 2) + 1.0))
+    rejected = np.full(int(rows.sum()) * problem.channels, 10.0 * np.sqrt(np.mean(first.residuals[rows] ** 2) + 1.0))
 
     def at(scaled: Array) -> Point | None:
         key = scaled.tobytes()
         if key not in known:
-            starts = last.starts + tangents @ (scaled - last.values / wanted.scales)
+            starts = last.starts + tangents @ (scaled - last.values / unknowns.scales)
             try:
-                point = problem.at(scaled * wanted.scales, starts, spreads)
+                point = problem.at(scaled * unknowns.scales, starts, spreads)
             except ValueError:
                 known[key] = None
             else:
@@ -214,20 +214,20 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
 
     def residuals(scaled: Array) -> Array:
         point = at(scaled)
-        return refused if point is None else point.residuals[rows].reshape(-1)
+        return rejected if point is None else point.residuals[rows].reshape(-1)
 
     def jacobian(scaled: Array) -> Array:
         nonlocal last, tangents
         point = at(scaled)
         if point is None:
-            return np.zeros((len(refused), len(scaled)))
+            return np.zeros((len(rejected), len(scaled)))
         derivatives, tangents = problem.derivatives(point, spreads)
         last = point
-        return -derivatives[rows].reshape(len(refused), -1)
+        return -derivatives[rows].reshape(len(rejected), -1)
 
-    low, high = wanted.low / wanted.scales, wanted.high / wanted.scales
+    low, high = unknowns.low / unknowns.scales, unknowns.high / unknowns.scales
     margin = 1e-9
-    begin = np.clip(first.values / wanted.scales, low + margin, high - margin)
+    begin = np.clip(first.values / unknowns.scales, low + margin, high - margin)
     done = least_squares(
         residuals, begin, jacobian, bounds=(low, high), xtol=1e-5, ftol=1e-6, gtol=1e-8, max_nfev=MAX_EVALUATIONS
     )
@@ -254,39 +254,39 @@ def _result(
 ) -> IdentifiedParams:
     from scipy.special import stdtrit
 
-    wanted, windows = problem.fitted, problem.windows
+    unknowns, windows = problem.fitted, problem.windows
     chosen = kept[windows.window]
-    flat = derivatives[chosen].reshape(-1, len(wanted.names))
+    flat = derivatives[chosen].reshape(-1, len(unknowns.names))
     # A number at a limit has no meaningful interval, and does not affect the others'.
-    free = ~at_limit(wanted, point.values)
+    free = ~at_limit(unknowns, point.values)
     singular, covariance = covariance_of(flat, free)
     linear = np.sqrt(np.diag(covariance))
     places = [windows.rows_of(i) for i in np.flatnonzero(kept).tolist()]
     # Without an estimate of the noise there is no jackknife.
     jackknife = np.zeros_like(linear)
     if estimate:
-        slopes = [derivatives[one].reshape(-1, len(wanted.names)) for one in places]
+        slopes = [derivatives[one].reshape(-1, len(unknowns.names)) for one in places]
         residuals = [point.residuals[one].reshape(-1) for one in places]
         jackknife = jackknife_errors(slopes, residuals, free)
     errors = np.maximum(linear, jackknife)
     measurements = int(problem.used[chosen].sum())
-    freedom = measurements - 11 * int(kept.sum()) - len(wanted.names)
+    freedom = measurements - 11 * int(kept.sum()) - len(unknowns.names)
     of_measurements, of_windows = (float(stdtrit(max(n, 1), 0.975)) for n in (freedom, len(places) - 1))
-    half = np.maximum(of_measurements * linear, of_windows * jackknife) * wanted.scales
+    half = np.maximum(of_measurements * linear, of_windows * jackknife) * unknowns.scales
     rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept).tolist()]
     return IdentifiedParams(
         params=point.robot.params,
-        actuators=actuators_of(wanted.fields, point.robot.motors, sim_dt),
+        actuators=actuators_of(unknowns.fields, point.robot.motors, sim_dt),
         gyro_bias=point.robot.gyro_bias,
         acc_bias=point.robot.acc_bias,
-        names=wanted.names,
-        units=units_of(wanted.places),
+        names=unknowns.names,
+        units=units_of(unknowns.places),
         values=point.values,
-        standard_errors=errors * wanted.scales,
+        standard_errors=errors * unknowns.scales,
         correlation=covariance / np.outer(linear, linear),
         intervals=np.stack([point.values - half, point.values + half], axis=-1),
-        nominal=_nominal(wanted, base),
-        at_limit=tuple(np.array(wanted.names)[at_limit(wanted, point.values)].tolist()),
+        nominal=_nominal(unknowns, base),
+        at_limit=tuple(np.array(unknowns.names)[at_limit(unknowns, point.values)].tolist()),
         condition_number=float(singular[0] / singular[-1]) if len(singular) else 1.0,
         noise=spreads,
         rejected=tuple((float(log.time[one[0]]), float(log.time[one[-1]])) for one in rows),
@@ -297,5 +297,5 @@ def _result(
     )
 
 
-def _nominal(wanted: Fitted, base: Robot) -> Array:
-    return np.array([wanted.number(base, place) for place in wanted.places])
+def _nominal(unknowns: Fitted, base: Robot) -> Array:
+    return np.array([unknowns.number(base, place) for place in unknowns.places])

@@ -160,8 +160,8 @@ def _csv_columns(contents: bytes) -> dict[str, Array]:
     header = [title.strip() for title in next(rows, [])]
     if len(set(header)) < len(header):
         raise InvalidInputError(f"two columns have one name: {', '.join(header)}")
-    wanted = {title for titles in COLUMNS.values() for title in titles}
-    kept = [(place, title) for place, title in enumerate(header) if title in wanted]
+    known = {title for titles in COLUMNS.values() for title in titles}
+    kept = [(place, title) for place, title in enumerate(header) if title in known]
     numbers: list[list[float]] = []
     for count, row in enumerate(rows):
         if not row:
@@ -201,12 +201,12 @@ def _is_number(text: str) -> bool:
 
 def _npz_columns(contents: bytes) -> dict[str, Array]:
     """Columns by name; ignored columns are empty."""
-    wanted = {title for titles in COLUMNS.values() for title in titles}
+    known = {title for titles in COLUMNS.values() for title in titles}
     try:
         with ZipFile(io.BytesIO(contents)) as archive:
             names = {name.removesuffix(".npy"): name for name in archive.namelist()}
             found = dict.fromkeys(names, np.zeros(0))
-            read = [name for name in names if name in wanted]
+            read = [name for name in names if name in known]
             # A few bytes can unpack to, or claim to be, any number of rows.
             rows = {}
             for name in read:

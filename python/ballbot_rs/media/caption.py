@@ -22,24 +22,24 @@ def lines(trajectory: Trajectory, row: int) -> list[str]:
     """The caption at a row; the last of three lines is for a push, a force or a fall."""
     time = float(trajectory.times[row])
     tilt = np.degrees(trajectory.states[row].tilt)
-    said = [f"{short(trajectory.controller)} on {trajectory.model}", f"{time:.2f} s   tilt {tilt:.1f}°"]
+    caption = [f"{short(trajectory.controller)} on {trajectory.model}", f"{time:.2f} s   tilt {tilt:.1f}°"]
     if trajectory.fell_at is not None and time >= trajectory.fell_at:
-        said.append(f"fell at {trajectory.fell_at:.2f} s")
+        caption.append(f"fell at {trajectory.fell_at:.2f} s")
     else:
         loads = [f"push {np.linalg.norm(vector):.3g} N·s" for vector, _ in pushed(trajectory, time)]
         loads += [f"force {np.linalg.norm(vector):.3g} N" for vector, _ in pulled(trajectory, time)]
-        said += [", ".join(loads)] if loads else []
-    return said
+        caption += [", ".join(loads)] if loads else []
+    return caption
 
 
-def write(frame: Frames, said: list[str]) -> Frames:
+def write(frame: Frames, caption: list[str]) -> Frames:
     """The picture with lines of text; the third is red."""
     with require("a caption", "video"):
         from PIL import Image, ImageDraw
     image = Image.fromarray(frame)
     size = max(round(frame.shape[0] * SHARE), LEAST)
     draw = ImageDraw.Draw(image)
-    for i, text in enumerate(said):
+    for i, text in enumerate(caption):
         color = ALERT if i == 2 else INK
         place = (0.7 * size, (0.5 + SPACING * i) * size)
         draw.text(place, text, font=_font(size), fill=color, stroke_width=max(size // 9, 1), stroke_fill=HALO)

@@ -50,9 +50,9 @@ def _edges(bright: npt.NDArray[np.int16]) -> tuple[npt.NDArray[np.intp], npt.NDA
     """Rows and columns of the pixels at edges; none at the rim of the picture."""
     inner = bright[1:-1, 1:-1]
     high, low = inner.copy(), inner.copy()
-    for beside in (bright[:-2, 1:-1], bright[2:, 1:-1], bright[1:-1, :-2], bright[1:-1, 2:]):
-        np.maximum(high, beside, out=high)
-        np.minimum(low, beside, out=low)
+    for neighbor in (bright[:-2, 1:-1], bright[2:, 1:-1], bright[1:-1, :-2], bright[1:-1, 2:]):
+        np.maximum(high, neighbor, out=high)
+        np.minimum(low, neighbor, out=low)
     rows, columns = np.nonzero(high - low > np.maximum(4.0 * LEAST, SHARE * high))
     return rows + 1, columns + 1
 

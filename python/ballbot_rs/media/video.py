@@ -199,8 +199,8 @@ def write_video(
     # Only half-resolution color plays in every browser.
     options = {"pixel_format": "yuv420p", "preset": "medium"}
     with (
-        _files.replacing(path) as beside,
-        FFMPEG_VideoWriter(str(beside), (width, height), frame_rate, "libx264", **options) as writer,
+        _files.replacing(path) as temporary,
+        FFMPEG_VideoWriter(str(temporary), (width, height), frame_rate, "libx264", **options) as writer,
     ):
         try:
             for done, frame in enumerate(frames, 1):
@@ -209,9 +209,9 @@ def write_video(
         except OSError as error:
             raise _failure(str(error)) from error
         # This closes the encoder's input, which signals the end.
-        _, said = writer.proc.communicate()
+        _, output = writer.proc.communicate()
         if writer.proc.returncode != 0:
-            raise _failure(said.decode("utf-8", "replace"))
+            raise _failure(output.decode("utf-8", "replace"))
     return total
 
 
@@ -260,9 +260,9 @@ def _write_animation(shown: list[Frames], path: Path, frame_rate: float) -> None
     _files.write(path, drawn.getvalue())
 
 
-def _failure(said: str) -> OSError:
+def _failure(output: str) -> OSError:
     """The encoder's last message; the lines before it are only progress."""
-    lines = said.strip().splitlines() or ["it ended without a message"]
+    lines = output.strip().splitlines() or ["it ended without a message"]
     return OSError(f"the video encoder failed: {lines[-1].strip()}")
 
 

@@ -29,7 +29,7 @@ _UNITS: Final = {
 LEGEND: Final = """\
 Maps: the largest tilt or push up to which all recover, worst direction.
 Others: the worst direction, or of random episodes the mean of the worse half (CVaR 0.5).
-"falls" is k of n episodes; "-" is what a controller cannot be asked for."""
+"falls" is k of n episodes; "-" marks scenarios that do not apply to a controller."""
 
 
 def unit(scenario: Scenario) -> str:

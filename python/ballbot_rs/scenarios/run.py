@@ -151,9 +151,9 @@ def run_scenarios(
     """
     params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
     known = load(file)
-    asked = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
-    named = [one for one in asked if isinstance(one, str)]
-    chosen = [one for one in asked if isinstance(one, Scenario)]
+    requested = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
+    named = [one for one in requested if isinstance(one, str)]
+    chosen = [one for one in requested if isinstance(one, Scenario)]
     if named or not chosen:
         chosen += select(named, known)
     seed = check_seed(seed)
@@ -179,7 +179,7 @@ def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome:
     measures = stage.follow(controller)
     scenario, episodes = stage.scenario, stage.episodes
     if measures is None:
-        kind = "it follows no position" if controller.policy is None else "a policy is asked for no motion"
+        kind = "it follows no position" if controller.policy is None else "a policy follows no motion"
         nothing = np.empty(0)
         return Outcome(
             controller.name,

@@ -169,8 +169,8 @@ def tune(
     known_scenarios = load()
     stages = [
         Stage(with_options(controller, {}), one, params, model=model, seed=seed, num_threads=num_threads)
-        for asked in chosen
-        for one in ([asked] if isinstance(asked, Scenario) else select([asked], known_scenarios))
+        for requested in chosen
+        for one in ([requested] if isinstance(requested, Scenario) else select([requested], known_scenarios))
     ]
 
     if len({one.scenario.id for one in stages}) < len(stages):

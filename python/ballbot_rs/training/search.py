@@ -90,7 +90,7 @@ def dimension_of(name: str, text: str) -> Dimension:
     match = _RANGE.fullmatch(text.strip())
     if match is None:
         try:
-            choices = json.loads(text, parse_constant=_refuse)
+            choices = json.loads(text, parse_constant=_reject)
         except ValueError:
             raise ValueError(f"{name}={text}: {expected}") from None
         plain = (bool, int, float, str)
@@ -110,7 +110,7 @@ def dimension_of(name: str, text: str) -> Dimension:
     return Dimension((), low, high, is_log, all(whole.fullmatch(match[end]) for end in ("low", "high")))
 
 
-def _refuse(constant: str) -> None:
+def _reject(constant: str) -> None:
     raise ValueError(f"{constant} is not a finite number")
 
 

@@ -69,9 +69,9 @@ def fit_actor(model: PPO, teacher: Teacher, seed: int) -> list[float]:
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
     for done in range(teacher.rounds):
-        seen, wanted = _visited(model, environment, batch, law, teacher, rng, max(1.0 - done / LAW_ROUNDS, 0.0))
+        seen, targets = _visited(model, environment, batch, law, teacher, rng, max(1.0 - done / LAW_ROUNDS, 0.0))
         observations.append(seen)
-        labels.append(wanted)
+        labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
         errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher))
@@ -119,17 +119,17 @@ def _visited(
     observations = environment.reset()
     assert isinstance(observations, np.ndarray)
     seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
-    wanted = np.empty((teacher.steps, n, 3), dtype=np.float32)
+    targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
     for step in range(teacher.steps):
         seen[step] = observations
-        wanted[step] = batch.control(law, _setpoints(batch, law, teacher), privileged=True)
+        targets[step] = batch.control(law, _setpoints(batch, law, teacher), privileged=True)
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
-        driven = np.where(rng.random((n, 1)) < share, wanted[step], own)
+        driven = np.where(rng.random((n, 1)) < share, targets[step], own)
         noisy = driven + spread * rng.standard_normal((n, 3))
         observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
         assert isinstance(observations, np.ndarray)
-    return seen.reshape(-1, *seen.shape[2:]), wanted.reshape(-1, 3)
+    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3)
 
 
 def _regress(
@@ -140,12 +140,12 @@ def _regress(
     teacher: Teacher,
 ) -> float:
     """Some epochs of least squares; the root mean square error in the last epoch."""
-    seen, wanted = torch.as_tensor(observations), torch.as_tensor(labels)
+    seen, targets = torch.as_tensor(observations), torch.as_tensor(labels)
     total = 0.0
     for _ in range(teacher.epochs):
         total = 0.0
         for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
-            loss = torch.nn.functional.mse_loss(_actions(model, seen[chosen]), wanted[chosen])
+            loss = torch.nn.functional.mse_loss(_actions(model, seen[chosen]), targets[chosen])
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
@@ -155,8 +155,12 @@ def _regress(
 
 def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:
     """The task's setpoint for the law on each robot, with the robot's own heading: no task observes the heading."""
-    asked = [batch.setpoint(robot) for robot in range(batch.num_envs)]
-    parts = {part: np.array([setpoint[part] for setpoint in asked]) for part in law.setpoint_parts if part in asked[0]}
+    setpoints = [batch.setpoint(robot) for robot in range(batch.num_envs)]
+    parts = {
+        part: np.array([setpoint[part] for setpoint in setpoints])
+        for part in law.setpoint_parts
+        if part in setpoints[0]
+    }
     states = batch.states()
     if "yaw" in law.setpoint_parts:
         w, _, _, z = states[:, BODY_QUATERNION].T

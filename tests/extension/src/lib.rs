@@ -1,4 +1,4 @@
-//! `ballbot_rs._core` with a task and a controller that the library does not have: the ones of the core's own tests.
+//! `ballbot_rs._core` with a task and a controller that the library does not have, from the tests of the core.
 
 #[path = "../../rust/own/own_task/feedback.rs"]
 mod feedback;

@@ -1,4 +1,4 @@
-//! Batches: each environment equals the single environment with its seed to the last bit, for any number of threads,
+//! Batches: each environment equals the single environment with its seed bit for bit, for any number of threads,
 //! autoreset mode and neighbors; a rejected step changes nothing.
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, StepBuffers};
@@ -202,10 +202,10 @@ fn push(batch: &mut Batch, i: usize, impulse: f64) {
 
 /// Asserts that a step is rejected and moves nothing; returns the message.
 #[track_caller]
-fn refused(batch: &mut Batch, actions: &[f32]) -> String {
+fn rejected(batch: &mut Batch, actions: &[f32]) -> String {
     let before = saved(batch);
     let error = Written::of(batch, actions).expect_err("accepted");
-    assert!(saved(batch) == before, "refused, but something moved: {error}");
+    assert!(saved(batch) == before, "rejected, but something moved: {error}");
     error.to_string()
 }
 
@@ -215,7 +215,7 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
     push(&mut batch, 1, 1e4);
     let written = Written::of(&mut batch, &[0.0; 9]).unwrap();
     assert_eq!(written.terminated, [false, true, false]);
-    let message = refused(&mut batch, &[0.0; 9]);
+    let message = rejected(&mut batch, &[0.0; 9]);
     assert!(message.contains("environment 1 is over"), "{message}");
     let mut observations = vec![UNTOUCHED; 3 * OBSERVATION_LEN];
     batch.reset(Some(&[false, true, false]), &mut observations).unwrap();
@@ -227,15 +227,15 @@ fn disabled_autoreset_requires_a_reset_after_the_end() {
             assert_eq!(written.final_observation(i), last, "environment {i}, step {k}");
         }
     }
-    assert!(refused(&mut batch, &[0.0; 9]).contains("environment 0 is over"));
+    assert!(rejected(&mut batch, &[0.0; 9]).contains("environment 0 is over"));
 }
 
 #[test]
-fn steps_before_the_first_reset_are_refused() {
+fn steps_before_the_first_reset_are_rejected() {
     for mode in MODES {
         let mut batch = Batch::new(&calm(2), 2, mode, Some(1), 0).unwrap();
         assert_eq!(batch.autoreset(), mode);
-        let message = refused(&mut batch, &[0.0; 6]);
+        let message = rejected(&mut batch, &[0.0; 6]);
         assert!(message.contains("reset"), "{mode:?}: {message}");
     }
 }
@@ -273,14 +273,14 @@ fn divergence_does_not_affect_neighbors() {
 }
 
 #[test]
-fn actions_that_are_not_finite_are_refused() {
+fn actions_that_are_not_finite_are_rejected() {
     for mode in MODES {
         let mut batch = batch(&config(ModelKind::Rigid), 4, mode, 2);
         Written::of(&mut batch, &actions(4, 0)).unwrap();
         for (bad, value) in [(5, f32::NAN), (9, f32::INFINITY), (0, f32::NEG_INFINITY)] {
             let mut actions = actions(4, 1);
             actions[bad] = value;
-            let message = refused(&mut batch, &actions);
+            let message = rejected(&mut batch, &actions);
             let name = format!("actions[{}, {}] = {value} ", bad / 3, bad % 3);
             assert!(message.starts_with(&name), "{message}, expected {name}");
         }
@@ -290,10 +290,10 @@ fn actions_that_are_not_finite_are_refused() {
 type Change = fn(&mut Written);
 
 #[test]
-fn buffers_of_the_wrong_length_are_refused() {
+fn buffers_of_the_wrong_length_are_rejected() {
     let mut batch = batch(&calm(5), 2, Autoreset::SameStep, 1);
-    assert!(refused(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
-    assert!(refused(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
+    assert!(rejected(&mut batch, &[0.0; 5]).starts_with("actions has 5 values, expected 6"));
+    assert!(rejected(&mut batch, &[0.0; 9]).starts_with("actions has 9 values, expected 6"));
     let before = saved(&batch);
     let changes: [(&str, Change); 6] = [
         ("observations has 31 values, expected 32", |w| w.observations.truncate(31)),
@@ -314,7 +314,7 @@ fn buffers_of_the_wrong_length_are_refused() {
     let error = batch.reset(Some(&[true]), &mut [0.0; 32]).unwrap_err();
     assert_eq!(error.to_string(), "reset mask has 1 values, expected 2");
     assert_eq!(batch.seed(&[None]).unwrap_err().to_string(), "seeds has 1 values, expected 2");
-    assert!(saved(&batch) == before, "refused, but something moved");
+    assert!(saved(&batch) == before, "rejected, but something moved");
 }
 
 #[test]
@@ -345,7 +345,7 @@ fn mask_selects_the_environments_to_reset() {
 }
 
 #[test]
-fn staggered_episodes_end_at_even_intervals() {
+fn staggered_episodes_end_at_uniform_intervals() {
     for (n, steps) in [(5, 20), (7, 20), (50, 20)] {
         let mut batch = batch(&calm(steps), n, Autoreset::SameStep, 1);
         batch.stagger();
@@ -365,7 +365,7 @@ fn staggered_episodes_end_at_even_intervals() {
 }
 
 #[test]
-fn invalid_batch_arguments_are_refused() {
+fn invalid_batch_arguments_are_rejected() {
     let message = |n, threads| Batch::new(&calm(5), n, MODES[0], threads, 0).err().expect("accepted").to_string();
     assert!(message(0, None).starts_with("num_envs = 0"));
     assert!(message(2, Some(0)).starts_with("num_threads = 0"));

@@ -264,7 +264,7 @@ fn inertia_changes_in_mid_motion() {
         for params in [&one, &other, &paper] {
             trace(&mut robot);
             let before = [robot.state(), batch.state(1).unwrap()];
-            assert!(robot.set_params(params).unwrap(), "{kind}: the motion did not go on");
+            assert!(robot.set_params(params).unwrap(), "{kind}: the motion did not continue");
             batch.set_params(1, params).unwrap();
             for (before, after) in before.iter().zip([robot.state(), batch.state(1).unwrap()]) {
                 let moved = (before.to_array().iter().zip(after.to_array()))
@@ -324,13 +324,13 @@ fn another_geometry_requires_a_reset() {
 }
 
 #[test]
-fn refused_parameters_change_nothing() {
+fn rejected_parameters_change_nothing() {
     let robots = robots();
     for model in ModelKind::ALL {
         // Starts that are possible for the paper's robot.
         let mut config = config(model, &robots[0]);
         (config.task.reset_tilt, config.task.fall_tilt) = (1.1, 1.5);
-        let mut refused: Vec<(Params, &str)> = vec![
+        let mut rejected: Vec<(Params, &str)> = vec![
             (Params { body_mass: -1.0, ..Params::paper() }, "body_mass = -1 "),
             (Params { wheel_coulomb_friction: f64::NAN, ..Params::paper() }, "wheel_coulomb_friction = NaN "),
             (Params { max_wheel_torque: 0.4, ..Params::paper() }, "max_wheel_torque = 0.5 "),
@@ -342,17 +342,17 @@ fn refused_parameters_change_nothing() {
         if matches!(model, ModelKind::Contact | ModelKind::Rigid) {
             // Lower wheels, which reach the floor first.
             let low = Params { wheel_zenith: robots[0].wheel_zenith + 0.3, ..Params::paper() };
-            refused.push((low, "the robot cannot start where the task may place it"));
+            rejected.push((low, "the robot cannot start where the task may place it"));
         }
         if model == ModelKind::Rigid {
-            refused.push((Params { wheel_mass: 0.7, ..Params::paper() }, "wheel_mass = 0.7 kg"));
+            rejected.push((Params { wheel_mass: 0.7, ..Params::paper() }, "wheel_mass = 0.7 kg"));
         }
         let mut run = Run::new(batch(&config, 11, Autoreset::SameStep, SEED));
         let mut plain = Run::new(batch(&config, 11, Autoreset::SameStep, SEED));
         for k in 0..30 {
             if k % 3 == 1 {
                 let before = run.snapshots();
-                for (params, words) in &refused {
+                for (params, words) in &rejected {
                     let message = run.batch.set_params(9, params).unwrap_err().to_string();
                     assert!(message.contains(words), "{model}: '{message}' does not contain '{words}'");
                     assert!(run.snapshots() == before, "{model}: {message}, but something changed");
@@ -469,7 +469,7 @@ fn parameters_of_a_single_robot_change_in_mid_motion() {
             let (before, time) = (robot.save(), robot.time());
             assert!(robot.set_params(&robots[0]).unwrap());
             assert!(robot.save() == before, "{kind}: equal parameters changed something");
-            assert!(robot.set_params(&robots[changed]).unwrap(), "{kind}: the motion did not go on");
+            assert!(robot.set_params(&robots[changed]).unwrap(), "{kind}: the motion did not continue");
             assert_eq!((robot.params(), robot.time()), (&robots[changed], time));
             assert!(trace(&mut robot) != expected, "{kind}: parameters {changed} have no effect");
         }
@@ -485,7 +485,7 @@ fn single_robots_of_another_geometry_equal_new_ones() {
             robot.reset(&moving(&robots[0])).unwrap();
             trace(&mut robot);
             robot.push(&Vector3::new(0.1, 0.0, 0.0), None).unwrap();
-            assert!(!robot.set_params(&robots[changed]).unwrap(), "{kind}: the motion went on");
+            assert!(!robot.set_params(&robots[changed]).unwrap(), "{kind}: the motion continued");
             let mut built = Ballbot::new(&robots[changed], kind, 0.002).unwrap();
             assert_eq!((robot.time(), robot.state()), (0.0, built.state()), "{kind}");
             assert!(trace(&mut robot) == trace(&mut built), "{kind}: parameters {changed}");

@@ -163,7 +163,7 @@ fn robots_that_start_turning_start_as_others_otherwise() {
 }
 
 #[test]
-fn start_depends_on_the_seed_alone() {
+fn start_depends_only_on_the_seed() {
     let start = |model, seed| Episode::new(&config(model), seed).seen;
     let expected = start(ModelKind::Spatial, 5);
     assert_eq!(start(ModelKind::Spatial, 5), expected);
@@ -317,42 +317,42 @@ fn reward_is_the_sum_of_its_terms() {
 
 /// Asserts that a changed configuration is rejected with a message that names the value.
 #[track_caller]
-fn assert_refused(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
+fn assert_rejected(words: &str, change: impl FnOnce(&mut BalanceConfig)) {
     let mut config = config(ModelKind::Rigid);
     change(&mut config);
     let error = Environment::new(&config, 0).err().expect(words);
     assert!(matches!(error, Error::OutOfRange { .. } | Error::Inconsistent(_)), "{error:?}");
-    assert!(error.to_string().contains(words), "'{error}' does not say '{words}'");
+    assert!(error.to_string().contains(words), "'{error}' does not contain '{words}'");
 }
 
 #[test]
-fn invalid_configurations_are_refused() {
-    assert_refused("control_dt / sim_dt = 2.5 is out of range: it must be a whole number", |c| c.control_dt = 0.005);
-    assert_refused("(control_dt = 0.001, sim_dt = 0.002)", |c| c.control_dt = 0.001);
-    assert_refused("control_dt / sim_dt = 20000 ", |c| c.control_dt = 40.0);
-    assert_refused("control_dt = NaN ", |c| c.control_dt = f64::NAN);
-    assert_refused("sim_dt = 0 ", |c| c.sim_dt = 0.0);
-    assert_refused("sim_dt = 0.025 ", |c| (c.sim_dt, c.control_dt) = (0.025, 0.05));
-    assert_refused("max_episode_steps = 0", |c| c.max_episode_steps = 0);
-    assert_refused("max_wheel_torque = 0 ", |c| c.max_wheel_torque = Some(0.0));
-    assert_refused("max_wheel_torque = 6 ", |c| c.max_wheel_torque = Some(6.0));
-    assert_refused("params.max_wheel_torque = 0.5 N·m", |c| c.params.max_wheel_torque = 0.5);
-    assert_refused("setpoint[1] = inf ", |c| c.task.setpoint[1] = f64::INFINITY);
-    assert_refused("fall_tilt = 0 ", |c| c.task.fall_tilt = 0.0);
-    assert_refused("fall_tilt = 3.2 ", |c| c.task.fall_tilt = 3.2);
-    assert_refused("reset_tilt = 0.4 ", |c| c.task.reset_tilt = 0.4);
-    assert_refused("reset_tilt = -0.1 ", |c| c.task.reset_tilt = -0.1);
-    assert_refused("reset_yaw = 3.2 ", |c| c.task.reset_yaw = 3.2);
-    assert_refused("reset_ball_speed = 11 ", |c| c.task.reset_ball_speed = 11.0);
-    assert_refused("reset_tilt_rate = NaN ", |c| c.task.reset_tilt_rate = f64::NAN);
-    assert_refused("reset_yaw_rate = 11 ", |c| c.task.reset_yaw_rate = 11.0);
-    assert_refused("success_window = -1 ", |c| c.task.success_window = -1.0);
-    assert_refused("success_tilt = 0 ", |c| c.task.success_tilt = 0.0);
-    assert_refused("success_radius = -0.1 ", |c| c.task.success_radius = -0.1);
-    assert_refused("reward.action_change = NaN ", |c| {
+fn invalid_configurations_are_rejected() {
+    assert_rejected("control_dt / sim_dt = 2.5 is out of range: it must be a whole number", |c| c.control_dt = 0.005);
+    assert_rejected("(control_dt = 0.001, sim_dt = 0.002)", |c| c.control_dt = 0.001);
+    assert_rejected("control_dt / sim_dt = 20000 ", |c| c.control_dt = 40.0);
+    assert_rejected("control_dt = NaN ", |c| c.control_dt = f64::NAN);
+    assert_rejected("sim_dt = 0 ", |c| c.sim_dt = 0.0);
+    assert_rejected("sim_dt = 0.025 ", |c| (c.sim_dt, c.control_dt) = (0.025, 0.05));
+    assert_rejected("max_episode_steps = 0", |c| c.max_episode_steps = 0);
+    assert_rejected("max_wheel_torque = 0 ", |c| c.max_wheel_torque = Some(0.0));
+    assert_rejected("max_wheel_torque = 6 ", |c| c.max_wheel_torque = Some(6.0));
+    assert_rejected("params.max_wheel_torque = 0.5 N·m", |c| c.params.max_wheel_torque = 0.5);
+    assert_rejected("setpoint[1] = inf ", |c| c.task.setpoint[1] = f64::INFINITY);
+    assert_rejected("fall_tilt = 0 ", |c| c.task.fall_tilt = 0.0);
+    assert_rejected("fall_tilt = 3.2 ", |c| c.task.fall_tilt = 3.2);
+    assert_rejected("reset_tilt = 0.4 ", |c| c.task.reset_tilt = 0.4);
+    assert_rejected("reset_tilt = -0.1 ", |c| c.task.reset_tilt = -0.1);
+    assert_rejected("reset_yaw = 3.2 ", |c| c.task.reset_yaw = 3.2);
+    assert_rejected("reset_ball_speed = 11 ", |c| c.task.reset_ball_speed = 11.0);
+    assert_rejected("reset_tilt_rate = NaN ", |c| c.task.reset_tilt_rate = f64::NAN);
+    assert_rejected("reset_yaw_rate = 11 ", |c| c.task.reset_yaw_rate = 11.0);
+    assert_rejected("success_window = -1 ", |c| c.task.success_window = -1.0);
+    assert_rejected("success_tilt = 0 ", |c| c.task.success_tilt = 0.0);
+    assert_rejected("success_radius = -0.1 ", |c| c.task.success_radius = -0.1);
+    assert_rejected("reward.action_change = NaN ", |c| {
         c.reward.set("action_change", f64::NAN).unwrap();
     });
-    assert_refused("gravity = 0 ", |c| c.params.gravity = 0.0);
+    assert_rejected("gravity = 0 ", |c| c.params.gravity = 0.0);
     // Ratios that are whole except for rounding.
     for (sim_dt, control_dt, expected) in [(0.01, 0.07, 7), (0.001, 0.043, 43), (0.02, 0.02, 1)] {
         assert_eq!(BalanceConfig { sim_dt, control_dt, ..config(ModelKind::Rigid) }.substeps().unwrap(), expected);
@@ -360,7 +360,7 @@ fn invalid_configurations_are_refused() {
 }
 
 #[test]
-fn tasks_whose_starts_would_reach_into_the_floor_are_refused() {
+fn tasks_whose_starts_reach_into_the_floor_are_rejected() {
     // The first wheel meets the floor where r_k + (r_k + r_w) cos(tilt + zenith) = r_w: 67.5 deg for the paper's robot.
     let params = Params::paper();
     let arm = params.ball_radius + params.wheel_radius;

@@ -5,7 +5,7 @@ mod task;
 
 use crate::support::general::{any_general_robot, any_small_tilt, crooked};
 use crate::support::{any_start, natural_rate, torques, vector, without_losses};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
 use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, Wheels, mechanical_energy};
@@ -58,7 +58,7 @@ proptest! {
 
     /// Near the equilibrium the robot moves as the linear model, in the coordinates of the regulator.
     #[test]
-    fn small_motion_is_that_of_the_linear_model(
+    fn small_motion_matches_the_linear_model(
         params in any_general_robot(),
         tilt in any_small_tilt(1e-5),
         push in vector(1.0),
@@ -91,7 +91,10 @@ proptest! {
     }
 
     #[test]
-    fn energy_is_conserved_and_that_of_the_bodies(params in any_general_robot(), start in any_start(0.5, 1.0)) {
+    fn energy_is_conserved_and_equals_the_energy_of_the_bodies(
+        params in any_general_robot(),
+        start in any_start(0.5, 1.0),
+    ) {
         let params = without_losses(&params);
         let mut robot = SpatialMotion::new(&params, 5e-4 / natural_rate(&params));
         robot.place(&start.of(&params));
@@ -108,7 +111,7 @@ proptest! {
 
     /// The work of an impulse is the change of the kinetic energy: its mean velocity times it.
     #[test]
-    fn a_push_does_its_work_and_no_more(
+    fn a_push_does_exactly_its_work(
         params in any_general_robot(),
         start in any_start(1.0, 1.0),
         impulse in vector(1.0),
@@ -156,7 +159,7 @@ fn grips(params: &Params, torque: f64) -> bool {
 }
 
 /// A regulator whose weights and sampling go with the size of the robot.
-fn regulator(params: &Params) -> Lqr {
+fn regulator(params: &Params) -> Sampled<Lqr> {
     let (length, rate) = (params.body_com().norm(), natural_rate(params));
     let weights = LqrWeights {
         position: length,
@@ -213,7 +216,7 @@ proptest! {
 }
 
 #[test]
-fn a_symmetric_robot_balances_upright_to_the_last_bit() {
+fn a_symmetric_robot_balances_exactly_upright() {
     for name in Params::preset_names() {
         let params = Params::preset(name).unwrap();
         assert!(params.is_symmetric(), "{name}");
@@ -227,7 +230,7 @@ fn a_symmetric_robot_balances_upright_to_the_last_bit() {
 
 /// The general formulas reduce to the formulas of the symmetric robot.
 #[test]
-fn a_robot_that_is_hardly_crooked_is_the_symmetric_one() {
+fn a_nearly_symmetric_robot_moves_like_the_symmetric_robot() {
     let paper = Params::paper();
     let hardly = Params {
         body_com_offset: [1e-10, -1e-10],
@@ -262,7 +265,7 @@ fn pid_holds_the_lean() {
 }
 
 #[test]
-fn the_printed_torque_map_is_refused_for_uneven_wheels() {
+fn the_printed_torque_map_is_rejected_for_uneven_wheels() {
     let pid = |params: &Params, map| Pid::new(params, 1e-3, &PidGains::default(), map).map(|_| ());
     let off_mast = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     assert!(pid(&off_mast, TorqueMap::AsPrinted).is_ok());
@@ -270,12 +273,12 @@ fn the_printed_torque_map_is_refused_for_uneven_wheels() {
     let error = pid(&crooked(), TorqueMap::AsPrinted).unwrap_err();
     assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
     for part in ["eq. (8)", "wheel_zenith_offsets = [0.02, -0.01, 0.015]", "zeros"] {
-        assert!(error.to_string().contains(part), "'{error}' does not say '{part}'");
+        assert!(error.to_string().contains(part), "'{error}' does not contain '{part}'");
     }
 }
 
 #[test]
-fn planar_refuses_rolling_spinning_and_roller_friction() {
+fn planar_rejects_rolling_spinning_and_roller_friction() {
     let paper = Params::paper();
     for name in Params::LOSSES {
         let params = paper.replace([(name, &[1e-3][..])]).unwrap();
@@ -294,25 +297,25 @@ fn planar_refuses_rolling_spinning_and_roller_friction() {
 }
 
 #[test]
-fn models_without_slip_refuse_wheels_with_ripple() {
+fn models_without_slip_reject_wheels_with_ripple() {
     let paper = Params::paper();
     let params = paper.replace([("roller_ripple", &[1e-4][..])]).unwrap();
     for kind in ModelKind::ALL {
         let mut robot = Ballbot::new(&paper, kind, 1e-3).unwrap();
-        let refused = matches!(kind, ModelKind::Planar | ModelKind::Spatial);
+        let rejected = matches!(kind, ModelKind::Planar | ModelKind::Spatial);
         for result in [Ballbot::new(&params, kind, 1e-3).map(|_| ()), robot.set_params(&params).map(|_| ())] {
-            assert_eq!(result.is_err(), refused, "{kind}");
+            assert_eq!(result.is_err(), rejected, "{kind}");
             if let Err(error) = result {
                 assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
                 assert!(error.to_string().contains("roller_ripple = 0.0001 m, but it requires 0"), "{error}");
             }
         }
-        assert_eq!(robot.params() == &paper, refused, "{kind}");
+        assert_eq!(robot.params() == &paper, rejected, "{kind}");
     }
 }
 
 #[test]
-fn planar_refuses_robots_that_are_not_symmetric() {
+fn planar_rejects_robots_that_are_not_symmetric() {
     let paper = Params::paper();
     let cases: [(&str, &[f64], &str); 4] = [
         ("body_com_offset", &[0.0, 1e-9], "body_com_offset = [0.0, 1e-9], but it requires zeros"),
@@ -330,7 +333,7 @@ fn planar_refuses_robots_that_are_not_symmetric() {
         ];
         for error in errors {
             assert!(matches!(error, Error::Inconsistent(_)), "{error:?}");
-            assert!(error.to_string().contains(words), "'{error}' does not say '{words}'");
+            assert!(error.to_string().contains(words), "'{error}' does not contain '{words}'");
             assert!(error.to_string().contains("'spatial', 'contact' and 'rigid' take any"), "{error}");
         }
         assert_eq!(robot.params(), &paper);

@@ -21,11 +21,11 @@ proptest! {
 
     /// The torques of an acceleration produce that acceleration, on any floor.
     #[test]
-    fn torques_have_the_wanted_acceleration(
+    fn torques_give_the_desired_acceleration(
         robot in any_general_robot(),
         floor_tilt in any_floor_tilt(0.4),
         start in any_start(0.5, 1.0),
-        wanted in vector(3.0),
+        desired in vector(3.0),
     ) {
         let params = Params { wheel_coulomb_friction: 0.0, floor_tilt, ..robot };
         let model = SpatialModel::new(&params, WheelSpin::Absolute, BallSpin::Free);
@@ -40,14 +40,14 @@ proptest! {
             ball_rate: vec3(&ball),
             wheel_speeds,
         };
-        let wanted = wanted * natural_rate(&params).powi(2);
-        let torques = InverseDynamics::new(&params).torques(&motion, vec3(&wanted));
+        let desired = desired * natural_rate(&params).powi(2);
+        let torques = InverseDynamics::new(&params).torques(&motion, vec3(&desired));
         let torques = torques.column();
         let found = model.accelerations(&state.body_quaternion, &velocity, Wheels::of_column(torques));
         let found = to_balance * found.fixed_rows::<3>(2).into_owned();
         // The torques are of the size that brakes the motors' own inertia.
         let driven = model.accelerations(&state.body_quaternion, &velocity, Wheels::of_column(torques * 2.0));
         let size = driven.amax().max(found.amax());
-        prop_assert!((found - wanted).amax() <= 1e-12 * size, "{found} in place of {wanted}, of {size}");
+        prop_assert!((found - desired).amax() <= 1e-12 * size, "{found} in place of {desired}, of {size}");
     }
 }

@@ -2,7 +2,7 @@
 //!
 //! A wheel rolls on the ball without slip along its drive direction and freely across it, so an encoder rate is the
 //! relative rotation of ball and body along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed by
-//! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be judged by it.
+//! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be checked with it.
 
 use crate::support::{any_attitude, any_robot, vector};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -53,23 +53,23 @@ proptest! {
     }
 
     #[test]
-    fn virtual_torques_are_passed_on_with_their_power(
+    fn virtual_torques_are_transmitted_with_their_power(
         params in any_wheels(),
-        wanted in vector(5.0),
+        desired in vector(5.0),
         q in any_attitude(),
         ball in vector(30.0),
         body in vector(10.0),
     ) {
         let wheels = Omniwheels::new(&params);
-        let torques = wheels.wheel_torques(&wanted, TorqueMap::Consistent);
+        let torques = wheels.wheel_torques(&desired, TorqueMap::Consistent);
         // The power of the relative rotation of ball and body: about x and y eq. (8) counts torques on the body.
         let relative = q.inverse_transform_vector(&ball) - body;
-        let on_ball = Vector3::new(-wanted.x, -wanted.y, wanted.z) * params.gear_ratio();
+        let on_ball = Vector3::new(-desired.x, -desired.y, desired.z) * params.gear_ratio();
         let power = torques.dot(wheels.wheel_speeds(&q, &ball, &body));
         let scale = torques.column().norm() * relative.norm() * params.gear_ratio() * 10.0;
         prop_assert!(close(power, on_ball.dot(&relative), scale), "{power}, not {}", on_ball.dot(&relative));
         let back = wheels.virtual_torques(torques);
-        prop_assert!((back - wanted).norm() <= 1e-11 * torques.column().norm(), "{back}, not {wanted}");
+        prop_assert!((back - desired).norm() <= 1e-11 * torques.column().norm(), "{back}, not {desired}");
     }
 
     #[test]
@@ -97,7 +97,7 @@ proptest! {
 }
 
 #[test]
-fn unit_vectors_are_those_of_the_conventions() {
+fn unit_vectors_match_the_conventions() {
     let (params, wheels) = high_wheels();
     let (sin, cos) = params.wheel_zenith.sin_cos();
     for (i, azimuth) in [0.0, TAU / 3.0, 2.0 * TAU / 3.0].into_iter().enumerate() {
@@ -114,7 +114,7 @@ fn unit_vectors_are_those_of_the_conventions() {
 }
 
 #[test]
-fn three_even_wheels_couple_no_axes() {
+fn three_evenly_spaced_wheels_do_not_couple_the_axes() {
     for zenith in [0.3, 0.7, 1.2] {
         let u = Omniwheels::new(&Params { wheel_zenith: zenith, ..Params::paper() }).u;
         let (sin2, cos2) = (zenith.sin().powi(2), zenith.cos().powi(2));
@@ -199,7 +199,7 @@ fn encoder_rates_have_the_sign_of_the_drive() {
 }
 
 #[test]
-fn virtual_rates_are_those_of_eq_6() {
+fn virtual_rates_match_eq_6() {
     let (params, wheels) = high_wheels();
     let (speed, tilt_rate) = (0.3, 0.8);
     // In the yz-plane; the paper's tilt leans towards +y, which is left-handed about x.
@@ -211,7 +211,7 @@ fn virtual_rates_are_those_of_eq_6() {
 }
 
 #[test]
-fn unknown_torque_maps_are_refused_with_the_known_names() {
+fn unknown_torque_maps_are_rejected_with_the_known_names() {
     assert_eq!("consistent".parse::<TorqueMap>().unwrap(), TorqueMap::Consistent);
     assert_eq!("as_printed".parse::<TorqueMap>().unwrap(), TorqueMap::AsPrinted);
     let error = "Consistent".parse::<TorqueMap>().unwrap_err();

@@ -14,11 +14,11 @@ mod takagi_sugeno;
 
 use crate::support::general::any_general_robot;
 use ballbot_core::control::{
-    Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind, controller_kinds,
+    Controller, LaneSetpoint, LimitOptions, Setpoint, controller_kind, controller_kinds,
 };
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, Wheels, attitude};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -29,7 +29,7 @@ const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
-/// The laws under test: all that hold the position, except the regulator, which they are compared with.
+/// The laws under test: all that control the position, except the regulator, which they are compared with.
 fn laws() -> impl Iterator<Item = &'static str> {
     controller_kinds().into_iter().map(|kind| kind.name).filter(|name| !["lqr", "pid"].contains(name))
 }
@@ -56,14 +56,8 @@ fn uneven() -> Params {
     Params { body_com_offset: [5e-3, -3e-3], wheel_azimuths: [a + 0.02, b - 0.03, c + 0.01], ..Params::paper() }
 }
 
-fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
-}
-
 #[test]
-fn laws_give_the_numbers_that_they_compute_with() {
+fn controllers_report_the_numbers_that_they_compute_with() {
     for kind in controller_kinds() {
         let name = kind.name;
         for (limits, scales) in [(LimitOptions::TRACTION, true), (LimitOptions::CAP, false)] {
@@ -85,14 +79,14 @@ fn laws_give_the_numbers_that_they_compute_with() {
 /// K of τ = −K (x, memory), from differences of the torques near the equilibrium.
 fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
     const SMALL: f64 = 1e-5;
-    let (setpoint, memory) = (SetpointCells::from(&Setpoint::default()), controller.memory_len());
+    let (setpoint, memory) = (LaneSetpoint::from(&Setpoint::default()), controller.memory_len());
     let torques = |x: &DMatrix<f64>| {
         let rate = params.to_balance_frame().inverse_transform_vector(&Vector3::new(x[7], x[8], x[9]));
         let body = attitude(Vector2::new(x[2], x[3]), x[4]) * params.to_balance_frame();
         let mut state = State::rolling(params, Vector2::new(x[5], x[6]), 0.0, body, rate);
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = x.as_slice()[10..].to_vec();
-        controller.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut kept)
+        controller.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut kept)
     };
     let mut gain = DMatrix::zeros(3, 10 + memory);
     for j in 0..10 + memory {
@@ -177,8 +171,8 @@ fn position(x: f64, y: f64) -> impl Fn(f64) -> Setpoint {
     move |_| Setpoint { position: Vector2::new(x, y), ..Setpoint::default() }
 }
 
-/// Whether a robot stands after a start and an impulse at its center of mass, in `contact`.
-fn stands(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
+/// Whether a robot recovers after a start and an impulse at its center of mass, in `contact`.
+fn recovers(params: &Params, make: &dyn Fn() -> Box<dyn Controller>, start: &State, impulse: Vector3<f64>) -> bool {
     let mut robot = robot(params, ModelKind::Contact, start);
     robot.push(&impulse, None).unwrap();
     let end = run(&mut robot, make().as_mut(), 6.0, position(0.0, 0.0), |_, _| ());
@@ -198,13 +192,13 @@ fn largest(numbers: impl Iterator<Item = f64>, holds: impl Fn(Vector2<f64>, f64)
 fn basin_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let degrees = (3..=32).map(f64::from);
     largest(degrees, |direction, degrees| {
-        stands(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
+        recovers(params, make, &State::tilted(params, direction * degrees.to_radians(), 0.0), Vector3::zeros())
     })
 }
 
 fn push_of(params: &Params, make: &dyn Fn() -> Box<dyn Controller>) -> f64 {
     let impulses = (3..=30).map(|k| 0.1 * f64::from(k));
-    largest(impulses, |direction, size| stands(params, make, &State::upright(params), direction.push(0.0) * size))
+    largest(impulses, |direction, size| recovers(params, make, &State::upright(params), direction.push(0.0) * size))
 }
 
 /// Tilts from rest in steps of 1 deg and impulses in steps of 0.1 N·s, worst of 12 directions.
@@ -257,7 +251,7 @@ fn steps_of_the_setpoint() {
 }
 
 #[test]
-fn laws_stand_from_eight_degrees_on_all_presets() {
+fn controllers_recover_from_eight_degrees_on_all_presets() {
     for (preset, params) in presets() {
         for name in laws() {
             for kind in [ModelKind::Spatial, ModelKind::Contact] {
@@ -278,17 +272,17 @@ fn laws_stand_from_eight_degrees_on_all_presets() {
 /// Robots from half a kilogram to fifty with their center of mass off the mast: the default options are in units of λ.
 /// They grip, and each wheel carries load.
 #[test]
-fn laws_bring_any_robot_to_rest() {
+fn controllers_bring_any_robot_to_rest() {
     let config = ProptestConfig { rng_seed: RngSeed::Fixed(2), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(config);
-    let drawn = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
+    let sampled = std::iter::repeat_with(|| any_general_robot().new_tree(&mut runner).unwrap().current());
     let carried = |params: &Params| {
         let least = 0.15 * params.body_mass * params.gravity;
         params.equilibrium_wheel_loads().iter().all(|load| *load > least)
     };
-    for (number, drawn) in drawn.filter(carried).take(8).enumerate() {
+    for (number, sampled) in sampled.filter(carried).take(8).enumerate() {
         let params =
-            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..drawn };
+            Params { wheel_coulomb_friction: 0.0, wheel_static_friction: 5.0, wheel_dynamic_friction: 5.0, ..sampled };
         for name in laws() {
             let start = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.01), 0.0);
             let mut robot = robot(&params, ModelKind::Spatial, &start);
@@ -340,7 +334,7 @@ fn position_and_heading_are_reached() {
 
 /// A robot rotated and translated together with its setpoint has the same torques.
 #[test]
-fn headings_and_places_change_no_torque() {
+fn torques_do_not_depend_on_heading_and_position() {
     let params = uneven();
     let torques = |name: &str, yaw: f64, offset: Vector2<f64>| {
         let turn = nalgebra::Rotation2::new(yaw);
@@ -386,16 +380,17 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
         yaw: i as f64 - 3.0,
         ..Setpoint::default()
     };
-    let mut targets = SetpointCells::<Eight>::default();
-    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut targets, i, &setpoint(i)));
+    let mut targets = LaneSetpoint::<Eight>::default();
+    (0..EIGHT).for_each(|i| targets.set_lane(i, &(&setpoint(i)).into()));
     let mut memory = vec![Eight::default(); controller.memory_len()];
     let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
     for eight in scattered_states(&params).chunks_exact(EIGHT) {
-        let mut all = StateCells::<Eight>::default();
-        eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
+        let mut all = LaneState::<Eight>::default();
+        eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &LaneState::from(state)));
         let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
         for (i, kept) in single.iter_mut().enumerate() {
-            let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
+            let expected =
+                controller.torques_one(&LaneState::from(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
             let found = torques.map(|cell| cell.0[i]);
             assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}, lane {i}");
             assert!(found.iter().any(|torque| *torque != 0.0));
@@ -408,7 +403,7 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
 
 /// The default limits of the laws are the traction limits.
 #[test]
-fn laws_are_limited_by_the_traction() {
+fn controllers_are_limited_by_the_traction() {
     for name in laws() {
         assert_eq!(controller_kind(name).unwrap().limits, LimitOptions::TRACTION);
     }

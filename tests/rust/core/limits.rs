@@ -28,22 +28,22 @@ fn reset(batch: &mut Batch, mask: Option<&[bool]>) -> ballbot_core::Result<()> {
 }
 
 #[test]
-fn too_many_environments_and_threads_are_refused() {
-    let refusal = |num_envs: usize, num_threads: usize| {
+fn too_many_environments_and_threads_are_rejected() {
+    let rejection = |num_envs: usize, num_threads: usize| {
         let batch = Batch::new(&BalanceConfig::default(), num_envs, Autoreset::SameStep, Some(num_threads), 0);
         batch.err().expect("accepted").to_string()
     };
     for num_envs in [(1 << 20) + 1, 100_000_000, usize::MAX] {
-        assert_eq!(refusal(num_envs, 1), format!("num_envs = {num_envs}, it must be at most 1048576"));
+        assert_eq!(rejection(num_envs, 1), format!("num_envs = {num_envs}, it must be at most 1048576"));
     }
     for num_threads in [257, 1_000_000, usize::MAX] {
-        assert_eq!(refusal(2, num_threads), format!("num_threads = {num_threads}, it must be at most 256"));
+        assert_eq!(rejection(2, num_threads), format!("num_threads = {num_threads}, it must be at most 256"));
     }
 }
 
 #[cfg(feature = "render")]
 #[test]
-fn too_many_threads_of_a_renderer_are_refused() {
+fn too_many_threads_of_a_renderer_are_rejected() {
     use ballbot_core::render::{Camera, Renderer, Scene};
     let scene = Scene::of(&Params::paper());
     let camera = Camera::following(scene.height());
@@ -54,7 +54,7 @@ fn too_many_threads_of_a_renderer_are_refused() {
 
 #[cfg(feature = "render")]
 #[test]
-fn a_long_picture_ends_when_its_caller_wants() {
+fn a_long_rendering_stops_when_its_caller_requests() {
     use ballbot_core::render::{Camera, Picture, Renderer, Scene};
     let params = Params::paper();
     let scene = Scene::of(&params);
@@ -67,7 +67,7 @@ fn a_long_picture_ends_when_its_caller_wants() {
 }
 
 #[test]
-fn a_long_run_of_a_robot_ends_when_its_caller_wants() {
+fn a_long_run_of_a_robot_stops_when_its_caller_requests() {
     for kind in ModelKind::ALL {
         let mut robot = Ballbot::new(&Params::paper(), kind, 1e-6).unwrap();
         let result = stoppable(after(100), || robot.step([0.0; 3], usize::MAX));
@@ -81,7 +81,7 @@ fn a_long_run_of_a_robot_ends_when_its_caller_wants() {
 }
 
 #[test]
-fn a_step_that_was_interrupted_asks_for_a_reset() {
+fn an_interrupted_step_requires_a_reset() {
     // A step of 40 seconds.
     let slow = BalanceConfig { model: ModelKind::Spatial, sim_dt: 1e-6, control_dt: 0.01, ..BalanceConfig::default() };
     for threads in [1, 2] {
@@ -103,7 +103,7 @@ fn a_step_that_was_interrupted_asks_for_a_reset() {
 }
 
 #[test]
-fn a_step_before_the_first_reset_is_refused_in_every_mode() {
+fn a_step_before_the_first_reset_is_rejected_in_every_mode() {
     for mode in Autoreset::ALL {
         let mut batch = Batch::new(&BalanceConfig::default(), 3, mode, Some(1), 0).unwrap();
         let error = step(&mut batch).unwrap_err().to_string();
@@ -162,7 +162,7 @@ fn forged(snapshot: &[u8], old: f64, value: f64) -> Vec<u8> {
 }
 
 #[test]
-fn snapshots_whose_numbers_cannot_be_are_refused_and_change_nothing() {
+fn snapshots_with_invalid_numbers_are_rejected_and_change_nothing() {
     for model in ModelKind::ALL {
         let mut robot = Ballbot::new(&Params::paper(), model, 0.002).unwrap();
         robot.reset(&lively()).unwrap();
@@ -178,15 +178,15 @@ fn snapshots_whose_numbers_cannot_be_are_refused_and_change_nothing() {
             let before = robot.save();
             let error = robot.load(&forged(&good, x, value)).unwrap_err().to_string();
             assert!(error.starts_with("cannot decode snapshot of a robot: ball_position[0]"), "{model}: {error}");
-            assert!(robot.save() == before, "{model}: refused, but the robot has changed");
+            assert!(robot.save() == before, "{model}: rejected, but the robot has changed");
             let bytes = forged(&environment.save(), x, value);
             let before = environment.save();
             assert!(environment.load(&bytes).is_err(), "{model}");
-            assert!(environment.save() == before, "{model}: refused, but the environment has changed");
+            assert!(environment.save() == before, "{model}: rejected, but the environment has changed");
             let before: Vec<_> = (0..9).map(|i| batch.save(i).unwrap()).collect();
             assert!(batch.load(8, &bytes).is_err(), "{model}");
             let unchanged = before.iter().enumerate().all(|(i, before)| batch.save(i).unwrap() == *before);
-            assert!(unchanged, "{model}: refused, but the batch has changed");
+            assert!(unchanged, "{model}: rejected, but the batch has changed");
         }
         robot.load(&forged(&good, x, 0.25)).unwrap();
         assert_eq!(robot.state().ball_position.x, 0.25, "{model}");
@@ -210,7 +210,7 @@ fn a_unit_quaternion_keeps_its_bits() {
 /// rounding where it keeps other coordinates, and within the first step's forces where it keeps the forces of its
 /// contacts.
 #[test]
-fn a_robot_goes_on_from_its_own_state() {
+fn a_robot_continues_from_its_state() {
     for (model, tolerance) in
         [(ModelKind::Spatial, 0.0), (ModelKind::Planar, 1e-12), (ModelKind::Contact, 1e-4), (ModelKind::Rigid, 1e-3)]
     {

@@ -90,7 +90,7 @@ proptest! {
 
     /// Four models of each robot.
     #[test]
-    fn five_rigid_bodies_and_their_constraints_move_as_the_spatial_model(
+    fn five_rigid_bodies_and_their_constraints_move_like_the_spatial_model(
         params in any_or_published_robot(),
         start in any_start(1.5, 3.0),
         shares in vector(1.0),
@@ -100,7 +100,7 @@ proptest! {
     }
 
     #[test]
-    fn so_do_robots_without_symmetry(
+    fn robots_without_symmetry_move_like_the_spatial_model(
         params in any_general_robot(),
         start in any_start(1.5, 3.0),
         shares in vector(1.0),
@@ -110,7 +110,7 @@ proptest! {
     }
 
     #[test]
-    fn so_do_robots_on_a_slope(
+    fn robots_on_a_slope_move_like_the_spatial_model(
         params in any_general_robot(),
         floor_tilt in any_floor_tilt(0.5),
         start in any_start(1.5, 3.0),

@@ -11,19 +11,19 @@ use std::path::{Path, PathBuf};
 type Refusal<'a> = (&'a str, &'a [f64], [&'a str; 2]);
 
 #[track_caller]
-fn assert_refused(refusals: &[Refusal<'_>]) {
-    for (name, values, words) in refusals {
+fn assert_rejected(rejections: &[Refusal<'_>]) {
+    for (name, values, words) in rejections {
         let result = Params::paper().replace([(*name, *values)]);
         let error = result.expect_err(&format!("{name} = {values:?} is accepted"));
         assert!(matches!(error, Error::OutOfRange { .. }), "{name} = {values:?}: {error:?}");
         for word in words {
-            assert!(error.to_string().contains(word), "{name} = {values:?}: '{error}' does not say '{word}'");
+            assert!(error.to_string().contains(word), "{name} = {values:?}: '{error}' does not contain '{word}'");
         }
     }
 }
 
 #[test]
-fn parameters_that_are_not_finite_are_refused() {
+fn parameters_that_are_not_finite_are_rejected() {
     for ((name, values), field) in Params::paper().fields().zip(Params::FIELDS) {
         let limit = format!("{} {}", field.limit, field.unit);
         for index in 0..values.len() {
@@ -39,7 +39,7 @@ fn parameters_that_are_not_finite_are_refused() {
 }
 
 #[test]
-fn parameters_that_are_not_positive_are_refused() {
+fn parameters_that_are_not_positive_are_rejected() {
     for name in [
         "ball_mass",
         "ball_inertia",
@@ -54,10 +54,10 @@ fn parameters_that_are_not_positive_are_refused() {
         "friction_critical_velocity",
     ] {
         for value in [0.0, -1.5] {
-            assert_refused(&[(name, &[value], [&format!("{name} = {value} "), "must be >= 1e-"])]);
+            assert_rejected(&[(name, &[value], [&format!("{name} = {value} "), "must be >= 1e-"])]);
         }
     }
-    assert_refused(&[(
+    assert_rejected(&[(
         "body_inertia",
         &[0.01, 0.0, 0.01],
         ["body_inertia[1] = 0 ", "must be >= 1e-18 and <= 1e9 kg·m²"],
@@ -72,7 +72,7 @@ fn with_value(values: &[f64], index: usize, value: f64) -> Vec<f64> {
 }
 
 #[test]
-fn parameters_beyond_their_documented_range_are_refused() {
+fn parameters_beyond_their_documented_range_are_rejected() {
     let page = fs::read_to_string(Path::new(env!("CARGO_MANIFEST_DIR")).join("../../docs/conventions.md")).unwrap();
     for ((name, values), field) in Params::paper().fields().zip(Params::FIELDS) {
         let limit = field.limit;
@@ -92,7 +92,7 @@ fn parameters_beyond_their_documented_range_are_refused() {
 }
 
 #[test]
-fn negative_friction_is_refused() {
+fn negative_friction_is_rejected() {
     for name in [
         "ball_viscous_friction",
         "wheel_viscous_friction",
@@ -105,7 +105,7 @@ fn negative_friction_is_refused() {
         "roller_friction_slope",
         "roller_ripple",
     ] {
-        assert_refused(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
+        assert_rejected(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
         let changed = Params::paper().replace([(name, &[0.0][..])]).unwrap();
         assert_eq!(changed.fields().find(|(n, _)| *n == name).unwrap().1, [0.0]);
     }
@@ -113,7 +113,7 @@ fn negative_friction_is_refused() {
 
 #[test]
 fn static_friction_is_at_least_dynamic_friction() {
-    assert_refused(&[
+    assert_rejected(&[
         ("wheel_static_friction", &[0.9], ["wheel_static_friction = 0.9 ", "at least the dynamic coefficient, 1"]),
         ("floor_dynamic_friction", &[1.2], ["floor_static_friction = 1.1 ", "at least the dynamic coefficient, 1.2"]),
     ]);
@@ -121,11 +121,11 @@ fn static_friction_is_at_least_dynamic_friction() {
 }
 
 #[test]
-fn rollers_that_cannot_be_are_refused() {
+fn invalid_rollers_are_rejected() {
     // Twelve straight rollers on the paper's wheels of 50 mm.
     let straight = 0.05 * (1.0 - (std::f64::consts::PI / 12.0).cos());
     let words = format!("at most {straight} m, wheel_radius (1 - cos(pi / roller_count))");
-    assert_refused(&[
+    assert_rejected(&[
         ("roller_ripple", &[2e-3], ["roller_ripple = 0.002 ", &words]),
         ("roller_count", &[12.5], ["roller_count = 12.5 ", "a whole number"]),
         ("roller_count", &[2.0], ["roller_count = 2 ", ">= 3"]),
@@ -137,9 +137,9 @@ fn rollers_that_cannot_be_are_refused() {
 }
 
 #[test]
-fn impossible_inertia_is_refused() {
+fn impossible_inertia_is_rejected() {
     // No moment exceeds the sum of the other two; a ball has at most the moment of a thin shell.
-    assert_refused(&[
+    assert_rejected(&[
         ("body_inertia", &[0.05, 0.02, 0.02], ["body_inertia[0] = 0.05 ", "at most 0.04"]),
         ("body_inertia", &[0.02, 0.02, 0.05], ["body_inertia[2] = 0.05 ", "triangle inequality"]),
         ("ball_inertia", &[0.0122], ["ball_inertia = 0.0122 ", "thin shell"]),
@@ -152,22 +152,22 @@ fn impossible_inertia_is_refused() {
 
 #[test]
 fn wheels_are_part_of_the_body() {
-    assert_refused(&[("wheel_mass", &[0.75], ["wheel_mass = 0.75 ", "below a third of body_mass = 2.228"])]);
+    assert_rejected(&[("wheel_mass", &[0.75], ["wheel_mass = 0.75 ", "below a third of body_mass = 2.228"])]);
     assert!(Params::paper().replace([("wheel_mass", &[0.742][..])]).is_ok());
 }
 
 #[test]
 fn wheels_must_be_on_the_upper_half_of_the_ball_and_apart() {
     for zenith in [0.0, FRAC_PI_2, -0.3, 2.0] {
-        assert_refused(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "must be >= 0.001 and <= 1.569"])]);
+        assert_rejected(&[("wheel_zenith", &[zenith], ["wheel_zenith = ", "must be >= 0.001 and <= 1.569"])]);
     }
     for (offset, zenith) in [(FRAC_PI_4, FRAC_PI_2), (-FRAC_PI_4, 0.0), (FRAC_PI_4 - 5e-4, FRAC_PI_2 - 5e-4)] {
         let error = Params::paper().replace([("wheel_zenith_offsets", &[0.0, offset, 0.0][..])]).unwrap_err();
         let expected = format!("wheel_zenith + wheel_zenith_offsets[1] = {zenith} is out of range");
         assert!(error.to_string().starts_with(&expected), "{error}");
     }
-    assert_refused(&[
-        // Two wheels at one place turn the ball only about their axis.
+    assert_rejected(&[
+        // Two wheels at the same position turn the ball only about their axis.
         ("wheel_azimuths", &[0.0, 0.0, PI], ["volume spanned by the axles of the wheels = 0 ", "at least 0.000001"]),
         ("wheel_azimuths", &[0.0, TAU, 4.0], ["volume spanned by the axles", "turn the ball about every axis"]),
         // Apart, but all on one side of the mast: the body topples over wheel 1.
@@ -202,7 +202,7 @@ fn the_center_of_mass_must_be_between_the_wheels() {
 
 /// Products of inertia turn the principal axes; the moments about them decide.
 #[test]
-fn impossible_products_of_inertia_are_refused() {
+fn impossible_products_of_inertia_are_rejected() {
     let with = |products: [f64; 3]| Params::paper().replace([("body_products_of_inertia", &products[..])]);
     for (products, words) in [
         // Principal moments 0.0583 ± 0.06 and 0.0137.
@@ -214,7 +214,7 @@ fn impossible_products_of_inertia_are_refused() {
         let error = with(products).unwrap_err();
         assert!(matches!(error, Error::OutOfRange { .. }), "{error:?}");
         for word in words {
-            assert!(error.to_string().contains(word), "{products:?}: '{error}' does not say '{word}'");
+            assert!(error.to_string().contains(word), "{products:?}: '{error}' does not contain '{word}'");
         }
     }
     let params = with([6e-3, -2e-3, 1e-3]).unwrap();
@@ -232,7 +232,7 @@ fn impossible_products_of_inertia_are_refused() {
 }
 
 #[test]
-fn unknown_names_and_wrong_lengths_are_refused() {
+fn unknown_names_and_wrong_lengths_are_rejected() {
     let error = Params::paper().replace([("ball_weight", &[1.0][..])]).unwrap_err();
     assert!(matches!(&error, Error::UnknownName { name, .. } if name == "ball_weight"), "{error:?}");
     for known in Params::FIELDS {
@@ -328,7 +328,7 @@ fn replace_changes_the_given_fields_only() {
 }
 
 #[test]
-fn toml_keeps_all_values_to_the_last_bit() {
+fn toml_keeps_all_values_exactly() {
     let params = unlike_any_other();
     let mut text = String::from("# a robot\n");
     for (name, values) in params.fields() {
@@ -384,7 +384,7 @@ fn errors_of_a_file_name_file_key_and_value() {
         (paper.replace("ball_mass = 1.437", ""), "parameter ball_mass is missing"),
         (paper.replace("ball_mass =", "ball_mass"), "line"),
     ] {
-        let file = TestFile::new("refused.toml", &text);
+        let file = TestFile::new("rejected.toml", &text);
         let error = Params::from_toml_file(&file.0).unwrap_err().to_string();
         assert!(error.starts_with(&format!("cannot decode {}: ", file.0.display())), "{error}");
         assert!(error.contains(words), "'{error}' lacks '{words}'");
@@ -394,7 +394,7 @@ fn errors_of_a_file_name_file_key_and_value() {
 }
 
 #[test]
-fn malformed_toml_is_refused_with_the_reason() {
+fn malformed_toml_is_rejected_with_the_reason() {
     for (text, word) in [
         ("ball_mass = ", "robot parameters"),
         ("ball_mass = \"heavy\"", "ball_mass = \"heavy\" is not a number"),
@@ -403,7 +403,7 @@ fn malformed_toml_is_refused_with_the_reason() {
     ] {
         let error = Params::from_toml(text).unwrap_err();
         assert!(matches!(error, Error::Decode { .. }), "{text}: {error:?}");
-        assert!(error.to_string().contains(word), "{text}: '{error}' does not say '{word}'");
+        assert!(error.to_string().contains(word), "{text}: '{error}' does not contain '{word}'");
     }
     assert!(matches!(Params::from_toml("ball_wait = 1.0"), Err(Error::UnknownName { .. })));
     assert!(matches!(Params::from_toml("ball_mass = [1.0, 2.0]"), Err(Error::Length { .. })));

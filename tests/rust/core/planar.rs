@@ -92,7 +92,7 @@ fn spatial_yaw_gain(params: &Params, ball_spins: bool) -> f64 {
 }
 
 #[test]
-fn yaw_gain_is_that_of_eq_7() {
+fn yaw_gain_matches_eq_7() {
     let gain = |params: &Params| PlanarModel::new(params, WheelInertia::AsPrinted).unwrap().yaw_gain();
     let paper = Params::paper();
     for (found, expected) in [
@@ -206,7 +206,7 @@ fn in_plane(params: &Params, along: Vector2<f64>, yaw: f64) -> (Vector3<f64>, Ve
 }
 
 #[test]
-fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
+fn motion_in_one_plane_matches_the_spatial_model_at_any_yaw() {
     let params = high_wheels();
     let wheels = Omniwheels::new(&params);
     for yaw in [0.0, 0.4, 1.9, -2.6] {
@@ -228,7 +228,7 @@ fn motion_in_one_plane_is_that_of_the_spatial_model_at_any_yaw() {
 }
 
 #[test]
-fn contact_forces_and_pushes_in_one_plane_are_those_of_the_spatial_model() {
+fn contact_forces_and_pushes_in_one_plane_match_the_spatial_model() {
     let params = high_wheels();
     let model = SpatialModel::new(&params, false, true);
     for (along, yaw) in [(Vector2::x(), 0.4), (Vector2::y(), -2.6)] {
@@ -331,13 +331,13 @@ fn pid_of_the_paper_answers_a_step() {
 }
 
 #[test]
-fn sampled_pid_answers_as_the_continuous_one() {
+fn the_sampled_pid_responds_like_the_continuous_pid() {
     let plant = plant(PAPER_BALL_VISCOUS_FRICTION, false);
     let dt = 1e-5;
     // No torque is limited.
     let params = Params { max_wheel_torque: 1e9, ..Params::paper() };
-    let pid = Pid::new(&params, dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    let mut pid = pid.with_limits(&params, &LimitOptions::capped(1e9)).unwrap();
+    let (gains, limits) = (PidGains::default(), LimitOptions::capped(1e9));
+    let mut pid = Pid::with_map(&params, dt, &gains, TorqueMap::Consistent, &limits).unwrap();
     let about_x = Omniwheels::new(&params).wheel_torques(&Vector3::x(), TorqueMap::Consistent);
     // The tilt about +x leans towards −y.
     let mut virtual_torque = |tilt: f64, setpoint: f64| {
@@ -358,7 +358,7 @@ fn sampled_pid_answers_as_the_continuous_one() {
 }
 
 #[test]
-fn unknown_names_are_refused_with_the_known_names() {
+fn unknown_names_are_rejected_with_the_known_names() {
     assert_eq!("three_wheels".parse::<WheelInertia>().unwrap(), WheelInertia::ThreeWheels);
     assert_eq!("as_printed".parse::<WheelInertia>().unwrap(), WheelInertia::AsPrinted);
     assert_eq!(["yz", "xz"].map(|p| p.parse::<Plane>().unwrap()), [Plane::Yz, Plane::Xz]);

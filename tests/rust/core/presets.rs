@@ -82,7 +82,7 @@ fn presets_keep_the_published_values() {
 }
 
 #[test]
-fn unknown_presets_are_refused_with_the_known_names() {
+fn unknown_presets_are_rejected_with_the_known_names() {
     let error = Params::preset("roomba").unwrap_err();
     assert!(matches!(&error, Error::UnknownName { name, .. } if name == "roomba"));
     for known in Params::preset_names() {

@@ -105,7 +105,7 @@ fn run_while(
 
 /// Otherwise comparisons that last only while robots grip would never happen.
 #[test]
-fn most_gentle_drives_keep_their_grip() {
+fn most_gentle_drives_keep_grip() {
     let mut runner = TestRunner::new(same_cases(50));
     let motions = (crate::support::any_robot(), crate::support::any_start(0.1, 0.2), any_drive(0.1, 20, 10));
     let mut kept = [0; 2];

@@ -1,4 +1,4 @@
-//! Events: their draws depend only on seed, episode and id, and the resulting robot equals a robot with those
+//! Events: their samples depend only on seed, episode and id, and the resulting robot equals a robot with those
 //! parameters.
 
 mod combinations;
@@ -6,7 +6,7 @@ mod distributions;
 mod independence;
 mod motors;
 mod pushes;
-mod refusals;
+mod rejections;
 mod robots;
 mod seeds;
 mod sensors;
@@ -90,7 +90,7 @@ fn several() -> Vec<Event> {
     ]
 }
 
-/// Current draws of environment `i` by label.
+/// Current samples of environment `i` by label.
 fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
     let mut first = 0;
     for (found, width) in batch.draw_columns() {
@@ -99,7 +99,7 @@ fn draws(batch: &Batch, i: usize, label: &str) -> Vec<f64> {
         }
         first += width;
     }
-    panic!("no draws of {label}");
+    panic!("no samples of {label}");
 }
 
 /// As [`draws`], for a term with one number.

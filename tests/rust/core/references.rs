@@ -49,7 +49,7 @@ fn plane(params: &Params) -> [f64; 3] {
 }
 
 #[test]
-fn derivatives_are_those_of_the_motion() {
+fn derivatives_match_the_motion() {
     let [acceleration, lever, _] = plane(&Params::paper());
     for (name, motion) in motions() {
         let turning = Turning { yaw: 0.3, rate: 1.0, start: 2.0 };
@@ -152,7 +152,7 @@ fn motions_with_their_torques_solve_the_linear_model() {
 }
 
 #[test]
-fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
+fn motions_beyond_the_traction_are_rejected_with_a_feasible_time() {
     let params = Params::paper();
     let line = |seconds: f64| Motion::Path { points: vec![[0.0, 0.0], [1.0, 0.0]], times: vec![0.0, seconds] };
     let message = Reference::new(&params, line(2.0), Turning::default(), Some(1.0)).unwrap_err().to_string();
@@ -164,31 +164,31 @@ fn motions_beyond_the_traction_are_refused_with_the_time_that_would_do() {
     assert!(Reference::new(&params, line(seconds), Turning::default(), Some(1.0)).is_ok());
     assert!(Reference::new(&params, line(0.995 * seconds), Turning::default(), Some(1.0)).is_err());
     assert!(Reference::new(&params, line(2.0), Turning::default(), None).is_ok());
-    for (motion, says) in [
+    for (motion, words) in [
         (Motion::Circle { radius: 0.5, period: 2.0, start: 4.0 }, "with a period of"),
         (Motion::Attitude { lean: 0.6, frequency: 1.0, start: 4.0 }, "a lean of"),
     ] {
         let message = Reference::new(&params, motion, Turning::default(), Some(0.9)).unwrap_err().to_string();
-        assert!(message.contains(says), "{message}");
+        assert!(message.contains(words), "{message}");
     }
 }
 
 /// Each leg counts, however short it is compared with the motion.
 #[test]
-fn short_legs_of_long_motions_are_refused() {
-    let refused = |motion: Motion, turning: Turning| {
+fn short_legs_of_long_motions_are_rejected() {
+    let rejected = |motion: Motion, turning: Turning| {
         assert!(Reference::new(&Params::paper(), motion, turning, Some(1.0)).is_err());
     };
     let (points, times) = (vec![[0.0; 2], [0.001, 0.0], [1.0, 0.0]], vec![0.0, 999.0, 1000.0]);
-    refused(Motion::Stops { points, times }, Turning::default());
+    rejected(Motion::Stops { points, times }, Turning::default());
     let velocities = vec![[0.0; 2], [3.0, 0.0], [3.0, 0.0]];
-    refused(Motion::Velocities { velocities, times: vec![0.0, 500.0, 999.9], change: 0.1 }, Turning::default());
-    refused(Motion::Hold { position: [0.0; 2] }, Turning { rate: 1e4, ..Turning::default() });
+    rejected(Motion::Velocities { velocities, times: vec![0.0, 500.0, 999.9], change: 0.1 }, Turning::default());
+    rejected(Motion::Hold { position: [0.0; 2] }, Turning { rate: 1e4, ..Turning::default() });
 }
 
 /// The torques of a motion act after the delay.
 #[test]
-fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
+fn a_controller_that_predicts_over_a_delay_follows_a_circle_equally_well() {
     let params = Params::paper();
     let circle = made(Motion::Circle { radius: 0.5, period: 4.0, start: 4.0 });
     let follow = |name: &str, delay: f64| {
@@ -217,21 +217,21 @@ fn a_law_that_predicts_over_a_delay_follows_a_circle_no_worse() {
 }
 
 #[test]
-fn numbers_that_make_no_motion_are_refused() {
-    let refused = |motion: Motion, says: &str| {
+fn invalid_motions_are_rejected() {
+    let rejected = |motion: Motion, words: &str| {
         let message = Reference::new(&Params::paper(), motion, Turning::default(), None).unwrap_err().to_string();
-        assert!(message.contains(says), "{message}");
+        assert!(message.contains(words), "{message}");
     };
     let path = |points: Vec<[f64; 2]>, times: Vec<f64>| Motion::Path { points, times };
-    refused(path(vec![[0.0; 2]], vec![0.0]), "number of points = 1");
-    refused(path(vec![[0.0; 2]; 2], vec![0.0]), "times has 1 values, expected 2");
-    refused(path(vec![[0.0; 2]; 2], vec![0.0, -1.0]), "times = -1");
-    refused(path(vec![[0.0; 2]; 2], vec![1.0, 2.0]), "times[0] = 1");
-    refused(path(vec![[0.0, f64::NAN]; 2], vec![0.0, 2.0]), "points = NaN");
-    refused(Motion::Circle { radius: 0.5, period: 0.0, start: 1.0 }, "period = 0");
-    refused(Motion::Circle { radius: -0.5, period: 1.0, start: 1.0 }, "radius = -0.5");
-    refused(Motion::Attitude { lean: 3.0, frequency: 1.0, start: 1.0 }, "lean = 3");
-    refused(Motion::Velocities { velocities: vec![], times: vec![], change: 1.0 }, "number of velocities = 0");
+    rejected(path(vec![[0.0; 2]], vec![0.0]), "number of points = 1");
+    rejected(path(vec![[0.0; 2]; 2], vec![0.0]), "times has 1 values, expected 2");
+    rejected(path(vec![[0.0; 2]; 2], vec![0.0, -1.0]), "times = -1");
+    rejected(path(vec![[0.0; 2]; 2], vec![1.0, 2.0]), "times[0] = 1");
+    rejected(path(vec![[0.0, f64::NAN]; 2], vec![0.0, 2.0]), "points = NaN");
+    rejected(Motion::Circle { radius: 0.5, period: 0.0, start: 1.0 }, "period = 0");
+    rejected(Motion::Circle { radius: -0.5, period: 1.0, start: 1.0 }, "radius = -0.5");
+    rejected(Motion::Attitude { lean: 3.0, frequency: 1.0, start: 1.0 }, "lean = 3");
+    rejected(Motion::Velocities { velocities: vec![], times: vec![], change: 1.0 }, "number of velocities = 0");
 }
 
 /// Error of the ball along a motion: root mean square and largest after `from` seconds, and the last.
@@ -259,7 +259,7 @@ fn follow(name: &str, reference: &Reference, from: f64, until: f64) -> [f64; 3] 
 }
 
 #[test]
-fn robots_follow() {
+fn robots_follow_motions() {
     let names = ["lqr", "lqi", "cascade_pid", "hierarchical_sliding_mode"];
     let circle = |period: f64| Motion::Circle { radius: 0.5, period, start: 4.0 };
     let line =

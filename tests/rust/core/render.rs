@@ -87,7 +87,7 @@ fn depth_is_the_distance_along_the_axis_to_floor_and_sphere() {
 }
 
 #[test]
-fn uneven_wheels_are_drawn_where_they_are() {
+fn uneven_wheels_are_rendered_at_their_positions() {
     let even = Params::paper();
     let uneven = Params {
         wheel_azimuths: [0.3, TAU / 3.0, 2.0 * TAU / 3.0 - 0.2],
@@ -111,12 +111,12 @@ fn uneven_wheels_are_drawn_where_they_are() {
         let column = shot.column(label) - 0.5 * (WIDTH - 1) as f64;
         assert!(column.abs() < 0.6, "wheel {i} is {column} pixels off");
         let elsewhere = middle_of(&even, looking).changed(&shot);
-        assert!(elsewhere.len() > 100, "wheel {i} of the even robot is at the same place");
+        assert!(elsewhere.len() > 100, "wheel {i} of the robot with evenly spaced wheels is at the same position");
     }
 }
 
 #[test]
-fn ray_intersections_equal_those_of_parry() {
+fn ray_intersections_equal_parry() {
     let half = Vector3::new(0.1, 0.2, 0.15);
     let shapes = [
         (Shape::Sphere { radius: 0.2 }, SharedShape::ball(0.2)),
@@ -361,7 +361,7 @@ fn more_samples_keep_areas_and_soften_edges() {
 }
 
 #[test]
-fn shipped_urdfs_are_drawn() {
+fn shipped_urdfs_are_rendered() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let scene = Scene::from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     assert!((0.6..0.9).contains(&scene.height()), "{} m high", scene.height());
@@ -374,7 +374,7 @@ fn shipped_urdfs_are_drawn() {
 
 #[test]
 #[cfg(unix)]
-fn a_mesh_that_is_a_device_or_a_pipe_is_refused() {
+fn a_mesh_that_is_a_device_or_a_pipe_is_rejected() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let folder = std::env::temp_dir().join(format!("ballbot-mesh-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
@@ -393,7 +393,7 @@ fn a_mesh_that_is_a_device_or_a_pipe_is_refused() {
 }
 
 #[test]
-fn contents_that_are_no_stl_are_refused() {
+fn contents_that_are_not_stl_are_rejected() {
     let scale = Vector3::repeat(1.0);
     // A binary STL: 80 bytes of header, the number of triangles, and 50 bytes for each.
     let binary = |count: u32, corner: f32| {
@@ -422,15 +422,15 @@ fn contents_that_are_no_stl_are_refused() {
 #[test]
 fn errors_of_invalid_arguments_name_them() {
     let scene = || Scene::of(&Params::paper());
-    let refused = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
+    let rejected = |renderer: Result<Renderer, ballbot_core::Error>| renderer.err().unwrap().to_string();
     let ok = camera(0.0);
-    assert!(refused(Renderer::new(scene(), 0, 10, 1, ok)).contains("width"));
-    assert!(refused(Renderer::new(scene(), 10, 9000, 1, ok)).contains("height"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
+    assert!(rejected(Renderer::new(scene(), 0, 10, 1, ok)).contains("width"));
+    assert!(rejected(Renderer::new(scene(), 10, 9000, 1, ok)).contains("height"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 3, ok)).contains("samples"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, Camera { distance: f64::NAN, ..ok })).contains("distance"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, Camera { field_of_view: 4.0, ..ok })).contains("field of view"));
     let sunk = Camera { elevation: -0.5, ..ok };
-    assert!(refused(Renderer::new(scene(), 10, 10, 1, sunk)).contains("camera height"));
+    assert!(rejected(Renderer::new(scene(), 10, 10, 1, sunk)).contains("camera height"));
     let renderer = Renderer::new(scene(), 10, 10, 1, ok).unwrap();
     let state = State::upright(&Params::paper());
     let mut short = [0; 10];

@@ -1,6 +1,6 @@
 //! The Riccati equation of the regulator, for weights, rates and robots over the whole allowed range.
 
-use ballbot_core::control::{LimitOptions, Lqr, LqrWeights};
+use ballbot_core::control::{LimitOptions, Lqr, LqrOptions, LqrWeights, Sampled};
 use ballbot_core::fields::Fields;
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Error, Params};
@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_core::Result<Lqr> {
+fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_core::Result<Sampled<Lqr>> {
     Lqr::with_weights(params, control_dt, weights, &LimitOptions::CAP)
 }
 
@@ -42,7 +42,7 @@ fn regulators_whose_poles_were_not_found_are_solved() {
 }
 
 #[test]
-fn every_regulator_is_solved_or_refused() {
+fn every_regulator_is_solved_or_rejected() {
     let mut rng = ChaCha8Rng::seed_from_u64(0);
     let (mut solved, mut worst) = (0, 0.0_f64);
     let n = 3000;
@@ -69,18 +69,19 @@ fn every_regulator_is_solved_or_refused() {
 }
 
 #[test]
-fn costs_that_no_regulator_has_are_refused() {
+fn costs_without_a_regulator_are_rejected() {
     let paper = Params::paper();
     let identity = |n: usize| DMatrix::<f64>::identity(n, n);
-    let refused = |q: &DMatrix<f64>, r: &DMatrix<f64>, words: &str| {
-        let error = Lqr::with_costs(&paper, 0.01, [q, r], [0.2, 1.0], &LimitOptions::CAP).unwrap_err().to_string();
-        assert!(error.contains(words), "'{error}' does not say '{words}'");
+    let rejected = |q: &DMatrix<f64>, r: &DMatrix<f64>, words: &str| {
+        let made = Lqr::with_costs(&paper, 0.01, [q, r], &LqrOptions::default(), &LimitOptions::CAP);
+        let error = made.unwrap_err().to_string();
+        assert!(error.contains(words), "'{error}' does not contain '{words}'");
     };
-    refused(&(identity(10) * 1e16), &identity(3), "Q[0, 0] = 1e16 is out of range: it must be within ±1e15");
-    refused(&(identity(10) * f64::NAN), &identity(3), "Q[0, 0] = NaN");
-    refused(&identity(10), &(identity(3) * -1.0), "R is not positive semidefinite");
-    refused(&identity(10), &(identity(3) * 0.0), "R is not positive definite");
-    refused(&(identity(10) * 0.0), &identity(3), "Q is zero");
+    rejected(&(identity(10) * 1e16), &identity(3), "Q[0, 0] = 1e16 is out of range: it must be within ±1e15");
+    rejected(&(identity(10) * f64::NAN), &identity(3), "Q[0, 0] = NaN");
+    rejected(&identity(10), &(identity(3) * -1.0), "R is not positive semidefinite");
+    rejected(&identity(10), &(identity(3) * 0.0), "R is not positive definite");
+    rejected(&(identity(10) * 0.0), &identity(3), "Q is zero");
     let weights = LqrWeights { tilt: 1e-7, ..LqrWeights::default() };
     let error = regulator(&paper, 0.01, &weights).unwrap_err().to_string();
     assert_eq!(error, "tilt = 0.0000001 is out of range: it must be >= 1e-6 and <= 1e6 rad");

@@ -44,11 +44,11 @@ fn fresh_trace(kind: ModelKind) -> Vec<[f64; State::LEN]> {
 
 /// Asserts that `act` fails and leaves the robot unchanged; returns the message.
 #[track_caller]
-fn refused(robot: &mut Ballbot, act: impl FnOnce(&mut Ballbot) -> Result<(), Error>) -> String {
+fn rejected(robot: &mut Ballbot, act: impl FnOnce(&mut Ballbot) -> Result<(), Error>) -> String {
     let before = robot.save();
     let error = act(robot).expect_err("accepted");
     assert!(!matches!(error, Error::Diverged { .. }), "{error:?}");
-    assert_eq!(robot.save(), before, "{}: refused, but something moved", robot.kind());
+    assert_eq!(robot.save(), before, "{}: rejected, but something moved", robot.kind());
     error.to_string()
 }
 
@@ -64,7 +64,7 @@ fn models_are_chosen_by_name() {
 }
 
 #[test]
-fn time_steps_out_of_range_are_refused() {
+fn time_steps_out_of_range_are_rejected() {
     for kind in ModelKind::ALL {
         for sim_dt in [0.0, -0.001, 9e-7, 0.0201, f64::NAN, f64::INFINITY] {
             let error = Ballbot::new(&Params::paper(), kind, sim_dt).err().expect("accepted").to_string();
@@ -80,7 +80,7 @@ fn time_steps_out_of_range_are_refused() {
 }
 
 #[test]
-fn invalid_parameters_are_refused() {
+fn invalid_parameters_are_rejected() {
     for kind in ModelKind::ALL {
         let error = Ballbot::new(&Params { gravity: -9.81, ..Params::paper() }, kind, 0.001).err().expect("accepted");
         assert!(error.to_string().starts_with("gravity = -9.81 "), "{error}");
@@ -93,7 +93,7 @@ fn invalid_parameters_are_refused() {
 }
 
 #[test]
-fn torques_beyond_the_motor_limit_are_refused() {
+fn torques_beyond_the_motor_limit_are_rejected() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
@@ -101,7 +101,7 @@ fn torques_beyond_the_motor_limit_are_refused() {
         for (i, bad) in [(0, f64::NAN), (1, 5.01), (2, -5.01), (2, f64::INFINITY)] {
             let mut torques = [0.1; 3];
             torques[i] = bad;
-            let message = refused(&mut robot, |robot| robot.step(torques, 3));
+            let message = rejected(&mut robot, |robot| robot.step(torques, 3));
             assert!(message.starts_with(&format!("wheel_torques[{i}] = {bad} ")), "{message}");
             assert!(message.contains("±max_wheel_torque = 5 N·m"), "{message}");
         }
@@ -109,7 +109,7 @@ fn torques_beyond_the_motor_limit_are_refused() {
 }
 
 #[test]
-fn states_out_of_bounds_are_refused() {
+fn states_out_of_bounds_are_rejected() {
     let with = |change: &dyn Fn(&mut State)| {
         let mut state = lively();
         change(&mut state);
@@ -133,8 +133,8 @@ fn states_out_of_bounds_are_refused() {
         robot.reset(&lively()).unwrap();
         robot.step([0.1, -0.2, 0.05], 7).unwrap();
         for (state, words) in &cases {
-            let message = refused(&mut robot, |robot| robot.reset(state));
-            assert!(message.contains(words), "{kind}: '{message}' does not say '{words}'");
+            let message = rejected(&mut robot, |robot| robot.reset(state));
+            assert!(message.contains(words), "{kind}: '{message}' does not contain '{words}'");
         }
     }
 }
@@ -144,7 +144,7 @@ fn slipping_starts_need_a_model_with_contacts() {
     let mut slipping = lively();
     slipping.wheel_speeds[1] += 1.0;
     for kind in [ModelKind::Planar, ModelKind::Spatial] {
-        let message = refused(&mut robot(kind), |robot| robot.reset(&slipping));
+        let message = rejected(&mut robot(kind), |robot| robot.reset(&slipping));
         assert!(message.starts_with("wheel_speeds[1] = "), "{kind}: {message}");
     }
     let mut rigid = robot(ModelKind::Rigid);
@@ -153,17 +153,17 @@ fn slipping_starts_need_a_model_with_contacts() {
 }
 
 #[test]
-fn invalid_pushes_and_joint_friction_are_refused() {
+fn invalid_pushes_and_joint_friction_are_rejected() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         let nan = Vector3::new(0.0, f64::NAN, 0.0);
-        assert!(refused(&mut robot, |r| r.push(&nan, None)).starts_with("impulse[1] = NaN "));
-        assert!(refused(&mut robot, |r| r.push(&Vector3::x(), Some(&nan))).starts_with("point[1] = NaN "));
+        assert!(rejected(&mut robot, |r| r.push(&nan, None)).starts_with("impulse[1] = NaN "));
+        assert!(rejected(&mut robot, |r| r.push(&Vector3::x(), Some(&nan))).starts_with("point[1] = NaN "));
         for (viscous, dry, words) in
             [(-0.1, 0.0, "wheel_viscous_friction = -0.1 "), (0.0, f64::NAN, "wheel_coulomb_friction = NaN ")]
         {
             let params = with_joint_friction(viscous, dry);
-            let message = refused(&mut robot, |robot| robot.set_params(&params).map(|_| ()));
+            let message = rejected(&mut robot, |robot| robot.set_params(&params).map(|_| ()));
             assert!(message.starts_with(words), "{message}");
         }
     }
@@ -196,7 +196,7 @@ fn divergence_is_reported_until_a_reset() {
 }
 
 #[test]
-fn reset_robots_equal_new_ones_to_the_last_bit() {
+fn reset_robots_equal_new_robots_bit_for_bit() {
     for kind in ModelKind::ALL {
         let expected = fresh_trace(kind);
         let mut robot = robot(kind);
@@ -226,7 +226,7 @@ fn state_after_a_reset_is_the_given_one() {
 }
 
 #[test]
-fn loaded_robots_continue_to_the_last_bit() {
+fn loaded_robots_continue_bit_for_bit() {
     for kind in ModelKind::ALL {
         let mut robot = robot(kind);
         robot.reset(&lively()).unwrap();
@@ -235,12 +235,12 @@ fn loaded_robots_continue_to_the_last_bit() {
         robot.step([0.1, -0.05, 0.02], 11).unwrap();
         let saved = robot.save();
         let expected = trace(&mut robot);
-        let message = refused(&mut self::robot(kind), |other| other.load(&saved));
+        let message = rejected(&mut self::robot(kind), |other| other.load(&saved));
         assert!(message.contains("parameters differ"), "{kind}: {message}");
         let mut other = Ballbot::new(&params, kind, 0.002).unwrap();
         other.load(&saved).unwrap();
         assert!(trace(&mut other) == expected, "{kind}: the saved robot went another way");
-        let message = refused(&mut other, |other| other.load(&saved[..20]));
+        let message = rejected(&mut other, |other| other.load(&saved[..20]));
         assert!(message.starts_with("cannot decode snapshot of a robot: "), "{kind}: {message}");
     }
 }
@@ -265,7 +265,7 @@ fn joint_friction_persists_through_a_reset() {
 }
 
 #[test]
-fn friction_utilization_is_the_share_of_the_dynamic_limit() {
+fn friction_utilization_is_the_fraction_of_the_dynamic_limit() {
     let params = Params { wheel_dynamic_friction: 0.5, floor_dynamic_friction: 0.8, ..Params::paper() };
     let contacts = Contacts {
         wheel_normal_forces: Wheels([10.0, 0.0, -1.0]),

@@ -144,7 +144,7 @@ fn energy_is_conserved_without_friction() {
 }
 
 #[test]
-fn energy_of_the_model_is_that_of_its_bodies() {
+fn energy_of_the_model_equals_the_energy_of_its_bodies() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     motion.reset(&lively(&params)).unwrap();
@@ -225,7 +225,7 @@ fn massless_wheels_leave_the_momenta_of_translation_and_rotation() {
 }
 
 #[test]
-fn motion_in_a_plane_is_the_planar_model_with_three_wheels() {
+fn motion_in_a_plane_matches_the_planar_model_with_three_wheels() {
     let params = Params { ball_viscous_friction: 4.0, ..Params::paper() };
     let planar = PlanarModel::new(&params, WheelInertia::ThreeWheels).unwrap();
     let spatial = SpatialModel::new(&params, false, false);
@@ -273,7 +273,7 @@ fn upright_poles_are_exact() {
 }
 
 #[test]
-fn slipping_states_are_refused_with_their_value() {
+fn slipping_states_are_rejected_with_their_value() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     let mut state = State::upright(&params);
@@ -283,7 +283,7 @@ fn slipping_states_are_refused_with_their_value() {
 }
 
 #[test]
-fn loaded_motion_continues_to_the_last_bit() {
+fn loaded_motion_continues_bit_for_bit() {
     let params = Params::paper();
     let mut motion = SpatialMotion::new(&params, 1e-3);
     motion.reset(&lively(&params)).unwrap();

@@ -88,7 +88,7 @@ fn run<T: Task>(config: &EnvConfig<T>, n: usize, autoreset: Autoreset, threads: 
 }
 
 #[test]
-fn robots_among_others_do_what_each_does_alone() {
+fn robots_of_a_batch_equal_single_robots() {
     let n = 11;
     for autoreset in [Autoreset::SameStep, Autoreset::NextStep] {
         for model in [ModelKind::Contact, ModelKind::Spatial] {
@@ -111,7 +111,7 @@ fn robots_among_others_do_what_each_does_alone() {
 }
 
 #[test]
-fn results_are_those_of_the_stage_and_the_task_is_unchanged() {
+fn results_match_the_stage_and_the_task_is_unchanged() {
     let n = 9;
     let mut plain = run(&config::<Velocity>(ModelKind::Contact, None), n, Autoreset::Disabled, 1);
     let stage = Spin::new();
@@ -149,7 +149,7 @@ fn results_are_those_of_the_stage_and_the_task_is_unchanged() {
 }
 
 #[test]
-fn a_stage_is_all_of_a_task() {
+fn a_single_stage_can_be_a_whole_task() {
     let config = config::<Bare>(ModelKind::Contact, Some(&Spin::new()));
     let mut run = run(&config, 5, Autoreset::SameStep, 1);
     assert_eq!(run.batch.observation_len(), 2);
@@ -180,7 +180,7 @@ fn after_an_error_all_environments_must_be_reset() {
 }
 
 #[test]
-fn names_that_are_taken_and_bad_numbers_are_rejected() {
+fn taken_names_and_invalid_numbers_are_rejected() {
     type Change = fn(&mut StageLayout);
     let cases: [(&str, Change); 5] = [
         ("reward term 'velocity'", |layout| layout.terms[0].name = "velocity"),

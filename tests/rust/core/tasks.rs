@@ -52,7 +52,7 @@ fn metrics(run: &Run, i: usize) -> Vec<f64> {
     metrics
 }
 
-/// At rest, upright, at a place on the floor.
+/// At rest, upright, at a position on the floor.
 fn standing(x: f64, y: f64, yaw: f64) -> State {
     let params = Params::paper();
     let mut state = State::tilted(&params, nalgebra::Vector2::zeros(), yaw);

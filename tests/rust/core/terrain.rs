@@ -1,4 +1,4 @@
-//! Terrains against closed forms: the surface, a ball alone on it, and robots.
+//! Terrains against closed forms: the surface, a single ball, and robots.
 
 mod batches;
 mod limits;
@@ -11,7 +11,7 @@ use ballbot_core::{Ballbot, ModelKind, Params, State};
 use nalgebra::{Vector2, Vector3};
 use std::sync::Arc;
 
-/// Height of the bot of a ball that rolls alone, m: it falls for ten seconds without touching anything.
+/// Height of the bot of a ball that rolls without it, m: it falls for ten seconds without touching anything.
 const OUT_OF_REACH: f64 = 2000.0;
 
 /// J / (M r²) of the ball.
@@ -19,7 +19,7 @@ fn inertia_ratio(params: &Params) -> f64 {
     params.ball_inertia / (params.ball_mass * params.ball_radius.powi(2))
 }
 
-/// A ball alone on a terrain at x and y with horizontal velocity components, rolling without slip or spin.
+/// A single ball on a terrain at x and y with horizontal velocity components, rolling without slip or spin.
 fn ball(
     kind: ModelKind,
     params: &Params,

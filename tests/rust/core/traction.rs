@@ -1,7 +1,7 @@
 //! The last stage of the laws: wheels that neither slip nor lift, and the benefit for a regulator.
 
 use crate::support::general::crooked;
-use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Setpoint, TorqueLimits};
+use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Sampled, Setpoint, TorqueLimits};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LoadMap, SpatialModel};
 use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels};
@@ -74,7 +74,7 @@ fn load_maps_are_the_derivatives_of_the_contact_forces() {
 
 /// In equilibrium the maps are exact, and so is the limit.
 #[test]
-fn limited_torques_use_the_friction_limit_and_no_more() {
+fn limited_torques_reach_and_do_not_exceed_the_friction_limit() {
     for params in robots() {
         let params = Params {
             wheel_coulomb_friction: 0.0,
@@ -86,12 +86,12 @@ fn limited_torques_use_the_friction_limit_and_no_more() {
         let weight = params.body_mass * params.gravity * params.wheel_radius;
         let (mut limited_ones, mut kept) = (0, 0);
         for k in 0..200 {
-            let wanted =
+            let desired =
                 torques(&params, weight * (0.5 + 0.5 * wave(k, 0)), PI * wave(k, 1), 0.2 * weight * wave(k, 2));
-            let found = apply(&params, &state, wanted);
+            let found = apply(&params, &state, desired);
             let (slip, load) = used(&params, &state, found.torques);
             assert!(slip <= 1.0 + 1e-9 && load >= 0.3 - 1e-9, "{slip} of the limit, {load} of the load");
-            if found.torques == wanted {
+            if found.torques == desired {
                 kept += 1;
                 assert_eq!((found.share, found.yaw_share), (1.0, 1.0));
                 continue;
@@ -103,7 +103,7 @@ fn limited_torques_use_the_friction_limit_and_no_more() {
             // The rest of both parts keeps its direction.
             let wheels = Omniwheels::new(&params);
             let of = |torques: Wheels<f64>| params.to_balance_frame() * (wheels.u.transpose() * torques.column());
-            let (before, after) = (of(wanted), of(found.torques));
+            let (before, after) = (of(desired), of(found.torques));
             assert!((after.xy() - before.xy() * found.share).norm() < 1e-9 * before.norm());
             assert!((after.z - before.z * found.yaw_share).abs() < 1e-9 * before.norm());
         }
@@ -131,7 +131,7 @@ fn tilted_robots_keep_within_two_percent_of_the_limit() {
 }
 
 #[test]
-fn yaw_torque_is_given_up_first() {
+fn yaw_torque_is_reduced_first() {
     let params = Params::paper();
     let state = State::upright(&params);
     let found = apply(&params, &state, torques(&params, 0.2, 0.4, 5.0));
@@ -164,10 +164,10 @@ fn turned_by_a_third_the_torques_move_on_by_a_wheel() {
 #[test]
 fn a_heading_changes_nothing() {
     let params = Params::paper();
-    let wanted = torques(&params, 0.6, 1.0, 0.1);
+    let desired = torques(&params, 0.6, 1.0, 0.1);
     let turned = |yaw: f64| {
         let tilt = Rotation3::from_axis_angle(&Vector3::z_axis(), yaw) * Vector3::new(0.1, -0.05, 0.0);
-        apply(&params, &State::tilted(&params, tilt.xy(), yaw), wanted).torques
+        apply(&params, &State::tilted(&params, tilt.xy(), yaw), desired).torques
     };
     for yaw in [0.5, 2.0, -3.0] {
         assert!((turned(yaw).column() - turned(0.0).column()).norm() < 1e-9);
@@ -175,35 +175,35 @@ fn a_heading_changes_nothing() {
 }
 
 #[test]
-fn where_a_wheel_slips_the_torques_are_those_of_the_cap() {
+fn where_a_wheel_slips_the_torques_equal_the_cap() {
     let params = Params::paper();
     let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
-    let wanted = torques(&params, 1.0, 0.4, 0.1);
-    let gripping = apply(&params, &state, wanted);
+    let desired = torques(&params, 1.0, 0.4, 0.1);
+    let gripping = apply(&params, &state, desired);
     state.wheel_speeds[1] += 0.11 / params.wheel_radius;
-    let slipping = apply(&params, &state, wanted);
+    let slipping = apply(&params, &state, desired);
     let capped =
-        TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(wanted, &LaneState::from(&state), f64::INFINITY);
+        TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(desired, &LaneState::from(&state), f64::INFINITY);
     assert_eq!(slipping.torques, capped.torques);
     assert_ne!(slipping.torques, gripping.torques);
     state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
-    assert_eq!(apply(&params, &state, wanted).torques, gripping.torques);
+    assert_eq!(apply(&params, &state, desired).torques, gripping.torques);
 }
 
 #[test]
-fn torques_that_are_no_numbers_are_not_hidden() {
+fn torques_that_are_nan_are_not_hidden() {
     let params = Params::paper();
     for k in 0..3 {
-        let mut wanted = Wheels([0.1, -0.2, 0.3]);
-        wanted[k] = f64::NAN;
+        let mut desired = Wheels([0.1, -0.2, 0.3]);
+        desired[k] = f64::NAN;
         for state in [State::upright(&params), State::tilted(&params, Vector2::new(0.3, 0.1), 0.0)] {
-            assert!(apply(&params, &state, wanted).torques[k].is_nan());
+            assert!(apply(&params, &state, desired).torques[k].is_nan());
         }
     }
 }
 
 #[test]
-fn limits_out_of_range_are_refused() {
+fn limits_out_of_range_are_rejected() {
     let params = Params::paper();
     for (traction, max_torque, words) in [
         (Some(0.0), None, "traction = 0 is out of range: it must be from 0.01 to 1"),
@@ -223,7 +223,7 @@ fn limits_out_of_range_are_refused() {
 }
 
 /// A regulator at 100 Hz on `contact`, pushed from the start on for a time, s, with a half sine.
-fn stands(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
+fn recovers(lqr: &mut Sampled<Lqr>, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
     let params = Params::paper();
     let mut robot = Ballbot::new(&params, ModelKind::Contact, SIM_DT).unwrap();
     robot.reset(start).unwrap();
@@ -250,7 +250,7 @@ fn stands(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, ta
     robot.state().tilt() < 0.03
 }
 
-fn regulators() -> [Lqr; 2] {
+fn regulators() -> [Sampled<Lqr>; 2] {
     let params = Params::paper();
     let without = LqrWeights { max_lean: 1e3, max_speed: 1e3, ..LqrWeights::default() };
     let lqr = |weights, limits| Lqr::with_weights(&params, SIM_DT * STEPS as f64, weights, limits).unwrap();
@@ -268,26 +268,26 @@ fn the_stage_widens_the_basin_of_a_regulator() {
     let [mut capped, mut scaled] = regulators();
     for direction in around(24) {
         let start = |degrees: f64| State::tilted(&params, direction * degrees.to_radians(), 0.0);
-        assert!(stands(&mut scaled, &start(25.0), Vector3::zeros(), 0.0, Vector2::zeros()), "{direction}");
+        assert!(recovers(&mut scaled, &start(25.0), Vector3::zeros(), 0.0, Vector2::zeros()), "{direction}");
     }
     let falls = around(12).filter(|direction| {
         let start = State::tilted(&params, direction * 17_f64.to_radians(), 0.0);
-        !stands(&mut capped, &start, Vector3::zeros(), 0.0, Vector2::zeros())
+        !recovers(&mut capped, &start, Vector3::zeros(), 0.0, Vector2::zeros())
     });
     assert!(falls.count() >= 4);
 }
 
 /// Pushed at the center of mass for 0.1 s, and at once.
 #[test]
-fn the_stage_makes_a_regulator_stand_harder_pushes() {
+fn with_the_stage_a_regulator_withstands_harder_pushes() {
     let upright = State::upright(&Params::paper());
     let [mut capped, mut scaled] = regulators();
     let mut falls = 0;
     for direction in around(12) {
         let push = |size: f64| Vector3::new(direction.x, direction.y, 0.0) * size;
-        assert!(stands(&mut scaled, &upright, push(2.6), 0.1, Vector2::zeros()), "{direction}");
-        assert!(stands(&mut scaled, &upright, push(1.85), SIM_DT, Vector2::zeros()), "{direction}");
-        falls += u32::from(!stands(&mut capped, &upright, push(1.85), 0.1, Vector2::zeros()));
+        assert!(recovers(&mut scaled, &upright, push(2.6), 0.1, Vector2::zeros()), "{direction}");
+        assert!(recovers(&mut scaled, &upright, push(1.85), SIM_DT, Vector2::zeros()), "{direction}");
+        falls += u32::from(!recovers(&mut capped, &upright, push(1.85), 0.1, Vector2::zeros()));
     }
     assert!(falls >= 8, "{falls}");
 }

@@ -27,10 +27,10 @@ fn load(bot: &str) -> Params {
 }
 
 /// File and reason of a rejection.
-fn refusal(bot: &str, ball: &str) -> (String, String) {
+fn rejection(bot: &str, ball: &str) -> (String, String) {
     match params_from_urdf_text(bot, ball) {
         Err(Error::Urdf { file, reason }) => (file, reason),
-        other => panic!("expected a refusal, got {other:?}"),
+        other => panic!("expected an error, got {other:?}"),
     }
 }
 
@@ -307,8 +307,8 @@ fn a_center_of_mass_off_the_mast_is_read() {
             body_products_of_inertia: [xy, -lever * x, -lever * y],
             ..Params::paper()
         };
-        for ((name, found), (_, wanted)) in params.fields().zip(expected.fields()) {
-            for (a, b) in found.iter().zip(wanted) {
+        for ((name, found), (_, required)) in params.fields().zip(expected.fields()) {
+            for (a, b) in found.iter().zip(required) {
                 // Products below 1e-6 of the largest moment count as rounding.
                 let rounding = name == "body_products_of_inertia" && b.abs() <= 1e-6 * 0.0584;
                 let tolerance = if rounding { 1e-6 * 0.0584 } else { 1e-12 };
@@ -329,8 +329,8 @@ fn products_of_inertia_are_read_with_their_signs() {
     let bot = edit(BOT, "ixy=\"0\" ixz=\"0\"", "ixy=\"1e-5\" ixz=\"-2e-5\"");
     let params = load(&edit(&bot, "iyz=\"0\"", "iyz=\"3e-5\""));
     let expected = Params { body_products_of_inertia: [1e-5, -2e-5, 3e-5], ..Params::paper() };
-    for (found, wanted) in params.body_products_of_inertia.iter().zip(expected.body_products_of_inertia) {
-        assert!((found - wanted).abs() < 1e-15, "{found}, expected {wanted}");
+    for (found, required) in params.body_products_of_inertia.iter().zip(expected.body_products_of_inertia) {
+        assert!((found - required).abs() < 1e-15, "{found}, expected {required}");
     }
     assert_close(&Params { body_products_of_inertia: [0.0; 3], ..params }, &Params::paper(), 1e-12);
     // 5e-8 of 0.0583 kg·m² is rounding.
@@ -355,7 +355,7 @@ fn wheels_may_be_uneven() {
         assert!((params.wheel_azimuths[i] - azimuth).abs() < 1e-12, "{}", params.wheel_azimuths[i]);
         assert!((params.wheel_zeniths()[i] - uneven.zeniths[i]).abs() < 1e-12, "{}", params.wheel_zeniths()[i]);
     }
-    // Three wheels off their symmetric places move the CoM, and with it the equilibrium.
+    // Three wheels off their symmetric positions move the CoM, and with it the equilibrium.
     let wheels: Vector3<f64> = (0..3)
         .map(|i| {
             let (sin, cos) = uneven.zeniths[i].sin_cos();
@@ -428,9 +428,9 @@ const BAD_BOTS: &[(&str, &str, &[&str])] = &[
 ];
 
 #[test]
-fn urdfs_that_are_not_bots_are_refused() {
+fn urdfs_that_are_not_bots_are_rejected() {
     for &(from, to, expected) in BAD_BOTS {
-        let (file, reason) = refusal(&edit(BOT, from, to), BALL);
+        let (file, reason) = rejection(&edit(BOT, from, to), BALL);
         // Invalid parameters are reported for both files.
         assert!(file == "bot URDF" || file == "bot URDF and ball URDF", "{file}");
         for part in expected {
@@ -440,29 +440,29 @@ fn urdfs_that_are_not_bots_are_refused() {
 }
 
 #[test]
-fn missing_parts_are_refused() {
+fn missing_parts_are_rejected() {
     let cut = |text: &str, start: &str, end: &str| {
         let from = text.find(start).unwrap();
         let to = from + text[from..].find(end).unwrap() + end.len();
         format!("{}{}", &text[..from], &text[to..])
     };
     let without_mass = cut(BOT, "<inertial>", "</inertial>");
-    assert!(refusal(&without_mass, BALL).1.contains("the body has mass = 0 kg"));
+    assert!(rejection(&without_mass, BALL).1.contains("the body has mass = 0 kg"));
     let (wheel, rest) = BOT.split_at(BOT.find("<link name=\"wheel_0\">").unwrap());
-    let reason = refusal(&format!("{wheel}{}", cut(rest, "<inertial>", "</inertial>")), BALL).1;
+    let reason = rejection(&format!("{wheel}{}", cut(rest, "<inertial>", "</inertial>")), BALL).1;
     assert!(reason.contains("wheel 0 (joint 'wheel_joint_0') has mass = 0 kg"), "{reason}");
     let boxes = BOT.replace("<sphere radius=\"0.05\"/>", "<box size=\"1 1 1\"/>");
-    assert!(refusal(&boxes, BALL).1.contains("wheel 0 (joint 'wheel_joint_0') has no collision or visual sphere"));
-    assert!(refusal("<robot name=\"empty\"/>", BALL).1.contains("no links"));
-    assert!(refusal("<robot name=\"one\"><link name=\"body\"/></robot>", BALL).1.contains("0 joints are continuous"));
+    assert!(rejection(&boxes, BALL).1.contains("wheel 0 (joint 'wheel_joint_0') has no collision or visual sphere"));
+    assert!(rejection("<robot name=\"empty\"/>", BALL).1.contains("no links"));
+    assert!(rejection("<robot name=\"one\"><link name=\"body\"/></robot>", BALL).1.contains("0 joints are continuous"));
 }
 
 #[test]
-fn urdfs_that_are_not_balls_are_refused() {
+fn urdfs_that_are_not_balls_are_rejected() {
     let cases: &[(&str, &str, &[&str])] = &[
         ("</robot>", "", &["not a readable URDF"]),
         ("<mass value=\"1.437\"/>", "<mass value=\"0\"/>", &["'ball' has an inertia but mass = 0 kg"]),
-        ("iyy=\"0.0112\"", "iyy=\"0.0113\"", &["'ball' is not that of a ball", "1e-6"]),
+        ("iyy=\"0.0112\"", "iyy=\"0.0113\"", &["'ball' is not the inertia of a ball", "1e-6"]),
         ("ixy=\"0\"", "ixy=\"NaN\"", &["NaN", "finite"]),
         (
             "<mass value",
@@ -472,26 +472,26 @@ fn urdfs_that_are_not_balls_are_refused() {
         ("inertial>\n      <mass value=\"1.437\"/>", "inertial><mass/>", &["not a readable URDF"]),
     ];
     for &(from, to, expected) in cases {
-        let (file, reason) = refusal(BOT, &edit(BALL, from, to));
+        let (file, reason) = rejection(BOT, &edit(BALL, from, to));
         assert_eq!(file, "ball URDF");
         for part in expected {
             assert!(reason.contains(part), "{from} -> {to}\nexpected: {part}\nfound: {reason}");
         }
     }
     let cube = BALL.replace("<sphere radius=\"0.112\"/>", "<box size=\"1 1 1\"/>");
-    assert!(refusal(BOT, &cube).1.contains("no collision or visual sphere"));
-    assert!(refusal(BOT, BOT).1.contains("4 links have a mass, expected exactly one"));
-    assert!(refusal(BOT, "<robot name=\"b\"><link name=\"ball\"/></robot>").1.contains("0 links have a mass"));
+    assert!(rejection(BOT, &cube).1.contains("no collision or visual sphere"));
+    assert!(rejection(BOT, BOT).1.contains("4 links have a mass, expected exactly one"));
+    assert!(rejection(BOT, "<robot name=\"b\"><link name=\"ball\"/></robot>").1.contains("0 links have a mass"));
     let large = BALL.replace("radius=\"0.112\"", "radius=\"0.113\"");
-    assert!(refusal(BOT, &large).1.contains("not perpendicular to the line from the ball center"));
+    assert!(rejection(BOT, &large).1.contains("not perpendicular to the line from the ball center"));
     let small = BALL.replace("radius=\"0.112\"", "radius=\"0.05\"");
-    assert!(refusal(BOT, &small).1.contains("closer than ball radius + wheel radius = 0.1 m"));
+    assert!(rejection(BOT, &small).1.contains("closer than ball radius + wheel radius = 0.1 m"));
 }
 
 #[test]
 fn impossible_values_are_out_of_range() {
     let heavy = edit(BALL, "<mass value=\"1.437\"/>", "<mass value=\"0.1\"/>");
-    let (file, reason) = refusal(BOT, &heavy);
+    let (file, reason) = rejection(BOT, &heavy);
     assert_eq!(file, "bot URDF and ball URDF");
     assert!(reason.starts_with("ball_inertia = 0.0112 is out of range"), "{reason}");
     let steered = BOT.replacen("type=\"continuous\"", "type=\"revolute\"", 1).replacen(
@@ -499,7 +499,7 @@ fn impossible_values_are_out_of_range() {
         "<limit lower=\"-0.1\" upper=\"0.1\" ",
         1,
     );
-    assert!(refusal(&steered, BALL).1.contains("its limits leave 0.2 rad"));
+    assert!(rejection(&steered, BALL).1.contains("its limits leave 0.2 rad"));
 }
 
 #[test]
@@ -514,7 +514,7 @@ fn errors_of_unreadable_files_name_the_file() {
 
 #[test]
 #[cfg(unix)]
-fn devices_and_pipes_are_refused_without_being_read() {
+fn devices_and_pipes_are_rejected_without_being_read() {
     let pipe = std::env::temp_dir().join(format!("ballbot-pipe-{}", std::process::id()));
     assert!(std::process::Command::new("mkfifo").arg(&pipe).status().unwrap().success());
     for path in [Path::new("/dev/zero"), &pipe, Path::new("/")] {
@@ -527,7 +527,7 @@ fn devices_and_pipes_are_refused_without_being_read() {
 }
 
 #[test]
-fn a_file_that_is_too_large_is_refused() {
+fn a_file_that_is_too_large_is_rejected() {
     let path = std::env::temp_dir().join(format!("ballbot-large-{}", std::process::id()));
     // Without contents on the disk.
     std::fs::File::create(&path).and_then(|file| file.set_len(1 << 40)).unwrap();
@@ -539,7 +539,7 @@ fn a_file_that_is_too_large_is_refused() {
 }
 
 #[test]
-fn visuals_of_texts_are_those_of_files() {
+fn visuals_of_texts_match_files() {
     let assets = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../assets");
     let of_files = visuals_from_urdf(&assets.join("bot.urdf"), &assets.join("ball.urdf")).unwrap();
     let of_texts = visuals_from_urdf_text(BOT, BALL).unwrap();
@@ -550,15 +550,15 @@ fn visuals_of_texts_are_those_of_files() {
 }
 
 #[test]
-fn truncated_text_is_refused() {
+fn truncated_text_is_rejected() {
     for end in (0..BOT.len() - 10).step_by(50) {
         if let Some(cut) = BOT.get(..end) {
-            refusal(cut, BALL);
+            rejection(cut, BALL);
         }
     }
     for end in (0..BALL.len() - 10).step_by(50) {
         if let Some(cut) = BALL.get(..end) {
-            refusal(BOT, cut);
+            rejection(BOT, cut);
         }
     }
 }
@@ -577,15 +577,15 @@ fn attribute_values_never_panic() {
 }
 
 #[test]
-fn deeply_nested_text_is_refused() {
+fn deeply_nested_text_is_rejected() {
     let nested = "<a>".repeat(100_000) + &"</a>".repeat(100_000);
-    assert!(refusal(&nested, BALL).1.contains("nested more than 64 deep"));
-    assert!(refusal(&"<a>".repeat(100_000), BALL).1.contains("nested more than 64 deep"));
+    assert!(rejection(&nested, BALL).1.contains("nested more than 64 deep"));
+    assert!(rejection(&"<a>".repeat(100_000), BALL).1.contains("nested more than 64 deep"));
 }
 
 /// Corpus of the fuzzer: each input is a robot or is rejected, and the shipped input is the shipped robot.
 #[test]
-fn corpus_of_the_fuzzer_is_read_or_refused() {
+fn corpus_of_the_fuzzer_is_read_or_rejected() {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../fuzz/corpus/urdf");
     let mut read = 0;
     for entry in std::fs::read_dir(&folder).unwrap() {

@@ -331,7 +331,7 @@ impl Dense {
 }
 
 #[test]
-fn impulses_are_those_of_a_search_through_all_modes() {
+fn impulses_match_a_search_through_all_modes() {
     let (mut compared, mut several) = (0, 0);
     for (seed, friction) in [0.2, 0.4, 0.6, 0.8, 1.0].into_iter().enumerate() {
         for floor in [0.1, friction] {

@@ -24,7 +24,7 @@ fn samples_are_read_in_order_at_their_age() {
 }
 
 #[test]
-fn latencies_between_steps_are_refused() {
+fn latencies_between_steps_are_rejected() {
     let error = Clock::new(25.0, 0.015, 0.01).unwrap_err().to_string();
     assert!(error.contains("latency / control_dt = 1.5"), "{error}");
     assert!(Clock::new(25.0, 1.01, 0.01).is_err());

@@ -20,7 +20,7 @@ fn a_common_function_is_found_beyond_the_guess() {
 }
 
 #[test]
-fn systems_that_are_unstable_in_turns_have_none() {
+fn systems_unstable_in_turns_have_no_solution() {
     let steps = [twice(0.5, 2.0, 0.0, 0.5), twice(0.5, 0.0, 2.0, 0.5)];
     assert!((steps[0] * steps[1]).complex_eigenvalues().iter().any(|pole| pole.norm() > 1.0));
     assert_eq!(common_lyapunov(&steps, &Matrix4::identity()), None);

@@ -280,7 +280,7 @@ fn lanes_do_not_depend_on_their_neighbors() {
         for ((name, found), (_, expected)) in runs(only, None).iter().zip(&calm) {
             for (k, (found, expected)) in found.iter().zip(expected).enumerate() {
                 for i in (0..EIGHT).filter(|&i| i != eventful) {
-                    let label = format!("{name}, lane {i} beside {eventful}, step {k}");
+                    let label = format!("{name}, lane {i} next to {eventful}, step {k}");
                     assert_same(&label, &found.lane(i), &expected.lane(i));
                 }
             }

@@ -17,18 +17,18 @@ fn work_for(seconds: f64) -> Result<u32> {
 }
 
 #[test]
-fn work_is_stopped_when_its_caller_says_so() {
-    let asked = Rc::new(Cell::new(0));
-    let count = Rc::clone(&asked);
+fn work_is_stopped_on_request_of_its_caller() {
+    let requested = Rc::new(Cell::new(0));
+    let count = Rc::clone(&requested);
     let stop = move || {
         count.set(count.get() + 1);
         count.get() == 2
     };
     assert!(matches!(stoppable(stop, || work_for(60.0)), Err(Error::Interrupted)));
-    assert_eq!(asked.get(), 2);
+    assert_eq!(requested.get(), 2);
     // The caller is not queried any more.
     assert!(work_for(0.2).unwrap() > 1);
-    assert_eq!(asked.get(), 2);
+    assert_eq!(requested.get(), 2);
 }
 
 #[test]

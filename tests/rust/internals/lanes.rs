@@ -63,7 +63,7 @@ fn magnitudes() -> Vec<f64> {
 }
 
 #[test]
-fn exponential_equals_that_of_std() {
+fn exponential_equals_std() {
     let arguments = magnitudes();
     let found: Vec<f64> = arguments.iter().map(|&x| exp_of_negative(x)).collect();
     let mut worst = 0.0_f64;
@@ -88,7 +88,7 @@ fn exponential_equals_that_of_std() {
 }
 
 #[test]
-fn arctangent_equals_that_of_std() {
+fn arctangent_equals_std() {
     let mut points: Vec<(f64, f64)> = Vec::new();
     for k in 0..=40_000 {
         let (y, x) = (f64::from(k) * std::f64::consts::PI / 40_000.0).sin_cos();
@@ -177,7 +177,7 @@ fn to_nalgebra(q: Quat<f64>) -> UnitQuaternion<f64> {
 }
 
 #[test]
-fn turning_equals_that_of_nalgebra() {
+fn turning_equals_nalgebra() {
     let axis = Vector3::new(0.3, -0.7, 0.5).normalize();
     let start = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.3);
     let quat = Quat { w: start.w, v: vec3(&start.imag()) };
@@ -198,7 +198,7 @@ fn turning_equals_that_of_nalgebra() {
 }
 
 #[test]
-fn rotation_equals_that_of_nalgebra() {
+fn rotation_equals_nalgebra() {
     let attitude = UnitQuaternion::from_euler_angles(0.4, -1.1, 2.3);
     let rotation = Quat { w: attitude.w, v: vec3(&attitude.imag()) }.rotation();
     let (a, b) = (Vector3::new(1.0, -2.0, 3.0), Vector3::new(0.5, 0.25, -4.0));
@@ -211,9 +211,9 @@ fn rotation_equals_that_of_nalgebra() {
     assert!((vec3(&a).dot(vec3(&b)) - a.dot(&b)).abs() < 1e-14 * 10.0);
 }
 
-cells! {
+lane_struct! {
     #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct Numbers {
+    pub struct Numbers<T> {
         pub one: T,
         pub three: [T; 3],
     }

@@ -3,7 +3,7 @@
 use ballbot_core::{require_memory, try_zeros};
 
 #[test]
-fn what_does_not_fit_is_refused_with_need_and_limit() {
+fn requests_beyond_memory_are_rejected_with_need_and_limit() {
     let error = require_memory("a robot", 1 << 40, 1 << 20).unwrap_err().to_string();
     assert!(error.starts_with("a robot needs about 1152921504.6 GB of memory: "), "{error}");
     assert!(require_memory("a robot", usize::MAX, usize::MAX).is_err());

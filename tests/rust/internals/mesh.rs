@@ -27,7 +27,7 @@ fn meshes(points: &mut Points) -> [TriMesh; 2] {
     [TriMesh::new(vertices, triangles).unwrap(), TriMesh::new(scattered, indices).unwrap()]
 }
 
-fn assert_hits_are_those_of_parry(mesh: &TriMesh, origin: Vector, direction: Vector, limit: f64) -> bool {
+fn assert_hits_match_parry(mesh: &TriMesh, origin: Vector, direction: Vector, limit: f64) -> bool {
     let expected = mesh.cast_local_ray_and_get_normal(&Ray::new(origin, direction), limit, false);
     let (origin, direction) = (Vector3::from(origin.to_array()), Vector3::from(direction.to_array()));
     let found = first(mesh, &origin, &direction, limit);
@@ -41,7 +41,7 @@ fn assert_hits_are_those_of_parry(mesh: &TriMesh, origin: Vector, direction: Vec
 }
 
 #[test]
-fn hits_are_those_of_parry() {
+fn hits_match_parry() {
     let mut points = Points(0.0);
     let mut hits = 0;
     for mesh in meshes(&mut points) {
@@ -53,7 +53,7 @@ fn hits_are_those_of_parry() {
                 direction.y = if i % 2 == 0 { 0.0 } else { direction.y };
             }
             let limit = if i % 5 == 0 { 2.0 } else { f64::INFINITY };
-            hits += usize::from(assert_hits_are_those_of_parry(&mesh, origin, direction, limit));
+            hits += usize::from(assert_hits_match_parry(&mesh, origin, direction, limit));
         }
     }
     assert!(hits > 1000, "{hits}");
@@ -72,7 +72,7 @@ fn rays_within_the_plane_of_a_face_hit() {
             (origin[axis], origin[(axis + 1) % 3]) = (side * HALF[axis], -2.0 * along);
             direction[(axis + 1) % 3] = along;
             let (origin, direction) = (Vector::from_array(origin), Vector::from_array(direction));
-            hits += usize::from(assert_hits_are_those_of_parry(mesh, origin, direction, f64::INFINITY));
+            hits += usize::from(assert_hits_match_parry(mesh, origin, direction, f64::INFINITY));
         }
     }
     assert!(hits > 0, "{hits}");

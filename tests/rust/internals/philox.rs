@@ -4,7 +4,7 @@ use ballbot_core::lanes::philox;
 
 /// The known answers that come with the authors' library Random123 (`kat_vectors`, philox 4x32 10).
 #[test]
-fn words_are_the_published_ones() {
+fn words_match_the_published_words() {
     let pi = [0x243f_6a88, 0x85a3_08d3, 0x1319_8a2e, 0x0370_7344];
     for (counter, key, expected) in [
         ([0; 4], [0; 2], [0x6627_e8d5, 0xe169_c58d, 0xbc57_ac4c, 0x9b00_dbd8]),

@@ -34,7 +34,7 @@ fn around(count: u32) -> impl Iterator<Item = Vector2<f64>> {
 }
 
 #[test]
-fn samples_depend_on_the_seed_and_the_call_alone() {
+fn samples_depend_only_on_the_seed_and_the_call() {
     let options = MppiOptions { samples: 64.0, ..MppiOptions::default() };
     let state = State::tilted(&Params::paper(), Vector2::new(0.1, 0.05), 0.3);
     let calls = |mut controller: Mppi| {
@@ -49,7 +49,7 @@ fn samples_depend_on_the_seed_and_the_call_alone() {
     assert_eq!(first, calls(again));
 }
 
-/// With a single sample there is no choice: nothing is added to the regulator's torques where all samples cost the
+/// With a single sample nothing is added to the regulator's torques where all samples cost the
 /// same.
 #[test]
 fn without_noise_it_is_the_regulator() {
@@ -75,7 +75,7 @@ fn it_comes_to_rest_from_tilts_and_pushes_at_the_limit() {
         let tilted = State::tilted(&params, direction * 25_f64.to_radians(), 0.0);
         let push = direction.push(0.0) * 1.8;
         for (start, impulse) in [(tilted, Vector3::zeros()), (State::upright(&params), push)] {
-            let end = end(&mut mppi(&few()), &start, impulse, 6.0).expect("it stands");
+            let end = end(&mut mppi(&few()), &start, impulse, 6.0).expect("it balances");
             let left = end.ball_position.xy().norm();
             assert!(end.tilt() < 0.02 && left < 0.1, "{} rad, {left} m", end.tilt());
         }
@@ -107,7 +107,7 @@ fn it_follows_a_circle_without_trailing() {
 }
 
 #[test]
-fn it_is_known_by_its_name_once_registered() {
+fn it_is_found_by_name_once_registered() {
     planning::register().unwrap();
     planning::register().unwrap();
     let kind = controller_kind("mppi").unwrap();
@@ -116,22 +116,22 @@ fn it_is_known_by_its_name_once_registered() {
 }
 
 #[test]
-fn numbers_out_of_range_are_refused() {
-    let refused = |options: MppiOptions, says: &str| {
+fn numbers_out_of_range_are_rejected() {
+    let rejected = |options: MppiOptions, words: &str| {
         let made = Mppi::with_options(&Params::paper(), CONTROL_DT, &options, &LimitOptions::TRACTION);
         let message = made.unwrap_err().to_string();
-        assert!(message.contains(says), "{message}");
+        assert!(message.contains(words), "{message}");
     };
     let options = MppiOptions::default();
-    refused(MppiOptions { samples: 0.0, ..options }, "samples = 0");
-    refused(MppiOptions { horizon: 0.01, ..options }, "horizon = 0.01");
-    refused(MppiOptions { temperature: 0.0, ..options }, "temperature = 0");
-    refused(MppiOptions { correlation: 1.0, ..options }, "correlation = 1");
+    rejected(MppiOptions { samples: 0.0, ..options }, "samples = 0");
+    rejected(MppiOptions { horizon: 0.01, ..options }, "horizon = 0.01");
+    rejected(MppiOptions { temperature: 0.0, ..options }, "temperature = 0");
+    rejected(MppiOptions { correlation: 1.0, ..options }, "correlation = 1");
 }
 
 /// Diverged samples are not simulated further.
 #[test]
-fn a_diverged_state_gives_what_the_regulator_gives() {
+fn for_a_diverged_state_the_torques_equal_the_regulator() {
     let mut state = State::upright(&Params::paper());
     state.ball_velocity.x = f64::NAN;
     let torques = mppi(&MppiOptions::default()).wheel_torques(&state, &Setpoint::default());

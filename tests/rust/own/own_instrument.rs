@@ -57,7 +57,7 @@ impl Reads for Corners {
 }
 
 #[test]
-fn instruments_of_another_crate_are_known_by_name() -> Result<()> {
+fn instruments_of_another_crate_are_found_by_name() -> Result<()> {
     register_instrument::<Corners>()?;
     let again = register_instrument::<Corners>().unwrap_err().to_string();
     assert!(again.contains("there is an instrument 'corners' already"), "{again}");

@@ -205,7 +205,7 @@ fn assert_delayed<T: Task>(config: &EnvConfig<T>, rows: &[usize], n: usize) {
 }
 
 #[test]
-fn delayed_rows_are_those_of_the_step_before() {
+fn delayed_rows_equal_the_previous_step() {
     for (model, n) in MODELS {
         assert_delayed(&config(model), &[0, 1, 2, 3, 4, 5, 6, 7, 8, 9, 10, 11, 12], n);
     }
@@ -238,7 +238,7 @@ fn delay_is_one_step_under_changing_commands() {
 
 /// The state of the previous step, or of the start.
 #[test]
-fn controllers_take_what_a_sensor_gave_last() {
+fn controllers_use_the_last_readings_of_a_sensor() {
     for (model, n) in MODELS {
         let config = config(model);
         let law = Lqr::new(&config.params, config.control_dt).unwrap();

@@ -151,13 +151,13 @@ fn disabled_autoreset_leaves_ended_episodes_to_the_caller() {
     assert!(run.step(&[0.0; 33]).unwrap_err().to_string().contains("environment 0 is over"));
     let commands: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
     run.reset(&[true; 11]);
-    let drawn: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
-    assert!((0..11).all(|i| drawn[i] != commands[i]), "the commands were not drawn anew");
+    let sampled: Vec<_> = (0..11).map(|i| command(run.observation(i))).collect();
+    assert!((0..11).all(|i| sampled[i] != commands[i]), "the commands were not sampled again");
     run.step(&[0.0; 33]).unwrap();
 }
 
 #[test]
-fn commands_are_drawn_at_their_interval() {
+fn commands_are_sampled_at_their_interval() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
         let mut config = EnvConfig { scale_observations: false, ..config(model) };
         (config.task.track, config.task.fall_tilt) = (100.0, 1.0);
@@ -198,7 +198,7 @@ fn reward_follows_the_command_of_its_step() {
 }
 
 #[test]
-fn loaded_environments_continue_to_the_last_bit() {
+fn loaded_environments_continue_bit_for_bit() {
     for model in ModelKind::ALL {
         let config = config(model);
         let mut run = Run::new(batch(&config, 11, Autoreset::SameStep, 1));
@@ -278,9 +278,9 @@ fn registered_tasks_are_configured_by_name() {
 type Setting<'a> = (&'a str, &'a [f64]);
 
 #[test]
-fn invalid_options_and_names_are_refused() {
+fn invalid_options_and_names_are_rejected() {
     register();
-    let refused = |set: &[Setting<'_>]| {
+    let rejected = |set: &[Setting<'_>]| {
         let mut config = task_kind("shuttle").unwrap().config();
         config.set_model(ModelKind::Contact);
         let set = set.iter().try_for_each(|(name, values)| config.set(name, values));
@@ -299,7 +299,7 @@ fn invalid_options_and_names_are_refused() {
         (&[("max_episode_steps", &[1.5])], "max_episode_steps = 1.5 is out of range"),
     ];
     for (set, words) in cases {
-        let message = refused(set);
+        let message = rejected(set);
         assert!(message.starts_with(words), "'{message}' does not start with '{words}'");
     }
     let mut config = task_kind("shuttle").unwrap().config();

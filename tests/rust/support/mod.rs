@@ -121,7 +121,7 @@ impl Ripple {
             roller_phases: self.phases,
             ..params.clone()
         };
-        params.validate().expect("at most that of straight rollers");
+        params.validate().expect("at most the ripple of straight rollers");
         params
     }
 }

@@ -56,7 +56,7 @@ impl Params {
         Ok(())
     }
 
-    /// Tilt from the floor's normal at which a robot stands still on the slope, rad: the rotation vector (x, y) for
+    /// Tilt from the floor's normal at which a robot is at rest on the slope, rad: the rotation vector (x, y) for
     /// [`State::tilted_from_equilibrium`](crate::State::tilted_from_equilibrium), at any heading.
     ///
     /// The common center of mass of ball and body is then above the floor contact. With the mass M = M_k + M_b and the

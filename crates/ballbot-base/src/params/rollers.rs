@@ -26,8 +26,9 @@ impl Params {
         let count = self.roller_count;
         check("roller_count", count, "a whole number", |n| n.fract() == 0.0)?;
         let straight = self.wheel_radius * (1.0 - (PI / count).cos());
-        let words =
-            format_args!("at most {straight} m, wheel_radius (1 - cos(pi / roller_count)), that of straight rollers");
+        let words = format_args!(
+            "at most {straight} m, wheel_radius (1 - cos(pi / roller_count)), the ripple of straight rollers"
+        );
         check("roller_ripple", self.roller_ripple, words, |ripple| ripple <= straight)?;
         Ok(())
     }

@@ -248,7 +248,7 @@ impl Surface for Bumps {
             let radius = radius * random.within([0.7, 1.3]);
             let up = if random.draw() < 0.5 { 1.0 } else { -1.0 };
             let height = up * rise * random.within([0.5, 1.0]) * radius / BUMP_SLOPE;
-            (0..3).for_each(|beside| strips[strip(x) + beside].push((x, y, radius, height)));
+            (0..3).for_each(|offset| strips[strip(x) + offset].push((x, y, radius, height)));
         }
         Ok(Box::new(move |x, y| {
             let bump = |(bx, by, radius, height): &(f64, f64, f64, f64)| {

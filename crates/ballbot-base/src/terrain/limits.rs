@@ -1,4 +1,4 @@
-//! Slopes that a robot can stand on.
+//! Slopes on which a robot can balance.
 
 use crate::error::{Result, check};
 use crate::kinematics::Omniwheels;
@@ -25,7 +25,7 @@ impl SlopeLimits {
 }
 
 impl Params {
-    /// Slopes that the robot can stand on in its worst heading; it counts as fallen at the tilt `fall_tilt`, rad.
+    /// Slopes on which the robot can balance in its worst heading; it counts as fallen at the tilt `fall_tilt`, rad.
     ///
     /// It leans by [`Params::slope_lean`] and is held by [`Params::holding_torques`]. Loads are computed at this lean
     /// with the reaction of the drive. At rest the contacts grip, so friction is static. Derived in

@@ -26,20 +26,20 @@ impl<T: Cell> Patch<T> {
     pub(super) fn move_to<L: Lane<Cell = T>>(&mut self, token: L::Token, index: L, all: &[f64], columns: usize) {
         let kept = L::load(token, &self.index);
         if L::any(!(index.le(kept) & kept.le(index))) {
-            let mut wanted = T::default();
-            index.store(&mut wanted);
-            self.refill(&wanted, all, columns);
+            let mut requested = T::default();
+            index.store(&mut requested);
+            self.refill(&requested, all, columns);
         }
     }
 
     #[cold]
     #[inline(never)]
-    fn refill(&mut self, wanted: &T, all: &[f64], columns: usize) {
+    fn refill(&mut self, requested: &T, all: &[f64], columns: usize) {
         for i in 0..T::WIDTH {
-            if wanted.get(i) == self.index.get(i) {
+            if requested.get(i) == self.index.get(i) {
                 continue;
             }
-            let first = wanted.get(i) as usize;
+            let first = requested.get(i) as usize;
             for (row, cells) in self.coefficients.iter_mut().enumerate() {
                 let from = &all[first + row * columns..][..4];
                 for (cell, value) in cells.iter_mut().zip(from) {
@@ -47,7 +47,7 @@ impl<T: Cell> Patch<T> {
                 }
             }
         }
-        self.index = *wanted;
+        self.index = *requested;
     }
 
     /// Coefficients of a row.

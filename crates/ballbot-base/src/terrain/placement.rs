@@ -70,7 +70,7 @@ pub fn static_lean(params: &Params, normal: &Vector3<f64>, [x, y]: [f64; 2]) -> 
         (params.ball_mass + params.body_mass) * params.ball_radius / (params.body_mass * params.body_com().norm());
     if share * sine > 1.0 {
         return Err(Error::Inconsistent(format!(
-            "no lean holds the robot at x = {x} m, y = {y} m: the slope is {:.3} rad, the steepest that it stands on {:.3} rad",
+            "no lean holds the robot at x = {x} m, y = {y} m: the slope is {:.3} rad, the steepest on which it balances {:.3} rad",
             sine.asin(),
             share.recip().asin()
         )));

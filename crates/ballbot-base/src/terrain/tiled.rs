@@ -114,8 +114,8 @@ fn made(
         let [column, level] = tiles.nearest(x, y);
         let [cx, cy] = tiles.center(column, level);
         let (x, y) = (x - cx, y - cy);
-        let [beside, before] = [x, y].map(|along| smooth_step((0.5 * side - along.abs()) / blend));
-        let rise = beside * before;
+        let [by_x, by_y] = [x, y].map(|along| smooth_step((0.5 * side - along.abs()) / blend));
+        let rise = by_x * by_y;
         if rise > 0.0 { rise * heights[level * tiles.columns + column](x, y) } else { 0.0 }
     };
     let mut terrain = Terrain::from_function(height, size, cell)?;

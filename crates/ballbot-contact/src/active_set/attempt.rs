@@ -68,7 +68,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
         let (normals, drives) = system.solve(&modes.wheels);
         let joint_impulses = if JOINTS { joints.impulses(normals, drives) } else { Wheels::zero(like) };
         let floor_trial = floor.trial(self.delassus, normals, drives);
-        self.judge::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
+        self.bound_impulses::<JOINTS>(modes, weight, &system, (normals, drives, joint_impulses), floor_trial)
     }
 
     /// The ball on the floor, with the equations of the wheel rows.
@@ -88,7 +88,7 @@ impl<L: Lane, V: Value<L>> Conditions<'_, L, V> {
 
     /// Bounds the impulses and measures their violation of the conditions.
     #[inline(always)]
-    fn judge<const JOINTS: bool>(
+    fn bound_impulses<const JOINTS: bool>(
         &self,
         modes: &Modes<L>,
         weight: f64,

@@ -153,7 +153,7 @@ pub fn floor_points<L: Lane, V: Value<L>>(
         #[inline(always)]
         |[x, y]| [x * radius, y * radius],
     );
-    // A cylinder stands on the rim of its lower end or lies on the lowest points of both ends.
+    // A cylinder rests on the rim of its lower end or on the lowest points of both ends.
     let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
     let inverted = up.z.lt(up.z.zero());
     let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));

@@ -1,17 +1,13 @@
 //! The attitude error relative to the position loop and the setpoint, and the torques that correct it.
 
-use super::lean_planes::{Leaning, require_stable};
-use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};
+use super::lean_planes::Leaning;
+use super::position_loop::{PositionLoop, SecondOrder};
 use super::tracking::{Deviation, Tracking};
-use crate::{LaneSetpoint, check_control_dt};
+use crate::{Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Quat, Vec3};
-use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::linear::STATES;
 use ballbot_models::{BodyMotion, InverseDynamics, LinearModel};
-use nalgebra::DMatrix;
 
 /// Largest heading error that is brought to zero, rad: with a larger error the attitudes would be so far apart that
 /// heading and tilt do not separate.
@@ -45,44 +41,39 @@ pub(crate) struct AttitudeError<L> {
 
 impl AttitudeLoop {
     /// The outer loop for an error with v̈ = −δ v̇ − σ v, with dynamics `lean` about the horizontal axes and `yaw`
-    /// about the vertical.
+    /// about the vertical; `poles` and `largest` as in [`PositionLoop::new`].
     ///
     /// # Errors
-    /// As [`check_control_dt`]; [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
+    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
     pub(crate) fn new(
-        params: &Params,
-        control_dt: f64,
+        plant: &Plant<'_>,
         tracking: Tracking,
         [lean, yaw]: [SecondOrder; 2],
-        options: &PositionOptions,
+        poles: [f64; 2],
+        largest: [f64; 2],
     ) -> Result<Self> {
-        check_control_dt(control_dt)?;
-        let params = &params.on_level_floor();
-        let position = PositionLoop::new(&tracking.planes, lean, options);
+        let params = &plant.params.on_level_floor();
+        let position = PositionLoop::new(&tracking.planes, lean, poles, largest);
         let of_plane = |axis: usize| {
             let [y, theta, moving, turning] = position.feedback(axis).map(|k| k * lean.stiffness);
             [y, theta + lean.stiffness, moving, turning + lean.damping]
         };
-        let linear = LinearModel::new(params);
-        let driven = tracking.planes.gain([of_plane(0), of_plane(1)], [yaw.stiffness, yaw.damping]);
-        let gain = driven + tracking.planes.cancelling(&linear);
-        let (a, b) = linear.discretize(control_dt);
-        let closed = a - b * gain;
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        let driven = tracking.planes.gain([of_plane(0), of_plane(1)], yaw.gains());
+        Plant { params, ..*plant }.require_stable(&(driven + tracking.planes.cancelling(&LinearModel::new(params))))?;
         Ok(Self { tracking, position, dynamics: InverseDynamics::new(params) })
     }
 
     /// The attitude error relative to the reference.
     #[inline(always)]
-    pub(crate) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
+    pub(crate) fn error<L: Lane>(&self, &Sample { state, setpoint, .. }: &Sample<'_, L>) -> AttitudeError<L> {
         let Deviation { x, .. } = self.tracking.deviation(state, setpoint);
-        let asked = self.position.lean(&Leaning::new(&x));
+        let commanded = self.position.lean(&Leaning::new(&x));
         let attitude = self.tracking.frame.attitude(state.body_quaternion);
         let forward = self.tracking.lean(&Heading::new(attitude), setpoint);
         let (zero, one) = (x[0].zero(), x[0].splat(1.0));
 
         // Both attitudes relative to the robot's heading; leaning towards y turns about −x.
-        let half = Vec3::new((asked[1] + forward.lean[1]) * -0.5, (asked[0] + forward.lean[0]) * 0.5, zero);
+        let half = Vec3::new((commanded[1] + forward.lean[1]) * -0.5, (commanded[0] + forward.lean[0]) * 0.5, zero);
         let yaw = x[4];
         let bound = L::select(yaw.lt(zero), one * -MAX_YAW, one * MAX_YAW);
         let yaw = L::select(yaw.abs().lt(one * MAX_YAW), yaw, bound);
@@ -121,13 +112,13 @@ impl AttitudeLoop {
         }
     }
 
-    /// Motor torques that produce v̈ = `wanted`, N·m.
+    /// Motor torques that produce v̈ = `desired`, N·m.
     #[inline(always)]
-    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, wanted: Vec3<L>) -> Wheels<L> {
+    pub(crate) fn torques<L: Lane>(&self, error: &AttitudeError<L>, desired: Vec3<L>) -> Wheels<L> {
         let AttitudeError { error: v, scalar, relative, forward, ref motion, .. } = *error;
         // w Ω̇_e + v × Ω̇_e = 2 v̈ + ½ |Ω_e|² v
         let half = relative.norm_squared() * 0.5;
-        let driven = (wanted + wanted).plus(v, half);
+        let driven = (desired + desired).plus(v, half);
         let along = v.dot(driven) / scalar.max(scalar.splat(LEAST_SCALAR));
         let acceleration = (driven * scalar - v.cross(driven)).plus(v, along);
         self.dynamics.torques(motion, acceleration + forward)

@@ -240,7 +240,7 @@ impl TorqueLimits {
     /// Traction conditions without yaw torque, which is reduced first.
     pub(crate) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
         let Some(traction) = &self.traction else { return [LeanRow::NONE; ROWS] };
-        let driven = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
+        let driven = [0, 1].map(|axis| planes.driven(axis));
         std::array::from_fn(|k| {
             let row = &traction.rows[k];
             let [tilt_x, tilt_y] = row.per_tilt;
@@ -258,10 +258,10 @@ impl TorqueLimits {
     /// The applied torques for the desired torques, none above `largest` (N·m). Desired torques within the limits are
     /// unchanged to the last bit; NaN passes through.
     #[inline(always)]
-    pub fn apply<L: Lane>(&self, wanted: Wheels<L>, state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
+    pub fn apply<L: Lane>(&self, desired: Wheels<L>, state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
         match &self.traction {
-            Some(traction) => self.apply_at(wanted, state, &traction.frame.pose(state), largest_torque),
-            None => cap(wanted, self.max_torque.min(largest_torque)),
+            Some(traction) => self.apply_at(desired, state, &traction.frame.pose(state), largest_torque),
+            None => cap(desired, self.max_torque.min(largest_torque)),
         }
     }
 
@@ -269,27 +269,27 @@ impl TorqueLimits {
     #[inline(always)]
     pub(crate) fn apply_at<L: Lane>(
         &self,
-        wanted: Wheels<L>,
+        desired: Wheels<L>,
         state: &LaneState<L>,
         pose: &Pose<L>,
         largest_torque: f64,
     ) -> Limited<L> {
         let max_torque = self.max_torque.min(largest_torque);
-        let Some(traction) = &self.traction else { return cap(wanted, max_torque) };
+        let Some(traction) = &self.traction else { return cap(desired, max_torque) };
         let constants = traction.constants(pose);
-        let bound = wanted[0].splat(max_torque);
-        let mut fits = largest(wanted).le(bound);
+        let bound = desired[0].splat(max_torque);
+        let mut fits = largest(desired).le(bound);
         for (row, c) in traction.rows.iter().zip(constants) {
-            fits = fits & (dot(&row.per_torque.0, wanted.0) + c).le(c.zero());
+            fits = fits & (dot(&row.per_torque.0, desired.0) + c).le(c.zero());
         }
         let slips = traction.slips(state);
         let limited = slips | !fits;
         let one = bound.splat(1.0);
         if !L::any(limited) {
-            return Limited { torques: wanted, share: one, yaw_share: one };
+            return Limited { torques: desired, share: one, yaw_share: one };
         }
-        let capped = cap(wanted, max_torque.min(traction.slipping_torque));
-        let (tilting, yaw) = traction.parts(wanted);
+        let capped = cap(desired, max_torque.min(traction.slipping_torque));
+        let (tilting, yaw) = traction.parts(desired);
         let share = one / excess(traction, &constants, Wheels::zero(bound), tilting, max_torque);
         let base = tilting * share;
         let mut left = constants;
@@ -297,12 +297,12 @@ impl TorqueLimits {
             *c += dot(&row.per_torque.0, base.0);
         }
         let yaw_share = one / excess(traction, &left, base, yaw, max_torque);
-        let mut torques = wanted;
+        let mut torques = desired;
         for i in 0..WHEELS {
             let scaled = within(yaw[i].mul_add(yaw_share, base[i]), bound);
             let scaled = L::select(slips, capped.torques[i], scaled);
-            let is_number = wanted[i].le(wanted[i]);
-            torques[i] = L::select(limited & is_number, scaled, wanted[i]);
+            let is_number = desired[i].le(desired[i]);
+            torques[i] = L::select(limited & is_number, scaled, desired[i]);
         }
         Limited {
             torques,

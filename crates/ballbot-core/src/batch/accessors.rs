@@ -172,8 +172,8 @@ impl Batch {
     }
 
     /// Metrics of the current episode of one environment so far, in the order of
-    /// [`crate::task::TaskDescription::metrics`]; before its first step, metrics of the last episode. NaN where there
-    /// is no metric, or the episode is too short for it.
+    /// [`crate::task::TaskDescription::metrics`]; before its first step, metrics of the last episode. NaN where a
+    /// metric does not exist, or the episode is too short for it.
     ///
     /// # Errors
     /// As [`Batch::state`]; [`Error::Length`] unless `out` has one element per metric.

@@ -117,7 +117,7 @@ impl Batch {
         check(
             "control_dt of the controller",
             under.controller.control_dt(),
-            format_args!("that of the batch, {control_dt} s"),
+            format_args!("the control_dt of the batch, {control_dt} s"),
             |dt| (dt - control_dt).abs() <= 1e-9 * control_dt,
         )?;
         Ok(())

@@ -1,11 +1,11 @@
 //! Everything that defines an environment.
 
-use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, refused};
+use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, invalid_event};
 use super::levels::Levels;
 use super::observation_source::Observation;
 use super::scalars::{Scalar, ScalarOption, env_config};
 use super::stage::CustomStage;
-use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
+use crate::actuator::{Actuator, Drive, Ideal, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::perception::{Instruments, Perception};
 use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
@@ -121,8 +121,8 @@ impl<T: Task> EnvConfig<T> {
     pub(super) fn drive(&self) -> Result<Drive> {
         if let Some(plan) = self.plan()?.filter(|plan| plan.individual_motors) {
             let largest = plan.largest_options(&self.setup(&self.params)).actuators;
-            let motors = IndividualMotors::new(&largest, self.action_torque(), self.sim_dt, self.substeps()?)?;
-            return Ok(Drive::Individual(motors));
+            let (torque, substeps) = (self.action_torque(), self.substeps()?);
+            return Motors::individual(&largest, &self.params, torque, self.sim_dt, substeps).map(Drive::Motors);
         }
         Ok(match self.not_ideal()? {
             None => Drive::Ideal(Ideal { max_torque: self.action_torque() }),
@@ -242,19 +242,23 @@ impl<T: Task> EnvConfig<T> {
         let motors = plan.largest_options(&self.setup(&self.params)).actuators;
         let peak = motors.peak_torque;
         if peak > 0.0 {
-            return Err(refused(place, TERM, &format!("it changes nothing: the motors have peak_torque = {peak} N·m")));
+            return Err(invalid_event(
+                place,
+                TERM,
+                &format!("it changes nothing: the motors have peak_torque = {peak} N·m"),
+            ));
         }
-        let asked = self.action_torque() * motors.strength.into_iter().fold(0.0, f64::max);
+        let commanded = self.action_torque() * motors.strength.into_iter().fold(0.0, f64::max);
         let least = plan.least_torque(self.params.max_wheel_torque);
         // The back-EMF of a motor with a torque-speed curve exceeds the command.
-        if motors.stall_torque > 0.0 || least < asked {
+        if motors.stall_torque > 0.0 || least < commanded {
             return Ok(());
         }
         let reason = format!(
             "it changes nothing: motors of at least {least} N·m give all of the largest torque that actions ask for, \
-             {asked} N·m, the option max_wheel_torque times actuators.strength"
+             {commanded} N·m, the option max_wheel_torque times actuators.strength"
         );
-        Err(refused(place, TERM, &reason))
+        Err(invalid_event(place, TERM, &reason))
     }
 
     /// Checks that the robots can start on the terrain, and that no event changes something incompatible with it.
@@ -283,7 +287,7 @@ impl<T: Task> EnvConfig<T> {
             && lean + reset >= fall
         {
             return Err(Error::Inconsistent(format!(
-                "the terrain is steep where robots start: the lean that stands still there is {lean:.3} rad, which with \
+                "the terrain is steep where robots start: the lean at rest there is {lean:.3} rad, which with \
                  reset_tilt = {reset} is not below fall_tilt = {fall}"
             )));
         }
@@ -374,7 +378,7 @@ impl<T: Task> EnvConfig<T> {
     }
 
     /// Whether a robot changed by events is valid, in addition to the checks of its model.
-    pub(super) fn judge<A: Actuator>(&self, actuator: &A) -> impl Fn(&Setup) -> Result<()> {
+    pub(super) fn check_changed_robot<A: Actuator>(&self, actuator: &A) -> impl Fn(&Setup) -> Result<()> {
         // The sensors of the configuration have passed.
         let passed = self.sensors.clone().unwrap_or_default();
         move |robot| {

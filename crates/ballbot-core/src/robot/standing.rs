@@ -1,4 +1,4 @@
-//! The ground that a robot stands on.
+//! The ground under a robot.
 
 use super::Ballbot;
 use ballbot_base::error::{Error, Result, check};
@@ -58,7 +58,7 @@ impl Ballbot {
 
     /// Restarts at rest with the ball on the ground, its center above x and y, m, at the heading `yaw`, rad. `tilt` is
     /// the rotation vector (x, y) of its tilt from the equilibrium on level ground, rad; `None` is the lean at which it
-    /// stands still on the slope there.
+    /// is at rest on the slope there.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; the errors of [`Ballbot::reset`].

@@ -116,8 +116,8 @@ impl Line {
             }
         }
         let next = step + 1.0;
-        let goes_on = next.lt(step.splat(self.substeps as f64));
-        memory.set(self.first, L::select(goes_on, next, step.zero()));
+        let continues = next.lt(step.splat(self.substeps as f64));
+        memory.set(self.first, L::select(continues, next, step.zero()));
         let oldest = kept(self.commands - 1);
         let mut out = memory.wheels(oldest + 1);
         for age in (0..self.commands - 1).rev() {

@@ -79,11 +79,14 @@ struct Scan {
 
 impl Scan {
     fn new(options: &ScanOptions) -> Self {
-        let ScanOptions { points: [columns, rows], spacing, offset: [ahead, beside], .. } = *options;
+        let ScanOptions { points: [columns, rows], spacing, offset: [ahead, lateral], .. } = *options;
         let along = |index: usize, count: f64| spacing * (index as f64 - 0.5 * (count - 1.0));
         let (width, count) = (columns as usize, (columns * rows) as usize);
         let point = |first: usize| {
-            [each(|i| ahead + along((first + i) % width, columns)), each(|i| beside + along((first + i) / width, rows))]
+            [
+                each(|i| ahead + along((first + i) % width, columns)),
+                each(|i| lateral + along((first + i) / width, rows)),
+            ]
         };
         Self { options: options.clone(), points: (0..count).step_by(PLACES).map(point).collect() }
     }
@@ -116,13 +119,13 @@ impl Reads for Scan {
         run_one(
             #[inline(always)]
             || {
-                for (chunk, (values, [ahead, beside])) in out.chunks_mut(PLACES).zip(&self.points).enumerate() {
+                for (chunk, (values, [ahead, lateral])) in out.chunks_mut(PLACES).zip(&self.points).enumerate() {
                     let heights = match terrain {
                         Some(terrain) => {
                             let (mut at_x, mut at_y) = ([0.0; PLACES], [0.0; PLACES]);
                             for i in 0..PLACES {
-                                at_x[i] = cos.mul_add(ahead[i], (-sin).mul_add(beside[i], x));
-                                at_y[i] = sin.mul_add(ahead[i], cos.mul_add(beside[i], y));
+                                at_x[i] = cos.mul_add(ahead[i], (-sin).mul_add(lateral[i], x));
+                                at_y[i] = sin.mul_add(ahead[i], cos.mul_add(lateral[i], y));
                             }
                             terrain.heights_at(&at_x, &at_y)
                         }

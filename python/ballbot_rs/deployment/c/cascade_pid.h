@@ -47,7 +47,7 @@ static inline void ballbot_step(
     ballbot_real reference[2];
     ballbot_real accelerations[2];
     ballbot_real forward[2];
-    ballbot_real wanted[3];
+    ballbot_real desired[3];
     int i;
     ballbot_deviation(state, setpoint, &pose, x, forward);
     leaning = ballbot_leaning_of(x);
@@ -56,8 +56,8 @@ static inline void ballbot_step(
         accelerations[i] = forward[i] + BALLBOT_REFERENCE_GAINS[i] * reference[i] - BALLBOT_LEAN_GAINS[i] * leaning.lean[i]
             - BALLBOT_RATE_GAINS[i] * leaning.rate[i] + BALLBOT_INTEGRAL_GAINS[i] * controller->integral[i];
     }
-    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], wanted);
-    controller->last = ballbot_limit(wanted, state, &pose);
+    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], desired);
+    controller->last = ballbot_limit(desired, state, &pose);
     /* A torque that is limited cannot act on the integral: hold it. */
     for (i = 0; i < 2 && !(controller->last.share < 1); i++) {
         controller->integral[i] += BALLBOT_CONTROL_DT * (reference[i] - leaning.lean[i]);

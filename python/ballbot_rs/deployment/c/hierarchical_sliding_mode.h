@@ -27,7 +27,7 @@ static inline void ballbot_step(
     ballbot_real s[2]; /* distance from the sliding surface of each plane, rad/s */
     ballbot_real accelerations[2];
     ballbot_real forward[2];
-    ballbot_real wanted[3];
+    ballbot_real desired[3];
     ballbot_real length;
     ballbot_real decay;
     int i;
@@ -44,8 +44,8 @@ static inline void ballbot_step(
         accelerations[i] = forward[i] - BALLBOT_LEAN_GAINS[i] * leaning.lean[i] - BALLBOT_VELOCITY_GAINS[i] * leaning.velocity[i]
             - BALLBOT_RATE_GAINS[i] * leaning.rate[i] - BALLBOT_PER_RATE[i] * decay * s[i];
     }
-    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], wanted);
-    controller->last = ballbot_limit(wanted, state, &pose);
+    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], desired);
+    controller->last = ballbot_limit(desired, state, &pose);
     for (i = 0; i < 3; i++) {
         torques[i] = controller->last.torques[i];
     }

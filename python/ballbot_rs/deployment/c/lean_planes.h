@@ -15,11 +15,11 @@ static inline ballbot_leaning ballbot_leaning_of(const ballbot_real x[10])
 
 /* Wheel torques of accelerations of the leans and of the yaw. */
 static inline void ballbot_torques_of(
-    const ballbot_real accelerations[2], ballbot_real turning, ballbot_real wanted[3])
+    const ballbot_real accelerations[2], ballbot_real turning, ballbot_real desired[3])
 {
     const ballbot_real about[3] = {-accelerations[1], accelerations[0], turning};
     int i;
     for (i = 0; i < 3; i++) {
-        wanted[i] = ballbot_dot(BALLBOT_TORQUES_OF_ACCELERATION[i], about, 3);
+        desired[i] = ballbot_dot(BALLBOT_TORQUES_OF_ACCELERATION[i], about, 3);
     }
 }

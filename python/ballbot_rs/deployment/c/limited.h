@@ -2,8 +2,8 @@
 
 typedef struct {
     ballbot_real torques[3]; /* N m */
-    ballbot_real share;      /* of the wanted tilt torque that is left, from 0 to 1 */
-    ballbot_real yaw_share;  /* of the wanted yaw torque that is left, from 0 to 1 */
+    ballbot_real share;      /* of the desired tilt torque that is left, from 0 to 1 */
+    ballbot_real yaw_share;  /* of the desired yaw torque that is left, from 0 to 1 */
 } ballbot_limited;
 
 static inline ballbot_real ballbot_largest(const ballbot_real v[3])
@@ -18,15 +18,15 @@ static inline ballbot_real ballbot_within(ballbot_real torque, ballbot_real boun
 }
 
 /* All torques scaled down together, which keeps their direction. */
-static inline ballbot_limited ballbot_cap(const ballbot_real wanted[3], ballbot_real bound)
+static inline ballbot_limited ballbot_cap(const ballbot_real desired[3], ballbot_real bound)
 {
     ballbot_limited limited;
-    const ballbot_real largest = ballbot_largest(wanted);
+    const ballbot_real largest = ballbot_largest(desired);
     int i;
     limited.share = largest > bound ? bound / largest : 1;
     limited.yaw_share = limited.share;
     for (i = 0; i < 3; i++) {
-        limited.torques[i] = ballbot_within(limited.share * wanted[i], bound);
+        limited.torques[i] = ballbot_within(limited.share * desired[i], bound);
     }
     return limited;
 }

@@ -47,38 +47,38 @@ static inline ballbot_real ballbot_excess(
     return excess;
 }
 
-/* The largest share of the wanted torques with which no wheel slips or lifts and no motor is asked for more than it has.
+/* The largest fraction of the desired torques with which no wheel slips or lifts and no motor exceeds its limit.
  * Each row of BALLBOT_TRACTION_ROWS (at rest, per tilt, per torque of each wheel, per squared tilt rate) is a condition
  * c + g . torques <= 0 in N. The yaw torque is given up first: it balances nothing. */
 static inline ballbot_limited ballbot_limit(
-    const ballbot_real wanted[3], const ballbot_state *state, const ballbot_pose *pose)
+    const ballbot_real desired[3], const ballbot_state *state, const ballbot_pose *pose)
 {
     static const ballbot_real none[3] = {0, 0, 0};
     const ballbot_real squared = pose->rate[0] * pose->rate[0] + pose->rate[1] * pose->rate[1];
-    const ballbot_real turning = ballbot_dot(BALLBOT_YAW_OF_TORQUES, wanted, 3);
+    const ballbot_real turning = ballbot_dot(BALLBOT_YAW_OF_TORQUES, desired, 3);
     ballbot_limited limited;
     ballbot_real constants[9];
     ballbot_real yaw[3];
     ballbot_real tilting[3];
-    int fits = ballbot_largest(wanted) <= BALLBOT_MAX_TORQUE;
+    int fits = ballbot_largest(desired) <= BALLBOT_MAX_TORQUE;
     int i;
     for (i = 0; i < 9; i++) {
         const ballbot_real *row = BALLBOT_TRACTION_ROWS[i];
         constants[i] = row[0] + ballbot_dot(row + 1, pose->tilt, 2) + row[6] * squared;
-        fits = fits && ballbot_dot(row + 3, wanted, 3) + constants[i] <= 0;
+        fits = fits && ballbot_dot(row + 3, desired, 3) + constants[i] <= 0;
     }
     if (ballbot_slips(state)) {
-        return ballbot_cap(wanted, ballbot_min(BALLBOT_MAX_TORQUE, BALLBOT_SLIPPING_TORQUE));
+        return ballbot_cap(desired, ballbot_min(BALLBOT_MAX_TORQUE, BALLBOT_SLIPPING_TORQUE));
     }
     limited.share = 1;
     limited.yaw_share = 1;
     for (i = 0; i < 3; i++) {
-        limited.torques[i] = wanted[i];
+        limited.torques[i] = desired[i];
         yaw[i] = turning * BALLBOT_TORQUES_OF_YAW[i];
-        tilting[i] = wanted[i] - yaw[i];
+        tilting[i] = desired[i] - yaw[i];
     }
     /* Torques that are no numbers pass through. */
-    if (fits || wanted[0] != wanted[0] || wanted[1] != wanted[1] || wanted[2] != wanted[2]) {
+    if (fits || desired[0] != desired[0] || desired[1] != desired[1] || desired[2] != desired[2]) {
         return limited;
     }
     limited.share = 1 / ballbot_excess(constants, none, tilting);

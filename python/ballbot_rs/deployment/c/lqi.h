@@ -19,7 +19,7 @@ static inline void ballbot_reset(ballbot_controller *controller)
     controller->integral[1] = 0;
 }
 
-/* The share of a vector in the heading frame that asks for no more lean than the integral may. */
+/* The fraction of a vector in the heading frame that needs no more lean than the limit of the integral. */
 static inline ballbot_real ballbot_lean_share(const ballbot_real lean_per[2][2], const ballbot_real v[2])
 {
     const ballbot_real lean[2] = {ballbot_dot(lean_per[0], v, 2), ballbot_dot(lean_per[1], v, 2)};
@@ -54,17 +54,17 @@ static inline void ballbot_step(
     ballbot_real x[10];
     ballbot_real z[2];
     ballbot_real forward[2];
-    ballbot_real wanted[3];
+    ballbot_real desired[3];
     ballbot_real left;
     int i;
     ballbot_deviation(state, setpoint, &pose, x, forward);
     left = ballbot_clip(x);
     ballbot_in_heading(&pose, controller->integral[0], controller->integral[1], z);
-    ballbot_torques_of(forward, 0, wanted);
+    ballbot_torques_of(forward, 0, desired);
     for (i = 0; i < 3; i++) {
-        wanted[i] -= ballbot_dot(BALLBOT_GAIN[i], x, 10) + ballbot_dot(BALLBOT_INTEGRAL_GAIN[i], z, 2);
+        desired[i] -= ballbot_dot(BALLBOT_GAIN[i], x, 10) + ballbot_dot(BALLBOT_INTEGRAL_GAIN[i], z, 2);
     }
-    controller->last = ballbot_limit(wanted, state, &pose);
+    controller->last = ballbot_limit(desired, state, &pose);
     if (!(left < 1 || controller->last.share < 1 || ballbot_lean_share(BALLBOT_LEAN_PER_POSITION, x) < 1)) {
         ballbot_integrate(controller, state, setpoint, &pose);
     }

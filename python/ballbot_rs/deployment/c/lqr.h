@@ -24,15 +24,15 @@ static inline void ballbot_step(
     const ballbot_pose pose = ballbot_pose_of(state);
     ballbot_real x[10];
     ballbot_real forward[2];
-    ballbot_real wanted[3];
+    ballbot_real desired[3];
     int i;
     ballbot_deviation(state, setpoint, &pose, x, forward);
     ballbot_clip(x);
-    ballbot_torques_of(forward, 0, wanted);
+    ballbot_torques_of(forward, 0, desired);
     for (i = 0; i < 3; i++) {
-        wanted[i] -= ballbot_dot(BALLBOT_GAIN[i], x, 10);
+        desired[i] -= ballbot_dot(BALLBOT_GAIN[i], x, 10);
     }
-    controller->last = ballbot_limit(wanted, state, &pose);
+    controller->last = ballbot_limit(desired, state, &pose);
     for (i = 0; i < 3; i++) {
         torques[i] = controller->last.torques[i];
     }

@@ -28,7 +28,7 @@ static inline void ballbot_step(
     const ballbot_pose pose = ballbot_pose_of(state);
     ballbot_real error[2];
     ballbot_real about[2]; /* virtual torque about x and y, N m */
-    ballbot_real wanted[3];
+    ballbot_real desired[3];
     int i;
     for (i = 0; i < 2; i++) {
         ballbot_real lag;
@@ -40,9 +40,9 @@ static inline void ballbot_step(
     }
     controller->started = 1;
     for (i = 0; i < 3; i++) {
-        wanted[i] = ballbot_dot(BALLBOT_TORQUES_OF_VIRTUAL[i], about, 2);
+        desired[i] = ballbot_dot(BALLBOT_TORQUES_OF_VIRTUAL[i], about, 2);
     }
-    controller->last = ballbot_limit(wanted, state, &pose);
+    controller->last = ballbot_limit(desired, state, &pose);
     /* A torque that is limited cannot act on the integral: hold it. */
     for (i = 0; i < 2 && !(controller->last.share < 1); i++) {
         controller->integral[i] += BALLBOT_CONTROL_DT * error[i];

@@ -32,7 +32,7 @@ static inline void ballbot_policy_step(
     for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {
         policy->observation[LAST + i] = ballbot_policy_row(i, rows[i]);
     }
-    /* The first observation stands for those before it. */
+    /* The first observation also replaces earlier observations. */
     for (i = LAST - 1; i >= 0 && !policy->started; i--) {
         policy->observation[i] = policy->observation[i + BALLBOT_POLICY_ROWS];
     }

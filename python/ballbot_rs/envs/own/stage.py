@@ -312,8 +312,8 @@ def checked(label: str, value: npt.ArrayLike, shape: tuple[int, ...], kind: type
         ValueError: a wrong shape, or numbers that are not finite; the message names the function.
         TypeError: another kind, or a masked array.
     """
-    kinds, wanted = ("b", "bool") if kind is np.bool_ else ("biuf", "numbers")
-    array = real_array(f"{label} returned", value, wanted, kinds)
+    kinds, desired = ("b", "bool") if kind is np.bool_ else ("biuf", "numbers")
+    array = real_array(f"{label} returned", value, desired, kinds)
     if array.shape != shape:
         raise InvalidInputError(f"{label} returned shape {array.shape}, expected {shape} for {shape[0]} robots")
     if kind is not np.bool_ and not np.isfinite(array).all():

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.marks import mark_events
-from ballbot_rs.media.figures.style import COLORS, beside, columns
+from ballbot_rs.media.figures.style import COLORS, columns, legend_right
 
 #: From top to bottom: label, attribute of the state, factor of its unit.
 QUANTITIES = (
@@ -49,7 +49,7 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
     for ax in axes[len(QUANTITIES) :, 0]:
         ax.set_ylim(bottom=0.0)
     for ax in axes[: len(QUANTITIES), -1]:
-        beside(ax)
+        legend_right(ax)
     fig.align_ylabels(axes[:, 0])
     return fig
 

@@ -88,7 +88,7 @@ def columns(rows: int, count: int, width: float | None) -> tuple[Figure, Any, fl
     return fig, fig.subplots(rows, count, sharex=True, sharey="row", squeeze=False), each
 
 
-def beside(ax: Any, **options: Any) -> None:
+def legend_right(ax: Any, **options: Any) -> None:
     """Places the legend of an axis to its right, where there are no curves."""
     ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=1.4, **options)
 

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.marks import mark_events, mark_limit
-from ballbot_rs.media.figures.style import COLORS, INK, beside, columns
+from ballbot_rs.media.figures.style import COLORS, INK, columns, legend_right
 
 #: From top to bottom.
 QUANTITIES = (
@@ -46,7 +46,7 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
         mark_limit(ax, 100.0, "limit", both=False)
         ax.set_ylim(bottom=0.0)
     for ax in axes[:, -1]:
-        beside(ax)
+        legend_right(ax)
     fig.align_ylabels(axes[:, 0])
     return fig
 
@@ -60,8 +60,8 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
         )
         position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLORS[i], label=axis)
         if trajectory.setpoints["position"].any():
-            wanted = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
-            position.plot(times, trajectory.setpoints["position"][:, i], **wanted)
+            dashed = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
+            position.plot(times, trajectory.setpoints["position"][:, i], **dashed)
     # Models with contacts have no forces before their first step.
     loads = trajectory.of_contacts("wheel_normal_forces")[1:]
     shares = 100.0 * trajectory.of_contacts("friction_utilization")[1:]

@@ -10,7 +10,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._text_table import legend, rows
 from ballbot_rs.analysis import recovery_map as recovery
-from ballbot_rs.analysis.conditions import beside
+from ballbot_rs.analysis.conditions import baselines
 from ballbot_rs.analysis.episodes import Result, compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
@@ -71,7 +71,7 @@ def write(
     if video_seconds > 0:
         parts.append(page.section("The policy at work", *_video(policy, video_seconds, show("rendering"))))
     if results is None and episodes > 0:
-        names = [policy.name, *beside(task)]
+        names = [policy.name, *baselines(task)]
         results = compare(names, task=task, episodes=episodes, progress=show("comparing"))
     if results:
         named = [dataclasses.replace(result, controller=short(result.controller)) for result in results]
@@ -79,7 +79,7 @@ def write(
         count = f"{results[0].episodes} episodes each, the same starts for all, model {results[0].model}."
         parts.append(
             page.section(
-                "Beside the classical controllers", table, page.note(" ".join([count, *legend(results, task)]))
+                "Comparison with the classical controllers", table, page.note(" ".join([count, *legend(results, task)]))
             )
         )
     parts += [
@@ -100,13 +100,13 @@ def write(
             task=task,
             env_options={**options_of(one, nominal), "events": None},
         )
-        for one in (policy, *map(find, beside(task)))
+        for one in (policy, *map(find, baselines(task)))
     ]
     parts.append(
         page.section(
             "After a push",
             page.figure(trajectories.draw(shown), "Tilt, position, torques, loads and friction over time"),
-            page.note(f"Let go at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."),
+            page.note(f"Released at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."),
         )
     )
     if not description_of(task)["command"]:
@@ -132,14 +132,14 @@ def _recovery(policy: ResolvedController, task: str, show: Callable[[str], Progr
             env_options=options_of(controller, policy.env_options),
             progress=show(f"recovery of {controller.name}"),
         )
-        for controller in (policy, *map(find, beside(task)))
+        for controller in (policy, *map(find, baselines(task)))
     ]
     return page.section(
         "Recovery",
         page.figure(recovery_map.draw(maps), "Polar maps of recovery for each controller"),
         page.note(
-            "A robot at rest is let go, leaning by the radius towards the angle; 0° is the body's x axis. Torques of a "
-            "policy are limited as in its training, those of a feedback law by the motors."
+            "A robot at rest is released, leaning by the radius towards the angle; 0° is the body's x axis. Torques of "
+            "a policy are limited as in its training, torques of a feedback law by the motors."
         ),
     )
 
@@ -159,5 +159,5 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
         write_video(shown, path, renderer=renderer, frame_rate=25.0, forces=True, progress=progress)
         playing = page.video(path)
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
-    text = f"Let go at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
+    text = f"Released at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
     return playing, page.note(text + f"the force along the ground (red). Model {shown.model}.")

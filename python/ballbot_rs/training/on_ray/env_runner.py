@@ -54,16 +54,16 @@ class BatchEnvRunner(SingleAgentEnvRunner):  # type: ignore[misc]
     def make_env(self) -> None:
         """Makes the robots."""
         self.stop()
-        asked = self.config.env_config
+        requested = self.config.env_config
         self.env = BallbotVectorEnv(
-            asked["robots"],
-            task=task_of(asked["env_id"]),
-            autoreset_mode=asked["autoreset_mode"],
+            requested["robots"],
+            task=task_of(requested["env_id"]),
+            autoreset_mode=requested["autoreset_mode"],
             # A worker has one core.
             num_threads=1,
-            **asked["options"],
+            **requested["options"],
         )
-        self.num_envs = asked["robots"]
+        self.num_envs = requested["robots"]
         self._rollouts: Rollouts | None = None
         self._ended: list[Ended] = []
 
@@ -105,18 +105,18 @@ class BatchEnvRunner(SingleAgentEnvRunner):  # type: ignore[misc]
         return [self._episode(fragment) for fragment in fragments]
 
     def _new_rollouts(self) -> Rollouts:
-        asked = self.config.env_config
+        requested = self.config.env_config
         # A restarted worker is given the steps of all workers so far.
-        steps = asked["steps"] + int(self.num_env_steps_sampled_lifetime)
+        steps = requested["steps"] + int(self.num_env_steps_sampled_lifetime)
         seed = first_seed(
-            asked["base"],
-            asked["span"],
+            requested["base"],
+            requested["span"],
             worker=max(self.worker_index or 0, 1) - 1,
             workers=max(self.config.num_env_runners, 1),
-            robots=asked["robots"],
+            robots=requested["robots"],
             steps=steps,
         )
-        return Rollouts(self.env, seed, np.random.default_rng(seed), reward_scale=asked["reward_scale"])
+        return Rollouts(self.env, seed, np.random.default_rng(seed), reward_scale=requested["reward_scale"])
 
     def _episode(self, fragment: Fragment) -> SingleAgentEpisode:
         robot, number = fragment.episode

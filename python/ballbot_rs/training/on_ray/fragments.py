@@ -110,8 +110,8 @@ class Rollouts:
         rows: dict[str, list[npt.NDArray[Any]]] = {name: [] for name in _COLUMNS}
         rows["observations"].append(self._observations)
         ended: list[Ended] = []
-        made, wanted = 0, steps * self._env.num_envs
-        while made < wanted:
+        made, needed = 0, steps * self._env.num_envs
+        while made < needed:
             means, log_deviations = policy(self._observations)
             noise = self._rng.standard_normal(means.shape, dtype=np.float32)
             actions = means + np.exp(log_deviations) * noise

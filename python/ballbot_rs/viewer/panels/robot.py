@@ -69,7 +69,7 @@ class RobotPanel:
             return
         controller = self.policy.value if self.controller.value == POLICY else self.controller.value
         observation = next(name for name, label in SEES.items() if label == self.sees.value)
-        wanted = {
+        requested = {
             "model": self.model.value,
             "robot": self.robot.value,
             "num_robots": self.count.value,
@@ -81,7 +81,7 @@ class RobotPanel:
 
         def command(session: Session) -> None:
             now = chosen(session)
-            changes: dict[str, Any] = {name: value for name, value in wanted.items() if value != now[name]}
+            changes: dict[str, Any] = {name: value for name, value in requested.items() if value != now[name]}
             try:
                 if "num_robots" in changes:
                     changes["num_robots"] = int(changes["num_robots"])
@@ -139,7 +139,7 @@ class ParameterPanel:
         self._submit = submit
         self._shown = session.changes
         self._sliders: dict[str, viser.GuiSliderHandle[float]] = {}
-        self._wanted: dict[str, float] = {}
+        self._requested: dict[str, float] = {}
         for name, change in CHANGES.items():
             slider = gui.add_slider(
                 change.label,
@@ -158,10 +158,10 @@ class ParameterPanel:
         if event.client_id is None:  # Our own correction of the display.
             return
         # During a drag, only the newest waiting value is applied.
-        self._wanted[name] = event.target.value
+        self._requested[name] = event.target.value
 
         def command(session: Session) -> None:
-            value = self._wanted.pop(name, None)
+            value = self._requested.pop(name, None)
             if value is None:
                 return
             try:
@@ -170,7 +170,7 @@ class ParameterPanel:
                 self._correct(session)
 
         if not self._submit(command):
-            self._wanted.pop(name, None)
+            self._requested.pop(name, None)
             self._shown = {}
 
     def _restore(self, session: Session) -> None:
@@ -183,7 +183,7 @@ class ParameterPanel:
         """Shows the actual values where a change was rejected or reverted; a waiting slider stays."""
         changes = session.changes
         for name, value in changes.items():
-            if name not in self._wanted:
+            if name not in self._requested:
                 put(self._sliders[name], value=value)
         self._shown = changes
 

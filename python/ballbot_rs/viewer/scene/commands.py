@@ -110,9 +110,9 @@ class _Path(CommandNodes):
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
         """As `CommandNodes`."""
         self._moving.position = self._ring.position = on_ground(frame, commands.points[index])
-        wanted = np.append(commands.values[index], commands.begins[index])
-        if self._shown is None or not np.array_equal(self._shown, wanted):
-            self._shown = wanted
+        current = np.append(commands.values[index], commands.begins[index])
+        if self._shown is None or not np.array_equal(self._shown, current):
+            self._shown = current
             points = path_of(commands.values[index], commands.begins[index], SAMPLES)
             self._curve.points = np.float32(arrows.closed_line(points, frame.heights(points)))
 

@@ -49,7 +49,7 @@ class Ground:
             shadow_opacity=SHADOW,
             fade_distance=FLOOR_SIZE,
         )
-        # Clicks go to a sheet under the grid: viser tells a click on a node from a drag, which turns the camera.
+        # Clicks go to a sheet under the grid: viser distinguishes clicks on a node from drags, which turn the camera.
         half = 0.5 * FLOOR_SIZE
         corners = np.array([(-half, -half, 0.0), (half, -half, 0.0), (half, half, 0.0), (-half, half, 0.0)])
         self._floor = server.scene.add_mesh_simple(

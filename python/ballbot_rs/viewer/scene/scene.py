@@ -79,12 +79,12 @@ class Scene:
 
     def show(self, frame: Frame) -> None:
         """Moves everything to its place in a frame."""
-        wanted = (frame.robot, len(frame.states))
+        current = (frame.robot, len(frame.states))
         task = None if frame.commands is None else frame.commands.task
-        if (*wanted, task) != (*self._shown, self._task):
+        if (*current, task) != (*self._shown, self._task):
             self._rebuild_commands(task, len(frame.states))
-        if wanted != self._shown:
-            self._rebuild(*wanted)
+        if current != self._shown:
+            self._rebuild(*current)
         if frame.commands is not None:
             for index, command in enumerate(self._commands):
                 command.show(frame, frame.commands, index)

@@ -43,7 +43,7 @@ PROTOCOL = f"viser-v{viser.__version__}"
 MAX_RATE = 200.0
 
 #: Invalid messages that a client may send before it is disconnected.
-MAX_REFUSED = 100
+MAX_REJECTED = 100
 
 #: Longest time to close a connection, s.
 CLOSE_TIMEOUT = 0.02
@@ -68,7 +68,7 @@ ICON: Final = (
 _VISERS = re.compile(rb"<title>.*?</title>|<link\s+rel=\"icon\".*?/>", re.DOTALL)
 
 
-def refusal(path: str, headers: Headers) -> str | None:
+def rejection(path: str, headers: Headers) -> str | None:
     """The reason for refusing a request, or None.
 
     A path must not leave the client's folder, which viser does not check. A foreign `Host` is another site's page whose
@@ -223,7 +223,7 @@ class _Client:
         self._server = server
         self._allowed = MAX_RATE
         self._last = time.monotonic()
-        self._refused = 0
+        self._rejected = 0
         self._has_camera = False
         self.subprotocol = connection.subprotocol
 
@@ -241,8 +241,8 @@ class _Client:
             self._has_camera = self._has_camera or isinstance(message, messages.Camera)
             if message is not None and self._has_camera:
                 return messages.encoded(message)
-            self._refused += 1
-            if self._refused > MAX_REFUSED:
+            self._rejected += 1
+            if self._rejected > MAX_REJECTED:
                 await self._connection.close(1008, "too many messages that are not the page's")
 
     async def _slow_down(self) -> None:
@@ -255,7 +255,7 @@ class _Client:
 
 @contextlib.contextmanager
 def _guarded(server: LocalServer) -> Iterator[list[bool]]:
-    """Puts `refusal` and `_Client` before viser, which has no hook for either.
+    """Puts `rejection` and `_Client` before viser, which has no hook for either.
 
     The list is empty until viser has started a server through it.
     """
@@ -270,13 +270,13 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
     ) -> Any:
         @functools.wraps(process_request)
         def answer(connection: ServerConnection, request: Request) -> Any:
-            reason = refusal(request.path, request.headers)
+            reason = rejection(request.path, request.headers)
             if reason is not None:
-                return _refused(http.HTTPStatus.FORBIDDEN, reason)
+                return _rejected(http.HTTPStatus.FORBIDDEN, reason)
             is_page = request.path.partition("?")[0] in ("/", "/index.html")
             is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
             if (is_page or is_socket) and server.is_full_for(request):
-                return _refused(http.HTTPStatus.SERVICE_UNAVAILABLE, FULL)
+                return _rejected(http.HTTPStatus.SERVICE_UNAVAILABLE, FULL)
             if is_page:
                 request.headers.pop("Accept-Encoding", None)
             response = process_request(connection, request)
@@ -297,7 +297,7 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
         websockets.asyncio.server.serve = serve  # type: ignore[misc]
 
 
-def _refused(status: http.HTTPStatus, reason: str) -> Response:
+def _rejected(status: http.HTTPStatus, reason: str) -> Response:
     headers = Headers({"Content-Type": "text/plain; charset=utf-8", "Connection": "close"})
     return Response(status.value, status.phrase, headers, reason.encode())
 

@@ -27,7 +27,7 @@ HOLD: Final = 1.0
 LEAST_PERIOD: Final = 0.005
 
 #: Invalid messages that a page may send before it is disconnected.
-MAX_REFUSED: Final = 100
+MAX_REJECTED: Final = 100
 
 Fraction = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 
@@ -75,7 +75,7 @@ class Teleop:
         """Reads a page's commands until it disconnects, then stops the robot."""
         self._loop = asyncio.get_running_loop()
         self.connections.add(connection)
-        refused = 0
+        rejected = 0
         try:
             await connection.send(_text(self._is_on))
             async for raw in connection:
@@ -87,8 +87,8 @@ class Teleop:
                 if message is not None:
                     await asyncio.sleep(LEAST_PERIOD)
                     continue
-                refused += 1
-                if refused > MAX_REFUSED:
+                rejected += 1
+                if rejected > MAX_REJECTED:
                     await connection.close(1008, "too many messages that are not the page's")
         finally:
             self.connections.discard(connection)
@@ -116,7 +116,7 @@ class Teleop:
             session.drive(0.0, 0.0, 0.0)
 
     def show(self, session: Session) -> None:
-        """Stops the robot of a silent page, and tells pages whether they may drive."""
+        """Stops the robot of a silent page, and notifies pages whether they may drive."""
         if self._driver is not None and time.monotonic() - self._heard > HOLD:
             self._stop(session)
             session.notices.append(f"nothing has come from the page that drove for {HOLD:g} s: the robot stops")

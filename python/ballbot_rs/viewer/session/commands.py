@@ -349,11 +349,11 @@ class Commanding:
         return goals
 
     def _give(self, robots: Robots, commands: Sequence[FloatArray]) -> None:
-        for index, (now, wanted) in enumerate(zip(robots.commands, commands, strict=True)):
+        for index, (now, current) in enumerate(zip(robots.commands, commands, strict=True)):
             # Giving the same command again would restart its error metrics.
-            if not np.array_equal(now, wanted):
-                robots[index].set_command(wanted)
-            self._given[index] = wanted
+            if not np.array_equal(now, current):
+                robots[index].set_command(current)
+            self._given[index] = current
 
     def shown(self, robots: Robots) -> dict[str, Any]:
         """As `Objective`: the task's commands."""

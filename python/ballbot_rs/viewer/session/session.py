@@ -1,4 +1,4 @@
-"""A session: robots, their controllers, and user actions. It does not know the browser."""
+"""A session: robots, their controllers, and user actions. It does not depend on the browser."""
 
 import dataclasses
 import math

@@ -105,7 +105,7 @@ fn success_depends_on_the_end_of_the_episode() {
     assert!(success(&config, &push_at(250)));
     assert!(!success(&config, &push_at(450)));
     assert!(!success(&config, &push_at(570)));
-    // Upright, but at a different place.
+    // Upright, but at a different position.
     let mut far = config.clone();
     far.task.success_radius = 1e-6;
     assert!(!success(&far, &push_at(250)));
@@ -122,7 +122,7 @@ fn success_depends_on_the_end_of_the_episode() {
 }
 
 #[test]
-fn loaded_environments_continue_to_the_last_bit() {
+fn loaded_environments_continue_bit_for_bit() {
     for model in ModelKind::ALL {
         let config = BalanceConfig { max_episode_steps: 40, ..config(model) };
         let run = |episode: &mut Episode| {
@@ -151,6 +151,6 @@ fn loaded_environments_continue_to_the_last_bit() {
         let before = other.env.save();
         let error = other.env.load(&saved[..saved.len() / 2]).unwrap_err();
         assert!(matches!(&error, Error::Decode { .. }), "{error:?}");
-        assert!(other.env.save() == before, "{model}: refused, but something changed");
+        assert!(other.env.save() == before, "{model}: rejected, but something changed");
     }
 }

@@ -1,4 +1,4 @@
-//! A tilted floor: the direction of gravity, standing still, energy, and controllers, which assume that it is level.
+//! A tilted floor: the direction of gravity, rest, energy, and controllers, which assume that it is level.
 
 use super::regulator;
 use crate::support::general::any_general_robot;
@@ -38,7 +38,7 @@ fn a_level_floor_leaves_no_trace() {
 }
 
 #[test]
-fn slopes_that_are_too_steep_are_refused() {
+fn slopes_that_are_too_steep_are_rejected() {
     let error = Params::paper().replace([("floor_tilt", &[0.4, -0.4][..])]).unwrap_err();
     assert!(error.to_string().contains("floor_tilt") && error.to_string().contains("at most 0.5 rad"), "{error}");
     // M r sin θ of M_b l: the paper's robot is held up to 0.867 rad, with a quarter of its height up to 0.19.
@@ -50,7 +50,7 @@ fn slopes_that_are_too_steep_are_refused() {
 }
 
 #[test]
-fn planar_refuses_a_tilted_floor() {
+fn planar_rejects_a_tilted_floor() {
     let paper = Params::paper();
     let params = on_slope(&paper, [0.0, 1e-9]);
     let mut robot = Ballbot::new(&paper, ModelKind::Planar, 1e-3).unwrap();
@@ -85,7 +85,7 @@ proptest! {
         let (mass, length) = (params.ball_mass + params.body_mass, params.body_com().norm());
         let needed = mass * params.ball_radius * params.slope().sin();
         let Ok(lean) = params.slope_lean() else {
-            prop_assert!(needed > params.body_mass * length, "refused with {needed} kg·m of {}", params.body_mass * length);
+            prop_assert!(needed > params.body_mass * length, "rejected with {needed} kg·m of {}", params.body_mass * length);
             return Ok(());
         };
         let state = State::tilted_from_equilibrium(&params, lean, yaw);
@@ -106,7 +106,7 @@ proptest! {
     }
 
     #[test]
-    fn slope_limits_are_those_of_the_worst_heading(
+    fn slope_limits_match_the_worst_heading(
         params in any_general_robot(), torque in 0.02..1.0_f64, fall_tilt in 0.1..1.5,
     ) {
         let weight = (params.ball_mass + params.body_mass) * params.gravity;
@@ -143,7 +143,7 @@ proptest! {
     }
 
     #[test]
-    fn energy_is_conserved_on_a_slope_and_that_of_the_bodies(
+    fn energy_is_conserved_on_a_slope_and_equals_the_energy_of_the_bodies(
         params in any_general_robot(), tilt in any_floor_tilt(0.5), start in any_start(0.5, 1.0),
     ) {
         let params = on_slope(&without_losses(&params), tilt);
@@ -161,7 +161,7 @@ proptest! {
     }
 
     #[test]
-    fn controllers_are_those_of_a_level_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
+    fn controllers_are_designed_for_a_level_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
         let sloped = on_slope(&params, tilt);
         prop_assert_eq!(LinearModel::new(&sloped), LinearModel::new(&params));
         prop_assert_eq!(traction_torque(&sloped).to_bits(), traction_torque(&params).to_bits());

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, assert_poles, closed_loop, gain_of, made, pair, position
 use ballbot_core::control::{CascadePid, CascadePidOptions, LimitOptions, NamedLaw};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, Wheels};
+use ballbot_core::{LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector3};
 
 /// λ of a robot that is the same on all sides.
@@ -16,7 +16,7 @@ fn toppling(params: &Params) -> f64 {
 const APART: [(&str, &[f64]); 2] = [("lean_damping", &[0.9]), ("yaw_damping", &[0.7])];
 
 #[test]
-fn poles_are_the_designed_ones() {
+fn poles_match_the_design() {
     for (name, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -47,7 +47,7 @@ fn integrals(params: &Params, controller: &dyn ballbot_core::control::Controller
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = [0.0; 2];
         let setpoint = ballbot_core::control::Setpoint::default();
-        controller.torques_one(&super::cells(&state), &(&setpoint).into(), f64::INFINITY, &mut kept);
+        controller.torques_one(&LaneState::from(&state), &(&setpoint).into(), f64::INFINITY, &mut kept);
         (0..2).for_each(|i| rows[(i, j)] = kept[i] / (SMALL * CONTROL_DT));
     }
     rows
@@ -74,17 +74,17 @@ fn the_integral_removes_a_constant_torque() {
 }
 
 #[test]
-fn loops_that_are_not_stable_are_refused() {
-    let refused = |params: &Params, control_dt: f64, options: CascadePidOptions| {
+fn loops_that_are_not_stable_are_rejected() {
+    let rejected = |params: &Params, control_dt: f64, options: CascadePidOptions| {
         CascadePid::with_options(params, control_dt, &options, &LimitOptions::TRACTION).unwrap_err().to_string()
     };
     let fast = CascadePidOptions { lean_bandwidth: 50.0, ..Default::default() };
-    let message = refused(&Params::paper(), 0.01, fast);
+    let message = rejected(&Params::paper(), 0.01, fast);
     assert!(message.contains("control_dt = 0.01 s") && message.contains("it must be below 1"), "{message}");
-    let slow = refused(&uneven(), 0.3, CascadePidOptions::default());
+    let slow = rejected(&uneven(), 0.3, CascadePidOptions::default());
     assert!(slow.contains("control_dt = 0.3 s"), "{slow}");
     let negative = CascadePidOptions { position_damping: -0.1, ..Default::default() };
-    assert!(refused(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
+    assert!(rejected(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
     for (_, params) in presets() {
         CascadePid::with_defaults(&params, 0.02).unwrap();
     }

@@ -1,7 +1,10 @@
 //! Motors whose torque acts later than commanded.
 
 use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
-use ballbot_core::control::{Controller, IntegralWeights, Lqr, LqrWeights, controller_kind, riccati};
+use ballbot_core::control::{
+    Controller, DelayOptions, IntegralWeights, LimitOptions, Lqr, LqrOptions, LqrWeights, NamedLaw, controller_kind,
+    riccati,
+};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, Wheels};
@@ -17,7 +20,7 @@ const PLANAR: [(f64, [f64; 4], &[f64]); 3] = [
 ];
 
 #[test]
-fn gains_are_those_of_an_independent_computation() {
+fn gains_match_an_independent_computation() {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&Vector3::y(), TorqueMap::Consistent);
     let wheels = DVector::from_column_slice(wheels.as_slice());
@@ -107,15 +110,15 @@ fn delays_are_checked() {
             assert!(error.contains(expected), "{name}: {error}");
         }
     }
-    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
+    let delayed = LqrOptions { delay: DelayOptions { delay: 0.1 }, ..LqrOptions::default() };
     assert_eq!(
-        lqr.with_delay(&params, 0.1).unwrap().regulator().gain,
+        Lqr::with_options(&params, CONTROL_DT, &delayed, &LimitOptions::TRACTION).unwrap().regulator().gain,
         Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain
     );
 }
 
-/// Whether the robot stands after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
-pub fn stands(
+/// Whether the robot recovers after a start and an impulse, with motors whose torque acts `delay` later, in `contact`.
+pub fn recovers(
     params: &Params,
     controller: &mut dyn Controller,
     delay: f64,
@@ -147,7 +150,7 @@ fn a_delay_that_is_predicted_costs_less() {
                 around(12).all(|way| {
                     let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
                     let mut law = made(name, &params, &[("delay", &[known])]);
-                    stands(&params, law.as_mut(), delay, &start, way.push(0.0) * push)
+                    recovers(&params, law.as_mut(), delay, &start, way.push(0.0) * push)
                 })
             };
             let tilt = (0..30).map(f64::from).take_while(|&tilt| holds(tilt, 0.0)).last().unwrap_or(-1.0);
@@ -162,13 +165,13 @@ fn a_delay_that_is_predicted_costs_less() {
 
 /// The integral is also predicted, and held where it may not grow.
 #[test]
-fn with_an_integral_a_delay_is_survived() {
+fn a_controller_with_an_integral_withstands_a_delay() {
     let params = Params::paper();
     let survives = |known: f64, delay: f64, tilt: f64, push: f64| {
         around(12).all(|way| {
             let start = State::tilted(&params, way * tilt.to_radians(), 0.0);
             let mut lqi = made("lqi", &params, &[("delay", &[known])]);
-            stands(&params, lqi.as_mut(), delay, &start, way.push(0.0) * push)
+            recovers(&params, lqi.as_mut(), delay, &start, way.push(0.0) * push)
         })
     };
     assert!(survives(0.05, 0.05, 4.0, 0.0) && survives(0.05, 0.05, 18.0, 0.0) && survives(0.05, 0.05, 0.0, 1.4));
@@ -177,7 +180,7 @@ fn with_an_integral_a_delay_is_survived() {
         for direction in around(6) {
             let start = State::tilted(&params, direction * f64::to_radians(18.0), 0.0);
             let mut lqr = made("lqr", &params, &[("delay", &[0.05]), ("lean_observer", &[observed])]);
-            assert!(stands(&params, lqr.as_mut(), 0.05, &start, Vector3::zeros()), "{observed} 1/s");
+            assert!(recovers(&params, lqr.as_mut(), 0.05, &start, Vector3::zeros()), "{observed} 1/s");
         }
     }
 }

@@ -47,7 +47,7 @@ fn triangle(x: f64, [a, b, c]: [f64; 3]) -> f64 {
 /// As in a textbook: every rule fires by the product of its memberships, and the output is the weighted mean of the
 /// consequents. And as an interpolation in the cell of the table.
 #[test]
-fn the_output_is_that_of_plain_implementations() {
+fn the_output_matches_plain_implementations() {
     let rules = odd_rules();
     let table = RuleTable::new(rules).unwrap();
     for x in inputs() {
@@ -78,7 +78,7 @@ fn the_output_is_that_of_plain_implementations() {
 
 /// In the middle of the table the loop is a PD loop with canceled gravity.
 #[test]
-fn poles_are_the_designed_ones() {
+fn poles_match_the_design() {
     for (name, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -119,7 +119,7 @@ fn a_wide_range_keeps_the_basin() {
 }
 
 #[test]
-fn rules_that_hold_nothing_are_refused() {
+fn rules_that_cannot_balance_are_rejected() {
     let params = Params::paper();
     let made = |rules: RuleTable| {
         let options = FuzzyOptions::default();

@@ -1,16 +1,15 @@
 //! Hierarchical sliding mode.
 
 use super::{
-    CONTROL_DT, assert_poles, cells, closed_loop, gain_of, lanes_equal_one_robot, made, pair, position, presets, robot,
-    run,
+    CONTROL_DT, assert_poles, closed_loop, gain_of, lanes_equal_one_robot, made, pair, position, presets, robot, run,
 };
 use ballbot_core::control::{
-    Controller, HierarchicalSlidingMode, LimitOptions, NamedLaw, Setpoint, SetpointCells, SlidingModeOptions,
+    Controller, HierarchicalSlidingMode, LaneSetpoint, LimitOptions, NamedLaw, Setpoint, SlidingModeOptions,
     SlidingSurface,
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, Wheels};
+use ballbot_core::{LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels also turn with the body, at k + 1 times its rate.
@@ -29,7 +28,7 @@ fn surface(params: &Params) -> SlidingSurface {
 }
 
 #[test]
-fn poles_on_the_surface_are_the_designed_ones() {
+fn poles_on_the_surface_match_the_design() {
     for (_, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -45,7 +44,7 @@ fn poles_on_the_surface_are_the_designed_ones() {
 }
 
 #[test]
-fn surfaces_are_those_of_the_closed_form() {
+fn surfaces_match_the_closed_form() {
     let params = Params::paper();
     let [d, c, weight] = unactuated(&params);
     assert!((d - 0.82462).abs() < 1e-4 && (c - 0.13902).abs() < 1e-4 && (weight - 3.10365).abs() < 1e-4);
@@ -71,7 +70,7 @@ fn surfaces_are_those_of_the_closed_form() {
 
 /// The cubic of the surface is stable where the constructor accepts it, and only there.
 #[test]
-fn surfaces_without_a_stable_motion_are_refused() {
+fn surfaces_without_a_stable_motion_are_rejected() {
     let params = Params::paper();
     let [d, c, weight] = unactuated(&params);
     let options = SlidingModeOptions::default();
@@ -141,16 +140,16 @@ const ADAPTIVE: [(&str, &[f64]); 5] = [
     ("max_switching", &[3.0]),
 ];
 
-/// Where a robot comes to rest under constant torques about an axis that its law does not know, N·m, and the memory of
+/// Where a robot comes to rest under constant torques about an axis that its law does not model, N·m, and the memory of
 /// the law.
 fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let params = Params::paper();
     let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
     let law = made("hierarchical_sliding_mode", &params, options);
     let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-    let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+    let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
     for _ in 0..2000 {
-        let torques = law.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
+        let torques = law.torques_one(&LaneState::from(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         robot.step(torques + wheels, 10).unwrap();
     }
     assert!(robot.state().tilt() < 1e-3 && robot.state().ball_velocity.norm() < 1e-3);
@@ -192,7 +191,7 @@ fn the_adapted_gain_is_the_closed_form_and_bounded() {
 /// A fixed gain that leaves the same offset always has the noise in its torques that the adapted gain has only under a
 /// disturbance.
 #[test]
-fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
+fn an_adapted_gain_chatters_less_than_the_fixed_gain_that_it_replaces() {
     let params = Params::paper();
     let (place, memory) = pushed(&ADAPTIVE, 0.1);
     let needed = 0.25 + memory[0];
@@ -202,13 +201,13 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
     let chatter = |options: &[(&str, &[f64])]| {
         let law = made("hierarchical_sliding_mode", &params, options);
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-        let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+        let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
         let (mut last, mut sum) = (Wheels::default(), 0.0_f64);
         for k in 0..1000 {
             let mut seen = robot.state();
             let noise = |i: f64| 0.02 * ((1e4 * (0.7 + f64::from(k) * 1.3 + i).sin()).fract());
             seen.body_angular_velocity += Vector3::new(noise(0.1), noise(0.2), 0.0);
-            let torques = law.torques_one(&cells(&seen), &setpoint, f64::INFINITY, &mut memory);
+            let torques = law.torques_one(&LaneState::from(&seen), &setpoint, f64::INFINITY, &mut memory);
             robot.step(torques, 10).unwrap();
             sum += (torques - last).column().norm_squared();
             last = torques;
@@ -221,31 +220,31 @@ fn an_adapted_gain_chatters_less_than_the_fixed_one_that_it_replaces() {
 }
 
 #[test]
-fn torques_that_are_limited_raise_no_gain() {
+fn limited_torques_do_not_raise_the_gain() {
     let params = Params::paper();
     let law = made("hierarchical_sliding_mode", &params, &ADAPTIVE);
-    let setpoint = SetpointCells::from(&Setpoint::default());
-    let tilted = cells(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
+    let setpoint = LaneSetpoint::from(&Setpoint::default());
+    let tilted = LaneState::from(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
     let mut memory = [0.0];
     law.torques_one(&tilted, &setpoint, 1e-3, &mut memory);
     assert_eq!(memory, [0.0]);
     law.torques_one(&tilted, &setpoint, f64::INFINITY, &mut memory);
     let raised = memory[0];
     assert!(raised > 0.0);
-    law.torques_one(&cells(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
+    law.torques_one(&LaneState::from(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
     assert!((memory[0] / raised - (-CONTROL_DT).exp()).abs() < 1e-12, "it leaks");
     // The sampled loop must be stable at the largest gain.
     let kind = ballbot_core::control::controller_kind("hierarchical_sliding_mode").unwrap();
     let most: [(&str, &[f64]); 2] = [("adaptation", &[1.0]), ("max_switching", &[100.0])];
     assert!((kind.make)(&params, CONTROL_DT, &kind.limits, &most).is_err());
     // Options that change nothing are rejected.
-    let refused = |options: &[(&str, &[f64])], words: &str| {
+    let rejected = |options: &[(&str, &[f64])], words: &str| {
         let error = (kind.make)(&params, CONTROL_DT, &kind.limits, options).map(|_| ()).unwrap_err().to_string();
         assert!(error.contains(words), "{error}");
     };
-    refused(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
-    refused(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
-    refused(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
+    rejected(&most[1..], "max_switching = 100 changes nothing with adaptation = 0");
+    rejected(&[("leakage", &[0.5])], "leakage = 0.5 changes nothing with adaptation = 0");
+    rejected(&[("adaptation", &[1.0]), ("max_switching", &[1.0])], "max_switching = 1 is out of range");
     let start = State::tilted(&params, Vector2::new(0.4, 0.1), 0.0);
     let mut robot = robot(&params, ModelKind::Contact, &start);
     let mut law = made("hierarchical_sliding_mode", &params, &ADAPTIVE[2..]);

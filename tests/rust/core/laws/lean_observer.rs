@@ -1,10 +1,12 @@
 //! The estimate of the equilibrium.
 
 use super::lqi::offset;
-use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, robot, run, stands};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Setpoint, SetpointCells};
+use super::{CONTROL_DT, SIM_DT, around, lanes_equal_one_robot, law, made, position, recovers, robot, run};
+use ballbot_core::control::{
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrOptions, NamedLaw, ObserverOptions, Setpoint,
+};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// The laws that have the observer.
@@ -22,9 +24,9 @@ fn first(controller: &dyn Controller) -> usize {
 fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Vector3<f64>) -> (State, Vec<f64>) {
     let mut robot = robot(params, ModelKind::Contact, &State::at_equilibrium(params, 0.4));
     let mut memory = vec![0.0; controller.memory_len()];
-    let setpoint = SetpointCells::from(&Setpoint { yaw: 0.4, ..Setpoint::default() });
+    let setpoint = LaneSetpoint::from(&Setpoint { yaw: 0.4, ..Setpoint::default() });
     for _ in 0..(seconds / CONTROL_DT) as usize {
-        let torques = controller.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
+        let torques = controller.torques_one(&LaneState::from(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         for _ in 0..10 {
             robot.push(&(force * SIM_DT), None).unwrap();
             robot.step(torques, 1).unwrap();
@@ -44,8 +46,8 @@ fn the_estimate_converges_at_its_rate() {
     let resting = Vector3::from_column_slice(wheels.as_slice()) * 0.02;
     let resting_acceleration = (LinearModel::new(&params).b * resting)[8];
     for rate in [0.3, 1.0, 4.0] {
-        let lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &limits).unwrap();
-        let lqr = lqr.with_lean_observer(&params, rate).unwrap();
+        let options = LqrOptions { observer: ObserverOptions { lean_observer: rate }, ..LqrOptions::default() };
+        let lqr = Lqr::with_options(&params, CONTROL_DT, &options, &limits).unwrap();
         let mut memory = vec![0.0; lqr.memory_len()];
         let mut x = SVector::<f64, 10>::from_fn(|i, _| if i == 5 { 0.1 } else { 0.0 });
         for k in 0..200 {
@@ -53,8 +55,8 @@ fn the_estimate_converges_at_its_rate() {
             let turning = Vector3::new(x[7], x[8], x[9]);
             let mut state = State::rolling(&params, Vector2::new(x[5], x[6]), 0.0, body, turning);
             state.ball_position += Vector3::new(x[0], x[1], 0.0);
-            let setpoint = SetpointCells::from(&Setpoint::default());
-            let torques = lqr.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut memory).column();
+            let setpoint = LaneSetpoint::from(&Setpoint::default());
+            let torques = lqr.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut memory).column();
             let left = (-rate * CONTROL_DT * f64::from(k)).exp();
             let (lean, acceleration) = (0.07 * (1.0 - left), resting_acceleration * (1.0 - left));
             assert!((memory[0] - lean).abs() < 1e-9, "{rate}, sample {k}: {} rad, expected {lean}", memory[0]);
@@ -91,7 +93,7 @@ fn on_a_slope_the_estimate_is_the_closed_form() {
 
 /// A wrong center of mass is a false tilt of atan(d/l), at which no torque is needed.
 #[test]
-fn of_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
+fn for_a_wrong_center_of_mass_the_estimate_is_the_closed_form() {
     let nominal = Params::paper();
     let params = Params { body_com_offset: [5e-3, 0.0], ..Params::paper() };
     let controller = made("lqr", &nominal, ON);
@@ -130,7 +132,7 @@ fn disturbances_leave_no_offset() {
 
 /// A slope and a force keep their direction as the robot turns.
 #[test]
-fn robots_that_turn_need_no_other_estimate() {
+fn turning_robots_need_no_other_estimate() {
     let params = Params { floor_tilt: [0.03, 0.04], ..Params::paper() };
     for name in OBSERVING {
         let setpoint = |time: f64| Setpoint { yaw: 0.5 * time, ..Setpoint::default() };
@@ -141,7 +143,7 @@ fn robots_that_turn_need_no_other_estimate() {
 }
 
 #[test]
-fn without_a_rate_a_law_keeps_and_does_what_it_did() {
+fn without_a_rate_a_controller_is_unchanged() {
     let params = Params::paper();
     let start = State::tilted(&params, Vector2::new(0.2, -0.1), 0.3);
     for name in OBSERVING {
@@ -163,10 +165,10 @@ fn without_a_rate_a_law_keeps_and_does_what_it_did() {
 fn impulses_and_limits_move_the_estimate_by_little() {
     let params = Params::paper();
     let controller = made("lqr", &params, ON);
-    let setpoint = SetpointCells::from(&Setpoint::default());
+    let setpoint = LaneSetpoint::from(&Setpoint::default());
     let mut memory = vec![0.0; 9];
     let mut call = |state: &State, largest: f64| {
-        controller.torques_one(&cells(state), &setpoint, largest, &mut memory);
+        controller.torques_one(&LaneState::from(state), &setpoint, largest, &mut memory);
         memory[0].hypot(memory[1])
     };
     let upright = State::upright(&params);
@@ -193,9 +195,9 @@ fn the_estimate_costs_no_balance() {
         let make = || made(name, &params, ON);
         for direction in around(12) {
             let tilted = State::tilted(&params, direction * f64::to_radians(tilt), 0.0);
-            assert!(stands(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
+            assert!(recovers(&params, &make, &tilted, Vector3::zeros()), "{name} falls from {tilt} deg");
             let impulse = direction.push(0.0) * push;
-            assert!(stands(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
+            assert!(recovers(&params, &make, &State::upright(&params), impulse), "{name} falls of {push} N·s");
         }
     }
 }
@@ -213,7 +215,7 @@ fn balance_by_the_rate_of_the_estimate() {
             let delays = (0..=10).map(|k| 0.01 * f64::from(k)).take_while(|&delay| {
                 around(6).all(|way| {
                     let start = State::tilted(&params, way * 4_f64.to_radians(), 0.0);
-                    super::delay::stands(&params, make().as_mut(), delay, &start, Vector3::zeros())
+                    super::delay::recovers(&params, make().as_mut(), delay, &start, Vector3::zeros())
                 })
             });
             println!("{name}, {rate} 1/s: {tilt} deg, {push:.1} N·s, {:.2} s", delays.last().unwrap_or(-1.0));

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, made, position, presets, robot, run};
 use ballbot_core::control::{Controller, LimitOptions, LqrPi, LqrPiOptions, NamedLaw, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, StateCells};
+use ballbot_core::{LaneState, ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// |L(iω)| of the PI on the rate of the virtual wheel, with the linear model.
@@ -35,10 +35,10 @@ fn the_inner_loop_has_its_crossover() {
     for (name, params) in presets() {
         let law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
         for axis in 0..2 {
-            let wanted = 4.1 * LinearModel::new(&params).a[if axis == 0 { (8, 3) } else { (7, 2) }].sqrt();
+            let desired = 4.1 * LinearModel::new(&params).a[if axis == 0 { (8, 3) } else { (7, 2) }].sqrt();
             let found = crossover(|w| open_loop(&params, &law, axis, w));
-            println!("{name}: crossover {found:.2} rad/s, designed {wanted:.2}");
-            assert!((found / wanted - 1.0).abs() < 0.1, "{name}: {found}, designed {wanted}");
+            println!("{name}: crossover {found:.2} rad/s, designed {desired:.2}");
+            assert!((found / desired - 1.0).abs() < 0.1, "{name}: {found}, designed {desired}");
             assert!(name != "paper" || (found / 25.0 - 1.0).abs() < 0.1, "{found}");
         }
     }
@@ -46,7 +46,7 @@ fn the_inner_loop_has_its_crossover() {
 
 /// Gains (y, θ, ẏ, θ̇, ξ) of an independent computation in one plane, with the PI 0.10 N·m·s and 0.60 N·m at the virtual wheel.
 #[test]
-fn outer_gains_are_those_of_an_independent_computation() {
+fn outer_gains_match_an_independent_computation() {
     let params = Params::paper();
     // Acceleration of the lean per torque of the virtual wheel in that computation, rad/s² per N·m.
     const PER_TORQUE: f64 = 42.845;
@@ -73,13 +73,12 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let load = Omniwheels::new(&params).torques_on_body(&Vector3::new(0.01, 0.02, 0.0), TorqueMap::Consistent);
     let mut robot = robot(&params, ModelKind::Spatial, &State::upright(&params));
     let mut law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
-    let mut cells = StateCells::default();
     let mut kept = [0.0; 2];
     let mut before = kept;
     for _ in 0..3000 {
-        ballbot_core::LaneState::from(&robot.state()).store(&mut cells);
+        let state = LaneState::from(&robot.state());
         before = kept;
-        let torques = law.torques_one(&cells, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
+        let torques = law.torques_one(&state, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
         let loaded: [f64; 3] = std::array::from_fn(|i| torques[i] - load[i]);
         robot.step(loaded, super::STEPS).unwrap();
     }

@@ -1,12 +1,12 @@
 //! Model predictive control.
 
-use super::{CONTROL_DT, basin_of, cells, made, presets, push_of, robot, scattered_states};
+use super::{CONTROL_DT, basin_of, made, presets, push_of, robot, scattered_states};
 use ballbot_core::control::{
-    Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, SetpointCells, riccati,
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, riccati,
 };
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::{LinearModel, LoadMap};
-use ballbot_core::{ModelKind, Params, State, StateCells, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
@@ -19,7 +19,7 @@ fn short() -> MpcOptions {
 }
 
 #[test]
-fn without_a_limit_the_torques_are_those_of_the_regulator() {
+fn without_a_limit_the_torques_match_the_regulator() {
     for (name, params) in presets() {
         let limits = LimitOptions { max_torque: None, traction: Some(1.0) };
         let mut mpc = Mpc::with_options(&params, CONTROL_DT, &short(), &limits).unwrap();
@@ -127,7 +127,7 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
 /// Against an interior-point method, on the original problem: with states, the cost of the infinite horizon at
 /// its end and the loads of the wheels.
 #[test]
-fn the_optimum_is_that_of_an_interior_point_method() {
+fn the_optimum_matches_an_interior_point_method() {
     let setpoint = Setpoint::default();
     let mut limited = 0;
     for (name, params) in presets() {
@@ -164,7 +164,7 @@ fn the_optimum_is_that_of_an_interior_point_method() {
     assert!(limited >= 12, "limits matter in {limited} problems of 24");
 }
 
-/// Few iterations cost little: the cost until a robot stands, relative to many iterations.
+/// Few iterations cost little: the cost until a robot is upright, relative to many iterations.
 #[test]
 fn few_iterations_are_as_good_as_many() {
     let params = Params::paper();
@@ -240,13 +240,13 @@ fn limits_of_the_lean() {
 fn time_of_a_call() {
     const CALLS: u32 = 20_000;
     let params = Params::paper();
-    let setpoints = SetpointCells::<Eight>::default();
+    let setpoints = LaneSetpoint::<Eight>::default();
     for name in ["lqr", "mpc"] {
         for degrees in [1.0_f64, 20.0] {
             let controller = made(name, &params, &[]);
-            let mut states = StateCells::<Eight>::default();
+            let mut states = LaneState::<Eight>::default();
             let start = State::tilted(&params, Vector2::new(1.0, 0.3).normalize() * degrees.to_radians(), 0.0);
-            (0..EIGHT).for_each(|i| states.set_lane(i, &cells(&start)));
+            (0..EIGHT).for_each(|i| states.set_lane(i, &LaneState::from(&start)));
             let mut memory = vec![Eight::default(); controller.memory_len()];
             let start = Instant::now();
             for _ in 0..CALLS {

@@ -52,7 +52,7 @@ fn acceleration_per_lean(params: &Params) -> f64 {
 }
 
 #[test]
-fn poles_are_the_designed_ones() {
+fn poles_match_the_design() {
     for (name, params) in presets() {
         let params = Params { ball_viscous_friction: 0.0, wheel_viscous_friction: 0.0, ..params };
         let [x, y, _] = params.body_inertia;
@@ -180,16 +180,16 @@ fn a_motion_is_fed_forward() {
 }
 
 #[test]
-fn loops_that_are_not_stable_are_refused() {
-    let refused = |params: &Params, control_dt: f64, options: InverseDynamicsOptions| {
+fn loops_that_are_not_stable_are_rejected() {
+    let rejected = |params: &Params, control_dt: f64, options: InverseDynamicsOptions| {
         let made = PdInverseDynamics::with_options(params, control_dt, &options, &LimitOptions::TRACTION);
         made.unwrap_err().to_string()
     };
     let fast = InverseDynamicsOptions { lean_bandwidth: 50.0, ..Default::default() };
-    let message = refused(&Params::paper(), 0.01, fast);
+    let message = rejected(&Params::paper(), 0.01, fast);
     assert!(message.contains("control_dt = 0.01 s") && message.contains("it must be below 1"), "{message}");
-    let slow = refused(&uneven(), 0.5, InverseDynamicsOptions::default());
+    let slow = rejected(&uneven(), 0.5, InverseDynamicsOptions::default());
     assert!(slow.contains("control_dt = 0.5 s"), "{slow}");
     let negative = InverseDynamicsOptions { position_damping: -0.1, ..Default::default() };
-    assert!(refused(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
+    assert!(rejected(&Params::paper(), 0.01, negative).contains("position_damping = -0.1 is out of range"));
 }

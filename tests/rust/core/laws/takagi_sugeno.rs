@@ -1,9 +1,9 @@
 //! Takagi-Sugeno fuzzy control.
 
-use super::{CONTROL_DT, cells, gain_of, law, presets, uneven};
+use super::{CONTROL_DT, gain_of, law, presets, uneven};
 use ballbot_core::control::{Controller, LimitOptions, LqrWeights, NamedLaw, Setpoint, TakagiSugeno};
 use ballbot_core::models::{BallSpin, LeaningPlane, LinearModel, SpatialModel, WheelSpin};
-use ballbot_core::{Params, State, Wheels};
+use ballbot_core::{LaneState, Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
 
 /// At rest at its lean a plane is the spatial model.
@@ -31,7 +31,7 @@ fn leaning_planes_are_exact_at_rest() {
 }
 
 #[test]
-fn in_the_upright_robot_it_is_the_regulator() {
+fn for_the_upright_robot_it_equals_the_regulator() {
     for (name, params) in presets() {
         let [found, expected] = ["takagi_sugeno", "lqr"].map(|name| gain_of(law(name, &params).as_ref(), &params));
         let off = (&found - &expected).amax() / expected.amax();
@@ -75,14 +75,14 @@ fn rules_count_by_the_tilt() {
             let acceleration = -(near * (1.0 - share) + far * share);
             let expected = torques_of * direction.push(0.0) * acceleration;
             let setpoint = (&Setpoint::default()).into();
-            let found = law.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut []).column();
+            let found = law.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut []).column();
             assert!((found - expected).amax() < 1e-9, "{degrees} deg: {found}, expected {expected}");
         }
     }
 }
 
 #[test]
-fn a_law_without_a_proof_is_refused() {
+fn a_controller_without_a_stability_proof_is_rejected() {
     // Over a second the robot topples so far that rules which are 1 % apart do not fit each other.
     let message = TakagiSugeno::with_defaults(&Params::paper(), 1.0).unwrap_err().to_string();
     assert!(message.contains("no proof that the fuzzy model is stable"), "{message}");

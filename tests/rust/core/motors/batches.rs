@@ -95,7 +95,7 @@ fn motors_of_robots_that_differ_equal_single_robots() {
 }
 
 #[test]
-fn ideal_options_are_the_ideal_stage_to_the_last_bit() {
+fn ideal_options_equal_the_ideal_stage_bit_for_bit() {
     for (model, n) in models() {
         let config = BalanceConfig { actuators: MotorOptions::default(), ..config(model) };
         let mut run = batch(&config, n);

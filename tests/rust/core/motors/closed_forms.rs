@@ -72,7 +72,7 @@ fn lag_follows_the_delayed_command() {
 }
 
 #[test]
-fn strength_is_that_of_each_wheel() {
+fn strength_applies_to_each_wheel() {
     let strength = [0.0, 0.8, 1.25];
     let mut shaft = Shaft::new(&MotorOptions { strength, ..MotorOptions::default() }, TORQUE, 0.002, 5);
     let expected = [0.0, -0.8 * TORQUE, 1.25 * TORQUE];
@@ -115,7 +115,7 @@ fn torque_falls_from_the_corner_to_the_no_load_speed() {
 /// The four quadrants: driving is limited by the voltage, braking by the current, and beyond the no-load speed the
 /// back-EMF brakes for any command.
 #[test]
-fn quadrants_of_the_curve_are_those_of_a_dc_motor() {
+fn quadrants_of_the_curve_match_a_dc_motor() {
     let options = curve();
     let slope = options.stall_torque / options.no_load_speed;
     let mut shaft = Shaft::new(&options, 2.0, 1e-3, 5);

@@ -7,7 +7,7 @@ use ballbot_core::sensor::SensorOptions;
 use ballbot_core::{ModelKind, Params, State};
 use nalgebra::{UnitQuaternion, Vector3};
 
-/// Nine robots that stand upright at rest.
+/// Nine upright robots at rest.
 fn standing(config: &BalanceConfig, n: usize) -> Run {
     let mut run = Run::new(Batch::new(config, n, Autoreset::SameStep, Some(1), 1).unwrap());
     let starts = vec![Some(State::upright(&config.params)); n];

@@ -37,7 +37,7 @@ fn latencies(arrivals: &[usize], commands: usize) -> Vec<Option<usize>> {
 }
 
 #[test]
-fn each_command_waits_for_a_time_of_its_own() {
+fn each_command_has_a_separate_delay() {
     const COMMANDS: usize = 4000;
     // Two model steps and up to three more: commands come in order.
     let found = arrivals(0.004, 0.006, [7, 8], 1, COMMANDS);
@@ -57,13 +57,13 @@ fn a_newer_command_is_not_followed_by_an_older_one() {
     assert!(found.is_sorted());
     let waited = latencies(&found, COMMANDS);
     let overtaken = waited.iter().filter(|latency| latency.is_none()).count();
-    // A command with a latency of 5 + k is overtaken by the next one with up to k, or by the one after that.
+    // A command with a latency of 5 + k is overtaken by the next command with up to k, or by the command after that.
     assert!((180..300).contains(&overtaken), "{overtaken}");
     assert!(waited.iter().flatten().all(|&latency| latency <= 12) && waited.contains(&Some(12)));
 }
 
 #[test]
-fn dead_times_depend_on_key_and_episode_alone() {
+fn dead_times_depend_only_on_key_and_episode() {
     let of = |key: [u32; 2], episode: u32| arrivals(0.004, 0.006, key, episode, 100);
     let first = of([7, 8], 1);
     assert_eq!(first, of([7, 8], 1));
@@ -74,7 +74,7 @@ fn dead_times_depend_on_key_and_episode_alone() {
 
 /// Batches, resets, snapshots and threads.
 #[test]
-fn random_dead_times_are_those_of_the_environment() {
+fn random_dead_times_match_the_environment() {
     let actuators = MotorOptions { delay_jitter: 0.014, ..everything() };
     for (model, n) in models() {
         let config = BalanceConfig {
@@ -109,7 +109,7 @@ fn random_dead_times_are_those_of_the_environment() {
 }
 
 #[test]
-fn seeds_have_dead_times_of_their_own() {
+fn seeds_have_separate_dead_times() {
     let actuators = MotorOptions { delay_jitter: 0.014, ..MotorOptions::default() };
     let config = BalanceConfig { model: ModelKind::Contact, actuators, ..BalanceConfig::default() };
     let mut seeds = [1, 2].map(|seed| Run::new(Batch::new(&config, 1, Autoreset::Disabled, Some(1), seed).unwrap()));

@@ -3,7 +3,7 @@
 use super::models;
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Under, When};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Sampled};
 use ballbot_core::options::PublishedOptions;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -40,14 +40,14 @@ fn config(model: ModelKind) -> BalanceConfig {
     }
 }
 
-fn lqr(config: &BalanceConfig) -> Lqr {
+fn lqr(config: &BalanceConfig) -> Sampled<Lqr> {
     // The limit that the batch would set.
     let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
     Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
 /// Actions of a law without memory, on states.
-fn on(states: &[State], law: &Lqr, batch: &Batch) -> Vec<u32> {
+fn on(states: &[State], law: &Sampled<Lqr>, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
     let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
     torques.map(|torque| ((torque / batch.max_wheel_torque()) as f32).to_bits()).collect()
@@ -64,7 +64,7 @@ fn control(batch: &mut Batch, under: &Under<'_>) -> Vec<u32> {
 }
 
 #[test]
-fn controllers_take_what_the_task_observes() {
+fn controllers_observe_what_the_task_observes() {
     for (model, n) in models() {
         for mode in [Autoreset::SameStep, Autoreset::NextStep] {
             let measured = config(model);
@@ -99,7 +99,7 @@ fn controllers_take_what_the_task_observes() {
 
 /// As `Batch::estimate`, which then returns the robots at rest.
 #[test]
-fn controllers_before_the_first_reset_take_robots_at_rest() {
+fn controllers_before_the_first_reset_assume_robots_at_rest() {
     for (model, n) in models() {
         let config = config(model);
         let law = lqr(&config);
@@ -131,12 +131,12 @@ fn loops_on_estimates_depend_neither_on_threads_nor_on_the_size_of_the_batch() {
         assert!(run(37, 2, false) == expected, "{model}: threads");
         assert!(run(1, 1, false)[..] == expected[..1], "{model}: one robot");
         assert!(run(11, 1, false)[..] == expected[..11], "{model}: eleven robots");
-        assert!(run(37, 1, true) != expected, "{model}: a teacher is no different");
+        assert!(run(37, 1, true) != expected, "{model}: a teacher has the same");
     }
 }
 
 #[test]
-fn loops_on_estimates_go_on_from_snapshots() {
+fn loops_on_estimates_continue_from_snapshots() {
     for (model, n) in models() {
         let config = config(model);
         let law = lqr(&config);
@@ -157,7 +157,7 @@ fn loops_on_estimates_go_on_from_snapshots() {
 }
 
 #[test]
-fn diverged_robots_do_no_harm_to_loops_on_estimates() {
+fn diverged_robots_do_not_affect_loops_on_estimates() {
     let config = BalanceConfig { task: Balance { fall_tilt: PI, ..Balance::default() }, ..config(ModelKind::Contact) };
     let law = lqr(&config);
     let run = |impulse: f64| {
@@ -185,7 +185,7 @@ fn diverged_robots_do_no_harm_to_loops_on_estimates() {
 
 /// Twenty seconds each, at most 1 deg of tilt after the start and within 0.1 m.
 #[test]
-fn lqr_stands_on_the_estimates_of_published_sensors() {
+fn lqr_balances_on_the_estimates_of_published_sensors() {
     let sensors = Some(SensorOptions::preset("kugle").unwrap());
     for params in [Params::paper(), Params::preset("kugle").unwrap()] {
         let config = BalanceConfig {

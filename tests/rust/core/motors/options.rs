@@ -12,7 +12,7 @@ fn motors(options: &MotorOptions) -> Result<Motors> {
     Motors::new(options, &Params::paper(), TORQUE, 0.002, 5)
 }
 
-fn assert_refused(options: &MotorOptions, parts: &[&str]) {
+fn assert_rejected(options: &MotorOptions, parts: &[&str]) {
     let config = BalanceConfig { actuators: options.clone(), ..BalanceConfig::default() };
     let batch = Batch::new(&config, 2, Autoreset::SameStep, Some(1), 0).err();
     let single = Environment::new(&config, 0).err();
@@ -30,16 +30,16 @@ fn every_number_out_of_range_is_named() {
         for bad in [-1.0, -1e-300, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e10] {
             let mut options = everything();
             *options.values_mut(index).last_mut().unwrap() = bad;
-            assert_refused(&options, &[&format!("actuators.{}", field.name), "out of range"]);
+            assert_rejected(&options, &[&format!("actuators.{}", field.name), "out of range"]);
         }
     }
 }
 
 #[test]
-fn delay_between_two_steps_is_refused_with_both_numbers() {
+fn delay_between_two_steps_is_rejected_with_both_numbers() {
     for delay in [0.003, 0.0051, 1e-9] {
         let options = MotorOptions { delay, ..MotorOptions::default() };
-        assert_refused(
+        assert_rejected(
             &options,
             &["actuators.delay", "whole number", &format!("delay = {delay} s"), "sim_dt = 0.002 s"],
         );
@@ -52,37 +52,37 @@ fn delay_between_two_steps_is_refused_with_both_numbers() {
 }
 
 #[test]
-fn half_a_curve_is_refused() {
+fn half_a_curve_is_rejected() {
     let options = MotorOptions { stall_torque: 2.0, ..MotorOptions::default() };
-    assert_refused(&options, &["stall_torque = 2 N·m", "no_load_speed = 0 rad/s", "needs both"]);
+    assert_rejected(&options, &["stall_torque = 2 N·m", "no_load_speed = 0 rad/s", "needs both"]);
     let options = MotorOptions { no_load_speed: 2.0, ..MotorOptions::default() };
-    assert_refused(&options, &["stall_torque = 0 N·m", "no_load_speed = 2 rad/s", "needs both"]);
+    assert_rejected(&options, &["stall_torque = 0 N·m", "no_load_speed = 2 rad/s", "needs both"]);
 }
 
 #[test]
-fn speeds_too_low_to_divide_by_are_refused() {
-    assert_refused(&MotorOptions { speed_limit: 1e-9, ..MotorOptions::default() }, &["speed_limit", "at least 0.001"]);
+fn speeds_too_low_to_divide_by_are_rejected() {
+    assert_rejected(&MotorOptions { speed_limit: 1e-9, ..MotorOptions::default() }, &["speed_limit", "at least 0.001"]);
     let options = MotorOptions { stall_torque: 1e-9, no_load_speed: 1e-300, ..MotorOptions::default() };
-    assert_refused(&options, &["no_load_speed", "at least 0.001"]);
+    assert_rejected(&options, &["no_load_speed", "at least 0.001"]);
 }
 
 /// A torque-speed curve so steep that a free wheel would oscillate about its no-load speed.
 #[test]
-fn curve_too_steep_for_the_time_step_is_refused() {
+fn curve_too_steep_for_the_time_step_is_rejected() {
     let options = MotorOptions { stall_torque: 5.0, no_load_speed: 50.0, ..MotorOptions::default() };
-    assert_refused(&options, &["stall_torque / actuators.no_load_speed = 0.1", "wheel_inertia", "sim_dt = 0.002 s"]);
+    assert_rejected(&options, &["stall_torque / actuators.no_load_speed = 0.1", "wheel_inertia", "sim_dt = 0.002 s"]);
     Motors::new(&options, &Params::paper(), TORQUE, 1e-3, 5).unwrap();
 }
 
 #[test]
-fn torque_beyond_the_parameters_is_refused() {
+fn torque_beyond_the_parameters_is_rejected() {
     let options = MotorOptions { peak_torque: 5.1, ..MotorOptions::default() };
-    assert_refused(&options, &["actuators.peak_torque = 5.1", "params.max_wheel_torque = 5 N·m"]);
+    assert_rejected(&options, &["actuators.peak_torque = 5.1", "params.max_wheel_torque = 5 N·m"]);
 }
 
 /// A robot whose motors allow less than the batch's motors may give is rejected, and nothing changes.
 #[test]
-fn robot_that_does_not_fit_the_motors_is_refused() {
+fn robot_that_does_not_fit_the_motors_is_rejected() {
     let curve = MotorOptions { stall_torque: 1.0, no_load_speed: 30.0, ..MotorOptions::default() };
     let config = BalanceConfig {
         max_wheel_torque: Some(0.5),
@@ -104,7 +104,7 @@ fn robot_that_does_not_fit_the_motors_is_refused() {
 }
 
 #[test]
-fn motors_by_name_are_those_of_the_robots_files() {
+fn motors_by_name_match_the_files_of_the_robots() {
     let names = MotorOptions::preset_names();
     assert_eq!(names, ["ideal", "kugle"]);
     assert!(MotorOptions::preset("ideal").unwrap().is_ideal());
@@ -122,7 +122,7 @@ fn motors_by_name_are_those_of_the_robots_files() {
 
 /// The numbers of Constants_Kugle.m, from its motor to its wheel.
 #[test]
-fn motors_of_kugle_are_the_published_ones_at_fifteen_volts() {
+fn motors_of_kugle_match_the_published_motors_at_fifteen_volts() {
     let options = MotorOptions::preset("kugle").unwrap();
     let (gear, volts) = (13.0 / 3.0, 15.0 / 12.0);
     assert!((options.stall_torque - gear * 2.85 * volts).abs() < 1e-4);
@@ -145,7 +145,7 @@ fn options_come_from_toml() {
 }
 
 #[test]
-fn broken_toml_is_refused_with_its_reason() {
+fn broken_toml_is_rejected_with_its_reason() {
     for (text, part) in [
         ("delay = 0.01", "there is no table [actuators]"),
         ("actuators = 3", "actuators = 3 is not a table"),

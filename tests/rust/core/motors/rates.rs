@@ -78,7 +78,7 @@ fn samples_follow_from_the_readings_of_every_step() {
 
 /// Noise of a density is averaged over the period; the walk of a bias continues between samples.
 #[test]
-fn samples_have_the_statistics_asked_for() {
+fn samples_have_the_requested_statistics() {
     for (rate, period) in PERIODS.into_iter().filter(|(_, period)| (2..STEPS).contains(period)) {
         let exact = run(&SensorOptions { imu_rate: rate, ..SensorOptions::default() });
         for (first, name) in [(0, "gyro"), (3, "accelerometer")] {

@@ -67,7 +67,7 @@ fn robot_at_rest_reads_gravity_upwards() {
     }
 }
 
-/// A body that turns at the rate ω about the vertical reads, at a place p off the axis, the mean centripetal acceleration
+/// A body that turns at the rate ω about the vertical reads, at a position p off the axis, the mean centripetal acceleration
 /// −ω · 2 sin(ω dt / 2)/dt · p across the axis.
 #[test]
 fn accelerometer_off_the_axis_reads_the_centripetal_acceleration() {
@@ -220,7 +220,7 @@ pub(super) fn assert_normal(numbers: &[f64], deviation: f64, what: &str) {
 }
 
 #[test]
-fn errors_have_the_statistics_asked_for() {
+fn errors_have_the_requested_statistics() {
     let exact = run(&SensorOptions::default());
     let none = SensorOptions::default();
     for (sensor, name) in [(0, "gyro"), (1, "accelerometer")] {

@@ -81,7 +81,7 @@ fn shown(run: &Run) -> Vec<Vec<u64>> {
 
 /// Motion, rewards, ends, starts and events are the same as without sensors, to the last bit, in every reset mode.
 #[test]
-fn sensors_leave_all_else_alone() {
+fn sensors_change_nothing_else() {
     let push = Event { when: When::Every([0.05, 0.1]), ..Event::new("push", [0.0, 0.3]) };
     let events = vec![push, Event::new("body_mass", [1.9, 2.3])];
     for (model, n) in models() {
@@ -226,7 +226,7 @@ fn snapshots_carry_the_memory() {
 }
 
 #[test]
-fn snapshots_do_not_go_to_other_sensors() {
+fn snapshots_with_other_sensors_are_rejected() {
     for (model, n) in models() {
         let config = config(model);
         let mut run = batch(&config, n, Autoreset::SameStep);
@@ -250,7 +250,7 @@ fn snapshots_do_not_go_to_other_sensors() {
 
 /// An estimator is designed for the robot before events and `set_params`, which a snapshot does not store.
 #[test]
-fn snapshots_do_not_go_to_the_estimator_of_another_robot() {
+fn snapshots_with_the_estimator_of_another_robot_are_rejected() {
     for (model, n) in models() {
         let seen = config(model);
         let truth = BalanceConfig { observation: Observation::GroundTruth, ..seen.clone() };
@@ -318,7 +318,7 @@ fn history_has_the_last_observations() {
 }
 
 #[test]
-fn sensors_by_name_are_those_of_the_robots_files() {
+fn sensors_by_name_match_the_files_of_the_robots() {
     assert_eq!(SensorOptions::preset_names(), ["exact", "kugle"]);
     assert_eq!(SensorOptions::preset("exact").unwrap(), SensorOptions::default());
     let kugle = SensorOptions::preset("kugle").unwrap();
@@ -341,7 +341,7 @@ fn sensors_by_name_are_those_of_the_robots_files() {
     assert!(error.contains("unknown sensors 'paper': expected one of exact, kugle"), "{error}");
 }
 
-fn assert_refused(config: &BalanceConfig, parts: &[&str]) {
+fn assert_rejected(config: &BalanceConfig, parts: &[&str]) {
     let batch = Batch::new(config, 2, Autoreset::SameStep, Some(1), 0).err();
     let single = Environment::new(config, 0).err();
     for error in [batch, single] {
@@ -354,51 +354,51 @@ fn assert_refused(config: &BalanceConfig, parts: &[&str]) {
 
 #[test]
 fn every_bad_number_is_named() {
-    let refused = |sensors: SensorOptions, parts: &[&str]| {
-        assert_refused(&BalanceConfig { sensors: Some(sensors), ..BalanceConfig::default() }, parts);
+    let rejected = |sensors: SensorOptions, parts: &[&str]| {
+        assert_rejected(&BalanceConfig { sensors: Some(sensors), ..BalanceConfig::default() }, parts);
     };
     for (index, field) in SensorOptions::FIELDS.iter().enumerate() {
         for bad in [-1e4, f64::NAN, f64::INFINITY, f64::NEG_INFINITY, 1e10] {
             let mut options = everything();
             *options.values_mut(index).last_mut().unwrap() = bad;
-            refused(options, &[&format!("sensors.{}", field.name), "out of range"]);
+            rejected(options, &[&format!("sensors.{}", field.name), "out of range"]);
         }
     }
     let none = SensorOptions::default();
-    refused(SensorOptions { encoder_ticks: 0.5, ..none }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
-    refused(SensorOptions { gyro_range: 1e-9, ..none }, &["sensors.gyro_range", "at least 0.000001"]);
+    rejected(SensorOptions { encoder_ticks: 0.5, ..none }, &["sensors.encoder_ticks = 0.5", "at least 1"]);
+    rejected(SensorOptions { gyro_range: 1e-9, ..none }, &["sensors.gyro_range", "at least 0.000001"]);
     for latency in [0.005, 0.0101] {
         let parts = ["sensors.latency", "whole number", &format!("latency = {latency} s"), "control_dt = 0.01 s"];
-        refused(SensorOptions { latency, ..none.clone() }, &parts);
+        rejected(SensorOptions { latency, ..none.clone() }, &parts);
     }
-    refused(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
+    rejected(SensorOptions { latency: 1.01, ..none }, &["= 101", "at most 100"]);
     for name in ["imu_rate", "encoder_rate"] {
         let rate = |rate: f64| {
             let mut sensors = none.clone();
             sensors.set(name, &[rate]).unwrap();
             sensors
         };
-        refused(rate(1e-4), &[&format!("sensors.{name} = 0.0001 "), "0 (every control step) or at least 0.001 Hz"]);
-        refused(rate(2e6), &[&format!("sensors.{name} = 2000000 "), "Hz"]);
+        rejected(rate(1e-4), &[&format!("sensors.{name} = 0.0001 "), "0 (every control step) or at least 0.001 Hz"]);
+        rejected(rate(2e6), &[&format!("sensors.{name} = 2000000 "), "Hz"]);
         let seen = |rate_of: f64| {
             let observation = Observation::Sensors;
             BalanceConfig { sensors: Some(rate(rate_of)), observation, ..BalanceConfig::default() }
         };
-        assert_refused(&seen(50.0), &[&format!("sensors.{name} = 50 "), "at least the control rate, 100 Hz"]);
+        assert_rejected(&seen(50.0), &[&format!("sensors.{name} = 50 "), "at least the control rate, 100 Hz"]);
         for taken in [100.0, 150.0, 1e6] {
             batch(&seen(taken), 1, Autoreset::SameStep);
         }
     }
     for history in [0, 1001] {
         let config = BalanceConfig { history, ..BalanceConfig::default() };
-        assert_refused(&config, &[&format!("history = {history}"), ">= 1 and <= 1000"]);
+        assert_rejected(&config, &[&format!("history = {history}"), ">= 1 and <= 1000"]);
     }
     let error = SensorOptions::from_fields([("gyro", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("unknown option of sensors 'gyro': expected one of gyro_noise"), "{error}");
     let error = SensorOptions::from_fields([("imu_position", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("sensors.imu_position has 1 values, expected 3"), "{error}");
     let slow = BalanceConfig { control_dt: 2.0, observation: Observation::Sensors, ..BalanceConfig::default() };
-    assert_refused(&slow, &["control_dt = 2 is out of range", "<= 1 s"]);
+    assert_rejected(&slow, &["control_dt = 2 is out of range", "<= 1 s"]);
     let mut run = batch(&BalanceConfig::default(), 1, Autoreset::SameStep);
     let error = run.batch.readings(0).unwrap_err().to_string();
     assert!(error.contains("the robots have no sensors"), "{error}");

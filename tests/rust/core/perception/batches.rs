@@ -40,7 +40,7 @@ fn equipped() -> Box<dyn TaskConfig> {
 }
 
 #[test]
-fn readings_do_not_depend_on_neighbors_or_threads_and_leave_the_motion_alone() {
+fn readings_do_not_depend_on_neighbors_or_threads_and_do_not_change_the_motion() {
     let mut many = made(&*equipped(), 21, 2);
     let mut few = made(&*equipped(), 3, 1);
     let mut blind = equipped();
@@ -64,7 +64,7 @@ fn readings_do_not_depend_on_neighbors_or_threads_and_leave_the_motion_alone() {
 }
 
 #[test]
-fn snapshots_carry_what_is_under_way() {
+fn snapshots_contain_pending_samples() {
     let mut run = made(&*equipped(), 2, 1);
     for k in 0..57 {
         drive(&mut run, k);

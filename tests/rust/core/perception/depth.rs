@@ -61,7 +61,7 @@ fn to_ground(eye: &Vector3<f64>, ray: &Vector3<f64>, terrain: &Terrain, far: f64
 }
 
 #[test]
-fn pictures_are_those_of_planes_and_of_the_ball() {
+fn images_match_planes_and_the_ball() {
     let options = DepthOptions {
         size: [24.0, 18.0],
         pitch: 0.9,
@@ -98,7 +98,7 @@ fn pictures_are_those_of_planes_and_of_the_ball() {
 }
 
 #[test]
-fn pictures_of_hills_are_those_of_small_steps_along_each_ray() {
+fn images_of_hills_match_small_steps_along_each_ray() {
     let terrain = hills();
     let options = DepthOptions { size: [20.0, 15.0], pitch: 0.35, field_of_view: 1.2, rate: 0.0, ..Default::default() };
     let mut config = bare(Some(&terrain));
@@ -121,7 +121,7 @@ fn pictures_of_hills_are_those_of_small_steps_along_each_ray() {
 }
 
 #[test]
-fn errors_of_pictures_are_those_that_were_asked_for() {
+fn errors_of_images_are_the_requested_errors() {
     let read = |options: DepthOptions| {
         let mut config = bare(None);
         config.instruments_mut().set(Arc::new(DepthOptions { size: [64.0, 48.0], rate: 0.0, far: 2.0, ..options }));

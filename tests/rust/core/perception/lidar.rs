@@ -139,7 +139,7 @@ fn a_gimbal_takes_tilt_out_of_the_ranges() {
 }
 
 #[test]
-fn ranges_on_hills_are_those_of_small_steps_along_each_beam() {
+fn ranges_on_hills_match_small_steps_along_each_beam() {
     let terrain = hills();
     let options = LidarOptions { max_range: 3.0, ..Default::default() };
     for (place, yaw) in [([0.0, 0.0], 0.3), ([1.2, -1.5], 2.0), ([-2.5, 2.2], -2.4)] {
@@ -165,7 +165,7 @@ fn ranges_on_hills_are_those_of_small_steps_along_each_beam() {
 }
 
 #[test]
-fn errors_have_the_size_that_they_are_given() {
+fn errors_have_the_given_size() {
     let read = |options: LidarOptions| {
         let options = LidarOptions { beams: 4096.0, depression: 0.6, rate: 0.0, ..options };
         let mut run = lidar(None, &options, &standing(None, [0.0; 2], 0.0, [0.0; 2]));
@@ -211,7 +211,7 @@ fn a_mounting_error_turns_the_ring() {
 }
 
 #[test]
-fn turns_are_held_between_samples_and_read_late() {
+fn turns_are_held_between_samples_and_delayed() {
     // A turn every 4 control steps, read 6 later.
     let options = LidarOptions { rate: 25.0, latency: 0.06, ..Default::default() };
     let now = LidarOptions { rate: 0.0, latency: 0.0, ..options };

@@ -14,9 +14,9 @@ fn expected(state: &State, terrain: Option<&Terrain>, options: &ScanOptions) -> 
     for j in 0..ny as usize {
         for i in 0..nx as usize {
             let ahead = options.offset[0] + options.spacing * (i as f64 - 0.5 * (nx - 1.0));
-            let beside = options.offset[1] + options.spacing * (j as f64 - 0.5 * (ny - 1.0));
-            let x = state.ball_position.x + yaw.cos() * ahead - yaw.sin() * beside;
-            let y = state.ball_position.y + yaw.sin() * ahead + yaw.cos() * beside;
+            let lateral = options.offset[1] + options.spacing * (j as f64 - 0.5 * (ny - 1.0));
+            let x = state.ball_position.x + yaw.cos() * ahead - yaw.sin() * lateral;
+            let y = state.ball_position.y + yaw.sin() * ahead + yaw.cos() * lateral;
             let height = terrain.map_or(0.0, |terrain| terrain.height(x, y));
             out.push((state.ball_position.z - Params::paper().ball_radius - height) as f32);
         }
@@ -68,7 +68,7 @@ fn level_ground_reads_zero_and_far_ground_the_bound() {
 }
 
 #[test]
-fn scans_are_held_between_samples_and_read_late() {
+fn scans_are_held_between_samples_and_delayed() {
     let terrain = hills();
     // A sample every 4 control steps, read 6 later.
     let options = ScanOptions { points: [3.0, 3.0], rate: 25.0, latency: 0.06, ..Default::default() };
@@ -86,7 +86,7 @@ fn scans_are_held_between_samples_and_read_late() {
 }
 
 #[test]
-fn errors_have_the_size_that_they_are_given() {
+fn errors_have_the_given_size() {
     let read = |options: ScanOptions| {
         let mut config = bare(None);
         config.instruments_mut().set(Arc::new(ScanOptions { points: [64.0, 64.0], rate: 0.0, ..options }));

@@ -93,7 +93,7 @@ proptest! {
     #![proptest_config(cases(20))]
 
     #[test]
-    fn loaded_robots_continue_to_the_last_bit(
+    fn loaded_robots_continue_bit_for_bit(
         params in any_shape(),
         start in any_start(0.3, 0.5),
         drive in any_drive(2.0, 6, 10),

@@ -95,8 +95,8 @@ proptest! {
 proptest! {
     #![proptest_config(same_cases(100))]
 
-    /// Where a heavy bot stands on a light ball, rounding may decide whether its sweeps have settled: of a hundred
-    /// robots one is off by 2e-4, the others by at most 1e-7.
+    /// Where a heavy bot rests on a light ball, rounding may decide whether its sweeps have settled: of a hundred
+    /// robots a single robot is off by 2e-4, the others by at most 1e-7.
     #[test]
     fn contact_is_invariant_under_yaw_without_slip(
         params in any_robot(),

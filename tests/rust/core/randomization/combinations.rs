@@ -1,4 +1,4 @@
-//! Invalid robots from draws that are each valid.
+//! Invalid robots from samples that are each valid.
 
 use super::{SEED, config, every, scaled, started};
 use crate::run::actions;
@@ -23,7 +23,7 @@ fn with(events: &[Event]) -> BalanceConfig {
     config(ModelKind::Contact, 2, events)
 }
 
-/// [`five`] in an order in which no draw tried at the creation of an environment hits the corner.
+/// [`five`] in an order in which no sample tried at the creation of an environment hits the corner.
 fn unnoticed() -> [Event; 5] {
     let mut events = five();
     for _ in 0..events.len() {
@@ -32,11 +32,11 @@ fn unnoticed() -> [Event; 5] {
         }
         events.rotate_left(1);
     }
-    panic!("each order was refused");
+    panic!("each order was rejected");
 }
 
 #[test]
-fn only_all_five_ends_together_cannot_be() {
+fn only_all_five_ends_together_are_invalid() {
     let ends = |left_out: Option<usize>| {
         let mut robot = Params::paper();
         for (place, event) in five().iter().enumerate().filter(|(place, _)| Some(*place) != left_out) {
@@ -56,7 +56,7 @@ fn only_all_five_ends_together_cannot_be() {
 }
 
 #[test]
-fn a_robot_that_cannot_be_is_drawn_again() {
+fn an_invalid_robot_is_sampled_again() {
     let events = unnoticed();
     let mut run = started(&with(&events), N, Autoreset::Disabled, SEED);
     let (mut repeated, mut episodes) = (vec![0; N], 0);
@@ -108,9 +108,9 @@ fn a_robot_that_cannot_be_is_drawn_again() {
     assert_eq!(again.batch.repeated_draws(i).unwrap(), 0);
 }
 
-/// The same within an episode, where earlier draws stay.
+/// The same within an episode, where earlier samples persist.
 #[test]
-fn a_draw_within_an_episode_is_repeated_by_itself() {
+fn only_the_invalid_sample_within_an_episode_is_repeated() {
     const ROBOTS: usize = 2048;
     // A third of the body is 6.23 times a wheel: more than any three of the factors.
     let mass = |id: u64| Event { id: Some(id), ..scaled("wheel_mass", [1.0, 1.63]) };

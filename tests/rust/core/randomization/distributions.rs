@@ -37,36 +37,36 @@ fn normal_integral(z: f64) -> f64 {
 }
 
 #[test]
-fn draws_have_their_distributions() {
+fn samples_have_their_distributions() {
     let uniform = |x: f64| (x - 2.0) / 18.0;
     let log_uniform = |x: f64| (x / 2.0).ln() / 10.0_f64.ln();
     let normal = |x: f64| normal_integral((x - 10.0) / 1.5) / normal_integral(3.0);
 
-    let drawn = sample(Distribution::Uniform, [2.0, 20.0]);
-    assert!(statistic(&drawn, uniform) < 1.0);
+    let sampled = sample(Distribution::Uniform, [2.0, 20.0]);
+    assert!(statistic(&sampled, uniform) < 1.0);
     // The test detects other distributions.
-    assert!(statistic(&drawn, log_uniform) > 2.0 && statistic(&drawn, normal) > 2.0);
+    assert!(statistic(&sampled, log_uniform) > 2.0 && statistic(&sampled, normal) > 2.0);
 
-    let drawn = sample(Distribution::LogUniform, [2.0, 20.0]);
-    assert!(statistic(&drawn, log_uniform) < 1.0);
+    let sampled = sample(Distribution::LogUniform, [2.0, 20.0]);
+    assert!(statistic(&sampled, log_uniform) < 1.0);
 
-    let drawn = sample(Distribution::Normal, [10.0, 1.5]);
-    assert!(statistic(&drawn, normal) < 1.0);
-    assert!(drawn[0] >= 5.5 && drawn[drawn.len() - 1] <= 14.5);
+    let sampled = sample(Distribution::Normal, [10.0, 1.5]);
+    assert!(statistic(&sampled, normal) < 1.0);
+    assert!(sampled[0] >= 5.5 && sampled[sampled.len() - 1] <= 14.5);
     // It is truncated, not clipped.
-    assert!(drawn[1] > drawn[0] && drawn[0] > 5.5);
+    assert!(sampled[1] > sampled[0] && sampled[0] > 5.5);
     let narrower = |x: f64| (normal_integral((x - 10.0) / 1.2) / normal_integral(3.0)).clamp(0.0, 1.0);
-    assert!(statistic(&drawn, narrower) > 1.0);
+    assert!(statistic(&sampled, narrower) > 1.0);
 }
 
 #[test]
-fn numbers_of_a_vector_are_drawn_by_themselves_unless_shared() {
-    let drawn = |shared: bool| {
+fn numbers_of_a_vector_are_sampled_separately_unless_shared() {
+    let sampled = |shared: bool| {
         let event = Event { shared, ..super::scaled("body_inertia", [0.95, 1.05]) };
         let run = started(&config(ModelKind::Contact, 10, &[event]), 1, Autoreset::Disabled, SEED);
         super::draws(&run.batch, 0, "body_inertia")
     };
-    let [own, shared] = [drawn(false), drawn(true)];
+    let [own, shared] = [sampled(false), sampled(true)];
     assert!(own[0] != own[1] && own[1] != own[2]);
     assert!(shared[0] == shared[1] && shared[1] == shared[2]);
 }

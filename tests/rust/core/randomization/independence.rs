@@ -30,7 +30,7 @@ fn history(events: &[Event], n: usize, threads: usize, i: usize, seed: u64) -> H
 }
 
 #[test]
-fn draws_do_not_depend_on_the_number_of_environments_or_threads() {
+fn samples_do_not_depend_on_the_number_of_environments_or_threads() {
     let all = history(&several(), N, 1, 10, SEED);
     assert_eq!(all, history(&several(), N, 2, 10, SEED));
     assert_eq!(all, history(&several(), 1, 1, 0, SEED + 10));
@@ -39,7 +39,7 @@ fn draws_do_not_depend_on_the_number_of_environments_or_threads() {
 }
 
 #[test]
-fn adding_or_moving_an_event_changes_no_other_draw() {
+fn adding_or_moving_an_event_changes_no_other_sample() {
     let events = several();
     let all = history(&events, 2, 1, 0, SEED);
     let reversed: Vec<_> = events.iter().rev().cloned().collect();
@@ -54,7 +54,7 @@ fn adding_or_moving_an_event_changes_no_other_draw() {
 }
 
 #[test]
-fn events_leave_the_starts_alone() {
+fn events_do_not_change_the_starts() {
     // Terms that no start depends on.
     let events = [scaled("gravity", [0.9, 1.1]), Event::new("wheel_dynamic_friction", [0.3, 1.0])];
     let mut with = started(&config(ModelKind::Contact, 3, &events), N, Autoreset::SameStep, SEED);
@@ -67,7 +67,7 @@ fn events_leave_the_starts_alone() {
 }
 
 #[test]
-fn autoreset_modes_draw_the_same_episodes() {
+fn autoreset_modes_sample_the_same_episodes() {
     // Draws of each episode, right before its last step.
     let episodes = |mode: Autoreset| {
         let mut run = started(&config(ModelKind::Contact, STEPS, &several()), N, mode, SEED);
@@ -109,7 +109,7 @@ fn a_seed_gives_the_episodes_of_a_new_environment() {
 }
 
 #[test]
-fn what_is_drawn_at_startup_stays() {
+fn values_sampled_at_startup_persist() {
     let events = [Event { when: When::Startup, ..scaled("body_mass", [0.8, 1.2]) }, scaled("gravity", [0.9, 1.1])];
     let config = config(ModelKind::Contact, STEPS, &events);
     let batch = Batch::new(&config, N, Autoreset::Disabled, Some(1), SEED).unwrap();
@@ -129,15 +129,15 @@ fn what_is_drawn_at_startup_stays() {
 
 #[test]
 fn ids_choose_the_random_numbers() {
-    let drawn = |id: Option<u64>, term: &str| {
+    let sampled = |id: Option<u64>, term: &str| {
         let event = Event { id, ..scaled(term, [0.8, 1.2]) };
         let label = event.label();
         let run = started(&config(ModelKind::Contact, STEPS, &[event]), 1, Autoreset::Disabled, SEED);
         draws(&run.batch, 0, &label)[0]
     };
-    assert_eq!(drawn(Some(3), "body_mass"), drawn(Some(3), "gravity"));
-    assert_ne!(drawn(Some(3), "body_mass"), drawn(Some(4), "body_mass"));
-    assert_ne!(drawn(None, "body_mass"), drawn(None, "gravity"));
+    assert_eq!(sampled(Some(3), "body_mass"), sampled(Some(3), "gravity"));
+    assert_ne!(sampled(Some(3), "body_mass"), sampled(Some(4), "body_mass"));
+    assert_ne!(sampled(None, "body_mass"), sampled(None, "gravity"));
     // CRC-32 of the text "gravity", as in zlib.
-    assert_eq!(drawn(None, "gravity"), drawn(Some(0x5A1D_25A7), "gravity"));
+    assert_eq!(sampled(None, "gravity"), sampled(Some(0x5A1D_25A7), "gravity"));
 }

@@ -45,30 +45,30 @@ fn each_option() -> Vec<Event> {
 /// Compares the robots of a batch with robots of other batches that have the sampled options.
 fn assert_equal_to_robots_made(config: &BalanceConfig) {
     let model = config.model;
-    let mut drawn = started(config, N, Autoreset::Disabled, SEED);
+    let mut sampled = started(config, N, Autoreset::Disabled, SEED);
     let starts = starts(config, N);
     for episode in 0..3 {
-        reset_to(&mut drawn, &starts);
+        reset_to(&mut sampled, &starts);
         let mut made: Vec<_> = (0..N)
             .map(|i| {
-                let actuators = drawn.batch.actuators(i).unwrap().clone();
+                let actuators = sampled.batch.actuators(i).unwrap().clone();
                 assert_ne!(actuators, config.actuators, "robot {i}");
                 let made = BalanceConfig { actuators, events: Vec::new(), ..config.clone() };
                 alone(&made, i, episode, &starts[i])
             })
             .collect();
         for k in 0..25 {
-            drawn.step(&actions(0, N, k, 0.4)).unwrap();
+            sampled.step(&actions(0, N, k, 0.4)).unwrap();
             for (i, alone) in made.iter_mut().enumerate() {
                 alone.step(&actions(i, 1, k, 0.4)).unwrap();
-                assert!(drawn.bits(i) == alone.bits(0), "{model}: robot {i}, episode {episode}, step {k}");
+                assert!(sampled.bits(i) == alone.bits(0), "{model}: robot {i}, episode {episode}, step {k}");
             }
         }
     }
 }
 
 #[test]
-fn drawn_motors_equal_those_made_with_the_drawn_options() {
+fn sampled_motors_equal_motors_made_with_the_sampled_options() {
     for model in ModelKind::ALL {
         for actuators in [MotorOptions::default(), everything()] {
             let mut events = each_option();
@@ -82,7 +82,7 @@ fn drawn_motors_equal_those_made_with_the_drawn_options() {
 
 /// Effects that some robots of eight have and others do not.
 #[test]
-fn drawn_motors_without_an_effect_equal_those_made_without_it() {
+fn sampled_motors_without_an_effect_equal_motors_made_without_it() {
     for option in ["delay", "delay_jitter", "lag", "speed_limit"] {
         let without = Event::new(&format!("actuators.{option}"), [0.0; 2]);
         let config = BalanceConfig { actuators: everything(), ..config(ModelKind::Contact, 1000, &[without]) };
@@ -118,31 +118,31 @@ fn options_at_their_nominal_value_change_no_bit() {
 
 /// Motors weaker than commanded give what they can.
 #[test]
-fn drawn_torque_limits_are_those_of_the_motors() {
+fn sampled_torque_limits_match_the_motors() {
     let events = [Event::new("max_wheel_torque", [0.05, 0.4])];
     for model in ModelKind::ALL {
         let config = config(model, 1000, &events);
-        let mut drawn = started(&config, N, Autoreset::Disabled, SEED);
+        let mut sampled = started(&config, N, Autoreset::Disabled, SEED);
         let mut weak = 0;
         for i in 0..N {
-            let limit = drawn.batch.params(i).unwrap().max_wheel_torque;
-            assert_eq!(limit, draw(&drawn.batch, i, "max_wheel_torque"));
+            let limit = sampled.batch.params(i).unwrap().max_wheel_torque;
+            assert_eq!(limit, draw(&sampled.batch, i, "max_wheel_torque"));
             weak += usize::from(limit < 0.3);
         }
         assert!(weak > 2, "{weak} of {N}");
         let mut alone: Vec<_> = (0..N)
             .map(|i| {
-                let peak_torque = drawn.batch.params(i).unwrap().max_wheel_torque;
+                let peak_torque = sampled.batch.params(i).unwrap().max_wheel_torque;
                 let actuators = MotorOptions { peak_torque, ..MotorOptions::default() };
                 let config = BalanceConfig { actuators, events: Vec::new(), ..config.clone() };
                 started(&config, 1, Autoreset::Disabled, SEED + i as u64)
             })
             .collect();
         for k in 0..20 {
-            drawn.step(&actions(0, N, k, 1.0)).unwrap();
+            sampled.step(&actions(0, N, k, 1.0)).unwrap();
             for (i, alone) in alone.iter_mut().enumerate() {
                 alone.step(&actions(i, 1, k, 1.0)).unwrap();
-                assert!(drawn.bits(i) == alone.bits(0), "{model}: robot {i}, step {k}");
+                assert!(sampled.bits(i) == alone.bits(0), "{model}: robot {i}, step {k}");
             }
         }
     }
@@ -154,22 +154,22 @@ fn motors_change_within_an_episode() {
     const STEP: usize = 5;
     for model in ModelKind::ALL {
         let event = at(STEP as f64 * 0.01, Event::new("actuators.strength", [0.0; 2]));
-        let mut drawn = started(&config(model, 100, &[event]), N, Autoreset::Disabled, SEED);
+        let mut sampled = started(&config(model, 100, &[event]), N, Autoreset::Disabled, SEED);
         let mut plain = started(&config(model, 100, &[]), N, Autoreset::Disabled, SEED);
         for k in 0..20 {
-            drawn.step(&actions(0, N, k, 0.2)).unwrap();
+            sampled.step(&actions(0, N, k, 0.2)).unwrap();
             plain.step(&actions(0, N, k, if k < STEP { 0.2 } else { 0.0 })).unwrap();
             for i in 0..N {
                 let strength = if k < STEP { 1.0 } else { 0.0 };
-                assert_eq!(drawn.batch.actuators(i).unwrap().strength, [strength; 3]);
-                assert_eq!(drawn.batch.state(i).unwrap(), plain.batch.state(i).unwrap(), "{model}, step {k}");
+                assert_eq!(sampled.batch.actuators(i).unwrap().strength, [strength; 3]);
+                assert_eq!(sampled.batch.state(i).unwrap(), plain.batch.state(i).unwrap(), "{model}, step {k}");
             }
         }
     }
 }
 
 #[test]
-fn delays_are_whole_model_steps_each_as_likely() {
+fn delays_are_whole_model_steps_with_equal_probability() {
     // From 2 to 6 model steps of 2 ms, the ends of the range between two.
     let events = [Event::new("actuators.delay", [0.003, 0.0125])];
     let mut run = started(&config(ModelKind::Contact, 100, &events), 64, Autoreset::Disabled, SEED);
@@ -207,8 +207,8 @@ fn motors_of_each_robot_are_shown() {
 }
 
 #[test]
-fn events_that_motors_cannot_follow_are_refused() {
-    let refusal = |event: &Event| {
+fn events_that_motors_do_not_allow_are_rejected() {
+    let rejection = |event: &Event| {
         let config = config(ModelKind::Contact, 10, std::slice::from_ref(event));
         let error = Batch::new(&config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err(&event.term);
         error.to_string()
@@ -227,7 +227,7 @@ fn events_that_motors_cannot_follow_are_refused() {
         (Event::new("actuators.peak_torque", [0.1, 5.5]), &["peak_torque = 5.5", "max_wheel_torque = 5 "]),
         (Event { range: vec![[1.0, 1.0]; 2], ..scaled("actuators.strength", [1.0; 2]) }, &["2 pairs", "one, or 3"]),
     ] {
-        let (error, label) = (refusal(&event), format!("events[0] ({})", event.term));
+        let (error, label) = (rejection(&event), format!("events[0] ({})", event.term));
         assert!(error.contains(&label) && words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     }
     // Custom motors are the same on all robots.

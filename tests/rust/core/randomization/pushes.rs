@@ -12,16 +12,16 @@ const N: usize = 9;
 const STEP: usize = 5;
 
 #[test]
-fn a_push_is_that_of_the_same_impulse_by_hand() {
+fn a_push_equals_the_same_impulse_by_hand() {
     for model in ModelKind::ALL {
         for height in [None, Some([0.1, 0.3])] {
             let event = at(STEP as f64 * 0.01, Event { height, ..Event::new("push", [0.05, 0.2]) });
-            let mut drawn = started(&config(model, 100, &[event]), N, Autoreset::Disabled, SEED);
+            let mut sampled = started(&config(model, 100, &[event]), N, Autoreset::Disabled, SEED);
             let mut by_hand = started(&config(model, 100, &[]), N, Autoreset::Disabled, SEED);
             for k in 0..20 {
-                drawn.step(&actions(0, N, k, 0.2)).unwrap();
+                sampled.step(&actions(0, N, k, 0.2)).unwrap();
                 for i in (0..N).filter(|_| k == STEP) {
-                    let push = draws(&drawn.batch, i, "push");
+                    let push = draws(&sampled.batch, i, "push");
                     let impulse = Vector3::new(push[1].cos(), push[1].sin(), 0.0) * push[0];
                     let point = height.map(|_| Vector3::z() * push[2]);
                     assert!((0.05..=0.2).contains(&push[0]) && (0.0..TAU).contains(&push[1]));
@@ -29,7 +29,7 @@ fn a_push_is_that_of_the_same_impulse_by_hand() {
                     by_hand.batch.push(i, &impulse, point.as_ref()).unwrap();
                 }
                 by_hand.step(&actions(0, N, k, 0.2)).unwrap();
-                assert!(drawn.all_bits() == by_hand.all_bits(), "{model}, step {k}");
+                assert!(sampled.all_bits() == by_hand.all_bits(), "{model}, step {k}");
             }
         }
     }

@@ -15,7 +15,7 @@ fn at_resets() -> Vec<Event> {
 }
 
 #[test]
-fn randomized_robots_equal_robots_made_with_the_drawn_parameters() {
+fn randomized_robots_equal_robots_made_with_the_sampled_parameters() {
     for model in ModelKind::ALL {
         assert_equal_to_robots_made(&config(model, 1000, &at_resets()));
     }
@@ -23,7 +23,7 @@ fn randomized_robots_equal_robots_made_with_the_drawn_parameters() {
 
 /// Robots without symmetry whose motors are not ideal: their tilt is from an equilibrium that is sampled, too.
 #[test]
-fn randomized_general_robots_equal_robots_made_with_the_drawn_parameters() {
+fn randomized_general_robots_equal_robots_made_with_the_sampled_parameters() {
     let events = [
         Event { range: vec![[-0.01, 0.01], [0.0, 0.02]], ..Event::new("body_com_offset", [0.0; 2]) },
         Event::new("body_products_of_inertia", [-1e-3, 1e-3]),
@@ -100,7 +100,7 @@ fn ranges_at_the_nominal_value_change_no_bit() {
 }
 
 #[test]
-fn a_single_environment_is_that_of_a_batch() {
+fn a_single_environment_equals_an_environment_of_a_batch() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
         let config = config(model, 20, &several());
         let mut batch = started(&config, 3, Autoreset::Disabled, SEED);
@@ -169,7 +169,7 @@ fn inertia_follows_the_mass_and_static_friction_the_dynamic_one() {
 }
 
 #[test]
-fn an_inertia_that_is_given_wins() {
+fn a_given_inertia_has_precedence() {
     let moments = [0.05, 0.06, 0.02];
     let given = Event { range: moments.map(|m| [m, m]).to_vec(), ..Event::new("body_inertia", [0.0; 2]) };
     let events = [scaled("body_mass", [0.7, 1.3]), given];
@@ -178,7 +178,7 @@ fn an_inertia_that_is_given_wins() {
 }
 
 #[test]
-fn events_draw_from_the_last_set_params() {
+fn events_sample_around_the_last_set_params() {
     let events = [scaled("body_mass", [0.8, 1.2])];
     let mut run = started(&config(ModelKind::Contact, 10, &events), 2, Autoreset::Disabled, SEED);
     let heavy = Params { body_mass: 4.0, ..Params::paper() };
@@ -199,7 +199,7 @@ fn events_draw_from_the_last_set_params() {
 }
 
 #[test]
-fn a_given_start_is_accepted_or_refused_for_the_robot_of_its_episode() {
+fn a_given_start_is_checked_against_the_robot_of_its_episode() {
     // The ball of the next episode is larger: a ball at the nominal height would be in the floor.
     let events = [scaled("ball_radius", [1.01, 1.02])];
     for model in ModelKind::ALL {

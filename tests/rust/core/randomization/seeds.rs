@@ -8,7 +8,7 @@ use ballbot_core::sensor::SensorOptions;
 
 const N: usize = 9;
 
-/// Results of a step, including draws and readings.
+/// Results of a step, including samples and readings.
 fn shown(run: &Run) -> Vec<Vec<u64>> {
     let mut all = run.all_bits();
     for (i, row) in all.iter_mut().enumerate() {

@@ -59,13 +59,13 @@ fn readings(batch: &Batch, i: usize) -> Vec<f64> {
 /// Compares the readings of a batch with readings of other batches that have the sampled options.
 fn assert_equal_to_sensors_made(config: &BalanceConfig) {
     let model = config.model;
-    let mut drawn = started(config, N, Autoreset::Disabled, SEED);
+    let mut sampled = started(config, N, Autoreset::Disabled, SEED);
     let starts = starts(config, N);
     for episode in 0..3 {
-        reset_to(&mut drawn, &starts);
+        reset_to(&mut sampled, &starts);
         let mut made: Vec<_> = (0..N)
             .map(|i| {
-                let sensors = drawn.batch.sensors(i).unwrap().clone();
+                let sensors = sampled.batch.sensors(i).unwrap().clone();
                 assert_ne!(Some(&sensors), config.sensors.as_ref(), "robot {i}");
                 let made = BalanceConfig { sensors: Some(sensors), events: Vec::new(), ..config.clone() };
                 alone(&made, i, episode, &starts[i])
@@ -73,17 +73,17 @@ fn assert_equal_to_sensors_made(config: &BalanceConfig) {
             .collect();
         for k in 0..25 {
             for (i, alone) in made.iter().enumerate() {
-                let (found, expected) = (readings(&drawn.batch, i), readings(&alone.batch, 0));
+                let (found, expected) = (readings(&sampled.batch, i), readings(&alone.batch, 0));
                 assert_eq!(found, expected, "{model}: robot {i}, episode {episode}, step {k}");
             }
-            drawn.step(&actions(0, N, k, 0.4)).unwrap();
+            sampled.step(&actions(0, N, k, 0.4)).unwrap();
             made.iter_mut().enumerate().for_each(|(i, alone)| alone.step(&actions(i, 1, k, 0.4)).unwrap());
         }
     }
 }
 
 #[test]
-fn drawn_sensors_equal_those_made_with_the_drawn_options() {
+fn sampled_sensors_equal_sensors_made_with_the_sampled_options() {
     for model in [ModelKind::Contact, ModelKind::Spatial] {
         assert_equal_to_sensors_made(&sensing(&everything(), model, 1000, &each_option()));
     }
@@ -91,7 +91,7 @@ fn drawn_sensors_equal_those_made_with_the_drawn_options() {
 
 /// Effects that some robots of eight have and others do not.
 #[test]
-fn drawn_sensors_without_an_effect_equal_those_made_without_it() {
+fn sampled_sensors_without_an_effect_equal_sensors_made_without_it() {
     for field in SensorOptions::FIELDS {
         let term = format!("sensors.{}", field.name);
         let without = Event::new(&term, [0.0; 2]);
@@ -141,7 +141,7 @@ fn options_at_their_nominal_value_change_no_bit() {
 
 /// Errors of sensors do not affect the physics.
 #[test]
-fn draws_of_sensors_do_not_move_the_robot() {
+fn samples_of_sensors_do_not_move_the_robot() {
     let mut with =
         started(&sensing(&everything(), ModelKind::Contact, 20, &each_option()), N, Autoreset::SameStep, SEED);
     let mut without = started(&config(ModelKind::Contact, 20, &[]), N, Autoreset::SameStep, SEED);
@@ -153,7 +153,7 @@ fn draws_of_sensors_do_not_move_the_robot() {
 }
 
 #[test]
-fn an_estimator_is_that_of_the_options_without_events() {
+fn an_estimator_uses_the_options_without_events() {
     // A robot whose gyroscope is worse than its estimator expects.
     let sensors = SensorOptions { gyro_noise: 1e-4, ..SensorOptions::default() };
     let worse = Event::new("sensors.gyro_noise", [0.02, 0.02]);
@@ -171,7 +171,7 @@ fn an_estimator_is_that_of_the_options_without_events() {
 }
 
 #[test]
-fn latencies_are_whole_control_steps_each_as_likely() {
+fn latencies_are_whole_control_steps_with_equal_probability() {
     let events = [Event::new("sensors.latency", [0.005, 0.042])];
     let sensors = SensorOptions::default();
     let mut run = started(&sensing(&sensors, ModelKind::Contact, 100, &events), 64, Autoreset::Disabled, SEED);
@@ -189,7 +189,7 @@ fn latencies_are_whole_control_steps_each_as_likely() {
 }
 
 #[test]
-fn snapshots_go_on() {
+fn snapshots_continue() {
     let config = BalanceConfig {
         observation: Observation::Sensors,
         ..sensing(
@@ -216,9 +216,9 @@ fn snapshots_go_on() {
 }
 
 #[test]
-fn events_that_sensors_cannot_follow_are_refused() {
-    let refusal = |config: &BalanceConfig| {
-        Batch::new(config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err("a refusal").to_string()
+fn events_that_sensors_do_not_allow_are_rejected() {
+    let rejection = |config: &BalanceConfig| {
+        Batch::new(config, 2, Autoreset::SameStep, Some(1), SEED).map(|_| ()).expect_err("a rejection").to_string()
     };
     let one = |event: &Event| sensing(&everything(), ModelKind::Contact, 10, std::slice::from_ref(event));
     for (event, words) in [
@@ -231,13 +231,13 @@ fn events_that_sensors_cannot_follow_are_refused() {
         (Event::new("sensors.encoder_ticks", [0.0, 1.5]), &["sensors.encoder_ticks = 0.", "at least 1"]),
         (Event { range: vec![[0.0, 0.1]; 2], ..Event::new("sensors.imu_position", [0.0; 2]) }, &["2 pairs"]),
     ] {
-        let (error, label) = (refusal(&one(&event)), format!("events[0] ({})", event.term));
+        let (error, label) = (rejection(&one(&event)), format!("events[0] ({})", event.term));
         assert!(error.contains(&label) && words.iter().all(|word| error.contains(word)), "{words:?}: {error}");
     }
-    let late = refusal(&one(&Event::new("sensors.latency", [0.0, 1.2])));
+    let late = rejection(&one(&Event::new("sensors.latency", [0.0, 1.2])));
     assert!(late.contains("sensors.latency / control_dt = 120"), "{late}");
     let noisy = Event::new("sensors.gyro_noise", [0.0, 0.1]);
-    let error = refusal(&config(ModelKind::Contact, 10, std::slice::from_ref(&noisy)));
+    let error = rejection(&config(ModelKind::Contact, 10, std::slice::from_ref(&noisy)));
     assert!(error.contains("the robots have none"), "{error}");
     let slow = Event::new("sensors.imu_rate", [20.0, 200.0]);
     let estimated = BalanceConfig {
@@ -245,7 +245,7 @@ fn events_that_sensors_cannot_follow_are_refused() {
         sensors: Some(SensorOptions::default()),
         ..config(ModelKind::Contact, 10, &[slow])
     };
-    let error = refusal(&estimated);
+    let error = rejection(&estimated);
     assert!(error.contains("events[0] (sensors.imu_rate)") && error.contains("sensors.imu_rate = 20"), "{error}");
     // Custom sensors are the same on all robots.
     let (config, ideal) = (one(&noisy), Ideal { max_torque: 0.3 });

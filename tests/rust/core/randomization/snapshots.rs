@@ -8,7 +8,7 @@ use ballbot_core::batch::{Autoreset, Event};
 const N: usize = 9;
 
 #[test]
-fn restored_environments_continue_to_the_last_bit() {
+fn restored_environments_continue_bit_for_bit() {
     for model in ModelKind::ALL {
         let config = config(model, 12, &several());
         for saved_at in [0, 4, 9, 12] {
@@ -36,7 +36,7 @@ fn restored_environments_continue_to_the_last_bit() {
 }
 
 #[test]
-fn a_snapshot_of_other_events_is_refused_and_changes_nothing() {
+fn a_snapshot_of_other_events_is_rejected_and_changes_nothing() {
     let with = |events: &[Event]| started(&config(ModelKind::Contact, 12, events), 1, Autoreset::SameStep, SEED);
     let original = with(&several());
     let snapshot = original.snapshots().remove(0);

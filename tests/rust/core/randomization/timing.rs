@@ -61,7 +61,7 @@ fn a_slope_changes_within_the_episode() {
 }
 
 #[test]
-fn planar_refuses_events_on_the_slope() {
+fn planar_rejects_events_on_the_slope() {
     let events = [Event::new("floor_tilt", [-0.1, 0.1])];
     let made = Batch::new(&config(ModelKind::Planar, 10, &events), 2, Autoreset::SameStep, Some(1), SEED);
     let error = made.map(|_| ()).unwrap_err().to_string();
@@ -88,7 +88,7 @@ fn firings(gap: [f64; 2], n: usize, steps: usize) -> Vec<Vec<usize>> {
 }
 
 #[test]
-fn gaps_are_even_and_do_not_drift() {
+fn gaps_are_uniform_and_do_not_drift() {
     let exact = firings([0.05, 0.05], 1, 60);
     assert_eq!(exact[0], (1..12).map(|k| 5 * k).collect::<Vec<_>>());
     // Not a multiple of the control step: the mean gap is preserved.
@@ -102,14 +102,14 @@ fn gaps_are_even_and_do_not_drift() {
         let mean = gaps.iter().sum::<f64>() / 256.0;
         let variance = gaps.iter().map(|gap| (gap - mean).powi(2)).sum::<f64>() / 256.0;
         assert!(gaps.iter().all(|gap| (0.04 - early - 1e-9..=0.16 + CONTROL_DT + 1e-9).contains(gap)));
-        // Of uniform gaps: mean 0.1 (half a step late at first), variance 0.0012; four standard errors.
+        // Of uniform gaps: mean 0.1 (half a step of delay at first), variance 0.0012; four standard errors.
         assert!((mean - 0.1).abs() < 0.005 + 0.009, "{mean}");
         assert!((variance - 0.0012).abs() < 0.0003, "{variance}");
     }
 }
 
 #[test]
-fn timers_start_anew_with_the_episode() {
+fn timers_restart_with_the_episode() {
     let gap = [0.05, 0.09];
     let mut run = started(&config(ModelKind::Contact, 40, &[every(gap, friction())]), 1, Autoreset::Disabled, SEED);
     let mut firsts = Vec::new();

@@ -108,7 +108,7 @@ fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
     let static_load = params.static_wheel_load();
     let mut rng = ChaCha8Rng::seed_from_u64(7);
     let mut worst = 0.0_f64;
-    let mut drawn = 0;
+    let mut sampled = 0;
     for _ in 0..60 {
         let mut draw = |largest: f64| rng.random_range(-largest..largest);
         let body = attitude(Vector2::new(draw(0.12), draw(0.12)), draw(3.0));
@@ -120,7 +120,7 @@ fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
         if expected.friction_utilization(&params).into_iter().any(|share| share > 0.9) {
             continue;
         }
-        drawn += 1;
+        sampled += 1;
         let start = State::rolling(&params, velocity, spin, body, rate);
         for sim_dt in [2e-3, 1e-3, 1e-4] {
             let mut robot = Simulation::Rigid.robot(&params, sim_dt);
@@ -140,8 +140,8 @@ fn first_step_after_a_reset_carries_the_loads_of_the_spatial_model() {
             assert!(worst <= 1e-3, "{sim_dt} s: {found:?}, expected {expected:?}");
         }
     }
-    println!("{drawn} starts: off by {worst:e} of the static load");
-    assert!(drawn >= 30);
+    println!("{sampled} starts: off by {worst:e} of the static load");
+    assert!(sampled >= 30);
 }
 
 /// A robot at rest has its loads from the first step, and keeps them.

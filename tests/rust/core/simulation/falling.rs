@@ -21,7 +21,7 @@ fn toppled_robots_fall_to_the_floor(simulation: Simulation) {
     assert!(state.body_angular_velocity.norm() < 1.0, "still tumbling: {state:?}");
 }
 
-fn bots_in_the_floor_are_refused(simulation: Simulation) {
+fn bots_in_the_floor_are_rejected(simulation: Simulation) {
     let params = Params::paper();
     let mut robot = simulation.robot(&params, 1e-3);
     for (tilt, part) in [(2.0, "body"), (3.1, "body")] {
@@ -158,4 +158,4 @@ fn sliding_of_fallen_robots_is_isotropic() {
     }
 }
 
-for_both!(toppled_robots_fall_to_the_floor, bots_in_the_floor_are_refused, fallen_robots_come_to_rest_on_the_floor,);
+for_both!(toppled_robots_fall_to_the_floor, bots_in_the_floor_are_rejected, fallen_robots_come_to_rest_on_the_floor,);

@@ -12,7 +12,7 @@ use proptest::strategy::ValueTree;
 use proptest::test_runner::{RngSeed, TestRunner};
 
 /// The same values in every run.
-pub(super) fn drawn<S: Strategy>(strategy: &S, count: usize) -> Vec<S::Value> {
+pub(super) fn sampled<S: Strategy>(strategy: &S, count: usize) -> Vec<S::Value> {
     let seed = ProptestConfig { rng_seed: RngSeed::Fixed(1), failure_persistence: None, ..ProptestConfig::default() };
     let mut runner = TestRunner::new(seed);
     (0..count).map(|_| strategy.new_tree(&mut runner).expect("most can exist").current()).collect()
@@ -93,7 +93,7 @@ pub(super) fn off_spatial(
 fn gripping_robots_converge_to_the_spatial_model(simulation: Simulation) {
     let motions = (any_gripping_robot(), any_start(0.05, 0.1), vector(0.1));
     let (mut compared, mut worst) = (0, [0.0_f64; 3]);
-    for (i, (params, start, shares)) in drawn(&motions, 40).into_iter().enumerate() {
+    for (i, (params, start, shares)) in sampled(&motions, 40).into_iter().enumerate() {
         let (start, motors) = (about_equilibrium(&params, &start), torques(&params, &shares));
         let run = |steps| off_spatial(simulation, &params, &start, &motors, steps);
         let Some(((coarse, fine), finest)) = run(100).zip(run(200)).zip(run(2000)) else { continue };
@@ -109,9 +109,9 @@ fn gripping_robots_converge_to_the_spatial_model(simulation: Simulation) {
     assert!(worst[0] <= 5e-4 && worst[1] <= 2e-3, "{worst:?}");
 }
 
-fn robots_stand_in_their_equilibrium(simulation: Simulation) {
+fn robots_rest_in_their_equilibrium(simulation: Simulation) {
     let mut worst = [0.0_f64; 2];
-    for (params, yaw) in drawn(&(any_gripping_robot(), -3.0..3.0), 40) {
+    for (params, yaw) in sampled(&(any_gripping_robot(), -3.0..3.0), 40) {
         let mut robot = simulation.robot(&params, 0.005 / natural_rate(&params));
         let start = State::at_equilibrium(&params, yaw);
         robot.reset(&start).unwrap();
@@ -168,7 +168,7 @@ impl Redescribed {
 fn motion_does_not_depend_on_the_body_axes(simulation: Simulation) {
     let motions = (any_gripping_robot(), any_start(0.05, 0.1), vector(0.1), 0.1..3.0);
     let mut worst = 0.0_f64;
-    for (params, start, shares, angle) in drawn(&motions, 40) {
+    for (params, start, shares, angle) in sampled(&motions, 40) {
         let (start, motors) = (about_equilibrium(&params, &start), torques(&params, &shares));
         // One set of axes is principal in half of them.
         let straight = Params { body_products_of_inertia: [0.0; 3], ..params.clone() };
@@ -261,7 +261,7 @@ fn mirrored(state: &State) -> State {
 fn mirror_images_move_as_the_mirrored_motion(simulation: Simulation) {
     let motions = (any_gripping_robot(), any_start(0.05, 0.1), vector(0.1));
     let mut worst = 0.0_f64;
-    for (params, start, shares) in drawn(&motions, 40) {
+    for (params, start, shares) in sampled(&motions, 40) {
         let (start, motors) = (about_equilibrium(&params, &start), torques(&params, &shares));
         let dt = 0.005 / natural_rate(&params);
         let mut one = simulation.robot(&params, dt);
@@ -280,7 +280,7 @@ fn mirror_images_move_as_the_mirrored_motion(simulation: Simulation) {
 
 /// A push at a point of the body turns it about its CoM, wherever that is.
 fn pushes_act_at_their_point(simulation: Simulation) {
-    for params in drawn(&any_general_robot(), 40) {
+    for params in sampled(&any_general_robot(), 40) {
         let params = without_losses(&params);
         let mut robot = simulation.robot(&params, 1e-6);
         let mut start = State::tilted(&params, [0.3, -0.2].into(), 0.8);
@@ -352,7 +352,7 @@ fn fallen_robots_lie_on_the_floor(simulation: Simulation) {
 
 for_both!(
     gripping_robots_converge_to_the_spatial_model,
-    robots_stand_in_their_equilibrium,
+    robots_rest_in_their_equilibrium,
     motion_does_not_depend_on_the_body_axes,
     mirror_images_move_as_the_mirrored_motion,
     pushes_act_at_their_point,

@@ -53,7 +53,7 @@ fn rolled(robot: &mut dyn Model, params: &Params) -> State {
     robot.state()
 }
 
-fn joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model(simulation: Simulation) {
+fn joint_friction_of_a_rolling_robot_matches_the_spatial_model(simulation: Simulation) {
     let params = Params::paper();
     let free = rolled(&mut SpatialMotion::new(&params, 1e-3), &params);
     // The spatial model builds dry friction up over 0.05 rad/s, these simulations let wheels stick.
@@ -107,6 +107,6 @@ fn dry_friction_does_not_creep(simulation: Simulation) {
 for_both!(
     dry_friction_does_not_creep,
     joint_friction_slows_wheels_that_turn_in_the_air,
-    joint_friction_of_a_rolling_robot_is_that_of_the_spatial_model,
+    joint_friction_of_a_rolling_robot_matches_the_spatial_model,
     dry_friction_holds_a_wheel_at_rest,
 );

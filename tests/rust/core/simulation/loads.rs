@@ -29,7 +29,7 @@ fn robot_at_rest_loads_wheels_and_floor_with_its_weight(simulation: Simulation) 
     assert!(sunk.abs() < deepest && gap < deepest, "ball {sunk} into the floor, body {gap} off the ball");
 }
 
-fn contact_forces_are_those_of_the_spatial_model(simulation: Simulation) {
+fn contact_forces_match_the_spatial_model(simulation: Simulation) {
     let params = Params::paper();
     let start = State::tilted(&params, Vector2::new(0.05, 0.02), 0.0);
     let mut exact = SpatialMotion::new(&params, 1e-3);
@@ -108,7 +108,7 @@ fn wheels_push_the_ball_but_neither_pull_nor_sink_into_it(simulation: Simulation
 
 for_both!(
     robot_at_rest_loads_wheels_and_floor_with_its_weight,
-    contact_forces_are_those_of_the_spatial_model,
+    contact_forces_match_the_spatial_model,
     wheels_pass_force_along_the_drive_direction_only,
     wheels_push_the_ball_but_neither_pull_nor_sink_into_it,
 );

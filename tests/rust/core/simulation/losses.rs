@@ -26,7 +26,7 @@ fn place_alone(robot: &mut dyn Model, velocity: Vector2<f64>, spin: f64) -> Stat
 }
 
 /// A solid ball stops after (2/5) m r² ω / torque, having turned with a constant deceleration, and does not turn back.
-fn a_spinning_ball_stops_when_the_closed_form_says(simulation: Simulation) {
+fn a_spinning_ball_stops_at_the_closed_form_time(simulation: Simulation) {
     let lever = 2e-3;
     let params = Params { floor_spinning_friction: lever, ..solid_ball() };
     let dt = 1e-3;
@@ -51,7 +51,7 @@ fn a_spinning_ball_stops_when_the_closed_form_says(simulation: Simulation) {
 
 /// A rolling ball loses c g / (r (1 + J / (m r²))) of its speed per second, keeps its direction, and stays where it
 /// stops.
-fn a_rolling_ball_stops_when_the_closed_form_says(simulation: Simulation) {
+fn a_rolling_ball_stops_at_the_closed_form_time(simulation: Simulation) {
     let lever = 3e-3;
     let params = Params { floor_rolling_friction: lever, ..solid_ball() };
     let deceleration = lever * params.gravity / (params.ball_radius * 1.4);
@@ -195,7 +195,7 @@ fn rolled(robot: &mut dyn Model, params: &Params) -> State {
     robot.state()
 }
 
-fn losses_of_a_rolling_robot_are_those_of_the_spatial_model(simulation: Simulation) {
+fn losses_of_a_rolling_robot_match_the_spatial_model(simulation: Simulation) {
     let paper = Params::paper();
     let free = rolled(&mut SpatialMotion::new(&paper, 1e-3), &paper);
     let distances = |a: &State, b: &State| {
@@ -255,12 +255,12 @@ fn falls_with_losses_gain_no_energy(simulation: Simulation) {
 }
 
 for_both!(
-    a_spinning_ball_stops_when_the_closed_form_says,
-    a_rolling_ball_stops_when_the_closed_form_says,
+    a_spinning_ball_stops_at_the_closed_form_time,
+    a_rolling_ball_stops_at_the_closed_form_time,
     spinning_friction_holds_the_ball_under_a_turning_body,
     rolling_friction_holds_the_ball,
     rollers_have_the_drag_of_the_closed_form,
-    losses_of_a_rolling_robot_are_those_of_the_spatial_model,
+    losses_of_a_rolling_robot_match_the_spatial_model,
     a_regulated_robot_with_losses_balances_and_obeys_its_bounds,
     falls_with_losses_gain_no_energy,
 );

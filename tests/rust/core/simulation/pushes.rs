@@ -36,7 +36,7 @@ fn pushes_change_the_momentum_by_their_impulse(simulation: Simulation) {
     assert!((angular - expected).norm() < 1e-12 * expected.norm(), "{angular}, expected {expected}");
 }
 
-/// Body rate 10 ms after an impulse on the CoM of a robot that has stood for half a second.
+/// Body rate 10 ms after an impulse on the CoM of a robot that has been at rest for half a second.
 fn rate_after_push(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Vector3<f64> {
     let com = Vector3::z() * robot.params().body_com_height;
     run(robot, [0.0; 3], 500);
@@ -45,7 +45,7 @@ fn rate_after_push(robot: &mut dyn Model, impulse: &Vector3<f64>) -> Vector3<f64
     robot.state().body_angular_velocity
 }
 
-fn rotation_after_a_push_is_that_of_the_spatial_model(simulation: Simulation) {
+fn rotation_after_a_push_matches_the_spatial_model(simulation: Simulation) {
     for impulse in [Vector3::new(0.02, 0.0, 0.0), Vector3::new(0.0, 0.02, 0.0)] {
         let expected = rate_after_push(&mut SpatialMotion::new(&Params::paper(), 1e-3), &impulse);
         let found = rate_after_push(simulation.paper().as_mut(), &impulse);
@@ -70,6 +70,6 @@ fn zero_pushes_change_nothing(simulation: Simulation) {
 
 for_both!(
     pushes_change_the_momentum_by_their_impulse,
-    rotation_after_a_push_is_that_of_the_spatial_model,
+    rotation_after_a_push_matches_the_spatial_model,
     zero_pushes_change_nothing,
 );

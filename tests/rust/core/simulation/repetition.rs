@@ -24,7 +24,7 @@ fn eventful(robot: &mut dyn Model) -> [f64; State::LEN] {
     robot.state().to_array()
 }
 
-fn repeated_runs_and_resets_are_equal_to_the_last_bit(simulation: Simulation) {
+fn repeated_runs_and_resets_are_bit_identical(simulation: Simulation) {
     let mut robot = simulation.paper();
     let first = eventful(robot.as_mut());
     assert!(first.iter().all(|v| v.is_finite()));
@@ -32,7 +32,7 @@ fn repeated_runs_and_resets_are_equal_to_the_last_bit(simulation: Simulation) {
     assert_eq!(first, eventful(robot.as_mut()), "a reset robot differs from a new one");
 }
 
-fn loaded_models_continue_to_the_last_bit(simulation: Simulation) {
+fn loaded_models_continue_bit_for_bit(simulation: Simulation) {
     let mut robot = simulation.paper();
     robot.reset(&State::tilted(&Params::paper(), Vector2::new(0.06, -0.02), 1.0)).unwrap();
     run(robot.as_mut(), [0.05, -0.1, 0.0], 100);
@@ -48,4 +48,4 @@ fn loaded_models_continue_to_the_last_bit(simulation: Simulation) {
     assert!(other.load(&saved[..100]).is_err());
 }
 
-for_both!(repeated_runs_and_resets_are_equal_to_the_last_bit, loaded_models_continue_to_the_last_bit);
+for_both!(repeated_runs_and_resets_are_bit_identical, loaded_models_continue_bit_for_bit);

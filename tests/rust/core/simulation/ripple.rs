@@ -34,7 +34,7 @@ fn spinning(params: &Params, wheel_rate: f64) -> State {
 
 /// With wheels in phase the body goes up and down by A / cos α, n times per turn, under a load of its weight and
 /// inertia.
-fn the_body_bobs_as_the_closed_form_says(simulation: Simulation) {
+fn the_body_bobs_as_in_closed_form(simulation: Simulation) {
     let params = rippled();
     let (count, cos) = (params.roller_count, params.wheel_zenith.cos());
     let (rate, dt) = (7.0, 5e-4);
@@ -129,7 +129,7 @@ fn the_body_is_where_three_rims_touch_the_ball(simulation: Simulation) {
 }
 
 /// Beyond A n² ψ̇² = 2 g cos α the wheels lift off at the top of each roller.
-fn wheels_lift_off_where_the_closed_form_says(simulation: Simulation) {
+fn wheels_lift_off_where_the_closed_form_predicts(simulation: Simulation) {
     for (share, lifts) in [(0.97, false), (1.05, true)] {
         let params = Params { roller_ripple: 2e-4, ..rippled() };
         let top = 2.0 * share * params.gravity * params.wheel_zenith.cos() / params.roller_ripple;
@@ -186,10 +186,10 @@ fn many_turns_change_nothing(simulation: Simulation) {
 }
 
 for_both!(
-    the_body_bobs_as_the_closed_form_says,
+    the_body_bobs_as_in_closed_form,
     ripple_does_no_work,
     the_body_is_where_three_rims_touch_the_ball,
-    wheels_lift_off_where_the_closed_form_says,
+    wheels_lift_off_where_the_closed_form_predicts,
     many_turns_change_nothing,
     fast_rims_do_not_reach_deep_into_the_ball,
 );

@@ -39,7 +39,7 @@ fn apart(a: &[State], b: &[State]) -> (f64, f64) {
     (a.iter().zip(b).map(distance).fold(0.0, f64::max), a.iter().zip(b).map(angle).fold(0.0, f64::max))
 }
 
-fn motion_without_slip_is_that_of_the_spatial_model_and_converges_to_it(simulation: Simulation) {
+fn motion_without_slip_matches_the_spatial_model_and_converges_to_it(simulation: Simulation) {
     let params = Params::paper();
     for run in [regulated_run, toppling_run] {
         let exact = run(&mut SpatialMotion::new(&params, 1e-4));
@@ -60,7 +60,7 @@ fn wheels_turn_with_the_ball_and_the_ball_rolls_without_drift(simulation: Simula
     let wheels = Omniwheels::new(&params);
     let (mut worst_slip, mut fastest, mut rolled, mut deepest) = (0.0_f64, 0.0_f64, Vector2::zeros(), 0.0_f64);
     for k in 0..400 {
-        // A meter along a slanted line in two seconds, then standing.
+        // A meter along a slanted line in two seconds, then at rest.
         let share = (f64::from(k) / 200.0).min(1.0);
         let position = Vector2::new(0.8, 0.6) * share * share * (3.0 - 2.0 * share);
         let torques = lqr.wheel_torques(&robot.state(), &Setpoint { position, ..Setpoint::default() });
@@ -102,7 +102,7 @@ fn power_of_viscous_floor_friction_has_its_closed_form(simulation: Simulation) {
 }
 
 for_both!(
-    motion_without_slip_is_that_of_the_spatial_model_and_converges_to_it,
+    motion_without_slip_matches_the_spatial_model_and_converges_to_it,
     wheels_turn_with_the_ball_and_the_ball_rolls_without_drift,
     power_of_viscous_floor_friction_has_its_closed_form,
 );

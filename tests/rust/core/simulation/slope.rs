@@ -1,6 +1,6 @@
 //! Robots on a tilted floor, against closed forms and against `spatial`.
 
-use super::general::{any_gripping_robot, apart, drawn, lowest_point, off_spatial};
+use super::general::{any_gripping_robot, apart, lowest_point, off_spatial, sampled};
 use super::{Motion, Simulation, close, for_both, run};
 use crate::support::general::crooked;
 use crate::support::{any_floor_tilt, any_start, largest, natural_rate, torques, vector};
@@ -35,7 +35,7 @@ fn place_alone(robot: &mut dyn Model) -> State {
 }
 
 /// With γ = J_k / (M_k r_k²) its acceleration is g sin θ / (1 + γ), straight down, and it does not spin.
-fn a_ball_rolls_down_as_the_closed_form_says(simulation: Simulation) {
+fn a_ball_rolls_down_as_in_closed_form(simulation: Simulation) {
     let params = steep();
     let mut robot = simulation.robot(&params, 1e-3);
     let first = place_alone(robot.as_mut());
@@ -50,7 +50,7 @@ fn a_ball_rolls_down_as_the_closed_form_says(simulation: Simulation) {
 }
 
 /// Below the friction tan θ γ / (1 + γ) that rolling needs, it slides with g (sin θ − μ cos θ).
-fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
+fn a_ball_slides_down_as_in_closed_form(simulation: Simulation) {
     let friction = 0.05;
     let params = Params { floor_static_friction: friction, floor_dynamic_friction: friction, ..steep() };
     let mut robot = simulation.robot(&params, 1e-3);
@@ -62,7 +62,7 @@ fn a_ball_slides_down_as_the_closed_form_says(simulation: Simulation) {
     close("acceleration", (gained - expected).norm(), 0.0, simulation.pick(1e-4, 1e-11));
 }
 
-/// How a robot stands still on its slope, the torques that hold it, and its contact forces by `spatial`. `None` where a
+/// How a robot rests on its slope, the torques that hold it, and its contact forces by `spatial`. `None` where a
 /// wheel carries almost no load: with so much friction, lifting off is also a solution.
 fn standing(params: &Params, yaw: f64) -> Option<(State, Wheels<f64>, Contacts)> {
     let start = State::tilted_from_equilibrium(params, params.slope_lean().ok()?, yaw);
@@ -73,14 +73,14 @@ fn standing(params: &Params, yaw: f64) -> Option<(State, Wheels<f64>, Contacts)>
     contacts.wheel_normal_forces.into_iter().all(|load| load >= least).then_some((start, held, contacts))
 }
 
-fn robots_stand_on_a_slope(simulation: Simulation) {
-    let (mut stood, mut worst) = (0, [0.0_f64; 2]);
-    for (params, floor_tilt, yaw) in drawn(&(any_gripping_robot(), any_floor_tilt(0.15), -3.0..3.0), 40) {
+fn robots_rest_on_a_slope(simulation: Simulation) {
+    let (mut balanced, mut worst) = (0, [0.0_f64; 2]);
+    for (params, floor_tilt, yaw) in sampled(&(any_gripping_robot(), any_floor_tilt(0.15), -3.0..3.0), 40) {
         let params = Params { floor_tilt, ..params };
         let Some((start, held, expected)) = standing(&params, yaw) else { continue };
         let mut robot = simulation.robot(&params, 0.005 / natural_rate(&params));
         robot.reset(&start).unwrap();
-        stood += 1;
+        balanced += 1;
         let weight = (params.body_mass + params.ball_mass) * params.gravity;
         for _ in 0..100 {
             robot.step(held);
@@ -90,8 +90,8 @@ fn robots_stand_on_a_slope(simulation: Simulation) {
             worst = [worst[0].max(off), worst[1].max(largest(apart(&params, &robot.state(), &start)))];
         }
     }
-    println!("{stood} robots: loads off by {:e} of the weight, moved by {:e}", worst[0], worst[1]);
-    assert!(stood >= 20, "only {stood} robots can stand");
+    println!("{balanced} robots: loads off by {:e} of the weight, moved by {:e}", worst[0], worst[1]);
+    assert!(balanced >= 20, "only {balanced} robots can balance");
     let (loads, moved) = simulation.pick((1e-5, 1e-7), (1e-9, 1e-11));
     assert!(worst[0] <= loads && worst[1] <= moved, "loads, places: {worst:?}");
 }
@@ -99,7 +99,7 @@ fn robots_stand_on_a_slope(simulation: Simulation) {
 fn robots_on_a_slope_converge_to_the_spatial_model(simulation: Simulation) {
     let motions = (any_gripping_robot(), any_floor_tilt(0.15), any_start(0.05, 0.1), vector(0.1));
     let (mut compared, mut worst) = (0, [0.0_f64; 3]);
-    for (i, (params, floor_tilt, start, shares)) in drawn(&motions, 40).into_iter().enumerate() {
+    for (i, (params, floor_tilt, start, shares)) in sampled(&motions, 40).into_iter().enumerate() {
         let params = Params { floor_tilt, ..params };
         let Some((still, held, _)) = standing(&params, start.yaw) else { continue };
         let rolling = start.of(&params);
@@ -145,9 +145,9 @@ fn falls_on_a_slope_gain_no_energy(simulation: Simulation) {
 }
 
 for_both!(
-    a_ball_rolls_down_as_the_closed_form_says,
-    a_ball_slides_down_as_the_closed_form_says,
-    robots_stand_on_a_slope,
+    a_ball_rolls_down_as_in_closed_form,
+    a_ball_slides_down_as_in_closed_form,
+    robots_rest_on_a_slope,
     robots_on_a_slope_converge_to_the_spatial_model,
     falls_on_a_slope_gain_no_energy,
 );

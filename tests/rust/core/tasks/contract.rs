@@ -114,25 +114,25 @@ fn a_command_set_by_hand_holds_to_the_end_of_the_episode() {
         let name = description.name;
         let mut run = Run::new(batch(kind, ModelKind::Contact, Autoreset::SameStep, 1, 3, N));
         let before = super::command(&run, 4);
-        let wanted: Vec<_> = (0..description.command.len()).map(|k| 0.01 + 0.02 * k as f64).collect();
-        run.batch.set_command(2, &wanted).unwrap();
-        assert_eq!(super::command(&run, 2), wanted, "{name}");
+        let desired: Vec<_> = (0..description.command.len()).map(|k| 0.01 + 0.02 * k as f64).collect();
+        run.batch.set_command(2, &desired).unwrap();
+        assert_eq!(super::command(&run, 2), desired, "{name}");
         assert_eq!(super::command(&run, 4), before, "{name}: another environment");
         let mut changed = false;
         for _ in 0..70 {
             run.step(&[0.0; 3 * N]).unwrap();
             if run.outcomes[2].done() {
-                changed = super::command(&run, 2) != wanted;
+                changed = super::command(&run, 2) != desired;
                 break;
             }
-            assert_eq!(super::command(&run, 2), wanted, "{name}");
+            assert_eq!(super::command(&run, 2), desired, "{name}");
         }
-        assert!(changed, "{name}: the next episode has a command of its own");
+        assert!(changed, "{name}: the next episode has a separate command");
     }
 }
 
 #[test]
-fn wrong_commands_are_refused_with_value_and_limit() {
+fn wrong_commands_are_rejected_with_value_and_limit() {
     for kind in task_kinds() {
         let description = kind.description();
         let mut run = Run::new(batch(kind, ModelKind::Contact, Autoreset::SameStep, 1, 3, N));

@@ -77,7 +77,7 @@ fn goals_replaced_by_hand_count_if_there_was_time_for_them() {
 }
 
 #[test]
-fn impossible_options_are_refused() {
+fn impossible_options_are_rejected() {
     let wrong: [(_, &[f64], _); 2] =
         [("hold_seconds", &[20.0], "hold_seconds = 20"), ("goal_seconds", &[3.0, 2.0], "goal_seconds[0] = 3")];
     for (option, values, name) in wrong {

@@ -11,10 +11,10 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
     let mut run = run_of(&*config("path", &[("path_acceleration", &[2.0])]), 1);
     reset_to(&mut run, &[Some(standing(0.5, 1.0, 0.0))]);
     let (radius, speed) = (0.5, 0.4);
-    let mut wanted = [0.0; 13];
-    (wanted[0], wanted[1], wanted[8]) = (speed, radius, radius);
-    run.batch.set_command(0, &wanted).unwrap();
-    assert_eq!(command(&run, 0), wanted);
+    let mut desired = [0.0; 13];
+    (desired[0], desired[1], desired[8]) = (speed, radius, radius);
+    run.batch.set_command(0, &desired).unwrap();
+    assert_eq!(command(&run, 0), desired);
     let mut way = 0.0;
     regulate(&mut run, 600, |k, run| {
         let t = 0.01 * (k + 1) as f64;
@@ -40,7 +40,7 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
 }
 
 #[test]
-fn metrics_are_the_errors_across_and_in_all() {
+fn metrics_are_the_lateral_and_total_errors() {
     let mut run = run_of(&*config("path", &[("settling", &[1.0]), ("max_episode_steps", &[400.0])]), 8);
     let mut sums = [0.0; 8];
     regulate(&mut run, 399, |k, run| {
@@ -62,9 +62,9 @@ fn metrics_are_the_errors_across_and_in_all() {
 #[test]
 fn a_command_faster_than_the_acceleration_allows_is_slowed_down() {
     let mut run = run_of(&*config("path", &[("path_acceleration", &[0.2])]), 1);
-    let mut wanted = [0.0; 13];
-    (wanted[0], wanted[1], wanted[8]) = (2.0, 0.5, 0.5);
-    run.batch.set_command(0, &wanted).unwrap();
+    let mut desired = [0.0; 13];
+    (desired[0], desired[1], desired[8]) = (2.0, 0.5, 0.5);
+    run.batch.set_command(0, &desired).unwrap();
     let speed = command(&run, 0)[0];
     assert!((speed - (0.2_f64 * 0.5).sqrt()).abs() < 1e-9, "{speed} m/s");
 }

@@ -13,7 +13,7 @@ fn capture_impulses_of_the_presets() {
 }
 
 #[test]
-fn harder_pushes_are_survived_less() {
+fn harder_pushes_are_survived_less_often() {
     let survived = [[0.0, 0.2], [0.4, 0.5], [1.5, 2.0]].map(|push| {
         let mut run = run_of(&*config("push", &[("push", &push), ("push_seconds", &[3.0, 3.0])]), 16);
         let mut survived = [true; 16];

@@ -7,7 +7,7 @@ use ballbot_core::terrain::Terrain;
 use std::sync::Arc;
 
 #[test]
-fn every_preset_robot_has_terrain_up_to_its_own_limit() {
+fn every_preset_robot_has_terrain_up_to_its_limit() {
     for name in Params::preset_names() {
         let params = Params::preset(name).unwrap();
         let limit = params.slope_limits(30.0_f64.to_radians()).unwrap().smallest();
@@ -27,7 +27,7 @@ fn every_preset_robot_has_terrain_up_to_its_own_limit() {
 }
 
 #[test]
-fn episodes_begin_on_level_places_of_their_level_and_end_at_the_edge_of_the_tile() {
+fn episodes_begin_on_level_ground_of_their_level_and_end_at_the_edge_of_the_tile() {
     let mut config = config("terrain", &[]);
     config.set_levels(Levels::One(3));
     config.set("fall_tilt", &[1.5]).unwrap();
@@ -46,7 +46,7 @@ fn episodes_begin_on_level_places_of_their_level_and_end_at_the_edge_of_the_tile
 }
 
 #[test]
-fn episodes_end_at_the_edge_of_the_tile_though_the_terrain_goes_on() {
+fn episodes_end_at_the_edge_of_the_tile_although_the_terrain_continues() {
     let plane = [("slope", 0.0), ("levels", 1.0), ("tile", 6.0)];
     let terrain = Arc::new(Terrain::generate("levels", 0, &plane).unwrap());
     let mut config = config("terrain", &[("speed_range", &[0.5, 0.5]), ("max_episode_steps", &[2000.0])]);
@@ -96,7 +96,7 @@ fn a_curriculum_rises_with_what_is_done_and_is_in_snapshots() {
 }
 
 #[test]
-fn wrong_levels_and_tasks_with_a_place_are_refused() {
+fn wrong_levels_and_tasks_with_a_position_are_rejected() {
     let error =
         |config: &dyn TaskConfig| config.batch(1, Autoreset::SameStep, None, 0).map(|_| ()).unwrap_err().to_string();
     let mut terrain = config("terrain", &[]);
@@ -115,7 +115,7 @@ fn wrong_levels_and_tasks_with_a_place_are_refused() {
 
 #[test]
 fn the_return_of_the_published_task_does_not_depend_on_the_control_rate() {
-    // A robot that stands for 8 s: 0.02 for each 2 ms is 80.
+    // A robot that stays upright for 8 s: 0.02 for each 2 ms is 80.
     let plane = Arc::new(Terrain::plane(0.0, 0.0).unwrap());
     for (dt, steps) in [(0.002, 4000_usize), (0.01, 800)] {
         let mut config = config("openballbot", &[]);

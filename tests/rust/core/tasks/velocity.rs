@@ -91,13 +91,13 @@ fn a_command_repeats_the_last_reading_and_changes_no_other_number() {
 fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins() {
     let config = sensed();
     let mut run = run_of(&*config, 2);
-    let wanted = [0.1, 0.2, 0.3];
-    run.batch.set_command(1, &wanted).unwrap();
+    let desired = [0.1, 0.2, 0.3];
+    run.batch.set_command(1, &desired).unwrap();
     let width = run.batch.observation_len() / 2;
     let mut rows = vec![0.0; 2 * width];
     run.batch.observation(1, &mut rows).unwrap();
     for observation in rows.chunks(width) {
-        assert_eq!(observation[11..14], wanted.map(|value| value as f32));
+        assert_eq!(observation[11..14], desired.map(|value| value as f32));
     }
     run.step(&[0.0; 6]).unwrap();
     run.batch.set_command(1, &[0.4, 0.0, 0.0]).unwrap();
@@ -106,7 +106,7 @@ fn a_command_is_shown_at_once_and_by_all_observations_of_an_episode_that_begins(
 }
 
 #[test]
-fn a_command_before_the_first_episode_is_refused() {
+fn a_command_before_the_first_episode_is_rejected() {
     let mut batch = config("velocity", &[]).batch(2, Autoreset::SameStep, Some(1), 0).unwrap();
     let message = batch.set_command(0, &[0.0; 3]).unwrap_err().to_string();
     assert!(message.contains("before the first reset"), "{message}");

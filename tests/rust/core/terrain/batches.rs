@@ -35,7 +35,7 @@ fn hills() -> Arc<Terrain> {
 }
 
 #[test]
-fn a_robot_in_lanes_is_one_alone_to_the_last_bit() {
+fn a_robot_in_lanes_equals_a_single_robot_bit_for_bit() {
     let terrain = hills();
     let fallen = [("max_episode_steps", 300.0)];
     let mut many = run("bare", Some(&terrain), ModelKind::Contact, 21, 2, &fallen);
@@ -67,7 +67,7 @@ fn a_robot_in_lanes_is_one_alone_to_the_last_bit() {
 }
 
 #[test]
-fn starts_touch_the_ground_and_lean_as_it_does() {
+fn starts_touch_the_ground_and_lean_with_it() {
     let (terrain, params) = (hills(), Params::paper());
     let ground = Ground::new(&terrain, params.ball_radius).unwrap();
     for model in [ModelKind::Contact, ModelKind::Rigid] {
@@ -107,12 +107,12 @@ fn an_episode_that_leaves_the_terrain_is_truncated() {
 }
 
 #[test]
-fn environments_refuse_terrain_on_which_robots_cannot_start_or_differ() {
+fn environments_reject_terrain_on_which_robots_cannot_start_or_differ() {
     let message = |terrain: Terrain, change: &dyn Fn(&mut dyn ballbot_core::batch::TaskConfig)| {
         let mut config = task_kind("balance").unwrap().config();
         config.set_terrain(Some(Arc::new(terrain)));
         change(&mut *config);
-        config.batch(1, Autoreset::SameStep, Some(1), 0).err().expect("refused").to_string()
+        config.batch(1, Autoreset::SameStep, Some(1), 0).err().expect("rejected").to_string()
     };
     let plane = |slope| Terrain::plane(slope, 0.3).unwrap();
     let steep = message(plane(0.25), &|_| ());
@@ -123,7 +123,7 @@ fn environments_refuse_terrain_on_which_robots_cannot_start_or_differ() {
 }
 
 #[test]
-fn a_snapshot_of_an_environment_fits_its_terrain_alone() {
+fn a_snapshot_of_an_environment_fits_only_its_terrain() {
     let mut first = run("balance", Some(&hills()), ModelKind::Contact, 2, 1, &[]);
     step(&mut first, 0);
     let bytes = [0, 1].map(|i| first.batch.save(i).unwrap());

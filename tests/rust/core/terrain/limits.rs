@@ -1,4 +1,4 @@
-//! Slopes that robots can stand on, against statics of only the bot and against the simulation.
+//! Slopes on which robots can balance, compared with statics of only the bot and against the simulation.
 
 use crate::support::general::{contacts_and_axles, crooked};
 use ballbot_core::terrain::Terrain;
@@ -90,7 +90,7 @@ fn steepest(holds: impl Fn(f64) -> bool) -> f64 {
 }
 
 /// Whether a robot put on a plane that rises towards x stays where it is, held by its torques.
-fn stands(params: &Params, slope: f64, yaw: f64) -> bool {
+fn balances(params: &Params, slope: f64, yaw: f64) -> bool {
     let mut robot = Ballbot::new(params, ModelKind::Contact, 1e-3).unwrap();
     robot.set_terrain(Some(&Arc::new(Terrain::plane(slope, 0.0).unwrap()))).unwrap();
     robot.place_on_ground(0.0, 0.0, yaw, None).unwrap();
@@ -102,7 +102,7 @@ fn stands(params: &Params, slope: f64, yaw: f64) -> bool {
 }
 
 #[test]
-fn the_traction_on_a_slope_is_that_of_the_leaning_bot_in_its_worst_heading() {
+fn the_traction_on_a_slope_matches_the_leaning_bot_in_its_worst_heading() {
     for params in robots() {
         let limit = params.slope_limits(0.5).unwrap().traction;
         let statics = steepest(|slope| worst(&params, slope).1 >= 0.0);
@@ -112,15 +112,15 @@ fn the_traction_on_a_slope_is_that_of_the_leaning_bot_in_its_worst_heading() {
 
 /// Joint friction holds a wheel of `asroballet` that slips by less than 0.1 %.
 #[test]
-fn robots_stand_in_contact_up_to_the_limit_and_no_further() {
+fn robots_balance_in_contact_up_to_the_limit_and_no_further() {
     for params in robots() {
         let limit = params.slope_limits(0.5).unwrap().traction;
         let (yaw, _) = worst(&params, limit);
-        let found = steepest(|slope| stands(&params, slope, yaw));
+        let found = steepest(|slope| balances(&params, slope, yaw));
         assert!((limit / found - 1.0).abs() < 2e-3, "{limit} rad, in contact {found} rad: {params:?}");
         for k in 0..24 {
             let yaw = TAU * f64::from(k) / 24.0;
-            assert!(stands(&params, 0.998 * limit, yaw), "falls short at the heading {yaw}: {params:?}");
+            assert!(balances(&params, 0.998 * limit, yaw), "falls short at the heading {yaw}: {params:?}");
         }
     }
 }

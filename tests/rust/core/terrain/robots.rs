@@ -60,7 +60,7 @@ fn a_sloped_surface_is_a_tilted_gravity() {
 
 /// Ground that a robot does not touch does not change its motion by a bit, however it leans.
 #[test]
-fn a_bump_far_away_changes_no_bit() {
+fn a_distant_bump_changes_no_bit() {
     let slope = |x: f64, _: f64| 0.2 * x;
     let bump = |x: f64, y: f64| 0.2 * x + 0.1 * (-((x - 4.0).powi(2) + y * y) / 0.08).exp();
     let [plain, bumpy] = [
@@ -119,7 +119,7 @@ fn a_level_terrain_is_level_ground() {
 }
 
 #[test]
-fn a_robot_stands_still_on_a_slope_with_its_lean_and_torques() {
+fn a_robot_is_at_rest_on_a_slope_with_its_lean_and_torques() {
     let params = Params::paper();
     for (slope, direction, yaw) in [(0.05_f64, 0.3_f64, 0.0_f64), (0.12, 4.0, 1.1)] {
         let terrain = Arc::new(Terrain::plane(slope, direction).unwrap());
@@ -146,8 +146,8 @@ fn a_robot_stands_still_on_a_slope_with_its_lean_and_torques() {
         }
     }
     let steep = Arc::new(Terrain::plane(1.0, 0.0).unwrap());
-    let refused = on(&steep, ModelKind::Contact, &params, 1e-3).place_on_ground(0.0, 0.0, 0.0, None);
-    assert!(refused.unwrap_err().to_string().contains("the slope is 1.000 rad"));
+    let rejected = on(&steep, ModelKind::Contact, &params, 1e-3).place_on_ground(0.0, 0.0, 0.0, None);
+    assert!(rejected.unwrap_err().to_string().contains("the slope is 1.000 rad"));
 }
 
 fn balanced(robot: &mut Ballbot, seconds: f64) -> State {
@@ -233,7 +233,7 @@ fn lowest(terrain: &Terrain, params: &Params, state: &State) -> f64 {
 }
 
 #[test]
-fn a_snapshot_continues_to_the_last_bit_and_fits_its_terrain_alone() {
+fn a_snapshot_continues_bit_for_bit_and_fits_only_its_terrain() {
     let make = |seed| Arc::new(Terrain::generate("noise", seed, &[("slope", 0.1)]).unwrap());
     let terrain = make(1);
     for kind in [ModelKind::Contact, ModelKind::Rigid] {
@@ -252,7 +252,7 @@ fn a_snapshot_continues_to_the_last_bit_and_fits_its_terrain_alone() {
 }
 
 #[test]
-fn a_robot_with_another_ball_stands_on_the_ground_of_that_ball() {
+fn a_robot_with_another_ball_is_placed_on_the_ground_of_that_ball() {
     let terrain = Arc::new(Terrain::generate("noise", 0, &[("slope", 0.15)]).unwrap());
     let big = Params { ball_radius: 0.14, ..Params::paper() };
     let mut robot = on(&terrain, ModelKind::Contact, &Params::paper(), 1e-3);
@@ -287,22 +287,22 @@ fn a_robot_that_leaves_the_terrain_has_diverged() {
         assert!(left.contains("the ball left the terrain at x = -0.5"), "{left}");
     }
     let tilted = Params { floor_tilt: [0.1, 0.0], ..params };
-    let refused = Ballbot::new(&tilted, ModelKind::Contact, 1e-3).unwrap().set_terrain(Some(&terrain));
-    assert!(refused.unwrap_err().to_string().contains("floor_tilt"));
+    let rejected = Ballbot::new(&tilted, ModelKind::Contact, 1e-3).unwrap().set_terrain(Some(&terrain));
+    assert!(rejected.unwrap_err().to_string().contains("floor_tilt"));
 }
 
 #[test]
-fn models_refuse_ground_that_they_do_not_simulate() {
+fn models_reject_ground_that_they_do_not_simulate() {
     let (params, slope) = (Params::paper(), Arc::new(Terrain::plane(0.1, 0.0).unwrap()));
     let hills = Arc::new(Terrain::generate("noise", 0, &[]).unwrap());
-    let refused = |kind, terrain, words: &str| {
+    let rejected = |kind, terrain, words: &str| {
         let mut robot = Ballbot::new(&params, kind, 1e-3).unwrap();
         let message = robot.set_terrain(Some(terrain)).unwrap_err().to_string();
         assert!(message.contains(words), "{message}");
         assert!(robot.terrain().is_none());
     };
-    refused(ModelKind::Planar, &slope, "'planar' simulates only level ground");
-    refused(ModelKind::Spatial, &hills, "'spatial' simulates only planes");
+    rejected(ModelKind::Planar, &slope, "'planar' simulates only level ground");
+    rejected(ModelKind::Spatial, &hills, "'spatial' simulates only planes");
     let mut robot = on(&hills, ModelKind::Contact, &params, 1e-3);
     let below = State::upright(&params);
     let height = hills.height(0.0, 0.0);

@@ -199,7 +199,7 @@ fn a_ball_in_a_gutter_turns_back() {
 }
 
 #[test]
-fn ten_meters_of_waves_cost_no_speed() {
+fn ten_meters_of_waves_do_not_reduce_the_speed() {
     let terrain =
         Arc::new(Terrain::generate("wave", 0, &[("slope", 0.15), ("size_x", 14.0), ("size_y", 1.0)]).unwrap());
     let params = rough();

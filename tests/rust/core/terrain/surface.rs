@@ -193,7 +193,7 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 }
 
 #[test]
-fn every_kind_has_the_slope_that_it_is_asked_for() {
+fn every_kind_has_the_requested_slope() {
     for kind in TerrainKind::ALL {
         for slope in [0.05, 0.15] {
             let coarse: &[_] = match kind.name {
@@ -224,10 +224,10 @@ fn every_kind_has_the_slope_that_it_is_asked_for() {
 
 #[test]
 fn noise_has_its_percentile_over_all_seeds_and_the_same_terrain_for_one() {
-    let asked = 0.2;
+    let requested = 0.2;
     let mut slopes = Vec::new();
     for seed in 0..12 {
-        let terrain = Terrain::generate("noise", seed, &[("slope", asked), ("cell", 0.05)]).unwrap();
+        let terrain = Terrain::generate("noise", seed, &[("slope", requested), ("cell", 0.05)]).unwrap();
         for i in 0..60 {
             for j in 0..60 {
                 slopes.push(terrain.slope_at(-3.9 + 0.13 * f64::from(i), -3.9 + 0.13 * f64::from(j)));
@@ -236,7 +236,7 @@ fn noise_has_its_percentile_over_all_seeds_and_the_same_terrain_for_one() {
     }
     slopes.sort_by(f64::total_cmp);
     let percentile = slopes[slopes.len() * 95 / 100];
-    assert!((percentile / asked - 1.0).abs() < 0.03, "{percentile}");
+    assert!((percentile / requested - 1.0).abs() < 0.03, "{percentile}");
 
     let make = |seed: u64| Terrain::generate("noise", seed, &[("cell", 0.05)]).unwrap();
     assert_eq!(make(5), make(5));
@@ -259,31 +259,34 @@ fn an_apron_is_level() {
 }
 
 #[test]
-fn what_cannot_be_is_refused_with_the_value_and_the_limit() {
-    let refused = |result: ballbot_core::Result<Terrain>, words: &[&str]| {
+fn invalid_values_are_rejected_with_value_and_limit() {
+    let rejected = |result: ballbot_core::Result<Terrain>, words: &[&str]| {
         let message = result.unwrap_err().to_string();
         for word in words {
             assert!(message.contains(word), "{message} lacks {word}");
         }
     };
-    refused(Terrain::plane(1.3, 0.0), &["slope", "1.3", "1.05"]);
-    refused(Terrain::plane(0.1, f64::NAN), &["direction", "NaN"]);
-    refused(Terrain::from_heights(&[0.0; 12], [4, 4], 0.1), &["heights", "12", "16"]);
-    refused(Terrain::from_heights(&[0.0; 9], [3, 3], 0.1), &["heights along x", "3", "4"]);
-    refused(Terrain::from_heights(&[f64::NAN; 16], [4, 4], 0.1), &["heights[0, 0]", "NaN"]);
-    refused(Terrain::from_heights(&[0.0; 16], [4, 4], -0.1), &["cell", "-0.1"]);
-    refused(Terrain::from_function(|x, _| 5.0 * x, [2.0, 2.0], 0.1), &["slope", "1.373", "1.05"]);
-    refused(Terrain::from_function(|_, _| 0.0, [1e6, 1e6], 1e-3), &["at most"]);
-    refused(Terrain::from_function(|_, _| 0.0, [0.0, 1.0], 0.1), &["size along x", "0"]);
-    refused(Terrain::generate("lava", 0, &[]), &["lava", "noise"]);
-    refused(Terrain::generate("wave", 0, &[("heigth", 1.0)]), &["heigth", "wavelength"]);
-    refused(Terrain::generate("noise", 0, &[("octaves", 2.5)]), &["octaves", "2.5"]);
-    refused(Terrain::generate("wave", 0, &[("wavelength", 0.0)]), &["wavelength", "0"]);
-    refused(Terrain::generate("bumps", 0, &[("density", 1e3), ("size_x", 100.0), ("cell", 0.1)]), &["bumps", "100000"]);
+    rejected(Terrain::plane(1.3, 0.0), &["slope", "1.3", "1.05"]);
+    rejected(Terrain::plane(0.1, f64::NAN), &["direction", "NaN"]);
+    rejected(Terrain::from_heights(&[0.0; 12], [4, 4], 0.1), &["heights", "12", "16"]);
+    rejected(Terrain::from_heights(&[0.0; 9], [3, 3], 0.1), &["heights along x", "3", "4"]);
+    rejected(Terrain::from_heights(&[f64::NAN; 16], [4, 4], 0.1), &["heights[0, 0]", "NaN"]);
+    rejected(Terrain::from_heights(&[0.0; 16], [4, 4], -0.1), &["cell", "-0.1"]);
+    rejected(Terrain::from_function(|x, _| 5.0 * x, [2.0, 2.0], 0.1), &["slope", "1.373", "1.05"]);
+    rejected(Terrain::from_function(|_, _| 0.0, [1e6, 1e6], 1e-3), &["at most"]);
+    rejected(Terrain::from_function(|_, _| 0.0, [0.0, 1.0], 0.1), &["size along x", "0"]);
+    rejected(Terrain::generate("lava", 0, &[]), &["lava", "noise"]);
+    rejected(Terrain::generate("wave", 0, &[("heigth", 1.0)]), &["heigth", "wavelength"]);
+    rejected(Terrain::generate("noise", 0, &[("octaves", 2.5)]), &["octaves", "2.5"]);
+    rejected(Terrain::generate("wave", 0, &[("wavelength", 0.0)]), &["wavelength", "0"]);
+    rejected(
+        Terrain::generate("bumps", 0, &[("density", 1e3), ("size_x", 100.0), ("cell", 0.1)]),
+        &["bumps", "100000"],
+    );
 
-    refused(Terrain::generate("wave", 0, &[("wavelength", 0.09)]), &["0.09", "cell = 0.02", "5 cells"]);
-    refused(Terrain::generate("noise", 0, &[("octaves", 6.0)]), &["0.0312", "cell = 0.02"]);
-    refused(Terrain::from_coefficients(&[0.0; 36], [4, 5], 0.1), &["coefficients", "36", "42"]);
+    rejected(Terrain::generate("wave", 0, &[("wavelength", 0.09)]), &["0.09", "cell = 0.02", "5 cells"]);
+    rejected(Terrain::generate("noise", 0, &[("octaves", 6.0)]), &["0.0312", "cell = 0.02"]);
+    rejected(Terrain::from_coefficients(&[0.0; 36], [4, 5], 0.1), &["coefficients", "36", "42"]);
     let copied = Terrain::from_function(hills, [1.0, 0.8], 0.1).unwrap();
     let surface = copied.surface();
     let again = Terrain::from_coefficients(surface.coefficients(), surface.nodes(), surface.cell()).unwrap();
@@ -331,7 +334,7 @@ fn rays_meet_the_ground() {
 }
 
 #[test]
-fn the_limits_of_a_slope_are_those_of_the_presets() {
+fn the_limits_of_a_slope_match_the_presets() {
     let degrees = |angle: f64| (angle.to_degrees() * 10.0).round() / 10.0;
     let limits = Params::paper().slope_limits(20_f64.to_radians()).unwrap();
     assert_eq!([degrees(limits.fall), degrees(limits.traction), degrees(limits.motor)], [15.3, 15.0, 90.0]);

@@ -41,7 +41,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     pub fn hold_command(&mut self, i: usize, command: &[f64]) -> Result<()> {
         if self.episodes[i] == 0 {
             return Err(Error::Inconsistent(
-                "a command before the first reset: an episode begins with one of its own".into(),
+                "a command before the first reset: an episode begins with a new command".into(),
             ));
         }
         self.step.task.check_command(command)?;

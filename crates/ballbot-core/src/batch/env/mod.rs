@@ -28,10 +28,10 @@ use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
 use crate::task::{ACTION_LEN, Task};
 use ballbot_base::error::{Error, Result};
-use ballbot_base::lane_state::StateCells;
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
-use ballbot_base::setpoint::{Setpoint, SetpointCells};
+use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
@@ -53,7 +53,7 @@ pub struct Environments<R: Robots, T, A, S> {
     pub actuator: A,
     substeps: usize,
     action_torque: f64,
-    /// How many robots belong to environments; the others stand still.
+    /// How many robots belong to environments; the others do not move.
     pub used: usize,
     pub robots: R,
     /// As in [`TaskStep::run`].
@@ -137,10 +137,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         };
         environments.check_starts(0)?;
         if let Some(events) = &mut environments.events {
-            let judge = config.judge(&environments.actuator);
+            let check = config.check_changed_robot(&environments.actuator);
             for (i, rng) in environments.rngs.iter().enumerate() {
                 let source = Source { key: key_of(rng.get_seed()), episode: 0 };
-                events.start(&mut environments.robots, i, source, &judge);
+                events.start(&mut environments.robots, i, source, &check);
             }
         }
         (0..R::Cell::WIDTH).for_each(|i| environments.note_com(i));
@@ -173,14 +173,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
         self.config.task.validate(params)?;
         let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
-        let goes_on = self.robots.set_params(i, params)?;
+        let continues = self.robots.set_params(i, params)?;
         if let Err(error) = self.check_starts(i) {
             self.robots.set_params(i, &old)?;
             self.robots.load(i, &motion)?;
             return Err(error);
         }
         self.note_com(i);
-        self.over[i] |= !goes_on;
+        self.over[i] |= !continues;
         Ok(())
     }
 
@@ -336,21 +336,21 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.control.cells.clear();
             self.control.cells.resize(len, R::Cell::default());
         }
-        let mut states = StateCells::<R::Cell>::default();
+        let mut states = LaneState::<R::Cell>::default();
         if privileged {
             self.robots.read(&mut states);
         } else {
             self.read_measured(&mut states);
         }
-        let mut targets = SetpointCells::<R::Cell>::default();
+        let mut targets = LaneSetpoint::<R::Cell>::default();
         for i in 0..self.used {
             let setpoint = match setpoints.get(i) {
                 Some(setpoint) => *setpoint,
                 None => self.setpoint(i),
             };
-            R::Cell::set_setpoint(&mut targets, i, &setpoint);
+            targets.set_lane(i, &(&setpoint).into());
         }
-        let torques = R::Cell::torques(controller, &states, &targets, self.action_torque, &mut self.control.cells);
+        let torques = (R::Cell::TORQUES)(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
             for (value, torque) in action.iter_mut().zip(&torques) {
                 *value = (torque.get(i) / self.action_torque) as f32;
@@ -377,8 +377,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             Some(seed) => Source { key: key_of(ChaCha8Rng::seed_from_u64(seed).get_seed()), episode: 1 },
             None => Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i].wrapping_add(1) },
         };
-        let judge = self.config.judge(&self.actuator);
-        let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &judge);
+        let check = self.config.check_changed_robot(&self.actuator);
+        let params = events.of_next_episode(&self.robots, i, source, seed.is_some(), &check);
         if params == *self.robots.params(i) {
             return self.robots.accepts(i, start);
         }
@@ -485,7 +485,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         params.validate()?;
         self.config.check_events(&events.plan, params)?;
         let robot = events.made_of(i, params);
-        self.config.judge(&self.actuator)(&robot)?;
+        self.config.check_changed_robot(&self.actuator)(&robot)?;
         self.replace_robot(i, &robot.params)?;
         if let Some(events) = &mut self.events {
             events.set_nominal(i, params);

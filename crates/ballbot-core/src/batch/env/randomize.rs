@@ -26,7 +26,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.episodes[i] = self.episodes[i].wrapping_add(1);
         if let Some(events) = &mut self.events {
             let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
-            events.begin(&mut self.robots, i, source, &self.config.judge(&self.actuator));
+            events.begin(&mut self.robots, i, source, &self.config.check_changed_robot(&self.actuator));
             self.note_com(i);
         }
     }
@@ -59,7 +59,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             if events.due(i, step) && !(autoreset == Autoreset::NextStep && self.over[i]) {
                 let source = Source { key: key_of(self.rngs[i].get_seed()), episode: self.episodes[i] };
                 // The shape does not change, so the CoM stays where it is.
-                if events.fire(&mut self.robots, i, source, step, &self.config.judge(&self.actuator)) {
+                if events.fire(&mut self.robots, i, source, step, &self.config.check_changed_robot(&self.actuator)) {
                     self.inform(i);
                 }
             }

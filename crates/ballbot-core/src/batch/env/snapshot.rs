@@ -2,7 +2,7 @@
 
 use super::Environments;
 use super::ledger::{Ledger, Ledgers};
-use super::robots::{Robots, refused};
+use super::robots::{Robots, invalid_snapshot};
 use crate::actuator::Actuator;
 use crate::batch::events::Saved;
 use crate::perception::Reading;
@@ -73,7 +73,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let snapshot: Snapshot = snapshot::decode("snapshot of an environment", bytes)?;
         let model = self.config.model.name();
         if (snapshot.task.as_str(), snapshot.model.as_str()) != (T::NAME, model) {
-            return Err(refused(format!(
+            return Err(invalid_snapshot(format!(
                 "it is of task '{}' with a '{}' robot, this is task '{}' with a '{model}' robot",
                 snapshot.task,
                 snapshot.model,
@@ -81,21 +81,22 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             )));
         }
         if snapshot.options != self.config.numbers() {
-            return Err(refused(
+            return Err(invalid_snapshot(
                 "time steps, torque, scaling, reward, robot of the estimator, sensors, terrain, instruments, history or options of its task \
                  differ"
                     .into(),
             ));
         }
         if !self.one.fits(&snapshot.ledger) {
-            return Err(refused("its task or stages keep other numbers".into()));
+            return Err(invalid_snapshot("its task or stages keep other numbers".into()));
         }
         if !self.perceived_fits(i, &snapshot.seen) {
-            return Err(refused("its instruments read other numbers".into()));
+            return Err(invalid_snapshot("its instruments read other numbers".into()));
         }
-        let params = Params::from_numbers(&snapshot.params).ok_or_else(|| refused("it lacks parameters".into()))?;
+        let params =
+            Params::from_numbers(&snapshot.params).ok_or_else(|| invalid_snapshot("it lacks parameters".into()))?;
         if snapshot.events.is_some() != self.events.is_some() {
-            return Err(refused("one of the two has events, the other has none".into()));
+            return Err(invalid_snapshot("one of the two has events, the other has none".into()));
         }
         let (old, motion, over) = (self.robots.params(i).clone(), self.robots.save(i), self.over[i]);
         let changed = params != old;
@@ -110,7 +111,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 nominal.validate()?;
                 config.check_events(&plan, nominal)
             };
-            loaded = events.load(i, saved, &params, accept, &config.judge(&self.actuator));
+            loaded = events.load(i, saved, &params, accept, &config.check_changed_robot(&self.actuator));
         }
         if let Err(error) = loaded {
             if changed {

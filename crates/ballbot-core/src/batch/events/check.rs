@@ -5,7 +5,7 @@
 //! together, at corners and inside, are also tried. An invalid robot may still slip through, because the loads of the
 //! wheels depend on five terms; it is sampled again when it occurs.
 
-use super::event::{When, refused};
+use super::event::{When, invalid_event};
 use super::plan::{Plan, Target};
 use super::setup::Setup;
 use ballbot_base::error::{Error, Result};
@@ -60,7 +60,9 @@ impl Plan {
         let mut ranges = Vec::new();
         for (place, event) in self.events.iter().enumerate() {
             match event.target {
-                Target::Push => event.check_push(&nominal.params).map_err(|e| refused(place, &event.event.term, &e))?,
+                Target::Push => {
+                    event.check_push(&nominal.params).map_err(|e| invalid_event(place, &event.event.term, &e))?
+                }
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }
         }
@@ -160,7 +162,7 @@ impl Trial<'_> {
             self.plan.apply(self.nominal, &self.draws, &mut self.robot);
             if !same_geometry(&self.nominal.params, &self.robot.params) {
                 let reason = "the robot's shape does not change within an episode: its mode is 'startup' or 'reset'";
-                return Err(refused(ranges.place, &event.term, &reason));
+                return Err(invalid_event(ranges.place, &event.term, &reason));
             }
         }
         ranges.clear(&mut self.draws);
@@ -173,6 +175,6 @@ impl Trial<'_> {
         let term = |place: usize| self.plan.events[place].event.term.as_str();
         let together: Vec<_> = others.iter().map(|&place| format!("events[{place}] ({})", term(place))).collect();
         let with = if together.is_empty() { String::new() } else { format!("with {}, ", together.join(", ")) };
-        refused(*first, term(*first), &format!("{with}a robot of its range cannot be: {error}"))
+        invalid_event(*first, term(*first), &format!("{with}its range contains an invalid robot: {error}"))
     }
 }

@@ -1,6 +1,6 @@
 //! Events that would change nothing.
 
-use super::event::{Event, refused};
+use super::event::{Event, invalid_event};
 use crate::robot::ModelKind;
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
@@ -30,11 +30,11 @@ pub fn check_effects(events: &[Event], model: ModelKind, params: &Params) -> Res
                 "the model '{model}' has no slip, so it changes nothing; 'contact' and 'rigid' have slip, and optional = true \
                  accepts the event on every model"
             );
-            return Err(refused(place, term, &reason));
+            return Err(invalid_event(place, term, &reason));
         }
         if matches!(term, "roller_count" | "roller_phases") && !acts("roller_ripple", params.roller_ripple) {
             let reason = "without roller_ripple it changes nothing: the wheels are round";
-            return Err(refused(place, term, &reason));
+            return Err(invalid_event(place, term, &reason));
         }
     }
     Ok(())

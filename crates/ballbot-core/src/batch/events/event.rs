@@ -177,13 +177,13 @@ impl Event {
         let value = |key: &str| entries.iter().find(|(name, _)| name == key).map(|(_, value)| value);
         let term = match value("term") {
             Some(Value::Text(term)) => term,
-            Some(other) => return Err(refused(place, "?", &format!("term = {other} is not text"))),
-            None => return Err(refused(place, "?", &"it has no key 'term'")),
+            Some(other) => return Err(invalid_event(place, "?", &format!("term = {other} is not text"))),
+            None => return Err(invalid_event(place, "?", &"it has no key 'term'")),
         };
-        let refuse = |reason: &dyn std::fmt::Display| refused(place, term, reason);
-        let kind = |key: &str, what: &str, value: &Value| refuse(&format!("{key} = {value} is not {what}"));
+        let invalid = |reason: &dyn std::fmt::Display| invalid_event(place, term, reason);
+        let kind = |key: &str, what: &str, value: &Value| invalid(&format!("{key} = {value} is not {what}"));
         if let Some((key, _)) = entries.iter().find(|(key, _)| !KEYS.contains(&key.as_str())) {
-            return Err(refuse(&Error::unknown("key", key, &KEYS)));
+            return Err(invalid(&Error::unknown("key", key, &KEYS)));
         }
         let text = |key: &str| match value(key) {
             None => Ok(None),
@@ -196,16 +196,16 @@ impl Event {
         let number = |key: &str| value(key).map(|v| v.number().ok_or_else(|| kind(key, "a number", v))).transpose();
         let mut event = Self::new(term, [0.0; 2]);
         event.range = match value("range") {
-            None => return Err(refuse(&"it has no key 'range'")),
+            None => return Err(invalid(&"it has no key 'range'")),
             Some(range) => ranges(range)
                 .ok_or_else(|| kind("range", "a pair of numbers, [low, high], or a list of pairs", range))?,
         };
-        event.when = when(text("mode")?, pair("every")?, number("at")?).map_err(|e| refuse(&e))?;
+        event.when = when(text("mode")?, pair("every")?, number("at")?).map_err(|e| invalid(&e))?;
         if let Some(name) = text("op")? {
-            event.operation = name.parse().map_err(|e: Error| refuse(&e))?;
+            event.operation = name.parse().map_err(|e: Error| invalid(&e))?;
         }
         if let Some(name) = text("dist")? {
-            event.distribution = name.parse().map_err(|e: Error| refuse(&e))?;
+            event.distribution = name.parse().map_err(|e: Error| invalid(&e))?;
         }
         let flag = |key: &str| match value(key) {
             None => Ok(false),
@@ -222,7 +222,7 @@ impl Event {
         if term != PUSH
             && let Some(key) = ["direction", "height"].into_iter().find(|key| value(key).is_some())
         {
-            return Err(refuse(&format!("{key} is only for the term '{PUSH}'")));
+            return Err(invalid(&format!("{key} is only for the term '{PUSH}'")));
         }
         event.direction = match value("direction") {
             None => Direction::Uniform,
@@ -284,7 +284,7 @@ impl Event {
 }
 
 /// The error for the event at `place`.
-pub fn refused(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
+pub fn invalid_event(place: usize, term: &str, reason: &dyn std::fmt::Display) -> Error {
     Error::Inconsistent(format!("events[{place}] ({term}): {reason}"))
 }
 

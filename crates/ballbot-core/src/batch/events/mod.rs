@@ -17,7 +17,7 @@ mod value;
 pub(super) use check::Tests;
 pub(super) use effects::check_effects;
 pub(super) use event::TASK_ID;
-pub(super) use event::refused;
+pub(super) use event::invalid_event;
 pub use event::{Direction, Distribution, Event, Operation, When};
 pub(super) use plan::Plan;
 pub(super) use robots::{Randomized, Saved};

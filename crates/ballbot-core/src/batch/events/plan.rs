@@ -1,6 +1,6 @@
 //! Executable events: names resolved, ranges expanded, keys assigned.
 
-use super::event::{Direction, Distribution, Event, Operation, PUSH, When, refused};
+use super::event::{Direction, Distribution, Event, Operation, PUSH, When, invalid_event};
 use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
 use crate::robot::check_push;
@@ -83,7 +83,7 @@ impl Plan {
         let mut text = String::new();
         for (place, event) in events.iter().enumerate() {
             let planned = Planned::new(event, plan.width, sim_dt, control_dt);
-            let planned = planned.map_err(|e| refused(place, &event.term, &e))?;
+            let planned = planned.map_err(|e| invalid_event(place, &event.term, &e))?;
             if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.id == planned.id) {
                 let key = planned.id;
                 let reason = if same.event.term == event.term {
@@ -91,7 +91,7 @@ impl Plan {
                 } else {
                     format!("events[{other}] ({}) has the same id, {key}: ids differ", same.event.term)
                 };
-                return Err(refused(place, &event.term, &reason));
+                return Err(invalid_event(place, &event.term, &reason));
             }
             plan.width += planned.width;
             plan.timed |= event.when.is_timed();

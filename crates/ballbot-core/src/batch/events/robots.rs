@@ -4,7 +4,7 @@ use super::event::When;
 use super::plan::{Plan, Target};
 use super::sampler::{ATTEMPTS, Source};
 use super::setup::{Setup, Stages};
-use crate::batch::env::robots::{Robots, refused};
+use crate::batch::env::robots::{Robots, invalid_snapshot};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
@@ -51,7 +51,7 @@ pub struct Randomized {
 }
 
 /// Whether a robot changed by events is valid, in addition to the checks of its model.
-pub type Judge<'a> = &'a dyn Fn(&Setup) -> Result<()>;
+pub type CheckRobot<'a> = &'a dyn Fn(&Setup) -> Result<()>;
 
 impl Drawn {
     fn new(plan: &Plan) -> Self {
@@ -203,17 +203,17 @@ impl Randomized {
     }
 
     /// Applies the events of a new environment to robot `i`.
-    pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
+    pub fn start<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, check: CheckRobot<'_>) {
         let of = (&*self.plan, &*self.nominal[i]);
-        let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
+        let accepts = &mut |robot: &Setup| accept(robots, i, robot, check);
         self.drawn[i].settle_start(of, &mut self.robot, source, accepts);
         self.stages[i].clone_from(&self.robot.stages);
     }
 
     /// Applies the events of a new episode to robot `i`.
-    pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, judge: Judge<'_>) {
+    pub fn begin<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, check: CheckRobot<'_>) {
         let of = (&*self.plan, &*self.nominal[i]);
-        let accepts = &mut |robot: &Setup| accept(robots, i, robot, judge);
+        let accepts = &mut |robot: &Setup| accept(robots, i, robot, check);
         self.drawn[i].settle_episode(of, &mut self.robot, source, accepts);
         self.stages[i].clone_from(&self.robot.stages);
     }
@@ -225,11 +225,11 @@ impl Randomized {
         i: usize,
         source: Source,
         seeded: bool,
-        judge: Judge<'_>,
+        check: CheckRobot<'_>,
     ) -> Params {
         let mut drawn = if seeded { Drawn::new(&self.plan) } else { self.drawn[i].clone() };
         let mut robot = self.robot.clone();
-        let accepts = &mut |robot: &Setup| judge(robot).and_then(|()| robots.could_have(&robot.params));
+        let accepts = &mut |robot: &Setup| check(robot).and_then(|()| robots.could_have(&robot.params));
         drawn.settle_episode((&self.plan, &self.nominal[i]), &mut robot, source, accepts);
         robot.params
     }
@@ -248,7 +248,14 @@ impl Randomized {
 
     /// Fires the events that are due: first parameters and options, then pushes on the changed robot. Returns whether
     /// the robot has changed.
-    pub fn fire<R: Robots>(&mut self, robots: &mut R, i: usize, source: Source, step: f64, judge: Judge<'_>) -> bool {
+    pub fn fire<R: Robots>(
+        &mut self,
+        robots: &mut R,
+        i: usize,
+        source: Source,
+        step: f64,
+        check: CheckRobot<'_>,
+    ) -> bool {
         let plan = Arc::clone(&self.plan);
         let now = (step + EARLY) * plan.control_dt;
         // One bit per event; a list has no more.
@@ -263,7 +270,7 @@ impl Randomized {
             fired |= 1 << k;
         }
         let mut attempt = 0;
-        while fired != 0 && !self.assign(robots, i, judge) {
+        while fired != 0 && !self.assign(robots, i, check) {
             attempt += 1;
             let drawn = &mut self.drawn[i];
             drawn.repeated = drawn.repeated.saturating_add(1);
@@ -277,7 +284,7 @@ impl Randomized {
                 }
             }
             if attempt == ATTEMPTS {
-                self.assign(robots, i, judge);
+                self.assign(robots, i, check);
                 break;
             }
         }
@@ -322,28 +329,29 @@ impl Randomized {
     /// must pass `accept`.
     ///
     /// # Errors
-    /// [`crate::Error::Decode`] if it does not fit, and errors of `accept` and `judge`; nothing has changed then.
+    /// [`crate::Error::Decode`] if it does not fit, and errors of `accept` and `check`; nothing has changed then.
     pub fn load(
         &mut self,
         i: usize,
         saved: &Saved,
         params: &Params,
         accept: impl FnOnce(&Params) -> Result<()>,
-        judge: Judge<'_>,
+        check: CheckRobot<'_>,
     ) -> Result<()> {
         if saved.checksum != self.plan.checksum || !saved.drawn.fits(&self.plan) {
-            return Err(refused("its events differ".into()));
+            return Err(invalid_snapshot("its events differ".into()));
         }
-        let nominal = Params::from_numbers(&saved.nominal).ok_or_else(|| refused("it lacks parameters".into()))?;
+        let nominal =
+            Params::from_numbers(&saved.nominal).ok_or_else(|| invalid_snapshot("it lacks parameters".into()))?;
         if nominal != self.nominal[i].params {
             accept(&nominal)?;
         }
         let nominal = self.nominal_with(i, &nominal);
         self.plan.apply(&nominal, &saved.drawn.draws, &mut self.robot);
         if self.robot.params != *params {
-            return Err(refused("its robot does not match its draws".into()));
+            return Err(invalid_snapshot("its robot does not match its draws".into()));
         }
-        judge(&self.robot)?;
+        check(&self.robot)?;
         self.drawn[i] = saved.drawn.clone();
         self.drawn[i].find_next(&self.plan);
         self.nominal[i] = Arc::new(nominal);
@@ -352,9 +360,9 @@ impl Randomized {
     }
 
     /// Applies its draws to robot `i`; false, with nothing changed, if the result is invalid.
-    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize, judge: Judge<'_>) -> bool {
+    fn assign<R: Robots>(&mut self, robots: &mut R, i: usize, check: CheckRobot<'_>) -> bool {
         self.plan.apply(&self.nominal[i], &self.drawn[i].draws, &mut self.robot);
-        if accept(robots, i, &self.robot, judge).is_err() {
+        if accept(robots, i, &self.robot, check).is_err() {
             return false;
         }
         self.stages[i].clone_from(&self.robot.stages);
@@ -363,7 +371,7 @@ impl Randomized {
 }
 
 /// Replaces robot `i`; an error, with nothing changed, if the new robot is invalid.
-fn accept<R: Robots>(robots: &mut R, i: usize, robot: &Setup, judge: Judge<'_>) -> Result<()> {
-    judge(robot)?;
+fn accept<R: Robots>(robots: &mut R, i: usize, robot: &Setup, check: CheckRobot<'_>) -> Result<()> {
+    check(robot)?;
     robots.set_params(i, &robot.params).map(|_| ())
 }

@@ -11,7 +11,7 @@
   const pressed = new Set();
   let socket = null;
   let drives = false; // whether the server takes commands now
-  let moving = false; // whether the last command sent was not to stand
+  let moving = false; // whether the last command was not zero
   let waits = false; // for the sticks to return to the middle, after a stop
 
   const clamp = (value) => Math.max(-1, Math.min(1, value));
@@ -28,7 +28,7 @@
     return sum;
   }
 
-  function wanted() {
+  function commanded() {
     const sum = sticks();
     if (sum.every((share) => share === 0)) waits = false;
     if (waits) sum.fill(0);
@@ -43,7 +43,7 @@
 
   function update() {
     if (!drives || !document.hasFocus()) return;
-    const command = wanted();
+    const command = commanded();
     if (moving || command.some((share) => share !== 0)) send(command);
   }
 

@@ -52,7 +52,7 @@ impl Plant {
 }
 
 #[test]
-fn robot_stands_on_estimates_under_noise() {
+fn robot_balances_on_estimates_under_noise() {
     let params = Params::paper();
     let noise = Noise::default();
     for seed in 0..5 {
@@ -74,7 +74,7 @@ fn robot_stands_on_estimates_under_noise() {
 
 /// With the smallest errors that a filter may expect, its gates are tightest.
 #[test]
-fn wheels_that_grip_take_part() {
+fn gripping_wheels_are_used() {
     let options = EstimatorOptions {
         gyro_noise: 1e-4,
         gyro_bias: 0.0,
@@ -114,7 +114,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
     let (mut velocity, mut position, mut slipped) = (0.0_f64, 0.0_f64, 0);
     for k in 0..400 {
         let mut torques = lqr.wheel_torques(&plant.robot.state(), &Setpoint::default());
-        // A burst on one wheel after the other, with alternating sign.
+        // A burst on each wheel in turn, with alternating sign.
         if k % 50 < 3 {
             torques[(k / 50) % 3] += if k % 100 < 50 { 0.5 } else { -0.5 };
         }
@@ -131,7 +131,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
 }
 
 #[test]
-fn slipping_wheels_take_no_part() {
+fn slipping_wheels_are_ignored() {
     let (velocity, position, slipped) = after_slip(&options());
     let open = EstimatorOptions { slip_gate: 1e6, jump_gate: 1e6, ..options() };
     let (velocity_open, position_open, _) = after_slip(&open);
@@ -171,6 +171,6 @@ fn lean_bias_of_an_unknown_center_of_mass_is_found() {
         assert!(off < 0.15, "bias {off} deg off");
         assert!(attitude_error(&plant.robot.state(), &plant.estimate).xy().norm() < 3e-3);
     }
-    assert!(offsets[0] > 0.1, "without compensation the robot stands {} m away", offsets[0]);
+    assert!(offsets[0] > 0.1, "without compensation the robot comes to rest {} m away", offsets[0]);
     assert!(offsets[1] < 0.01, "with compensation {} m away", offsets[1]);
 }

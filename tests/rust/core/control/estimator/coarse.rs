@@ -22,7 +22,7 @@ struct Seen {
     velocity: f64,
 }
 
-/// The robot under LQR on the true state, with torques of `burst` (N·m) on one wheel after the other.
+/// The robot under LQR on the true state, with torques of `burst` (N·m) on each wheel in turn.
 fn run(friction: f64, burst: f64, gates: f64) -> Seen {
     let params = Params { wheel_static_friction: friction, wheel_dynamic_friction: friction, ..Params::paper() };
     let options = EstimatorOptions {
@@ -65,7 +65,7 @@ fn run(friction: f64, burst: f64, gates: f64) -> Seen {
 }
 
 #[test]
-fn a_tick_is_no_slip() {
+fn an_encoder_tick_is_not_slip() {
     let seen = run(Params::paper().wheel_dynamic_friction, 0.0, 1.0);
     assert_eq!((seen.slipped, seen.gated_in_grip), (0, 0.0));
 }

@@ -8,8 +8,8 @@ use nalgebra::{Matrix2, Matrix3, Rotation2, UnitQuaternion, Vector3};
 
 const SEEDS: u64 = 100;
 
-/// Assumptions of a filter that knows its sensors exactly.
-fn told(noise: &Noise) -> EstimatorOptions {
+/// Assumptions of a filter with the exact errors of its sensors.
+fn assumptions(noise: &Noise) -> EstimatorOptions {
     EstimatorOptions {
         gyro_noise: noise.gyro,
         gyro_bias: noise.gyro_bias,
@@ -25,10 +25,10 @@ fn told(noise: &Noise) -> EstimatorOptions {
 const BAND: [f64; 2] = [2.539, 3.499];
 
 #[test]
-fn errors_are_what_the_covariance_says() {
+fn errors_match_the_covariance() {
     let record = Record::driven(&Params::paper(), ModelKind::Spatial, &Plan { steps: 1000, ..Plan::default() });
     let noise = Noise::default();
-    let options = told(&noise);
+    let options = assumptions(&noise);
     let mut squares = vec![0.0; record.states.len()];
     let (mut tilt, mut velocity, mut position, mut count) = (0.0, 0.0, 0.0, 0.0);
     for seed in 0..SEEDS {
@@ -72,7 +72,7 @@ fn errors_are_what_the_covariance_says() {
 }
 
 /// Mean over steps and robots of the squared velocity error relative to its covariance, 2 if they agree, for robots
-/// whose wheels are larger or smaller by `error` than the filter knows.
+/// whose wheels are larger or smaller by `error` than the filter assumes.
 fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
     let nominal = Params::paper();
     let (mut sum, mut count) = (0.0, 0.0);
@@ -101,7 +101,7 @@ fn velocity_squares(options: &EstimatorOptions, error: f64) -> f64 {
 /// They are constant, so averaging readings does not remove them.
 #[test]
 fn the_covariance_has_the_error_of_the_wheels() {
-    let sure = told(&Noise::default());
+    let sure = assumptions(&Noise::default());
     let aware = EstimatorOptions { rolling_error: EstimatorOptions::default().rolling_error, ..sure };
     let one = aware.rolling_error;
     let of = |options: &EstimatorOptions, error: f64| {

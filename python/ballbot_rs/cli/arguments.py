@@ -1,4 +1,4 @@
-"""Options that several commands share: every command spells, explains and orders them alike."""
+"""Arguments that several commands share: every command spells, explains and orders them alike."""
 
 import argparse
 import contextlib

@@ -10,58 +10,58 @@ use ballbot_core::task::Balance;
 use ballbot_core::{ModelKind, Params};
 
 /// The error of a batch with these events.
-fn refusal(events: &[Event]) -> String {
+fn rejection(events: &[Event]) -> String {
     let made = Batch::new(&config(ModelKind::Contact, 10, events), 2, Autoreset::SameStep, Some(1), SEED);
     made.map(|_| ()).expect_err(&format!("{events:?}")).to_string()
 }
 
 #[track_caller]
-fn refused(event: Event, words: &[&str]) {
+fn rejected(event: Event, words: &[&str]) {
     let label = format!("events[0] ({})", event.term);
-    let error = refusal(&[event]);
+    let error = rejection(&[event]);
     assert!(error.contains(&label), "{error}");
     assert!(words.iter().all(|word| error.contains(word)), "{error}");
 }
 
 #[test]
-fn numbers_that_cannot_be() {
+fn invalid_numbers() {
     let nan = f64::NAN;
-    refused(Event::new("color", [0.0, 1.0]), &["unknown term 'color'", "body_mass", "push"]);
-    refused(Event::new("gravity", [10.0, 9.0]), &["range[1] = 9", "at least range[0] = 10"]);
-    refused(Event::new("gravity", [nan, 9.0]), &["range[0] = NaN"]);
-    refused(Event::new("gravity", [9.0, f64::INFINITY]), &["range[1] = inf"]);
-    refused(Event { distribution: Distribution::LogUniform, ..Event::new("gravity", [0.0, 9.0]) }, &["> 0"]);
-    refused(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, -1.0]) }, &["deviation", "-1"]);
-    refused(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, 4.0]) }, &["gravity = -3"]);
-    refused(Event { range: vec![[9.0, 9.0]; 2], ..Event::new("gravity", [0.0; 2]) }, &["2 pairs", "expected one"]);
-    refused(Event { range: vec![[1.0, 1.0]; 2], ..scaled("body_inertia", [0.0; 2]) }, &["2 pairs", "one, or 3"]);
-    refused(Event { range: vec![], ..scaled("body_inertia", [0.0; 2]) }, &["0 pairs"]);
-    refused(Event { range: vec![[1.0, 1.0]; 3], shared: true, ..scaled("body_inertia", [0.0; 2]) }, &["shared"]);
-    refused(Event { id: Some(0), ..Event::new("gravity", [9.0, 9.1]) }, &["id = 0"]);
-    refused(every([0.005, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = 0.005", "control_dt = 0.01"]);
-    refused(every([2.0, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[1] = 1"]);
-    refused(every([nan, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = NaN"]);
-    refused(at(-1.0, Event::new("gravity", [9.0, 9.1])), &["at = -1"]);
-    refused(at(nan, Event::new("gravity", [9.0, 9.1])), &["at = NaN"]);
-    assert!(refusal(&vec![Event::new("gravity", [9.0, 9.1]); 65]).contains("64"));
+    rejected(Event::new("color", [0.0, 1.0]), &["unknown term 'color'", "body_mass", "push"]);
+    rejected(Event::new("gravity", [10.0, 9.0]), &["range[1] = 9", "at least range[0] = 10"]);
+    rejected(Event::new("gravity", [nan, 9.0]), &["range[0] = NaN"]);
+    rejected(Event::new("gravity", [9.0, f64::INFINITY]), &["range[1] = inf"]);
+    rejected(Event { distribution: Distribution::LogUniform, ..Event::new("gravity", [0.0, 9.0]) }, &["> 0"]);
+    rejected(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, -1.0]) }, &["deviation", "-1"]);
+    rejected(Event { distribution: Distribution::Normal, ..Event::new("gravity", [9.0, 4.0]) }, &["gravity = -3"]);
+    rejected(Event { range: vec![[9.0, 9.0]; 2], ..Event::new("gravity", [0.0; 2]) }, &["2 pairs", "expected one"]);
+    rejected(Event { range: vec![[1.0, 1.0]; 2], ..scaled("body_inertia", [0.0; 2]) }, &["2 pairs", "one, or 3"]);
+    rejected(Event { range: vec![], ..scaled("body_inertia", [0.0; 2]) }, &["0 pairs"]);
+    rejected(Event { range: vec![[1.0, 1.0]; 3], shared: true, ..scaled("body_inertia", [0.0; 2]) }, &["shared"]);
+    rejected(Event { id: Some(0), ..Event::new("gravity", [9.0, 9.1]) }, &["id = 0"]);
+    rejected(every([0.005, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = 0.005", "control_dt = 0.01"]);
+    rejected(every([2.0, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[1] = 1"]);
+    rejected(every([nan, 1.0], Event::new("gravity", [9.0, 9.1])), &["every[0] = NaN"]);
+    rejected(at(-1.0, Event::new("gravity", [9.0, 9.1])), &["at = -1"]);
+    rejected(at(nan, Event::new("gravity", [9.0, 9.1])), &["at = NaN"]);
+    assert!(rejection(&vec![Event::new("gravity", [9.0, 9.1]); 65]).contains("64"));
 }
 
 #[test]
-fn robots_that_cannot_be() {
-    refused(Event::new("gravity", [0.0, 9.0]), &["gravity = 0"]);
-    refused(Event::new("floor_tilt", [0.0, 1.0]), &["floor_tilt[0] = 1 ", "<= 0.5"]);
+fn invalid_robots() {
+    rejected(Event::new("gravity", [0.0, 9.0]), &["gravity = 0"]);
+    rejected(Event::new("floor_tilt", [0.0, 1.0]), &["floor_tilt[0] = 1 ", "<= 0.5"]);
     // Each number is within its range, but not the slope.
-    refused(Event::new("floor_tilt", [-0.4, 0.4]), &["floor_tilt", "at most 0.5 rad"]);
-    refused(scaled("body_mass", [-0.1, 1.0]), &["range = -0.1", ">= 0"]);
-    refused(scaled("body_inertia", [0.5, 1.5]), &["triangle inequality"]);
-    refused(scaled("ball_inertia", [1.0, 1.3]), &["ball_inertia", "thin shell"]);
-    refused(scaled("body_mass", [0.1, 1.0]), &["wheel_mass"]);
-    refused(Event::new("wheel_static_friction", [0.5, 1.1]), &["wheel_static_friction = 0.5", "1"]);
-    refused(Event::new("max_wheel_torque", [0.0, 5.0]), &["max_wheel_torque = 0"]);
-    // Each corner is a robot that stands on its ball; robots between the corners do not.
+    rejected(Event::new("floor_tilt", [-0.4, 0.4]), &["floor_tilt", "at most 0.5 rad"]);
+    rejected(scaled("body_mass", [-0.1, 1.0]), &["range = -0.1", ">= 0"]);
+    rejected(scaled("body_inertia", [0.5, 1.5]), &["triangle inequality"]);
+    rejected(scaled("ball_inertia", [1.0, 1.3]), &["ball_inertia", "thin shell"]);
+    rejected(scaled("body_mass", [0.1, 1.0]), &["wheel_mass"]);
+    rejected(Event::new("wheel_static_friction", [0.5, 1.1]), &["wheel_static_friction = 0.5", "1"]);
+    rejected(Event::new("max_wheel_torque", [0.0, 5.0]), &["max_wheel_torque = 0"]);
+    // Each corner is a robot that balances on its ball; robots between the corners do not.
     let turn = 2.0 * std::f64::consts::TAU;
     let azimuths = Params::paper().wheel_azimuths.map(|a| [a, a + turn]).to_vec();
-    refused(
+    rejected(
         Event { range: azimuths, ..Event::new("wheel_azimuths", [0.0; 2]) },
         &["wheel_azimuths", "the load of wheel"],
     );
@@ -69,15 +69,15 @@ fn robots_that_cannot_be() {
     Batch::new(&config(ModelKind::Contact, 10, &[turned]), 2, Autoreset::SameStep, Some(1), SEED).unwrap();
     // Shape changes only at resets.
     let radius = || scaled("ball_radius", [0.99, 1.01]);
-    refused(every([0.1, 0.2], radius()), &["shape", "'reset'"]);
-    refused(at(0.1, radius()), &["shape"]);
+    rejected(every([0.1, 0.2], radius()), &["shape", "'reset'"]);
+    rejected(at(0.1, radius()), &["shape"]);
     // Each of two events is possible by itself.
     let events = [scaled("body_mass", [0.3, 1.0]), scaled("wheel_mass", [1.0, 2.0])];
-    let error = refusal(&events);
+    let error = rejection(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass)"), "{error}");
     // An error of a single term is not attributed to the terms before it.
-    let error = refusal(&[scaled("gravity", [0.9, 1.1]), scaled("ball_inertia", [1.0, 1.3])]);
-    assert!(error.contains("events[1] (ball_inertia): a robot of its range"), "{error}");
+    let error = rejection(&[scaled("gravity", [0.9, 1.1]), scaled("ball_inertia", [1.0, 1.3])]);
+    assert!(error.contains("events[1] (ball_inertia): its range contains an invalid robot"), "{error}");
     // And any two of three.
     let events = [
         scaled("body_mass", [0.4, 1.0]),
@@ -85,12 +85,12 @@ fn robots_that_cannot_be() {
         Event { operation: Operation::Add, ..Event::new("wheel_mass", [0.0, 0.13]) },
     ];
     let events = [events[0].clone(), events[1].clone(), Event { id: Some(1), ..events[2].clone() }];
-    let error = refusal(&events);
+    let error = rejection(&events);
     assert!(error.contains("events[0] (body_mass): with events[1] (wheel_mass), events[2] (wheel_mass)"), "{error}");
 }
 
 #[test]
-fn starts_that_cannot_be() {
+fn invalid_starts() {
     // Tilted farther than a robot with its wheels at the equator of the ball can be.
     let task = Balance { reset_tilt: 0.5, fall_tilt: 3.0, ..Balance::default() };
     let events = [scaled("wheel_zenith", [1.0, 1.99])];
@@ -161,31 +161,31 @@ fn events_that_change_nothing() {
 }
 
 #[test]
-fn pushes_that_cannot_be() {
+fn invalid_pushes() {
     let push = |range: [f64; 2]| at(1.0, Event::new("push", range));
-    refused(Event::new("push", [0.0, 1.0]), &["'interval' or 'at'"]);
-    refused(Event { when: When::Startup, ..Event::new("push", [0.0, 1.0]) }, &["'interval' or 'at'"]);
-    refused(push([-1.0, 1.0]), &["range = -1"]);
-    refused(push([0.0, 2e4]), &["impulse", "10000"]);
-    refused(Event { operation: Operation::Scale, ..push([0.0, 1e4]) }, &["impulse[0] = 22280"]);
-    refused(Event { operation: Operation::Add, ..push([0.0, 1.0]) }, &["'abs'", "'scale'"]);
-    refused(Event { height: Some([0.0, 200.0]), ..push([0.0, 1.0]) }, &["point[2] = 200"]);
-    refused(Event { height: Some([0.2, 0.1]), ..push([0.0, 1.0]) }, &["height[1] = 0.1"]);
-    refused(Event { direction: Direction::Azimuth(f64::NAN), ..push([0.0, 1.0]) }, &["direction = NaN"]);
+    rejected(Event::new("push", [0.0, 1.0]), &["'interval' or 'at'"]);
+    rejected(Event { when: When::Startup, ..Event::new("push", [0.0, 1.0]) }, &["'interval' or 'at'"]);
+    rejected(push([-1.0, 1.0]), &["range = -1"]);
+    rejected(push([0.0, 2e4]), &["impulse", "10000"]);
+    rejected(Event { operation: Operation::Scale, ..push([0.0, 1e4]) }, &["impulse[0] = 22280"]);
+    rejected(Event { operation: Operation::Add, ..push([0.0, 1.0]) }, &["'abs'", "'scale'"]);
+    rejected(Event { height: Some([0.0, 200.0]), ..push([0.0, 1.0]) }, &["point[2] = 200"]);
+    rejected(Event { height: Some([0.2, 0.1]), ..push([0.0, 1.0]) }, &["height[1] = 0.1"]);
+    rejected(Event { direction: Direction::Azimuth(f64::NAN), ..push([0.0, 1.0]) }, &["direction = NaN"]);
 }
 
 #[test]
 fn two_events_of_one_id() {
     let twice = [scaled("body_mass", [0.9, 1.1]), scaled("body_mass", [0.9, 1.1])];
-    let error = refusal(&twice);
+    let error = rejection(&twice);
     assert!(error.contains("events[1] (body_mass)") && error.contains("another id"), "{error}");
     let same = ["body_mass", "gravity"].map(|term| Event { id: Some(7), ..scaled(term, [0.9, 1.1]) });
-    let error = refusal(&same);
+    let error = rejection(&same);
     assert!(error.contains("events[1] (gravity)") && error.contains("events[0] (body_mass)"), "{error}");
 }
 
 #[test]
-fn toml_that_is_wrong() {
+fn invalid_toml() {
     for (text, words) in [
         ("events = 3", &["'events' is not a list"][..]),
         ("x = 3", &["unknown key 'x'"]),

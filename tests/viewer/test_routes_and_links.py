@@ -38,7 +38,7 @@ def test_a_robot_follows_a_route_without_falling_and_a_goal_ends_it(name, robot)
     assert session.frame().route is None
 
 
-def test_what_is_done_to_a_robot_is_done_to_its_ghost():
+def test_actions_on_a_robot_also_apply_to_its_ghost():
     session = Session(start := "contact")
     assert start == session.robots.model
     session.compare_with("lqr")
@@ -68,7 +68,7 @@ def test_a_link_brings_another_session_to_the_same_choice():
     assert second.changes == first.changes
 
 
-def test_a_link_has_a_policy_that_ships_with_the_package_and_no_other(tmp_path):
+def test_a_link_may_name_only_policies_of_the_package(tmp_path):
     pytest.importorskip("onnxruntime")
     first, second = Session(controller=str(ASSETS / "policies/balance.onnx")), Session()
     assert "policy=balance" in link.query_of(first)
@@ -83,7 +83,7 @@ def test_a_link_has_a_policy_that_ships_with_the_package_and_no_other(tmp_path):
     ["policy=../balance", "policy=mine", "policy=balance&controller=lqr", "controller=/etc/passwd", "compare=a.onnx",
      "other=1", "robot=paper&robot=kugle", "x" * 2000, "body_mass=9", "speed=nan", "num_robots=1e9"],
 )  # fmt: skip
-def test_a_link_that_is_not_ours_is_refused(query):
+def test_a_foreign_link_is_rejected(query):
     with pytest.raises(ValueError, match=r"link|out of range|invalid literal"):
         link.restore(Session(), query)
 
