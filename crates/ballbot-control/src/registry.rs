@@ -3,6 +3,7 @@
 use crate::controllers::CONTROLLERS;
 use crate::{Controller, Law, LimitOptions, Plant, SETPOINT_PARTS, Sampled};
 use ballbot_base::error::{Error, Result};
+use ballbot_base::check_finite;
 use ballbot_base::fields::{Fields, OptionDescription, describe_options};
 use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};
@@ -42,14 +43,17 @@ pub type MakeController = fn(
     options: &[(&str, &[f64])],
 ) -> Result<Box<dyn Controller>>;
 
-/// A struct of fields with some values changed, all within their limits.
+/// A struct of fields with some values changed; [`crate::Sampled::new`] checks their limits.
 ///
 /// # Errors
-/// As [`Fields::set`] and [`Fields::check_limits`].
+/// As [`Fields::set`]; [`Error::OutOfRange`] for a value that is not finite.
 pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
-    let mut fields = F::defaults();
-    options.iter().try_for_each(|(name, values)| fields.set(name, values))?;
-    fields.check_limits()?;
+    let mut fields = F::unset();
+    for (name, values) in options {
+        // NaN is an unset field.
+        check_finite(name, values)?;
+        fields.set(name, values)?;
+    }
     Ok(fields)
 }
 

@@ -12,7 +12,7 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
+use ballbot_models::{LinearModel, Scale};
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
@@ -114,9 +114,10 @@ impl<T: Law> Sampled<T> {
     ) -> Result<Self> {
         params.validate()?;
         check_control_dt(control_dt)?;
+        let options = Scale::of(params).fit(options);
         options.check_limits()?;
         let limits = TorqueLimits::new(params, limits)?;
-        let law = design(&Plant { params, control_dt, limits: &limits }, options)?;
+        let law = design(&Plant { params, control_dt, limits: &limits }, &options)?;
         Ok(Self::of(law, control_dt, limits))
     }
 

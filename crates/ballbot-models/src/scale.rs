@@ -2,6 +2,7 @@
 
 use super::capture::holding_torques;
 use super::LinearModel;
+use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use std::f64::consts::TAU;
 use std::sync::OnceLock;
@@ -43,6 +44,11 @@ impl Scale {
             acceleration: level.gravity,
             torque: (0..DIRECTIONS).map(torque).fold(0.0, f64::max),
         }
+    }
+
+    /// Options with the defaults of the robot where they are unset.
+    pub fn fit<F: Fields>(&self, options: &F) -> F {
+        options.fitted(|unit| self.factor(unit))
     }
 
     /// The factor of a quantity with a unit.

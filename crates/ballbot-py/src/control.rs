@@ -11,6 +11,7 @@ use ballbot_core::control::{
     Sampled, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
+use ballbot_core::models::Scale;
 use ballbot_core::{Params, one_of};
 use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
@@ -330,7 +331,7 @@ impl PyPid {
 /// A struct of fields from keyword arguments.
 fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
     let known: Vec<_> = F::FIELDS.iter().map(|field| field.name).collect();
-    let mut fields = F::defaults();
+    let mut fields = F::unset();
     for (name, values) in options(class, keywords, &known)? {
         fields.set(&name, &values).map_err(to_python)?;
     }
@@ -388,8 +389,10 @@ fn regulator(
             return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
         }
     }
-    options.weights.check_limits().map_err(to_python)?;
-    let (mut q_matrix, mut r_matrix) = options.weights.matrices();
+    params.validate().map_err(to_python)?;
+    let weights = Scale::of(params).fit(&options.weights);
+    weights.check_limits().map_err(to_python)?;
+    let (mut q_matrix, mut r_matrix) = weights.matrices();
     if let Some(q) = q {
         q_matrix = cost("Q", q, q_matrix.nrows())?;
     }

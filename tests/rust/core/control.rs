@@ -10,6 +10,7 @@ use ballbot_core::control::{
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
+use ballbot_core::fields::Fields;
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::{PI, TAU};
@@ -28,7 +29,7 @@ fn robot_problem() -> ([DMatrix<f64>; 4], Regulator) {
     let (a, b) = LinearModel::new(&params).discretize(CONTROL_DT);
     let a = DMatrix::from_column_slice(10, 10, a.as_slice());
     let b = DMatrix::from_column_slice(10, 3, b.as_slice());
-    let w = LqrWeights::default();
+    let w = LqrWeights::defaults();
     let (x, v, t, r) = (w.position, w.velocity, w.tilt, w.tilt_rate);
     let deviations = DVector::from_column_slice(&[x, x, t, t, w.yaw, v, v, r, r, w.yaw_rate]);
     let q = DMatrix::from_diagonal(&deviations.map(|d| 1.0 / (d * d)));
@@ -454,7 +455,7 @@ fn errors_of_invalid_numbers_name_the_value() {
         (strength(-1.0), "max_torque = -1 "),
         (lqr(LqrWeights { tilt: 0.0, ..weights }, CONTROL_DT, 1.0), "tilt = 0 "),
         (lqr(LqrWeights { yaw_rate: -2.0, ..weights }, CONTROL_DT, 1.0), "yaw_rate = -2 "),
-        (lqr(LqrWeights { torque: f64::NAN, ..weights }, CONTROL_DT, 1.0), "torque = NaN "),
+        (lqr(LqrWeights { velocity: f64::NAN, ..weights }, CONTROL_DT, 1.0), "velocity = NaN "),
         (lqr(weights, -0.01, 1.0), "control_dt = -0.01 "),
         (lqr(weights, CONTROL_DT, 0.0), "max_torque = 0 "),
         (Lqr::new(&Params { body_mass: -2.0, ..Params::paper() }, CONTROL_DT).map(|_| ()), "body_mass = -2 "),

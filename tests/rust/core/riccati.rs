@@ -31,10 +31,10 @@ fn residual(lqr: &Lqr, params: &Params, control_dt: f64, weights: &LqrWeights) -
 #[test]
 fn regulators_whose_poles_were_not_found_are_solved() {
     let paper = Params::paper();
-    let weights = LqrWeights { velocity: 0.008625640592116447, tilt: 0.03365424802859868, ..LqrWeights::default() };
+    let weights = LqrWeights { velocity: 0.008625640592116447, tilt: 0.03365424802859868, ..LqrWeights::defaults() };
     let small_wheels = Params { wheel_radius: 0.009629761998194085, ..Params::paper() };
     for (params, control_dt, weights) in
-        [(&paper, 0.001882252675411623, weights), (&small_wheels, 0.0008391083325679828, LqrWeights::default())]
+        [(&paper, 0.001882252675411623, weights), (&small_wheels, 0.0008391083325679828, LqrWeights::defaults())]
     {
         let lqr = regulator(params, control_dt, &weights).unwrap();
         assert!(residual(&lqr, params, control_dt, &weights) < 1e-9);
@@ -48,7 +48,7 @@ fn every_regulator_is_solved_or_rejected() {
     let n = 3000;
     for _ in 0..n {
         let mut decades = |range: f64| 10.0_f64.powf(range * (2.0 * rng.random::<f64>() - 1.0));
-        let mut weights = LqrWeights::default();
+        let mut weights = LqrWeights::defaults();
         for index in 0..LqrWeights::FIELDS.len() {
             weights.values_mut(index)[0] *= decades(3.0);
         }

@@ -26,7 +26,7 @@ macro_rules! joined_fields {
             };
 
             fn defaults() -> Self {
-                Self::default()
+                Self { $($part: <$Part as ::ballbot_base::fields::Fields>::defaults(),)+ }
             }
 
             fn slices(&self) -> impl Iterator<Item = &[f64]> {

@@ -296,8 +296,7 @@ impl<T: Task> EnvConfig<T> {
 
     /// The task with the options that follow from the robot where they are unset.
     pub(super) fn fitted_task(&self) -> T {
-        let scale = Scale::of(&self.params);
-        self.task.fitted(|unit| scale.factor(unit))
+        Scale::of(&self.params).fit(&self.task)
     }
 
     /// The same configuration with all options of the task, and with its ground where none is chosen.

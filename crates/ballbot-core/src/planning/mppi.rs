@@ -12,6 +12,7 @@ use ballbot_base::lanes::{EIGHT, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
+use ballbot_models::Scale;
 use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
@@ -78,7 +79,8 @@ impl Mppi {
         limits: &LimitOptions,
     ) -> Result<Self> {
         options.check_limits()?;
-        let weights = LqrWeights::default();
+        params.validate()?;
+        let weights = Scale::of(params).fit(&LqrWeights::default());
         let base = Lqr::with_weights(params, control_dt, &weights, limits)?;
         let limit = format_args!("from control_dt = {control_dt} s to {MAX_DECISIONS} times it");
         let decisions = options.horizon / control_dt;

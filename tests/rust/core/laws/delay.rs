@@ -6,7 +6,7 @@ use ballbot_core::control::{
     riccati,
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
-use ballbot_core::models::LinearModel;
+use ballbot_core::models::{LinearModel, Scale};
 use ballbot_core::{ModelKind, Params, State, Wheels};
 use nalgebra::{DMatrix, DVector, Vector3};
 use std::cell::RefCell;
@@ -56,7 +56,7 @@ fn the_prediction_is_the_regulator_with_the_torques_as_states() {
             a.view_mut((own - 3 + 3 * sample, own + 3 * sample), (3, 3)).fill_with_identity();
         }
         b.view_mut((size - 3, 0), (3, 3)).fill_with_identity();
-        let (cost, r) = LqrWeights::default().matrices();
+        let (cost, r) = Scale::of(&params).fit(&LqrWeights::default()).matrices();
         let mut q = DMatrix::zeros(size, size);
         q.view_mut((0, 0), (10, 10)).copy_from(&cost);
         for integral in 10..own {

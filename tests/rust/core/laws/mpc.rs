@@ -5,7 +5,8 @@ use ballbot_core::control::{
     Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, riccati,
 };
 use ballbot_core::lanes::{EIGHT, Eight};
-use ballbot_core::models::{LinearModel, LoadMap};
+use ballbot_core::models::{LinearModel, LoadMap, Scale};
+use ballbot_core::fields::Fields;
 use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
@@ -44,7 +45,7 @@ fn optimum(params: &Params, options: &MpcOptions, stage: f64, traction: f64, x: 
     let (a, b) = LinearModel::new(params).discretize(stage);
     let a = DMatrix::from_column_slice(10, 10, a.as_slice());
     let b = DMatrix::from_column_slice(10, 3, b.as_slice());
-    let (q, r) = options.weights().matrices();
+    let (q, r) = Scale::of(params).fit(options).weights().matrices();
     let last = riccati::solve(&a, &b, &q, &r).unwrap().cost;
     // Torques that turn the body only about horizontal axes.
     let turning = LinearModel::new(params).b.fixed_view::<3, 3>(7, 0).try_inverse().unwrap();
@@ -168,7 +169,7 @@ fn the_optimum_matches_an_interior_point_method() {
 #[test]
 fn few_iterations_are_as_good_as_many() {
     let params = Params::paper();
-    let (q, r) = MpcOptions::default().weights().matrices();
+    let (q, r) = MpcOptions::defaults().weights().matrices();
     let view = Lqr::new(&params, CONTROL_DT).unwrap();
     let cost = |iterations: f64, degrees: f64| {
         let mut controller = made("mpc", &params, &[("iterations", &[iterations])]);

@@ -2,7 +2,6 @@
 
 use super::{config, run_of};
 use ballbot_core::Params;
-use ballbot_core::batch::TaskConfig;
 use ballbot_core::models::Scale;
 
 /// The paper's robot in another size, of the same materials: lengths times `size`.

@@ -38,7 +38,7 @@ ballbot_base::fields! {
         /// Rate of the heading.
         pub yaw_rate: f64 = 2.0, "rad/s", Limit::from(1e-6).to(1e6);
         /// Wheel torque.
-        pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6);
+        pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6), scaled;
         /// Not a cost: the largest lean that deviations of position and velocity may command.
         pub max_lean: f64 = 0.226_892_802_759_262_85, "rad", Limit::from(1e-6).to(1e6);
         /// Not a cost: the largest speed that a deviation of the position may command.
