@@ -2,17 +2,15 @@
 //!
 //! Calm robots stay within the traction; for wild robots the torques are scaled down, and `mpc` iterates.
 
-use ballbot_core::control::{Controller, LaneWidth, Setpoint, SetpointCells, controller_kinds};
+use ballbot_core::control::{Controller, Setpoint, SetpointCells, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};
-use ballbot_core::{LaneState, Params, State, StateCells, planning};
+use ballbot_core::{Params, State, StateCells, planning};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector2;
 use std::time::Duration;
 
 fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
+    state.into()
 }
 
 /// Robots at rest with tilts around the compass, rad.
@@ -29,7 +27,7 @@ fn calls(criterion: &mut Criterion) {
     planning::register().expect("its name is not taken");
     let params = Params::paper();
     let mut setpoints = SetpointCells::default();
-    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut setpoints, i, &Setpoint::default()));
+    (0..EIGHT).for_each(|i| setpoints.set_lane(i, &(&Setpoint::default()).into()));
     for (kind, tilts) in [("calm", 0.02), ("wild", 0.35)] {
         let states = robots(&params, tilts);
         let mut group = criterion.benchmark_group(format!("controller/{kind}"));

@@ -224,6 +224,15 @@ impl From<&State> for LaneState<f64> {
     }
 }
 
+impl From<&State> for StateCells<f64> {
+    #[inline]
+    fn from(state: &State) -> Self {
+        let mut cells = Self::default();
+        LaneState::from(state).store(&mut cells);
+        cells
+    }
+}
+
 impl From<LaneState<f64>> for State {
     #[inline]
     fn from(state: LaneState<f64>) -> Self {

@@ -4,12 +4,12 @@
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, Under};
 use ballbot_core::control::{
-    Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, SetpointCells,
+    Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint, SetpointCells,
 };
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::task::{ACTION_LEN, Balance};
-use ballbot_core::{LaneState, ModelKind, Params, State, StateCells, attitude};
+use ballbot_core::{ModelKind, Params, State, StateCells, attitude};
 use nalgebra::{Vector2, Vector3};
 
 const SEED: u64 = 40;
@@ -26,13 +26,13 @@ fn config(model: ModelKind, control_dt: f64) -> BalanceConfig {
     }
 }
 
-fn lqr(config: &BalanceConfig) -> Lqr {
+fn lqr(config: &BalanceConfig) -> Sampled<Lqr> {
     // The limit that the batch would set.
     let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
     Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
-fn pid(config: &BalanceConfig) -> Pid {
+fn pid(config: &BalanceConfig) -> Sampled<Pid> {
     Pid::new(&config.params, config.control_dt, &PidGains::default(), TorqueMap::Consistent).unwrap()
 }
 
@@ -188,9 +188,7 @@ fn scattered_states(params: &Params) -> Vec<State> {
 }
 
 fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
+    state.into()
 }
 
 #[test]
@@ -202,7 +200,7 @@ fn controllers_in_lanes_equal_the_scalar_law() {
         let setpoints = setpoints(EIGHT);
         let mut targets = SetpointCells::<Eight>::default();
         for (i, setpoint) in setpoints.iter().enumerate() {
-            Eight::set_setpoint(&mut targets, i, setpoint);
+            targets.set_lane(i, &setpoint.into());
         }
         let mut memory = vec![Eight::default(); controller.memory_len()];
         let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];

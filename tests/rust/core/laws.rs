@@ -13,12 +13,10 @@ mod sliding_mode;
 mod takagi_sugeno;
 
 use crate::support::general::any_general_robot;
-use ballbot_core::control::{
-    Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind, controller_kinds,
-};
+use ballbot_core::control::{Controller, LimitOptions, Setpoint, SetpointCells, controller_kind, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, Wheels, attitude};
+use ballbot_core::{Ballbot, ModelKind, Params, State, StateCells, Wheels, attitude};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -57,9 +55,7 @@ fn uneven() -> Params {
 }
 
 fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
+    state.into()
 }
 
 #[test]
@@ -387,7 +383,7 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
         ..Setpoint::default()
     };
     let mut targets = SetpointCells::<Eight>::default();
-    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut targets, i, &setpoint(i)));
+    (0..EIGHT).for_each(|i| targets.set_lane(i, &(&setpoint(i)).into()));
     let mut memory = vec![Eight::default(); controller.memory_len()];
     let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
     for eight in scattered_states(&params).chunks_exact(EIGHT) {

@@ -80,8 +80,7 @@ impl<T, const N: usize, const M: usize> AsCells<T> for [[T; N]; M] {
     }
 }
 
-/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot of
-/// eight.
+/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot.
 #[macro_export]
 macro_rules! cells {
     ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
@@ -90,17 +89,17 @@ macro_rules! cells {
             $($(#[$doc])* pub $field: $type,)*
         }
 
-        impl $name<$crate::lanes::Eight> {
+        impl<T: $crate::lanes::Cell> $name<T> {
             /// The numbers of one robot.
             #[inline]
             pub fn lane(&self, index: usize) -> $name<f64> {
-                use $crate::lanes::{AsCells, Eight};
+                use $crate::lanes::AsCells;
                 let mut out = $name::<f64>::default();
                 $(
-                    let eights = AsCells::<Eight>::as_cells(&self.$field);
+                    let all = AsCells::<T>::as_cells(&self.$field);
                     let cells = AsCells::<f64>::as_cells_mut(&mut out.$field);
-                    for (cell, eight) in cells.iter_mut().zip(eights) {
-                        *cell = eight.0[index];
+                    for (cell, all) in cells.iter_mut().zip(all) {
+                        *cell = all.get(index);
                     }
                 )*
                 out
@@ -109,12 +108,12 @@ macro_rules! cells {
             /// Replaces the numbers of one robot.
             #[inline]
             pub fn set_lane(&mut self, index: usize, one: &$name<f64>) {
-                use $crate::lanes::{AsCells, Eight};
+                use $crate::lanes::AsCells;
                 $(
-                    let eights = AsCells::<Eight>::as_cells_mut(&mut self.$field);
+                    let all = AsCells::<T>::as_cells_mut(&mut self.$field);
                     let cells = AsCells::<f64>::as_cells(&one.$field);
-                    for (eight, cell) in eights.iter_mut().zip(cells) {
-                        eight.0[index] = *cell;
+                    for (all, cell) in all.iter_mut().zip(cells) {
+                        all.set(index, *cell);
                     }
                 )*
             }

@@ -2,7 +2,9 @@
 
 use super::lqi::offset;
 use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, robot, run, stands};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Setpoint, SetpointCells};
+use ballbot_core::control::{
+    Controller, LimitOptions, Lqr, LqrOptions, NamedLaw, ObserverOptions, Setpoint, SetpointCells,
+};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, attitude};
 use nalgebra::{SVector, Vector2, Vector3};
@@ -44,8 +46,8 @@ fn the_estimate_converges_at_its_rate() {
     let resting = Vector3::from_column_slice(wheels.as_slice()) * 0.02;
     let resting_acceleration = (LinearModel::new(&params).b * resting)[8];
     for rate in [0.3, 1.0, 4.0] {
-        let lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &limits).unwrap();
-        let lqr = lqr.with_lean_observer(&params, rate).unwrap();
+        let options = LqrOptions { observer: ObserverOptions { lean_observer: rate }, ..LqrOptions::default() };
+        let lqr = Lqr::with_options(&params, CONTROL_DT, &options, &limits).unwrap();
         let mut memory = vec![0.0; lqr.memory_len()];
         let mut x = SVector::<f64, 10>::from_fn(|i, _| if i == 5 { 0.1 } else { 0.0 });
         for k in 0..200 {

@@ -2,7 +2,7 @@
 
 use super::{CONTROL_DT, gain_of, law, made, position, robot, run};
 use ballbot_core::control::{
-    Controller, IntegralWeights, LimitOptions, Lqi, LqiWeights, Lqr, NamedLaw, Setpoint, controller_kind,
+    Controller, IntegralWeights, LimitOptions, Lqi, LqiOptions, Lqr, NamedLaw, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
 use ballbot_core::{ModelKind, Params, State};
@@ -58,8 +58,8 @@ fn without_its_weight_the_gains_are_those_of_the_regulator() {
     let params = Params::paper();
     let plain = Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain.clone();
     let off = |integral: f64| {
-        let weights = LqiWeights { integral: IntegralWeights { integral, ..Default::default() }, ..Default::default() };
-        let lqi = Lqi::with_weights(&params, CONTROL_DT, &weights, &LimitOptions::TRACTION).unwrap();
+        let options = LqiOptions { integral: IntegralWeights { integral, ..Default::default() }, ..Default::default() };
+        let lqi = Lqi::with_options(&params, CONTROL_DT, &options, &LimitOptions::TRACTION).unwrap();
         let gain = &lqi.regulator().gain;
         assert!(gain.columns(10, 2).amax() < 2.0 / integral);
         (gain.columns(0, 10) - &plain).amax() / plain.amax()
@@ -82,10 +82,10 @@ fn torques_are_those_of_the_gains() {
 #[test]
 fn gains_are_those_of_an_independent_solution() {
     let params = Params::paper();
-    let lqi = Lqi::with_weights(
+    let lqi = Lqi::with_options(
         &params,
         CONTROL_DT,
-        &LqiWeights { integral: IntegralWeights { integral: 0.15, ..Default::default() }, ..Default::default() },
+        &LqiOptions { integral: IntegralWeights { integral: 0.15, ..Default::default() }, ..Default::default() },
         &LimitOptions::TRACTION,
     );
     let gain = lqi.unwrap().regulator().gain.clone();
@@ -131,10 +131,10 @@ fn options_are_those_of_the_regulator_and_of_the_integral() {
     let further = ["delay", "lean_observer"];
     let weights: Vec<_> = names("lqr").into_iter().filter(|name| !further.contains(name)).collect();
     assert_eq!(names("lqi"), [weights, vec!["integral", "max_integral_lean", "delay"]].concat());
-    let mut weights = LqiWeights::default();
-    weights.set("yaw", &[0.3]).unwrap();
-    weights.set("max_integral_lean", &[0.01]).unwrap();
-    assert_eq!((weights.lqr.yaw, weights.integral.max_integral_lean), (0.3, 0.01));
-    weights.integral.integral = 0.0;
-    assert!(weights.check_limits().unwrap_err().to_string().contains("integral = 0 is out of range"));
+    let mut options = LqiOptions::default();
+    options.set("yaw", &[0.3]).unwrap();
+    options.set("max_integral_lean", &[0.01]).unwrap();
+    assert_eq!((options.weights.yaw, options.integral.max_integral_lean), (0.3, 0.01));
+    options.integral.integral = 0.0;
+    assert!(options.check_limits().unwrap_err().to_string().contains("integral = 0 is out of range"));
 }

@@ -73,11 +73,10 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let load = Omniwheels::new(&params).torques_on_body(&Vector3::new(0.01, 0.02, 0.0), TorqueMap::Consistent);
     let mut robot = robot(&params, ModelKind::Spatial, &State::upright(&params));
     let mut law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
-    let mut cells = StateCells::default();
     let mut kept = [0.0; 2];
     let mut before = kept;
     for _ in 0..3000 {
-        ballbot_core::LaneState::from(&robot.state()).store(&mut cells);
+        let cells = StateCells::from(&robot.state());
         before = kept;
         let torques = law.torques_one(&cells, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
         let loaded: [f64; 3] = std::array::from_fn(|i| torques[i] - load[i]);

@@ -348,9 +348,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
                 Some(setpoint) => *setpoint,
                 None => self.setpoint(i),
             };
-            R::Cell::set_setpoint(&mut targets, i, &setpoint);
+            targets.set_lane(i, &(&setpoint).into());
         }
-        let torques = R::Cell::torques(controller, &states, &targets, self.action_torque, &mut self.control.cells);
+        let torques = (R::Cell::TORQUES)(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
             for (value, torque) in action.iter_mut().zip(&torques) {
                 *value = (torque.get(i) / self.action_torque) as f32;
