@@ -18,14 +18,14 @@ use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The robot that a law is designed for, all checked.
+/// A robot that a law is designed for: its parameters, sampling time and limits are valid.
 #[derive(Clone, Copy, Debug)]
 pub struct Plant<'a> {
-    /// Its parameters.
+    /// Parameters of the robot.
     pub params: &'a Params,
     /// Time between two samples, s.
     pub control_dt: f64,
-    /// Limits of its torques.
+    /// Limits of the torques.
     pub limits: &'a TorqueLimits,
 }
 
