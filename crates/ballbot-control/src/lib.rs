@@ -21,10 +21,10 @@ pub use registry::{
 };
 
 pub use ballbot_base::constants::{Constant, Constants};
-pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
+pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint};
 
 use ballbot_base::error::{Result, check};
-use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -203,8 +203,8 @@ pub trait Controller: Send + Sync {
     /// (N·m).
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64>;
@@ -212,8 +212,8 @@ pub trait Controller: Send + Sync {
     /// [`Controller::torques_one`] for eight robots.
     fn torques_eight(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight>;
@@ -245,18 +245,16 @@ impl<T: Law> Controller for T {
     }
 
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.sampling_mut().memory);
-        let torques = self.torques_one(&cells, &setpoint.into(), f64::INFINITY, &mut memory);
+        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
         self.sampling_mut().memory = memory;
         torques
     }
 
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
@@ -264,15 +262,15 @@ impl<T: Law> Controller for T {
             #[inline(always)]
             || {
                 let mut memory = Memory::<f64>::new(Scalar, memory);
-                self.torques(&state.load(Scalar), &setpoint.load(Scalar), largest, &mut memory)
+                self.torques(state, setpoint, largest, &mut memory)
             },
         )
     }
 
     fn torques_eight(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {
@@ -284,8 +282,8 @@ impl<T: Law> Controller for T {
 
 struct Torques<'a, T> {
     law: &'a T,
-    states: &'a StateCells<Eight>,
-    setpoints: &'a SetpointCells<Eight>,
+    states: &'a LaneState<Eight>,
+    setpoints: &'a LaneSetpoint<Eight>,
     largest: f64,
     memory: &'a mut [Eight],
     torques: &'a mut Wheels<Eight>,
@@ -315,28 +313,28 @@ pub trait LaneWidth: Sized {
     /// Torques of the robots in these cells, none applied above `largest` (N·m).
     fn torques(
         controller: &dyn Controller,
-        states: &StateCells<Self>,
-        setpoints: &SetpointCells<Self>,
+        states: &LaneState<Self>,
+        setpoints: &LaneSetpoint<Self>,
         largest: f64,
         memory: &mut [Self],
     ) -> Wheels<Self>;
 
     /// Replaces the setpoint of one robot.
-    fn set_setpoint(setpoints: &mut SetpointCells<Self>, index: usize, one: &Setpoint);
+    fn set_setpoint(setpoints: &mut LaneSetpoint<Self>, index: usize, one: &Setpoint);
 }
 
 impl LaneWidth for f64 {
     fn torques(
         controller: &dyn Controller,
-        states: &StateCells<f64>,
-        setpoints: &SetpointCells<f64>,
+        states: &LaneState<f64>,
+        setpoints: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
         controller.torques_one(states, setpoints, largest, memory)
     }
 
-    fn set_setpoint(setpoints: &mut SetpointCells<f64>, _: usize, one: &Setpoint) {
+    fn set_setpoint(setpoints: &mut LaneSetpoint<f64>, _: usize, one: &Setpoint) {
         *setpoints = one.into();
     }
 }
@@ -344,15 +342,15 @@ impl LaneWidth for f64 {
 impl LaneWidth for Eight {
     fn torques(
         controller: &dyn Controller,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {
         controller.torques_eight(states, setpoints, largest, memory)
     }
 
-    fn set_setpoint(setpoints: &mut SetpointCells<Eight>, index: usize, one: &Setpoint) {
+    fn set_setpoint(setpoints: &mut LaneSetpoint<Eight>, index: usize, one: &Setpoint) {
         setpoints.set_lane(index, &one.into());
     }
 }

@@ -8,13 +8,13 @@ use crate::parts::outer::Outer;
 use crate::parts::riccati::{self, Regulator};
 use crate::parts::tracking::{Deviation, Tracking};
 use crate::{
-    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
-    TorqueLimits, check_control_dt,
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, Setpoint, TorqueLimits,
+    check_control_dt,
 };
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Lane, Memory, Scalar};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
@@ -215,9 +215,7 @@ impl Lqr {
 
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
-        SVector::from(self.tracking.deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)).x)
+        SVector::from(self.tracking.deviation(&state.into(), &setpoint.into()).x)
     }
 }
 

@@ -2,13 +2,13 @@
 
 use super::rollouts::{Objective, Rollouts};
 use crate::control::{
-    Constants, Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint, SetpointCells,
+    Constants, Controller, LaneSetpoint, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint,
     TorqueLimits, default_max_torque,
 };
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{EIGHT, Eight, Scalar, run_one};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{EIGHT, Eight, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
@@ -182,27 +182,24 @@ impl Controller for Mppi {
     }
 
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.memory);
-        let torques = self.torques_one(&cells, &setpoint.into(), f64::INFINITY, &mut memory);
+        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
         self.memory = memory;
         torques
     }
 
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
         let base = self.base.torques_one(state, setpoint, largest, &mut []);
-        let lane: LaneState<f64> = state.load(Scalar);
         // Diverged samples are not simulated further.
         if !run_one(
             #[inline(always)]
-            || lane.within_bounds(),
+            || state.within_bounds(),
         ) || base.iter().any(|torque| !torque.is_finite())
         {
             return base;
@@ -212,19 +209,19 @@ impl Controller for Mppi {
         plan.rotate_left(WHEELS);
         let end = plan.len() - WHEELS;
         plan[end..].fill(0.0);
-        self.improve(&State::from(state.load(Scalar)), &Setpoint::from(setpoint), largest, *call, plan);
+        self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
         let wanted = Wheels::from_fn(|i| base[i] + plan[i]);
         run_one(
             #[inline(always)]
-            || self.limits.apply(wanted, &state.load(Scalar), largest).torques,
+            || self.limits.apply(wanted, state, largest).torques,
         )
     }
 
     fn torques_eight(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {

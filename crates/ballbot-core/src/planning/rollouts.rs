@@ -1,9 +1,9 @@
 //! Sampled motions of one robot in the contact model, eight side by side.
 
 use crate::actuator::Ideal;
-use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells, TorqueLimits};
+use crate::control::{Controller, LaneSetpoint, Lqr, TorqueLimits};
 use crate::models::linear::STATES;
-use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
+use ballbot_base::lane_state::{ConditionCells, LaneState};
 use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Registers, Scalar, Wide, run_eight};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -36,7 +36,7 @@ pub(super) struct Noise {
 /// Workspace for the samples of one call.
 pub(super) struct Rollouts {
     /// Setpoints at each decision and at the end.
-    pub(super) setpoints: Vec<SetpointCells<Eight>>,
+    pub(super) setpoints: Vec<LaneSetpoint<Eight>>,
     robots: ContactLanes,
     /// Time steps of the simulation from one decision to the next.
     substeps: usize,
@@ -57,7 +57,7 @@ impl Rollouts {
     pub(super) fn new(params: &Params, control_dt: f64, step: f64, groups: usize, decisions: usize) -> Self {
         let substeps = (control_dt / step - 1e-9).ceil().max(1.0) as usize;
         Self {
-            setpoints: vec![SetpointCells::default(); decisions + 1],
+            setpoints: vec![LaneSetpoint::default(); decisions + 1],
             robots: ContactLanes::new(&Arc::new(params.clone()), control_dt / substeps as f64),
             substeps,
             groups,
@@ -85,7 +85,7 @@ impl Rollouts {
         let decisions = setpoints.len();
         for group in 0..*groups {
             (0..EIGHT).for_each(|i| robots.set_lane(i, &start));
-            let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
+            let (mut states, mut conditions) = (LaneState::default(), ConditionCells::default());
             let mut cost = Eight::default();
             let mut last = Wheels::default();
             for (decision, setpoint) in setpoints.iter().enumerate() {
@@ -157,8 +157,8 @@ struct Decide<'a> {
     plan: &'a [f64],
     group: usize,
     decision: usize,
-    states: &'a StateCells<Eight>,
-    setpoint: &'a SetpointCells<Eight>,
+    states: &'a LaneState<Eight>,
+    setpoint: &'a LaneSetpoint<Eight>,
     /// Noise of the previous decision, then of this decision.
     last: &'a mut Wheels<Eight>,
     torques: &'a mut Wheels<Eight>,
@@ -257,8 +257,8 @@ impl Kernel for Decide<'_> {
 struct End<'a> {
     base: &'a Lqr,
     objective: &'a Objective,
-    states: &'a StateCells<Eight>,
-    setpoint: &'a SetpointCells<Eight>,
+    states: &'a LaneState<Eight>,
+    setpoint: &'a LaneSetpoint<Eight>,
     cost: &'a mut Eight,
 }
 

@@ -5,7 +5,7 @@ use ballbot_core::control::{
     Controller, IntegralWeights, LimitOptions, Lqi, LqiWeights, Lqr, NamedLaw, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{LaneState, ModelKind, Params, State};
 use nalgebra::Vector2;
 
 /// Where a robot comes to rest under a controller of the nominal robot, m.
@@ -110,7 +110,7 @@ fn the_integral_is_cut_and_held() {
         let mut kept = [0.0; 2];
         let target = Setpoint { position: Vector2::new(0.0, target), ..Setpoint::default() };
         (0..calls).for_each(|_| {
-            lqi.torques_one(&super::cells(&state), &(&target).into(), f64::INFINITY, &mut kept);
+            lqi.torques_one(&LaneState::from(&state), &(&target).into(), f64::INFINITY, &mut kept);
         });
         kept[1]
     };

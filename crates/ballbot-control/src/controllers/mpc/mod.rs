@@ -11,12 +11,12 @@ use crate::parts::outer::Outer;
 use crate::parts::riccati;
 use crate::parts::tracking::{Deviation, Tracking};
 use crate::{
-    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
-    TorqueLimits, check_control_dt,
+    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, Setpoint, TorqueLimits,
+    check_control_dt,
 };
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Lane, Memory, Scalar};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -151,17 +151,9 @@ impl Mpc {
 
     /// The desired wheel torques of a robot without history, before the limits, N·m.
     pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
         let mut plan = vec![0.0; self.kept()];
         let mut memory = Memory::<f64>::new(Scalar, &mut plan);
-        self.torques_wanted(
-            &cells.load(Scalar),
-            &SetpointCells::from(setpoint).load(Scalar),
-            f64::INFINITY,
-            &mut memory,
-        )
-        .0
+        self.torques_wanted(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory).0
     }
 
     #[inline(always)]
