@@ -2,25 +2,19 @@
 //!
 //! Calm robots stay within the traction; for wild robots the torques are scaled down, and `mpc` iterates.
 
-use ballbot_core::control::{Controller, LaneWidth, Setpoint, SetpointCells, controller_kinds};
+use ballbot_core::control::{Controller, LaneSetpoint, Setpoint, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};
-use ballbot_core::{LaneState, Params, State, StateCells, planning};
+use ballbot_core::{LaneState, Params, State, planning};
 use criterion::{BenchmarkId, Criterion, Throughput, criterion_group, criterion_main};
 use nalgebra::Vector2;
 use std::time::Duration;
 
-fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
-}
-
 /// Robots at rest with tilts around the compass, rad.
-fn robots(params: &Params, tilt: f64) -> StateCells<Eight> {
-    let mut all = StateCells::default();
+fn robots(params: &Params, tilt: f64) -> LaneState<Eight> {
+    let mut all = LaneState::default();
     for i in 0..EIGHT {
         let angle = 0.7 * i as f64;
-        all.set_lane(i, &cells(&State::tilted(params, Vector2::new(angle.cos(), angle.sin()) * tilt, 0.1)));
+        all.set_lane(i, &LaneState::from(&State::tilted(params, Vector2::new(angle.cos(), angle.sin()) * tilt, 0.1)));
     }
     all
 }
@@ -28,8 +22,8 @@ fn robots(params: &Params, tilt: f64) -> StateCells<Eight> {
 fn calls(criterion: &mut Criterion) {
     planning::register().expect("its name is not taken");
     let params = Params::paper();
-    let mut setpoints = SetpointCells::default();
-    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut setpoints, i, &Setpoint::default()));
+    let mut setpoints = LaneSetpoint::default();
+    (0..EIGHT).for_each(|i| setpoints.set_lane(i, &(&Setpoint::default()).into()));
     for (kind, tilts) in [("calm", 0.02), ("wild", 0.35)] {
         let states = robots(&params, tilts);
         let mut group = criterion.benchmark_group(format!("controller/{kind}"));

@@ -1,33 +1,35 @@
 //! [`State`] of one robot or of eight, for computations over lanes.
 
-use crate::lanes::{Lane, Quat, Vec3, cells, run_one};
+use crate::lanes::{Lane, Quat, Vec3, lane_struct, run_one};
 use crate::state::State;
 use crate::wheels::Wheels;
 use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
-/// The fields of [`State`].
-#[derive(Clone, Copy)]
-pub struct LaneState<L> {
-    /// Ball center, inertial frame, m.
-    pub ball_position: Vec3<L>,
-    /// Attitude of the ball.
-    pub ball_quaternion: Quat<L>,
-    /// Velocity of the ball center, inertial frame, m/s.
-    pub ball_velocity: Vec3<L>,
-    /// Angular velocity of the ball, inertial frame, rad/s.
-    pub ball_angular_velocity: Vec3<L>,
-    /// Origin of the body frame, inertial frame, m.
-    pub body_position: Vec3<L>,
-    /// Attitude of the body.
-    pub body_quaternion: Quat<L>,
-    /// Velocity of the body frame's origin, inertial frame, m/s.
-    pub body_velocity: Vec3<L>,
-    /// Angular velocity of the body, body frame, rad/s.
-    pub body_angular_velocity: Vec3<L>,
-    /// Rotation of each wheel relative to the body, rad.
-    pub wheel_angles: Wheels<L>,
-    /// Encoder rates of the wheels, rad/s.
-    pub wheel_speeds: Wheels<L>,
+lane_struct! {
+    /// The fields of [`State`], in registers or in memory.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct LaneState<T> {
+        /// Ball center, inertial frame, m.
+        pub ball_position: Vec3<T>,
+        /// Attitude of the ball.
+        pub ball_quaternion: Quat<T>,
+        /// Velocity of the ball center, inertial frame, m/s.
+        pub ball_velocity: Vec3<T>,
+        /// Angular velocity of the ball, inertial frame, rad/s.
+        pub ball_angular_velocity: Vec3<T>,
+        /// Origin of the body frame, inertial frame, m.
+        pub body_position: Vec3<T>,
+        /// Attitude of the body.
+        pub body_quaternion: Quat<T>,
+        /// Velocity of the body frame's origin, inertial frame, m/s.
+        pub body_velocity: Vec3<T>,
+        /// Angular velocity of the body, body frame, rad/s.
+        pub body_angular_velocity: Vec3<T>,
+        /// Rotation of each wheel relative to the body, rad.
+        pub wheel_angles: Wheels<T>,
+        /// Encoder rates of the wheels, rad/s.
+        pub wheel_speeds: Wheels<T>,
+    }
 }
 
 /// A robot, or eight, after a step, as input of tasks and controllers.
@@ -40,37 +42,10 @@ pub struct LaneRobot<L: Lane> {
     pub on_floor: L::Mask,
 }
 
-cells! {
-    /// [`LaneState`] in memory.
-    #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct StateCells {
-        /// As in [`LaneState`].
-        pub ball_position: [T; 3],
-        /// As in [`LaneState`].
-        pub ball_quaternion: [T; 4],
-        /// As in [`LaneState`].
-        pub ball_velocity: [T; 3],
-        /// As in [`LaneState`].
-        pub ball_angular_velocity: [T; 3],
-        /// As in [`LaneState`].
-        pub body_position: [T; 3],
-        /// As in [`LaneState`].
-        pub body_quaternion: [T; 4],
-        /// As in [`LaneState`].
-        pub body_velocity: [T; 3],
-        /// As in [`LaneState`].
-        pub body_angular_velocity: [T; 3],
-        /// As in [`LaneState`].
-        pub wheel_angles: Wheels<T>,
-        /// As in [`LaneState`].
-        pub wheel_speeds: Wheels<T>,
-    }
-}
-
-cells! {
+lane_struct! {
     /// Fields of [`LaneRobot`] except its state, in memory: 1 for true, 0 for false.
-    #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct ConditionCells {
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct ConditionCells<T> {
         /// As in [`LaneRobot`].
         pub healthy: T,
         /// As in [`LaneRobot`].
@@ -81,7 +56,7 @@ cells! {
 impl<L: Lane> LaneRobot<L> {
     /// Reads the output of [`LaneRobot::store`].
     #[inline(always)]
-    pub fn load(token: L::Token, state: &StateCells<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
+    pub fn load(token: L::Token, state: &LaneState<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
         let (healthy, on_floor) = (L::load(token, &conditions.healthy), L::load(token, &conditions.on_floor));
         let zero = healthy.zero();
         Self { state: state.load(token), healthy: zero.lt(healthy), on_floor: zero.lt(on_floor) }
@@ -89,48 +64,12 @@ impl<L: Lane> LaneRobot<L> {
 
     /// Writes state and conditions.
     #[inline(always)]
-    pub fn store(&self, state: &mut StateCells<L::Cell>, conditions: &mut ConditionCells<L::Cell>) {
-        self.state.store(state);
+    pub fn store(&self, state: &mut LaneState<L::Cell>, conditions: &mut ConditionCells<L::Cell>) {
+        state.store(&self.state);
         let zero = self.state.ball_position.x.zero();
         let one = zero.splat(1.0);
         L::select(self.healthy, one, zero).store(&mut conditions.healthy);
         L::select(self.on_floor, one, zero).store(&mut conditions.on_floor);
-    }
-}
-
-impl<T> StateCells<T> {
-    /// Reads the state.
-    #[inline(always)]
-    pub fn load<L: Lane<Cell = T>>(&self, token: L::Token) -> LaneState<L> {
-        LaneState {
-            ball_position: Vec3::load(token, &self.ball_position),
-            ball_quaternion: Quat::load(token, &self.ball_quaternion),
-            ball_velocity: Vec3::load(token, &self.ball_velocity),
-            ball_angular_velocity: Vec3::load(token, &self.ball_angular_velocity),
-            body_position: Vec3::load(token, &self.body_position),
-            body_quaternion: Quat::load(token, &self.body_quaternion),
-            body_velocity: Vec3::load(token, &self.body_velocity),
-            body_angular_velocity: Vec3::load(token, &self.body_angular_velocity),
-            wheel_angles: Wheels::load(token, &self.wheel_angles),
-            wheel_speeds: Wheels::load(token, &self.wheel_speeds),
-        }
-    }
-}
-
-impl<L: Lane> LaneState<L> {
-    /// Writes the state.
-    #[inline(always)]
-    pub fn store(&self, cells: &mut StateCells<L::Cell>) {
-        self.ball_position.store(&mut cells.ball_position);
-        self.ball_quaternion.store(&mut cells.ball_quaternion);
-        self.ball_velocity.store(&mut cells.ball_velocity);
-        self.ball_angular_velocity.store(&mut cells.ball_angular_velocity);
-        self.body_position.store(&mut cells.body_position);
-        self.body_quaternion.store(&mut cells.body_quaternion);
-        self.body_velocity.store(&mut cells.body_velocity);
-        self.body_angular_velocity.store(&mut cells.body_angular_velocity);
-        self.wheel_angles.store(&mut cells.wheel_angles);
-        self.wheel_speeds.store(&mut cells.wheel_speeds);
     }
 }
 

@@ -32,7 +32,7 @@ pub mod wheels;
 pub use energy::mechanical_energy;
 pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};
 pub use interrupt::stoppable;
-pub use lane_state::{LaneRobot, LaneState, StateCells};
+pub use lane_state::{LaneRobot, LaneState};
 pub use memory::{require_memory, try_reserve, try_zeros};
 pub use model::Model;
 pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};

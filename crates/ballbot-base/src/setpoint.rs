@@ -1,7 +1,7 @@
 //! The goal of a controller.
 
 use crate::error::{Result, check};
-use crate::lanes::{Lane, cells};
+use crate::lanes::lane_struct;
 use nalgebra::Vector2;
 use std::slice;
 
@@ -48,49 +48,79 @@ impl Setpoint {
         }
         Ok(())
     }
+}
 
-    /// A part by its name, of [`SETPOINT_PARTS`]; empty for any other name.
-    pub fn part(&self, name: &str) -> &[f64] {
-        match name {
-            "position" => self.position.as_slice(),
-            "velocity" => self.velocity.as_slice(),
-            "acceleration" => self.acceleration.as_slice(),
-            "jerk" => self.jerk.as_slice(),
-            "snap" => self.snap.as_slice(),
-            "yaw" => slice::from_ref(&self.yaw),
-            "yaw_rate" => slice::from_ref(&self.yaw_rate),
-            "tilt" => self.tilt.as_slice(),
-            _ => &[],
+/// What follows from the names of the parts.
+macro_rules! parts {
+    ($count:literal: $($part:ident)*) => {
+        /// Names of the parts of a [`Setpoint`].
+        pub const SETPOINT_PARTS: [&str; $count] = [$(stringify!($part)),*];
+
+        impl Setpoint {
+            /// A part by its name, of [`SETPOINT_PARTS`]; empty for any other name.
+            pub fn part(&self, name: &str) -> &[f64] {
+                match name {
+                    $(stringify!($part) => self.$part.numbers(),)*
+                    _ => &[],
+                }
+            }
+
+            /// Mutable [`Setpoint::part`].
+            pub fn part_mut(&mut self, name: &str) -> &mut [f64] {
+                match name {
+                    $(stringify!($part) => self.$part.numbers_mut(),)*
+                    _ => &mut [],
+                }
+            }
         }
+
+        impl From<&Setpoint> for LaneSetpoint<f64> {
+            fn from(setpoint: &Setpoint) -> Self {
+                Self { $($part: setpoint.$part.into()),* }
+            }
+        }
+
+        impl From<&LaneSetpoint<f64>> for Setpoint {
+            fn from(setpoint: &LaneSetpoint<f64>) -> Self {
+                Self { $($part: setpoint.$part.into()),* }
+            }
+        }
+    };
+}
+
+parts!(8: position velocity acceleration jerk snap yaw yaw_rate tilt);
+
+/// Numbers of a part.
+trait Part {
+    fn numbers(&self) -> &[f64];
+    fn numbers_mut(&mut self) -> &mut [f64];
+}
+
+impl Part for f64 {
+    fn numbers(&self) -> &[f64] {
+        slice::from_ref(self)
     }
-
-    /// Mutable [`Setpoint::part`].
-    pub fn part_mut(&mut self, name: &str) -> &mut [f64] {
-        match name {
-            "position" => self.position.as_mut_slice(),
-            "velocity" => self.velocity.as_mut_slice(),
-            "acceleration" => self.acceleration.as_mut_slice(),
-            "jerk" => self.jerk.as_mut_slice(),
-            "snap" => self.snap.as_mut_slice(),
-            "yaw" => slice::from_mut(&mut self.yaw),
-            "yaw_rate" => slice::from_mut(&mut self.yaw_rate),
-            "tilt" => self.tilt.as_mut_slice(),
-            _ => &mut [],
-        }
+    fn numbers_mut(&mut self) -> &mut [f64] {
+        slice::from_mut(self)
     }
 }
 
-/// Names of the parts of a [`Setpoint`].
-pub const SETPOINT_PARTS: [&str; 8] =
-    ["position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt"];
+impl Part for Vector2<f64> {
+    fn numbers(&self) -> &[f64] {
+        self.as_slice()
+    }
+    fn numbers_mut(&mut self) -> &mut [f64] {
+        self.as_mut_slice()
+    }
+}
 
 /// The setpoint parts followed by a controller that holds a position.
 pub const MOTION_PARTS: &[&str] = &["position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate"];
 
-cells! {
-    /// [`Setpoint`] in memory.
-    #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct SetpointCells {
+lane_struct! {
+    /// [`Setpoint`] of one robot or of eight, in registers or in memory.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct LaneSetpoint<T> {
         /// As in [`Setpoint`].
         pub position: [T; 2],
         /// As in [`Setpoint`].
@@ -107,77 +137,5 @@ cells! {
         pub yaw_rate: T,
         /// As in [`Setpoint`].
         pub tilt: [T; 2],
-    }
-}
-
-/// [`Setpoint`] of one robot or of eight.
-pub struct LaneSetpoint<L> {
-    /// As in [`Setpoint`].
-    pub position: [L; 2],
-    /// As in [`Setpoint`].
-    pub velocity: [L; 2],
-    /// As in [`Setpoint`].
-    pub acceleration: [L; 2],
-    /// As in [`Setpoint`].
-    pub jerk: [L; 2],
-    /// As in [`Setpoint`].
-    pub snap: [L; 2],
-    /// As in [`Setpoint`].
-    pub yaw: L,
-    /// As in [`Setpoint`].
-    pub yaw_rate: L,
-    /// As in [`Setpoint`].
-    pub tilt: [L; 2],
-}
-
-impl<T> SetpointCells<T> {
-    /// Reads the setpoint.
-    #[inline(always)]
-    pub fn load<L: Lane<Cell = T>>(&self, token: L::Token) -> LaneSetpoint<L> {
-        LaneSetpoint {
-            position: load2(token, &self.position),
-            velocity: load2(token, &self.velocity),
-            acceleration: load2(token, &self.acceleration),
-            jerk: load2(token, &self.jerk),
-            snap: load2(token, &self.snap),
-            yaw: L::load(token, &self.yaw),
-            yaw_rate: L::load(token, &self.yaw_rate),
-            tilt: load2(token, &self.tilt),
-        }
-    }
-}
-
-#[inline(always)]
-fn load2<L: Lane>(token: L::Token, [x, y]: &[L::Cell; 2]) -> [L; 2] {
-    [L::load(token, x), L::load(token, y)]
-}
-
-impl From<&Setpoint> for SetpointCells<f64> {
-    fn from(setpoint: &Setpoint) -> Self {
-        Self {
-            position: setpoint.position.into(),
-            velocity: setpoint.velocity.into(),
-            acceleration: setpoint.acceleration.into(),
-            jerk: setpoint.jerk.into(),
-            snap: setpoint.snap.into(),
-            yaw: setpoint.yaw,
-            yaw_rate: setpoint.yaw_rate,
-            tilt: setpoint.tilt.into(),
-        }
-    }
-}
-
-impl From<&SetpointCells<f64>> for Setpoint {
-    fn from(cells: &SetpointCells<f64>) -> Self {
-        Self {
-            position: cells.position.into(),
-            velocity: cells.velocity.into(),
-            acceleration: cells.acceleration.into(),
-            jerk: cells.jerk.into(),
-            snap: cells.snap.into(),
-            yaw: cells.yaw,
-            yaw_rate: cells.yaw_rate,
-            tilt: cells.tilt.into(),
-        }
     }
 }

@@ -5,6 +5,7 @@
 
 use crate::error::{Result, bounded, check, finite};
 use crate::kinematics::Omniwheels;
+use crate::lane_state::LaneState;
 use crate::params::Params;
 use crate::wheels::Wheels;
 use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3};
@@ -36,7 +37,7 @@ pub struct State {
 
 impl State {
     /// Length of [`State::to_array`].
-    pub const LEN: usize = 32;
+    pub const LEN: usize = LaneState::<f64>::LEN;
 
     /// State at rest, upright, with the ball on the floor at the origin.
     pub fn upright(params: &Params) -> Self {
@@ -148,45 +149,18 @@ impl State {
 
     /// All values in the order of the fields.
     pub fn to_array(&self) -> [f64; Self::LEN] {
-        let mut out = [0.0; Self::LEN];
-        let ball_quaternion = wxyz(&self.ball_quaternion);
-        let body_quaternion = wxyz(&self.body_quaternion);
-        let parts: [&[f64]; 10] = [
-            self.ball_position.as_slice(),
-            &ball_quaternion,
-            self.ball_velocity.as_slice(),
-            self.ball_angular_velocity.as_slice(),
-            self.body_position.as_slice(),
-            &body_quaternion,
-            self.body_velocity.as_slice(),
-            self.body_angular_velocity.as_slice(),
-            self.wheel_angles.as_slice(),
-            self.wheel_speeds.as_slice(),
-        ];
-        let mut at = 0;
-        for part in parts {
-            out[at..at + part.len()].copy_from_slice(part);
-            at += part.len();
-        }
+        let (mut out, mut at) = ([0.0; Self::LEN], 0);
+        LaneState::from(self).map(|number| {
+            out[at] = *number;
+            at += 1;
+        });
         out
     }
 
     /// The inverse of [`State::to_array`]; the quaternions must have unit length.
     pub fn from_array(a: &[f64; Self::LEN]) -> Self {
-        let vector = |i: usize| Vector3::new(a[i], a[i + 1], a[i + 2]);
-        let quaternion = |i: usize| UnitQuaternion::new_unchecked(Quaternion::new(a[i], a[i + 1], a[i + 2], a[i + 3]));
-        Self {
-            ball_position: vector(0),
-            ball_quaternion: quaternion(3),
-            ball_velocity: vector(7),
-            ball_angular_velocity: vector(10),
-            body_position: vector(13),
-            body_quaternion: quaternion(16),
-            body_velocity: vector(20),
-            body_angular_velocity: vector(23),
-            wheel_angles: Wheels([a[26], a[27], a[28]]),
-            wheel_speeds: Wheels([a[29], a[30], a[31]]),
-        }
+        let mut numbers = a.iter().copied();
+        LaneState::from_fn(|| numbers.next().unwrap_or_default()).into()
     }
 
     /// Checks that all numbers are finite and within ±1e9, and that both quaternions have unit length.

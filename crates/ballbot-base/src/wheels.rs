@@ -1,6 +1,6 @@
 //! Quantities with one value per wheel, which are not vectors (x, y, z), although both have three numbers.
 
-use crate::lanes::{AsCells, Lane};
+use crate::lanes::Lane;
 use nalgebra::Vector3;
 use serde::{Deserialize, Serialize};
 use std::array;
@@ -261,24 +261,6 @@ impl<'a, T> IntoIterator for &'a mut Wheels<T> {
     #[inline(always)]
     fn into_iter(self) -> Self::IntoIter {
         self.0.iter_mut()
-    }
-}
-
-impl<T> AsCells<T> for Wheels<T> {
-    fn as_cells(&self) -> &[T] {
-        &self.0
-    }
-    fn as_cells_mut(&mut self) -> &mut [T] {
-        &mut self.0
-    }
-}
-
-impl<T, const N: usize> AsCells<T> for Wheels<[T; N]> {
-    fn as_cells(&self) -> &[T] {
-        self.0.as_flattened()
-    }
-    fn as_cells_mut(&mut self) -> &mut [T] {
-        self.0.as_flattened_mut()
     }
 }
 

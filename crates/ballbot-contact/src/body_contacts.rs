@@ -14,7 +14,7 @@ use super::footing::{Footing, Relief};
 use super::friction::{Friction, JointFriction};
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
-use super::types::{Actions, PerRow, Pose, Velocities, select3};
+use super::types::{Actions, PerRow, Pose, Velocities, select3, with_positive_zero};
 use ball_on_body::BallOnBody;
 use ballbot_base::lanes::{Lane, Own, Value, Vec3};
 use ballbot_base::wheels::Wheels;
@@ -134,7 +134,7 @@ pub fn finish_near<L: Lane>(
         token,
         #[inline(always)]
         || {
-            let c = &constants.loaded::<L>(token);
+            let c = &constants.owned::<L>(token);
             let start = Start::new::<true, Own<L>>(c, token, state);
             let near = Near::new(c, &start, token, state, footing);
             let (velocities, impulses) = (without.velocities(token), without.impulses(token));
@@ -301,8 +301,8 @@ impl<L: Lane> Contacts<L> {
         }
         // A skipped contact adds nothing; a contact used only by a neighbor adds zero, which changes only the sign of
         // −0.
-        self.impulses = PerRow::select(near.mask, &self.impulses.with_positive_zeros(), &self.impulses);
-        self.velocities = Velocities::select(near.mask, &self.velocities.with_positive_zeros(), &self.velocities);
+        self.impulses = PerRow::select(near.mask, &self.impulses.map(with_positive_zero), &self.impulses);
+        self.velocities = Velocities::select(near.mask, &self.velocities.map(with_positive_zero), &self.velocities);
     }
 
     /// One sweep over all contacts of the robots in `open`. Returns the sum of the squared changes of the impulses, which

@@ -3,7 +3,7 @@
 use super::principal::PrincipalAxes;
 use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use ballbot_base::kinematics::Omniwheels;
-use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Registers, Value, Vec3, Wide, cells};
+use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Registers, Value, Vec3, Wide, lane_struct};
 use ballbot_base::params::Params;
 use ballbot_base::state::wxyz;
 use ballbot_base::wheels::Wheels;
@@ -15,10 +15,10 @@ const RECOVERY_RATE: f64 = 100.0;
 /// Largest fraction of an overlap that is removed in one step. Chosen by experiment.
 const LARGEST_RECOVERY: f64 = 0.2;
 
-cells! {
+lane_struct! {
     /// Constants in SI units; vectors in the principal frame of the body, from its CoM.
     #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct Constants {
+    pub struct Constants<T> {
         pub sim_dt: T,
         pub sim_dt_inverse: T,
         pub half_dt: T,
@@ -204,89 +204,6 @@ impl Constants<f64> {
     }
 }
 
-// Not closures: large closures are not inlined, and their operations are then calls.
-#[inline(always)]
-fn three<V, U>([x, y, z]: &[V; 3], f: &impl Fn(&V) -> U) -> [U; 3] {
-    [f(x), f(y), f(z)]
-}
-
-#[inline(always)]
-fn four<V, U>([w, x, y, z]: &[V; 4], f: &impl Fn(&V) -> U) -> [U; 4] {
-    [f(w), f(x), f(y), f(z)]
-}
-
-#[inline(always)]
-fn vectors<V, U>(Wheels([a, b, c]): &Wheels<[V; 3]>, f: &impl Fn(&V) -> U) -> Wheels<[U; 3]> {
-    Wheels([three(a, f), three(b, f), three(c, f)])
-}
-
-impl<V> Constants<V> {
-    /// Constants with `f` applied to each number.
-    #[inline(always)]
-    pub fn map<U>(&self, f: impl Fn(&V) -> U) -> Constants<U> {
-        let f = &f;
-        Constants {
-            sim_dt: f(&self.sim_dt),
-            sim_dt_inverse: f(&self.sim_dt_inverse),
-            half_dt: f(&self.half_dt),
-            gravity_dt: three(&self.gravity_dt, f),
-            ball_radius: f(&self.ball_radius),
-            ball_mass_inverse: f(&self.ball_mass_inverse),
-            ball_drag: f(&self.ball_drag),
-            body_mass_inverse: f(&self.body_mass_inverse),
-            body_inertia: three(&self.body_inertia, f),
-            body_inertia_inverse: three(&self.body_inertia_inverse, f),
-            general: f(&self.general),
-            principal_axes: four(&self.principal_axes, f),
-            com: three(&self.com, f),
-            mast: three(&self.mast, f),
-            wheel_radius: f(&self.wheel_radius),
-            contact_distance: f(&self.contact_distance),
-            relative_mass_inverse: f(&self.relative_mass_inverse),
-            floor_compliance: f(&self.floor_compliance),
-            floor_compliance_inverse: f(&self.floor_compliance_inverse),
-            ball_mass: f(&self.ball_mass),
-            drive_compliance: f(&self.drive_compliance),
-            wheel_inertia: f(&self.wheel_inertia),
-            wheel_inertia_inverse: f(&self.wheel_inertia_inverse),
-            wheel_dt_inverse_inertia: f(&self.wheel_dt_inverse_inertia),
-            wheel_rim_ratio: f(&self.wheel_rim_ratio),
-            wheel_centers: vectors(&self.wheel_centers, f),
-            u: vectors(&self.u, f),
-            wheel_static_friction: f(&self.wheel_static_friction),
-            wheel_dynamic_friction: f(&self.wheel_dynamic_friction),
-            floor_static_friction: f(&self.floor_static_friction),
-            floor_dynamic_friction: f(&self.floor_dynamic_friction),
-            critical_velocity_inverse_squared: f(&self.critical_velocity_inverse_squared),
-            joint_dry_impulse: f(&self.joint_dry_impulse),
-            joint_viscous_impulse: f(&self.joint_viscous_impulse),
-            recovery: f(&self.recovery),
-            body_radius: f(&self.body_radius),
-            body_ends: [three(&self.body_ends[0], f), three(&self.body_ends[1], f)],
-            body_bottom: f(&self.body_bottom),
-            body_top: f(&self.body_top),
-            reach: f(&self.reach),
-            reach_inverse_inertia: f(&self.reach_inverse_inertia),
-            ball_surface_compliance: f(&self.ball_surface_compliance),
-            ball_rim_ratio: f(&self.ball_rim_ratio),
-            wheel_surface_compliance: f(&self.wheel_surface_compliance),
-            wheel_loads: Wheels(three(&self.wheel_loads.0, f)),
-            static_wheel_load: f(&self.static_wheel_load),
-            static_floor_load: f(&self.static_floor_load),
-            static_ball_load: f(&self.static_ball_load),
-            loss_share: f(&self.loss_share),
-            rolling_loss: f(&self.rolling_loss),
-            spinning_loss: f(&self.spinning_loss),
-            roller_friction: f(&self.roller_friction),
-            roller_friction_slope: f(&self.roller_friction_slope),
-            has_losses_or_ripple: f(&self.has_losses_or_ripple),
-            ripple_amplitude: f(&self.ripple_amplitude),
-            roller_count: f(&self.roller_count),
-            roller_phases: Wheels(three(&self.roller_phases.0, f)),
-        }
-    }
-}
-
 impl<V> Constants<V> {
     /// The constants in memory, one set per robot.
     #[inline(always)]
@@ -308,7 +225,7 @@ impl<V> Constants<V> {
 impl<T: Cell> Constants<T> {
     /// The constants of the robots in lanes.
     #[inline(always)]
-    pub fn loaded<L: Lane<Cell = T>>(&self, token: L::Token) -> Constants<Own<L>> {
+    pub fn owned<L: Lane<Cell = T>>(&self, token: L::Token) -> Constants<Own<L>> {
         self.map(
             #[inline(always)]
             |cell| Own(L::load(token, cell)),
@@ -431,7 +348,5 @@ impl LaneConstants {
 }
 
 fn each(all: &Constants<f64>) -> Box<Constants<Eight>> {
-    let mut each = Box::<Constants<Eight>>::default();
-    (0..EIGHT).for_each(|i| each.set_lane(i, all));
-    each
+    Box::new(all.map(|number| Eight([*number; EIGHT])))
 }

@@ -3,7 +3,7 @@
 use super::constants::{Constants, at3};
 use super::rows::Rows;
 use super::types::PerRow;
-use ballbot_base::lanes::{Lane, Value, Vec3};
+use ballbot_base::lanes::{Group, Lane, Value, Vec3};
 use ballbot_base::wheels::{WHEELS, WheelMatrix, Wheels};
 
 /// Delassus matrix: change of the velocity of each row per impulse of each row, in blocks of three rows.
@@ -187,27 +187,26 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 }
 
-impl<L: Copy, V: Copy> Delassus<L, V> {
+impl<L, V> Delassus<L, V> {
     /// The matrix with `f` applied to each number, and `constant` to each constant.
     #[inline(always)]
-    pub fn map<U>(&self, f: impl Fn(L) -> U, constant: impl Fn(V) -> U) -> Delassus<U, U> {
-        let rows = |[a, b, c]: [Wheels<L>; 3]| [a.map(&f), b.map(&f), c.map(&f)];
-        let matrix = |Wheels(of_wheels): WheelMatrix<L>| Wheels(rows(of_wheels));
+    pub fn map<U>(&self, mut f: impl FnMut(&L) -> U, constant: impl Fn(&V) -> U) -> Delassus<U, U> {
+        let f = &mut f;
         Delassus {
-            normal_normal: matrix(self.normal_normal),
-            normal_drive: matrix(self.normal_drive),
-            drive_drive: matrix(self.drive_drive),
-            floor_normal: rows(self.floor_normal),
-            floor_drive: rows(self.floor_drive),
-            joint_normal: matrix(self.joint_normal),
-            joint_drive: matrix(self.joint_drive),
-            joint_joint: matrix(self.joint_joint),
-            normal_inverse: self.normal_inverse.map(&f),
-            drive_inverse: self.drive_inverse.map(&f),
-            ball_mass: constant(self.ball_mass),
-            ball_mass_inverse: constant(self.ball_mass_inverse),
-            floor_compliance: constant(self.floor_compliance),
-            floor_compliance_inverse: constant(self.floor_compliance_inverse),
+            normal_normal: Group::map(&self.normal_normal, f),
+            normal_drive: Group::map(&self.normal_drive, f),
+            drive_drive: Group::map(&self.drive_drive, f),
+            floor_normal: Group::map(&self.floor_normal, f),
+            floor_drive: Group::map(&self.floor_drive, f),
+            joint_normal: Group::map(&self.joint_normal, f),
+            joint_drive: Group::map(&self.joint_drive, f),
+            joint_joint: Group::map(&self.joint_joint, f),
+            normal_inverse: Group::map(&self.normal_inverse, f),
+            drive_inverse: Group::map(&self.drive_inverse, f),
+            ball_mass: constant(&self.ball_mass),
+            ball_mass_inverse: constant(&self.ball_mass_inverse),
+            floor_compliance: constant(&self.floor_compliance),
+            floor_compliance_inverse: constant(&self.floor_compliance_inverse),
         }
     }
 }

@@ -4,14 +4,16 @@ use super::constants::Constants;
 use super::rows::Rows;
 use super::types::Velocities;
 use ballbot_base::friction::stribeck;
-use ballbot_base::lanes::{Lane, Value};
+use ballbot_base::lanes::{Lane, Value, lane_struct};
 use ballbot_base::wheels::{WHEELS, Wheels};
 
-/// Friction coefficients in this step.
-#[derive(Clone, Copy)]
-pub struct Friction<L> {
-    pub wheels: Wheels<L>,
-    pub floor: L,
+lane_struct! {
+    /// Friction coefficients in this step.
+    #[derive(Clone, Copy)]
+    pub struct Friction<T> {
+        pub wheels: Wheels<T>,
+        pub floor: T,
+    }
 }
 
 impl<L: Lane> Friction<L> {
@@ -40,21 +42,15 @@ impl<L: Lane> Friction<L> {
     }
 }
 
-impl<L: Copy> Friction<L> {
-    /// The coefficients with `f` applied to each.
-    #[inline(always)]
-    pub fn map<U>(&self, f: impl Fn(L) -> U) -> Friction<U> {
-        Friction { wheels: self.wheels.map(&f), floor: f(self.floor) }
+lane_struct! {
+    /// Joint friction over one step.
+    #[derive(Clone, Copy)]
+    pub struct JointFriction<T> {
+        /// Largest angular impulse of dry friction, N·m·s.
+        pub dry: T,
+        /// Angular impulse of viscous friction per rad/s, N·m·s².
+        pub viscous: T,
     }
-}
-
-/// Joint friction over one step.
-#[derive(Clone, Copy)]
-pub struct JointFriction<L> {
-    /// Largest angular impulse of dry friction, N·m·s.
-    pub dry: L,
-    /// Angular impulse of viscous friction per rad/s, N·m·s².
-    pub viscous: L,
 }
 
 impl<L: Lane> JointFriction<L> {
@@ -68,14 +64,6 @@ impl<L: Lane> JointFriction<L> {
     pub fn any(&self) -> bool {
         let zero = self.dry.zero();
         L::any(zero.lt(self.dry) | zero.lt(self.viscous))
-    }
-}
-
-impl<L: Copy> JointFriction<L> {
-    /// The bounds with `f` applied to each.
-    #[inline(always)]
-    pub fn map<U>(&self, f: impl Fn(L) -> U) -> JointFriction<U> {
-        JointFriction { dry: f(self.dry), viscous: f(self.viscous) }
     }
 }
 

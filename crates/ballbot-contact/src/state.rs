@@ -4,17 +4,17 @@ use super::constants::Constants;
 use super::encoder::encoder_rates;
 use super::types::{PerRow, Pose, Velocities};
 use ballbot_base::lane_state::{LaneRobot, LaneState};
-use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, cells, load3, store3};
+use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, lane_struct};
 use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
 /// Largest sum of squared speeds and rates of a robot that has not diverged.
 const MAX_SPEED_SQUARED: f64 = 1e30;
 
-cells! {
+lane_struct! {
     /// State and contact impulses of one robot or of eight. Inertial frame and SI units unless stated.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct ContactState {
+    pub struct ContactState<T> {
         /// Steps since the reset.
         pub steps: T,
         pub ball_position: [T; 3],
@@ -137,8 +137,9 @@ impl<T: Cell> ContactState<T> {
 
     #[inline(always)]
     pub fn impulses<L: Lane<Cell = T>>(&self, token: L::Token) -> PerRow<L> {
+        let [z, x, y] = &self.floor_impulse;
         PerRow {
-            floor: load3(token, &self.floor_impulse),
+            floor: [L::load(token, z), L::load(token, x), L::load(token, y)],
             normals: Wheels::load(token, &self.normal_impulses),
             drives: Wheels::load(token, &self.drive_impulses),
             joints: Wheels::load(token, &self.joint_impulses),
@@ -166,7 +167,9 @@ impl<T: Cell> ContactState<T> {
     /// Replaces the impulses of the contacts.
     #[inline(always)]
     pub fn set_impulses<L: Lane<Cell = T>>(&mut self, impulses: &PerRow<L>) {
-        store3(impulses.floor, &mut self.floor_impulse);
+        for (cell, impulse) in self.floor_impulse.iter_mut().zip(impulses.floor) {
+            impulse.store(cell);
+        }
         impulses.normals.store(&mut self.normal_impulses);
         impulses.drives.store(&mut self.drive_impulses);
         impulses.joints.store(&mut self.joint_impulses);

@@ -197,7 +197,7 @@ fn step_without_rare_contacts<L: Lane>(
         token,
         #[inline(always)]
         || {
-            let c = &constants.loaded::<L>(token);
+            let c = &constants.owned::<L>(token);
             let start = Start::new::<true, Own<L>>(c, token, state);
             let joints = JointFriction::new(c, start.rows.floor_gap);
             let (velocities, solution) = solve::<L, Own<L>, true, true>(c, token, state, actions, &start, &joints);

@@ -8,6 +8,7 @@ mod controllers;
 mod parts;
 pub mod reference;
 mod registry;
+mod sampled;
 
 pub use controllers::*;
 pub use parts::delayed::DelayOptions;
@@ -19,30 +20,30 @@ pub use reference::{Motion, Reference, Turning};
 pub use registry::{
     ControllerKind, MakeController, NamedLaw, controller_kind, controller_kinds, fields_with, register_controller,
 };
+pub use sampled::{Plant, Sample, Sampled};
 
 pub use ballbot_base::constants::{Constant, Constants};
-pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint, SetpointCells};
+pub use ballbot_base::setpoint::{LaneSetpoint, MOTION_PARTS, SETPOINT_PARTS, Setpoint};
 
 use ballbot_base::error::{Result, check};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{EIGHT, Eight, Lane};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::traction_torque;
-use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A feedback law, written once over lanes.
+/// A feedback law, written once over lanes; [`Sampled`] is the controller.
 ///
 /// ```
 /// use ballbot_core::control::{
-///     LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, Setpoint, TorqueLimits, controller_kind, register_controller,
+///     LimitOptions, Law, NamedLaw, Plant, Sample, Setpoint, controller_kind, register_controller,
 /// };
 /// use ballbot_core::fields::Limit;
 /// use ballbot_core::kinematics::{Omniwheels, TorqueMap};
-/// use ballbot_core::lanes::{Lane, Memory};
+/// use ballbot_core::lanes::Lane;
 /// use ballbot_core::nalgebra::Vector3;
-/// use ballbot_core::{LaneState, Params, Result, State, Wheels};
+/// use ballbot_core::{Params, Result, State, Wheels};
 ///
 /// ballbot_core::fields! {
 ///     /// Gains.
@@ -59,8 +60,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     gains: Gains,
 ///     /// Wheel torques for torques of 1 N·m about x and y.
 ///     wheels: [Wheels<f64>; 2],
-///     limits: TorqueLimits,
-///     sampling: Sampling,
 /// }
 ///
 /// impl NamedLaw for Upright {
@@ -70,42 +69,22 @@ use std::sync::atomic::{AtomicU64, Ordering};
 ///     const LIMITS: LimitOptions = LimitOptions::CAP;
 ///     type Options = Gains;
 ///
-///     fn with_options(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
-///         let wheels = Omniwheels::new(params);
-///         Ok(Self {
-///             gains: gains.clone(),
-///             wheels: [Vector3::x(), Vector3::y()].map(|axis| wheels.wheel_torques(&axis, TorqueMap::Consistent)),
-///             limits: TorqueLimits::new(params, limits)?,
-///             sampling: Sampling::new(control_dt, Self::MEMORY),
-///         })
+///     fn design(plant: &Plant<'_>, gains: &Gains) -> Result<Self> {
+///         let wheels = Omniwheels::new(plant.params);
+///         let wheels = [Vector3::x(), Vector3::y()].map(|axis| wheels.wheel_torques(&axis, TorqueMap::Consistent));
+///         Ok(Self { gains: gains.clone(), wheels })
 ///     }
 /// }
 ///
 /// impl Law for Upright {
-///     const MEMORY: usize = 0;
 ///     const PARTS: &'static [&'static str] = &[];
 ///
-///     fn sampling(&self) -> &Sampling {
-///         &self.sampling
-///     }
-///
-///     fn sampling_mut(&mut self) -> &mut Sampling {
-///         &mut self.sampling
-///     }
-///
-///     fn torques<L: Lane>(
-///         &self,
-///         state: &LaneState<L>,
-///         _: &LaneSetpoint<L>,
-///         largest: f64,
-///         _: &mut Memory<'_, L>,
-///     ) -> Wheels<L> {
-///         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
-///         let rate = state.body_angular_velocity;
+///     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+///         let [tilt_x, tilt_y] = sample.state.body_quaternion.tilt_components();
+///         let rate = sample.state.body_angular_velocity;
 ///         let x = tilt_x * -self.gains.tilt - rate.x * self.gains.rate;
 ///         let y = tilt_y * -self.gains.tilt - rate.y * self.gains.rate;
-///         let wheel = |i: usize| x * self.wheels[0][i] + y * self.wheels[1][i];
-///         self.limits.apply(Wheels::from_fn(wheel), state, largest).torques
+///         sample.limited(Wheels::from_fn(|i| x * self.wheels[0][i] + y * self.wheels[1][i])).torques
 ///     }
 /// }
 ///
@@ -119,10 +98,10 @@ use std::sync::atomic::{AtomicU64, Ordering};
 /// # Ok::<(), ballbot_core::Error>(())
 /// ```
 pub trait Law: Send + Sync {
-    /// Number of values that it stores per robot from one call to the next; initially zero.
-    const MEMORY: usize;
+    /// Number of values that it stores per robot from one sample to the next; initially zero.
+    const MEMORY: usize = 0;
 
-    /// [`Law::MEMORY`] for a law in which it depends on the options.
+    /// [`Law::MEMORY`], or more with options that need more; the law then has no [`Controller::constants`].
     fn kept(&self) -> usize {
         Self::MEMORY
     }
@@ -130,48 +109,13 @@ pub trait Law: Send + Sync {
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
 
-    /// Common data of all laws.
-    fn sampling(&self) -> &Sampling;
-
-    /// Common data of all laws, mutable.
-    fn sampling_mut(&mut self) -> &mut Sampling;
-
-    /// Numbers from which it computes torques; `None` for a law that does not provide them.
+    /// Numbers from which it computes torques, except the limits; `None` for a law that does not provide them.
     fn constants(&self) -> Option<Constants> {
         None
     }
 
-    /// Motor torques for the next `control_dt`, N·m; torques above `largest` are not applied.
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L>;
-}
-
-/// Common data of all laws: the sampling time, and the stored values of the robot of [`Controller::wheel_torques`].
-#[derive(Debug)]
-pub struct Sampling {
-    id: u64,
-    control_dt: f64,
-    memory: Vec<f64>,
-}
-
-impl Sampling {
-    /// For a law with `memory` numbers, sampled every `control_dt` seconds.
-    pub fn new(control_dt: f64, memory: usize) -> Self {
-        static NEXT: AtomicU64 = AtomicU64::new(1);
-        Self { id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, memory: vec![0.0; memory] }
-    }
-}
-
-/// A clone is another controller: stored values of a robot are not shared.
-impl Clone for Sampling {
-    fn clone(&self) -> Self {
-        Self::new(self.control_dt, self.memory.len())
-    }
+    /// Motor torques until the next sample, within the limits of the sample ([`Sample::limited`]), N·m.
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L>;
 }
 
 /// Any feedback law, sampled every `control_dt`.
@@ -203,8 +147,8 @@ pub trait Controller: Send + Sync {
     /// (N·m).
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64>;
@@ -212,149 +156,50 @@ pub trait Controller: Send + Sync {
     /// [`Controller::torques_one`] for eight robots.
     fn torques_eight(
         &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
-        largest: f64,
-        memory: &mut [Eight],
-    ) -> Wheels<Eight>;
-}
-
-impl<T: Law> Controller for T {
-    fn id(&self) -> u64 {
-        self.sampling().id
-    }
-
-    fn control_dt(&self) -> f64 {
-        self.sampling().control_dt
-    }
-
-    fn parts(&self) -> &'static [&'static str] {
-        T::PARTS
-    }
-
-    fn memory_len(&self) -> usize {
-        self.kept()
-    }
-
-    fn constants(&self) -> Option<Constants> {
-        Law::constants(self)
-    }
-
-    fn reset(&mut self) {
-        self.sampling_mut().memory.fill(0.0);
-    }
-
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
-        let mut memory = std::mem::take(&mut self.sampling_mut().memory);
-        let torques = self.torques_one(&cells, &setpoint.into(), f64::INFINITY, &mut memory);
-        self.sampling_mut().memory = memory;
-        torques
-    }
-
-    fn torques_one(
-        &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
-        largest: f64,
-        memory: &mut [f64],
-    ) -> Wheels<f64> {
-        run_one(
-            #[inline(always)]
-            || {
-                let mut memory = Memory::<f64>::new(Scalar, memory);
-                self.torques(&state.load(Scalar), &setpoint.load(Scalar), largest, &mut memory)
-            },
-        )
-    }
-
-    fn torques_eight(
-        &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
         largest: f64,
         memory: &mut [Eight],
     ) -> Wheels<Eight> {
-        let mut torques = Wheels::default();
-        run_eight(Torques { law: self, states, setpoints, largest, memory, torques: &mut torques });
+        self.torques_one_by_one(states, setpoints, largest, memory)
+    }
+
+    /// [`Controller::torques_eight`] by eight calls of [`Controller::torques_one`].
+    fn torques_one_by_one(
+        &self,
+        states: &LaneState<Eight>,
+        setpoints: &LaneSetpoint<Eight>,
+        largest: f64,
+        memory: &mut [Eight],
+    ) -> Wheels<Eight> {
+        let (mut torques, mut one) = (Wheels::<Eight>::default(), vec![0.0; memory.len()]);
+        for i in 0..EIGHT {
+            one.iter_mut().zip(&*memory).for_each(|(one, all)| *one = all.0[i]);
+            let found = self.torques_one(&states.lane(i), &setpoints.lane(i), largest, &mut one);
+            torques.iter_mut().zip(found).for_each(|(all, torque)| all.0[i] = torque);
+            memory.iter_mut().zip(&one).for_each(|(all, one)| all.0[i] = *one);
+        }
         torques
     }
 }
 
-struct Torques<'a, T> {
-    law: &'a T,
-    states: &'a StateCells<Eight>,
-    setpoints: &'a SetpointCells<Eight>,
-    largest: f64,
-    memory: &'a mut [Eight],
-    torques: &'a mut Wheels<Eight>,
-}
-
-impl<T: Law> Kernel for Torques<'_, T> {
-    #[inline(always)]
-    fn run<S: Registers>(self, simd: S) {
-        let mut memory = Memory::<Wide<S>>::new(simd, self.memory);
-        let (state, setpoint) = (self.states.load(simd), self.setpoints.load(simd));
-        self.law.torques(&state, &setpoint, self.largest, &mut memory).store(self.torques);
-    }
-
-    fn run_one_by_one(self) {
-        let mut one = vec![0.0; self.memory.len()];
-        for i in 0..ballbot_base::lanes::EIGHT {
-            one.iter_mut().zip(&*self.memory).for_each(|(one, all)| *one = all.0[i]);
-            let torques = self.law.torques_one(&self.states.lane(i), &self.setpoints.lane(i), self.largest, &mut one);
-            self.torques.iter_mut().zip(torques).for_each(|(all, torque)| all.0[i] = torque);
-            self.memory.iter_mut().zip(&one).for_each(|(all, one)| all.0[i] = *one);
-        }
-    }
-}
+/// [`Controller::torques_one`] or [`Controller::torques_eight`].
+type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
 
 /// Cells on which a controller can run.
 pub trait LaneWidth: Sized {
-    /// Torques of the robots in these cells, none applied above `largest` (N·m).
-    fn torques(
-        controller: &dyn Controller,
-        states: &StateCells<Self>,
-        setpoints: &SetpointCells<Self>,
-        largest: f64,
-        memory: &mut [Self],
-    ) -> Wheels<Self>;
-
-    /// Replaces the setpoint of one robot.
-    fn set_setpoint(setpoints: &mut SetpointCells<Self>, index: usize, one: &Setpoint);
+    /// Torques of the robots in these cells.
+    const TORQUES: TorquesOf<Self>;
 }
 
 impl LaneWidth for f64 {
-    fn torques(
-        controller: &dyn Controller,
-        states: &StateCells<f64>,
-        setpoints: &SetpointCells<f64>,
-        largest: f64,
-        memory: &mut [f64],
-    ) -> Wheels<f64> {
-        controller.torques_one(states, setpoints, largest, memory)
-    }
-
-    fn set_setpoint(setpoints: &mut SetpointCells<f64>, _: usize, one: &Setpoint) {
-        *setpoints = one.into();
-    }
+    const TORQUES: TorquesOf<f64> =
+        |law, states, setpoints, largest, memory| law.torques_one(states, setpoints, largest, memory);
 }
 
 impl LaneWidth for Eight {
-    fn torques(
-        controller: &dyn Controller,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
-        largest: f64,
-        memory: &mut [Eight],
-    ) -> Wheels<Eight> {
-        controller.torques_eight(states, setpoints, largest, memory)
-    }
-
-    fn set_setpoint(setpoints: &mut SetpointCells<Eight>, index: usize, one: &Setpoint) {
-        setpoints.set_lane(index, &one.into());
-    }
+    const TORQUES: TorquesOf<Eight> =
+        |law, states, setpoints, largest, memory| law.torques_eight(states, setpoints, largest, memory);
 }
 
 /// Longest time between two calls of a controller, s.

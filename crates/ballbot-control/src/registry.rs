@@ -1,7 +1,7 @@
 //! Controllers by name: the controllers of this crate and controllers registered by other crates.
 
 use crate::controllers::CONTROLLERS;
-use crate::{Controller, Law, LimitOptions, SETPOINT_PARTS};
+use crate::{Controller, Law, LimitOptions, Plant, SETPOINT_PARTS, Sampled};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::{Fields, OptionDescription, describe_options};
 use ballbot_base::params::Params;
@@ -53,7 +53,7 @@ pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
     Ok(fields)
 }
 
-/// A law with a name: its entry in lists, on command lines and in figures, and its constructor.
+/// A law with a name: its entry in lists, on command lines and in figures, and its design.
 pub trait NamedLaw: Law + Sized + 'static {
     /// Its name, as in `lqr`.
     const NAME: &'static str;
@@ -87,17 +87,30 @@ pub trait NamedLaw: Law + Sized + 'static {
         },
     };
 
-    /// A law for `params`, sampled every `control_dt` seconds, with limited torques.
+    /// The law for a robot.
     ///
     /// # Errors
-    /// Invalid parameters, options, limits or sampling time; a design without solution.
-    fn with_options(params: &Params, control_dt: f64, options: &Self::Options, limits: &LimitOptions) -> Result<Self>;
+    /// A design without solution.
+    fn design(plant: &Plant<'_>, options: &Self::Options) -> Result<Self>;
+
+    /// The controller for `params`, sampled every `control_dt` seconds, with limited torques.
+    ///
+    /// # Errors
+    /// As [`Sampled::new`] and [`NamedLaw::design`].
+    fn with_options(
+        params: &Params,
+        control_dt: f64,
+        options: &Self::Options,
+        limits: &LimitOptions,
+    ) -> Result<Sampled<Self>> {
+        Sampled::new(params, control_dt, options, limits, Self::design)
+    }
 
     /// [`NamedLaw::with_options`] with the default options and limits.
     ///
     /// # Errors
     /// As [`NamedLaw::with_options`].
-    fn with_defaults(params: &Params, control_dt: f64) -> Result<Self> {
+    fn with_defaults(params: &Params, control_dt: f64) -> Result<Sampled<Self>> {
         Self::with_options(params, control_dt, &Self::Options::default(), &Self::LIMITS)
     }
 }

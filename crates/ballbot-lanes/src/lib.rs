@@ -5,7 +5,7 @@
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
 use ballbot_base::kinematics::Omniwheels;
-use ballbot_base::lane_state::{ConditionCells, StateCells};
+use ballbot_base::lane_state::{ConditionCells, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight, run_eight_at};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -137,7 +137,7 @@ impl ContactLanes {
     }
 
     /// Writes the present states. Not generic, so that it is compiled once for equal and individual parameters.
-    pub fn read(&self, states: &mut StateCells<Eight>, conditions: &mut ConditionCells<Eight>) {
+    pub fn read(&self, states: &mut LaneState<Eight>, conditions: &mut ConditionCells<Eight>) {
         let state = &self.state;
         match &self.constants {
             LaneConstants::Shared(constants) => run_eight(Read { constants, state, states, conditions }),
@@ -243,7 +243,7 @@ impl<V: InLanes> Kernel for Advance<'_, V> {
 struct Read<'a, V> {
     constants: &'a Constants<V>,
     state: &'a ContactState<Eight>,
-    states: &'a mut StateCells<Eight>,
+    states: &'a mut LaneState<Eight>,
     conditions: &'a mut ConditionCells<Eight>,
 }
 
@@ -260,7 +260,7 @@ impl<V: InLanes> Kernel for Read<'_, V> {
     }
 
     fn run_one_by_one(self) {
-        let (mut state, mut condition) = (StateCells::default(), ConditionCells::default());
+        let (mut state, mut condition) = (LaneState::default(), ConditionCells::default());
         for i in 0..EIGHT {
             let c = self.constants.map(|value| value.lane(i));
             self.state.lane(i).robot::<f64, f64>(Scalar, &c).store(&mut state, &mut condition);

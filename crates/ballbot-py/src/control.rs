@@ -8,7 +8,7 @@ use crate::params::or_paper;
 use crate::state::PyState;
 use ballbot_core::control::{
     Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,
-    Setpoint, controller_kind,
+    Sampled, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
 use ballbot_core::{Params, one_of};
@@ -322,7 +322,7 @@ impl PyPid {
         let gains: PidGains = fields("Pid", gains)?;
         let params = or_paper(params)?;
         let limits = limits(LimitOptions::CAP, max_torque, traction)?;
-        let pid = call(|| Pid::new(&params, control_dt, &gains, map)?.with_limits(&params, &limits))?;
+        let pid = call(|| Pid::with_map(&params, control_dt, &gains, map, &limits))?;
         Ok(PyClassInitializer::from(PyController::new("pid", "Pid", params, pid)).add_subclass(Self))
     }
 }
@@ -357,7 +357,7 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.
 ///     TypeError: an unknown weight.
 #[pyclass(name = "Lqr", module = "ballbot_rs", subclass, frozen, extends = PyController)]
-pub(crate) struct PyLqr(Lqr);
+pub(crate) struct PyLqr(Sampled<Lqr>);
 
 /// A cost matrix from a matrix, or from its diagonal.
 fn cost(name: &str, value: &Bound<'_, PyAny>, size: usize) -> PyResult<DMatrix<f64>> {
@@ -375,8 +375,8 @@ fn regulator(
     costs: [Argument<'_, '_>; 2],
     limits: &LimitOptions,
     weights: Keywords<'_, '_>,
-) -> PyResult<Lqr> {
-    let LqrOptions { weights: weighted, delay, observer } = fields("Lqr", weights)?;
+) -> PyResult<Sampled<Lqr>> {
+    let options: LqrOptions = fields("Lqr", weights)?;
     let [q, r] = costs;
     for (name, _) in weights.into_iter().flatten() {
         let name: String = name.extract()?;
@@ -388,19 +388,15 @@ fn regulator(
             return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
         }
     }
-    weighted.check_limits().map_err(to_python)?;
-    let (mut q_matrix, mut r_matrix) = weighted.matrices();
+    options.weights.check_limits().map_err(to_python)?;
+    let (mut q_matrix, mut r_matrix) = options.weights.matrices();
     if let Some(q) = q {
         q_matrix = cost("Q", q, q_matrix.nrows())?;
     }
     if let Some(r) = r {
         r_matrix = cost("R", r, r_matrix.nrows())?;
     }
-    call(|| {
-        Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], [weighted.max_lean, weighted.max_speed], limits)?
-            .with_delay(params, delay.delay)?
-            .with_lean_observer(params, observer.lean_observer)
-    })
+    call(|| Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], &options, limits))
 }
 
 #[pymethods]

@@ -1,16 +1,13 @@
 //! The balance task: keep the robot upright and the ball at the setpoint.
 
-use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
-use super::start::task_fields;
+use super::shared::{action_rows, alive, body_rows, bounded_error, effort, squared_norm, velocity_rows};
+use super::start::{starts_and_falls, task_fields};
 use super::{Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
-use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
 
 task_fields! {
@@ -40,7 +37,6 @@ impl Task for Balance {
     const ID: &'static str = "ballbot/Balance-v0";
     const SUMMARY: &'static str = "Keep a ballbot upright with its ball at the setpoint.";
     const REWARD_THRESHOLD: Option<f64> = Some(950.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated, and over the last `success_window` tilt within `success_tilt` and ball within `success_radius`";
     const MEMORY: usize = 1;
 
@@ -48,13 +44,7 @@ impl Task for Balance {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn setpoint(&self, _: &[f64]) -> Setpoint {
         Setpoint { position: self.setpoint.into(), ..Setpoint::default() }
@@ -71,11 +61,6 @@ impl Task for Balance {
         rows.row(Row::new("ball position from the setpoint, heading y", "m", 10.0, 0.1), y);
         velocity_rows(sensed, &heading, rows);
         action_rows(sensed, rows);
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        fallen(step, self.fall_tilt)
     }
 
     #[inline(always)]

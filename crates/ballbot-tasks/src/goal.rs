@@ -1,15 +1,13 @@
 //! The goal task: go to points on the floor, and stay there.
 
-use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
-use super::start::{check_range, drawn_steps, in_range, task_fields};
+use super::shared::{action_rows, alive, body_rows, bounded_error, effort, squared_norm, velocity_rows};
+use super::start::{check_range, drawn_steps, in_range, starts_and_falls, task_fields};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_models::fastest_move;
 use nalgebra::Vector2;
 use rand::RngExt;
@@ -55,7 +53,6 @@ impl Task for Goal {
     const SUMMARY: &'static str = "Go to points on the floor, and stay there.";
     const MAX_EPISODE_STEPS: usize = 2000;
     const REWARD_THRESHOLD: Option<f64> = Some(1450.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str =
         "not terminated, and every goal held within `goal_radius` for the last `hold_seconds` of its time";
     const GEOMETRY: Option<Geometry> = Some(Geometry::Point);
@@ -73,13 +70,7 @@ impl Task for Goal {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
         let distance = in_range(rng, self.goal_distance);
@@ -126,11 +117,6 @@ impl Task for Goal {
         let near = distance.le(distance.splat(self.goal_radius * self.goal_radius));
         memory.set(SINCE, memory.get(SINCE) + 1.0);
         memory.set(HELD, L::select(near, memory.get(HELD) + 1.0, distance.zero()));
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        fallen(step, self.fall_tilt)
     }
 
     #[inline(always)]

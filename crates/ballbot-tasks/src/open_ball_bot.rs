@@ -1,20 +1,17 @@
 //! The task of OpenBallBot-RL (Salehi, "Reinforcement Learning for Ballbot Navigation in Uneven Terrain", arXiv 2505.18417,
 //! 2025): go far in one direction over random hills without a fall.
 
-use super::shared::{FALLS, action_rows, body_rows, fallen, velocity_rows};
-use super::start::task_fields;
+use super::shared::{action_rows, body_rows, velocity_rows};
+use super::start::{starts_and_falls, task_fields};
 use super::{Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_base::terrain::Terrain;
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector2;
-use rand_chacha::ChaCha8Rng;
 use std::sync::Arc;
 
 task_fields! {
@@ -48,7 +45,6 @@ impl Task for OpenBallBot {
     const SUMMARY: &'static str = "Go along the inertial y axis over random hills without a fall.";
     const MAX_EPISODE_STEPS: usize = 800;
     const REWARD_THRESHOLD: Option<f64> = Some(85.5);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
@@ -58,13 +54,7 @@ impl Task for OpenBallBot {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn terrain(&self, _: &Params) -> Result<Option<Arc<Terrain>>> {
         let parameters = [("slope", SLOPE), ("wavelength", WAVELENGTH), ("tiles", 5.0), ("tile", 24.0)];
@@ -103,11 +93,6 @@ impl Task for OpenBallBot {
         let speed = (speed + self.acceleration * dt).min(speed.splat(self.speed));
         memory.set(SETPOINT_SPEED, speed);
         memory.set(SETPOINT + 1, memory.get(SETPOINT + 1) + speed * dt);
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        fallen(step, self.fall_tilt)
     }
 
     #[inline(always)]

@@ -1,17 +1,13 @@
 //! The push task: balance and withstand pushes.
 
-use super::shared::FALLS;
-use super::start::{check_range, task_fields};
+use super::start::{check_range, starts_and_falls, task_fields};
 use super::{Balance, Geometry, Metric, Metrics, Pushes, Rows, Sensed, Step, Task, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_models::capture_impulse;
-use rand_chacha::ChaCha8Rng;
 use std::f64::consts::PI;
 
 task_fields! {
@@ -58,7 +54,6 @@ impl Task for Push {
     const ID: &'static str = "ballbot/Push-v0";
     const SUMMARY: &'static str = "Keep a ballbot upright with its ball at the setpoint while it is pushed.";
     const GEOMETRY: Option<Geometry> = Some(Geometry::Impulse);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated";
     const MEMORY: usize = STEPS + 1;
 
@@ -68,13 +63,7 @@ impl Task for Push {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn pushes(&self, params: &Params) -> Option<Pushes> {
         let most = capture_impulse(params);
@@ -94,11 +83,6 @@ impl Task for Push {
     fn advance<L: Lane>(&self, step: &Step<'_, L>, memory: &mut Memory<'_, L>) {
         memory.set(DISTANCES, memory.get(DISTANCES) + self.balance().distance_squared(step));
         memory.set(STEPS, memory.get(STEPS) + 1.0);
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        self.balance().terminate(step)
     }
 
     #[inline(always)]

@@ -58,6 +58,33 @@ macro_rules! task_fields {
 
 pub(super) use task_fields;
 
+/// What follows for a [`super::Task`] from the options of [`task_fields`]: initial states, and the end in a fall.
+macro_rules! starts_and_falls {
+    () => {
+        const TERMINATIONS: &'static [(&'static str, &'static str)] = $crate::shared::FALLS;
+
+        fn extreme_starts(&self, params: &::ballbot_base::params::Params) -> Vec<::ballbot_base::state::State> {
+            self.starts().extremes(params)
+        }
+
+        fn start(
+            &self,
+            params: &::ballbot_base::params::Params,
+            wheels: &::ballbot_base::kinematics::Omniwheels,
+            rng: &mut ::rand_chacha::ChaCha8Rng,
+        ) -> ::ballbot_base::state::State {
+            self.starts().draw(params, wheels, rng)
+        }
+
+        #[inline(always)]
+        fn terminate<L: ::ballbot_base::lanes::Lane>(&self, step: &$crate::Step<'_, L>) -> L {
+            $crate::shared::fallen(step, self.fall_tilt)
+        }
+    };
+}
+
+pub(super) use starts_and_falls;
+
 /// Ranges of the initial states.
 pub(super) struct Starts {
     pub tilt: f64,

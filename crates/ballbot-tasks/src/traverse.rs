@@ -1,17 +1,15 @@
 //! The terrain task: follow a commanded velocity over uneven ground, on tiles of rising difficulty.
 
-use super::shared::{FALLS, bounded_error, squared_norm};
-use super::start::{check_range, drawn_steps, in_range, task_fields};
+use super::shared::{bounded_error, squared_norm};
+use super::start::{check_range, drawn_steps, in_range, starts_and_falls, task_fields};
 use super::velocity::{POSITION, Velocity};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_base::terrain::Terrain;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -89,7 +87,6 @@ impl Task for Traverse {
     const ID: &'static str = "ballbot/Terrain-v0";
     const SUMMARY: &'static str = "Follow a commanded velocity over uneven ground.";
     const REWARD_THRESHOLD: Option<f64> = Some(650.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated, and `success_share` of the commanded distance travelled";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
@@ -103,13 +100,7 @@ impl Task for Traverse {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn terrain(&self, params: &Params) -> Result<Option<Arc<Terrain>>> {
         let slope = self.hardest * params.slope_limits(self.fall_tilt.min(FRAC_PI_2))?.smallest();
@@ -158,11 +149,6 @@ impl Task for Traverse {
         let along = x.mul_add(vx, y * vy) / speed.max(least);
         memory.set(COMMANDED, memory.get(COMMANDED) + speed * step.control_dt);
         memory.set(TRAVELLED, memory.get(TRAVELLED) + along * step.control_dt);
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        self.velocity().terminate(step)
     }
 
     #[inline(always)]

@@ -1,15 +1,13 @@
 //! The velocity task: follow a commanded velocity of the ball and rate of the heading.
 
-use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
-use super::start::{check_range, drawn_steps, in_disc, task_fields};
+use super::shared::{action_rows, alive, body_rows, bounded_error, effort, squared_norm, velocity_rows};
+use super::start::{check_range, drawn_steps, in_disc, starts_and_falls, task_fields};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Heading, Lane, Memory, sin_cos_of_step};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -62,7 +60,6 @@ impl Task for Velocity {
     const SUMMARY: &'static str = "Follow a commanded velocity of the ball and rate of the heading.";
     const MAX_EPISODE_STEPS: usize = 2000;
     const REWARD_THRESHOLD: Option<f64> = Some(1700.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const ANYWHERE: bool = true;
     const SUCCESS: &'static str =
         "not terminated, and the settled errors within `success_velocity` and `success_yaw_rate`";
@@ -81,13 +78,7 @@ impl Task for Velocity {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn command(&self, moment: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
         let velocity = in_disc(rng, self.speed);
@@ -185,11 +176,6 @@ impl Task for Velocity {
         let [vx, vy] = [follow(memory, 0, x, dt), follow(memory, 1, y, dt)];
         memory.set(POSITION, memory.get(POSITION) + (cos * vx - sin * vy) * dt);
         memory.set(POSITION + 1, memory.get(POSITION + 1) + (sin * vx + cos * vy) * dt);
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        fallen(step, self.fall_tilt)
     }
 
     #[inline(always)]

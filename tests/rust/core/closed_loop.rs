@@ -4,12 +4,12 @@
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Outcome, Under};
 use ballbot_core::control::{
-    Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, SetpointCells,
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint,
 };
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::task::{ACTION_LEN, Balance};
-use ballbot_core::{LaneState, ModelKind, Params, State, StateCells, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use nalgebra::{Vector2, Vector3};
 
 const SEED: u64 = 40;
@@ -26,13 +26,13 @@ fn config(model: ModelKind, control_dt: f64) -> BalanceConfig {
     }
 }
 
-fn lqr(config: &BalanceConfig) -> Lqr {
+fn lqr(config: &BalanceConfig) -> Sampled<Lqr> {
     // The limit that the batch would set.
     let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
     Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
-fn pid(config: &BalanceConfig) -> Pid {
+fn pid(config: &BalanceConfig) -> Sampled<Pid> {
     Pid::new(&config.params, config.control_dt, &PidGains::default(), TorqueMap::Consistent).unwrap()
 }
 
@@ -187,12 +187,6 @@ fn scattered_states(params: &Params) -> Vec<State> {
     (0..400).map(state).collect()
 }
 
-fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
-}
-
 #[test]
 fn controllers_in_lanes_equal_the_scalar_law() {
     let config = config(ModelKind::Contact, Pid::PAPER_CONTROL_DT);
@@ -200,20 +194,20 @@ fn controllers_in_lanes_equal_the_scalar_law() {
     for (kind, controller) in controllers.iter().enumerate() {
         let states = scattered_states(&config.params);
         let setpoints = setpoints(EIGHT);
-        let mut targets = SetpointCells::<Eight>::default();
+        let mut targets = LaneSetpoint::<Eight>::default();
         for (i, setpoint) in setpoints.iter().enumerate() {
-            Eight::set_setpoint(&mut targets, i, setpoint);
+            targets.set_lane(i, &setpoint.into());
         }
         let mut memory = vec![Eight::default(); controller.memory_len()];
         let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
         let mut largest = 0.0_f64;
         for eight in states.chunks_exact(EIGHT) {
-            let mut all = StateCells::<Eight>::default();
-            eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
+            let mut all = LaneState::<Eight>::default();
+            eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &LaneState::from(state)));
             let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
             for (i, memory) in single.iter_mut().enumerate() {
                 let expected =
-                    controller.torques_one(&cells(&eight[i]), &(&setpoints[i]).into(), f64::INFINITY, memory);
+                    controller.torques_one(&LaneState::from(&eight[i]), &(&setpoints[i]).into(), f64::INFINITY, memory);
                 let found = torques.map(|cell| cell.0[i]);
                 assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "controller {kind}, lane {i}");
                 largest = largest.max(found.column().amax());

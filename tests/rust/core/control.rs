@@ -5,7 +5,9 @@ mod estimator;
 
 use ballbot_core::batch::{BalanceConfig, Environment};
 use ballbot_core::control::riccati::{self, Regulator};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint, default_max_torque};
+use ballbot_core::control::{
+    Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint, default_max_torque,
+};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, attitude};
@@ -292,8 +294,8 @@ fn torques_are_within_the_limit() {
     let params = Params { max_wheel_torque: 0.9, ..Params::paper() };
     let lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::CAP).unwrap();
     let tight = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &LimitOptions::capped(0.05)).unwrap();
-    let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::AsPrinted).unwrap();
-    let strong = pid.clone().with_limits(&params, &LimitOptions::capped(0.9)).unwrap();
+    let pid = |limits| Pid::with_map(&params, CONTROL_DT, &PidGains::default(), TorqueMap::AsPrinted, limits).unwrap();
+    let (pid, strong) = (pid(&LimitOptions::CAP), pid(&LimitOptions::capped(0.9)));
     let grip = default_max_torque(&params);
     let limited: [(Box<dyn Controller>, f64); 4] =
         [(Box::new(lqr), grip), (Box::new(tight), 0.05), (Box::new(pid), grip), (Box::new(strong), 0.9)];
@@ -387,7 +389,7 @@ fn pid_brings_both_tilts_to_zero() {
 }
 
 /// Virtual torques about x and y for a tilt error, from the wheel torques of a robot upright.
-fn virtual_torques(params: &Params, pid: &mut Pid, error: Vector2<f64>) -> Vector2<f64> {
+fn virtual_torques(params: &Params, pid: &mut Sampled<Pid>, error: Vector2<f64>) -> Vector2<f64> {
     let setpoint = Setpoint { tilt: error, ..Setpoint::default() };
     let torques = pid.wheel_torques(&State::upright(params), &setpoint).column();
     let wheels = Omniwheels::new(params);
@@ -401,9 +403,10 @@ fn virtual_torques(params: &Params, pid: &mut Pid, error: Vector2<f64>) -> Vecto
 #[test]
 fn a_reset_pid_equals_a_new_pid() {
     let params = Params { max_wheel_torque: 1e6, ..Params::paper() };
-    let run = |pid: &mut Pid| [0.1, -0.2, 0.05].map(|e| virtual_torques(&params, pid, Vector2::new(e, 2.0 * e)));
-    let pid = Pid::new(&params, CONTROL_DT, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    let mut pid = pid.with_limits(&params, &LimitOptions::capped(1e6)).unwrap();
+    let run =
+        |pid: &mut Sampled<Pid>| [0.1, -0.2, 0.05].map(|e| virtual_torques(&params, pid, Vector2::new(e, 2.0 * e)));
+    let (gains, limits) = (PidGains::default(), LimitOptions::capped(1e6));
+    let mut pid = Pid::with_map(&params, CONTROL_DT, &gains, TorqueMap::Consistent, &limits).unwrap();
     let first = run(&mut pid);
     assert_ne!(first, run(&mut pid));
     pid.reset();
@@ -425,7 +428,8 @@ fn pid_holds_its_integral_while_saturated() {
     fresh.wheel_torques(&leaning, &Setpoint::default());
     let upright = State::upright(&params);
     // The filters settle, and the integral remains.
-    let settled = |pid: &mut Pid| (0..30).map(|_| pid.wheel_torques(&upright, &Setpoint::default())).last().unwrap();
+    let settled =
+        |pid: &mut Sampled<Pid>| (0..30).map(|_| pid.wheel_torques(&upright, &Setpoint::default())).last().unwrap();
     assert_eq!(settled(&mut pid), settled(&mut fresh));
     assert!(settled(&mut fresh).column().amax() < 1e-6, "the integral did not stay at zero");
 }
@@ -436,8 +440,8 @@ fn errors_of_invalid_numbers_name_the_value() {
     let gains = PidGains::default();
     let pid = |gains: PidGains, dt| Pid::new(&params, dt, &gains, TorqueMap::Consistent).map(|_| ());
     let strength = |torque| {
-        let pid = Pid::new(&params, CONTROL_DT, &gains, TorqueMap::Consistent);
-        pid.and_then(|pid| pid.with_limits(&params, &LimitOptions::capped(torque))).map(|_| ())
+        let limits = LimitOptions::capped(torque);
+        Pid::with_map(&params, CONTROL_DT, &gains, TorqueMap::Consistent, &limits).map(|_| ())
     };
     let weights = LqrWeights::default();
     let lqr = |weights, dt, torque| Lqr::with_weights(&params, dt, &weights, &LimitOptions::capped(torque)).map(|_| ());

@@ -5,7 +5,7 @@ mod task;
 
 use crate::support::general::{any_general_robot, any_small_tilt, crooked};
 use crate::support::{any_start, natural_rate, torques, vector, without_losses};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Setpoint};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
 use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, Wheels, mechanical_energy};
@@ -159,7 +159,7 @@ fn grips(params: &Params, torque: f64) -> bool {
 }
 
 /// A regulator whose weights and sampling go with the size of the robot.
-fn regulator(params: &Params) -> Lqr {
+fn regulator(params: &Params) -> Sampled<Lqr> {
     let (length, rate) = (params.body_com().norm(), natural_rate(params));
     let weights = LqrWeights {
         position: length,

@@ -13,12 +13,10 @@ mod sliding_mode;
 mod takagi_sugeno;
 
 use crate::support::general::any_general_robot;
-use ballbot_core::control::{
-    Controller, LaneWidth, LimitOptions, Setpoint, SetpointCells, controller_kind, controller_kinds,
-};
+use ballbot_core::control::{Controller, LaneSetpoint, LimitOptions, Setpoint, controller_kind, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, StateCells, Wheels, attitude};
+use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 use proptest::prelude::*;
 use proptest::strategy::ValueTree;
@@ -56,12 +54,6 @@ fn uneven() -> Params {
     Params { body_com_offset: [5e-3, -3e-3], wheel_azimuths: [a + 0.02, b - 0.03, c + 0.01], ..Params::paper() }
 }
 
-fn cells(state: &State) -> StateCells<f64> {
-    let mut cells = StateCells::default();
-    LaneState::from(state).store(&mut cells);
-    cells
-}
-
 #[test]
 fn controllers_report_the_numbers_that_they_compute_with() {
     for kind in controller_kinds() {
@@ -85,14 +77,14 @@ fn controllers_report_the_numbers_that_they_compute_with() {
 /// K of τ = −K (x, memory), from differences of the torques near the equilibrium.
 fn gain_of(controller: &dyn Controller, params: &Params) -> DMatrix<f64> {
     const SMALL: f64 = 1e-5;
-    let (setpoint, memory) = (SetpointCells::from(&Setpoint::default()), controller.memory_len());
+    let (setpoint, memory) = (LaneSetpoint::from(&Setpoint::default()), controller.memory_len());
     let torques = |x: &DMatrix<f64>| {
         let rate = params.to_balance_frame().inverse_transform_vector(&Vector3::new(x[7], x[8], x[9]));
         let body = attitude(Vector2::new(x[2], x[3]), x[4]) * params.to_balance_frame();
         let mut state = State::rolling(params, Vector2::new(x[5], x[6]), 0.0, body, rate);
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = x.as_slice()[10..].to_vec();
-        controller.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut kept)
+        controller.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut kept)
     };
     let mut gain = DMatrix::zeros(3, 10 + memory);
     for j in 0..10 + memory {
@@ -386,16 +378,17 @@ fn lanes_equal_one_robot(name: &str, options: &[(&str, &[f64])]) {
         yaw: i as f64 - 3.0,
         ..Setpoint::default()
     };
-    let mut targets = SetpointCells::<Eight>::default();
-    (0..EIGHT).for_each(|i| Eight::set_setpoint(&mut targets, i, &setpoint(i)));
+    let mut targets = LaneSetpoint::<Eight>::default();
+    (0..EIGHT).for_each(|i| targets.set_lane(i, &(&setpoint(i)).into()));
     let mut memory = vec![Eight::default(); controller.memory_len()];
     let mut single = vec![vec![0.0; controller.memory_len()]; EIGHT];
     for eight in scattered_states(&params).chunks_exact(EIGHT) {
-        let mut all = StateCells::<Eight>::default();
-        eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &cells(state)));
+        let mut all = LaneState::<Eight>::default();
+        eight.iter().enumerate().for_each(|(i, state)| all.set_lane(i, &LaneState::from(state)));
         let torques = controller.torques_eight(&all, &targets, f64::INFINITY, &mut memory);
         for (i, kept) in single.iter_mut().enumerate() {
-            let expected = controller.torques_one(&cells(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
+            let expected =
+                controller.torques_one(&LaneState::from(&eight[i]), &(&setpoint(i)).into(), f64::INFINITY, kept);
             let found = torques.map(|cell| cell.0[i]);
             assert_eq!(found.map(f64::to_bits), expected.map(f64::to_bits), "{name}, lane {i}");
             assert!(found.iter().any(|torque| *torque != 0.0));

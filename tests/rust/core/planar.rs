@@ -336,8 +336,8 @@ fn the_sampled_pid_responds_like_the_continuous_pid() {
     let dt = 1e-5;
     // No torque is limited.
     let params = Params { max_wheel_torque: 1e9, ..Params::paper() };
-    let pid = Pid::new(&params, dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
-    let mut pid = pid.with_limits(&params, &LimitOptions::capped(1e9)).unwrap();
+    let (gains, limits) = (PidGains::default(), LimitOptions::capped(1e9));
+    let mut pid = Pid::with_map(&params, dt, &gains, TorqueMap::Consistent, &limits).unwrap();
     let about_x = Omniwheels::new(&params).wheel_torques(&Vector3::x(), TorqueMap::Consistent);
     // The tilt about +x leans towards −y.
     let mut virtual_torque = |tilt: f64, setpoint: f64| {

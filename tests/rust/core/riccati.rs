@@ -1,6 +1,6 @@
 //! The Riccati equation of the regulator, for weights, rates and robots over the whole allowed range.
 
-use ballbot_core::control::{LimitOptions, Lqr, LqrWeights};
+use ballbot_core::control::{LimitOptions, Lqr, LqrOptions, LqrWeights, Sampled};
 use ballbot_core::fields::Fields;
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Error, Params};
@@ -9,7 +9,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
 
-fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_core::Result<Lqr> {
+fn regulator(params: &Params, control_dt: f64, weights: &LqrWeights) -> ballbot_core::Result<Sampled<Lqr>> {
     Lqr::with_weights(params, control_dt, weights, &LimitOptions::CAP)
 }
 
@@ -73,7 +73,8 @@ fn costs_without_a_regulator_are_rejected() {
     let paper = Params::paper();
     let identity = |n: usize| DMatrix::<f64>::identity(n, n);
     let rejected = |q: &DMatrix<f64>, r: &DMatrix<f64>, words: &str| {
-        let error = Lqr::with_costs(&paper, 0.01, [q, r], [0.2, 1.0], &LimitOptions::CAP).unwrap_err().to_string();
+        let made = Lqr::with_costs(&paper, 0.01, [q, r], &LqrOptions::default(), &LimitOptions::CAP);
+        let error = made.unwrap_err().to_string();
         assert!(error.contains(words), "'{error}' does not contain '{words}'");
     };
     rejected(&(identity(10) * 1e16), &identity(3), "Q[0, 0] = 1e16 is out of range: it must be within ±1e15");

@@ -1,7 +1,7 @@
 //! The last stage of the laws: wheels that neither slip nor lift, and the benefit for a regulator.
 
 use crate::support::general::crooked;
-use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Setpoint, TorqueLimits};
+use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Sampled, Setpoint, TorqueLimits};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LoadMap, SpatialModel};
 use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels};
@@ -223,7 +223,7 @@ fn limits_out_of_range_are_rejected() {
 }
 
 /// A regulator at 100 Hz on `contact`, pushed from the start on for a time, s, with a half sine.
-fn recovers(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
+fn recovers(lqr: &mut Sampled<Lqr>, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
     let params = Params::paper();
     let mut robot = Ballbot::new(&params, ModelKind::Contact, SIM_DT).unwrap();
     robot.reset(start).unwrap();
@@ -250,7 +250,7 @@ fn recovers(lqr: &mut Lqr, start: &State, impulse: Vector3<f64>, duration: f64, 
     robot.state().tilt() < 0.03
 }
 
-fn regulators() -> [Lqr; 2] {
+fn regulators() -> [Sampled<Lqr>; 2] {
     let params = Params::paper();
     let without = LqrWeights { max_lean: 1e3, max_speed: 1e3, ..LqrWeights::default() };
     let lqr = |weights, limits| Lqr::with_weights(&params, SIM_DT * STEPS as f64, weights, limits).unwrap();

@@ -211,9 +211,9 @@ fn rotation_equals_nalgebra() {
     assert!((vec3(&a).dot(vec3(&b)) - a.dot(&b)).abs() < 1e-14 * 10.0);
 }
 
-cells! {
+lane_struct! {
     #[derive(Clone, Debug, Default, PartialEq)]
-    pub struct Numbers {
+    pub struct Numbers<T> {
         pub one: T,
         pub three: [T; 3],
     }

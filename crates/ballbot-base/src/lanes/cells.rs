@@ -1,7 +1,6 @@
-//! Struct-of-arrays storage of eight robots, and access to the numbers of one robot.
+//! Struct-of-arrays storage of one robot or of eight, and access to the numbers of one robot.
 
 use serde::{Deserialize, Serialize};
-use std::slice;
 
 /// Number of robots side by side.
 pub const EIGHT: usize = 8;
@@ -43,81 +42,4 @@ impl Cell for Eight {
     fn set(&mut self, index: usize, value: f64) {
         self.0[index] = value;
     }
-}
-
-/// A number or an array of numbers as a slice of cells.
-pub trait AsCells<T> {
-    /// Cells for reading.
-    fn as_cells(&self) -> &[T];
-    /// Cells for writing.
-    fn as_cells_mut(&mut self) -> &mut [T];
-}
-
-impl<T> AsCells<T> for T {
-    fn as_cells(&self) -> &[T] {
-        slice::from_ref(self)
-    }
-    fn as_cells_mut(&mut self) -> &mut [T] {
-        slice::from_mut(self)
-    }
-}
-
-impl<T, const N: usize> AsCells<T> for [T; N] {
-    fn as_cells(&self) -> &[T] {
-        self
-    }
-    fn as_cells_mut(&mut self) -> &mut [T] {
-        self
-    }
-}
-
-impl<T, const N: usize, const M: usize> AsCells<T> for [[T; N]; M] {
-    fn as_cells(&self) -> &[T] {
-        self.as_flattened()
-    }
-    fn as_cells_mut(&mut self) -> &mut [T] {
-        self.as_flattened_mut()
-    }
-}
-
-/// Defines a struct of cells `T`, numbers of one robot (`f64`) or of eight ([`Eight`]), with access to one robot of
-/// eight.
-#[macro_export]
-macro_rules! cells {
-    ($(#[$meta:meta])* pub struct $name:ident { $($(#[$doc:meta])* pub $field:ident: $type:ty,)* }) => {
-        $(#[$meta])*
-        pub struct $name<T> {
-            $($(#[$doc])* pub $field: $type,)*
-        }
-
-        impl $name<$crate::lanes::Eight> {
-            /// The numbers of one robot.
-            #[inline]
-            pub fn lane(&self, index: usize) -> $name<f64> {
-                use $crate::lanes::{AsCells, Eight};
-                let mut out = $name::<f64>::default();
-                $(
-                    let eights = AsCells::<Eight>::as_cells(&self.$field);
-                    let cells = AsCells::<f64>::as_cells_mut(&mut out.$field);
-                    for (cell, eight) in cells.iter_mut().zip(eights) {
-                        *cell = eight.0[index];
-                    }
-                )*
-                out
-            }
-
-            /// Replaces the numbers of one robot.
-            #[inline]
-            pub fn set_lane(&mut self, index: usize, one: &$name<f64>) {
-                use $crate::lanes::{AsCells, Eight};
-                $(
-                    let eights = AsCells::<Eight>::as_cells_mut(&mut self.$field);
-                    let cells = AsCells::<f64>::as_cells(&one.$field);
-                    for (eight, cell) in eights.iter_mut().zip(cells) {
-                        eight.0[index] = *cell;
-                    }
-                )*
-            }
-        }
-    };
 }

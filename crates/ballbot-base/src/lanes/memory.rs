@@ -1,5 +1,6 @@
 //! Access in lanes to the internal numbers of a stage, a task or a controller.
 
+use super::group::{Group, each, group_of};
 use super::{Lane, Quat, Vec3};
 use crate::wheels::Wheels;
 
@@ -83,6 +84,33 @@ impl<'a, L: Lane> Memory<'a, L> {
     pub fn set_quaternion(&mut self, first: usize, quaternion: Quat<L>) {
         self.set(first, quaternion.w);
         self.set_vector(first + 1, quaternion.v);
+    }
+
+    /// The group in the numbers from `first` on.
+    #[inline(always)]
+    pub fn group<G: Group<L>>(&self, first: usize) -> G {
+        let mut index = first;
+        group_of(
+            #[inline(always)]
+            || {
+                index += 1;
+                self.get(index - 1)
+            },
+        )
+    }
+
+    /// Replaces the group in the numbers from `first` on.
+    #[inline(always)]
+    pub fn set_group<G: Group<L>>(&mut self, first: usize, group: &G) {
+        let mut index = first;
+        each(
+            group,
+            #[inline(always)]
+            |number: &L| {
+                self.set(index, *number);
+                index += 1;
+            },
+        );
     }
 
     /// Proof of the instructions of the lanes.

@@ -6,6 +6,7 @@
 
 mod cells;
 mod dispatch;
+mod group;
 mod halves;
 mod heading;
 mod mat3;
@@ -18,9 +19,10 @@ mod value;
 mod vec3;
 mod wide;
 
-pub use crate::cells;
-pub use cells::{AsCells, Cell, EIGHT, Eight};
+pub use crate::lane_struct;
+pub use cells::{Cell, EIGHT, Eight};
 pub use dispatch::{Kernel, run_eight, run_eight_at, run_one};
+pub use group::Group;
 pub use heading::Heading;
 pub use mat3::Mat3;
 pub use math::{atan2_positive, exp_of_negative, floor, sin_cos, sin_cos_of_step, wrapped_angle};
@@ -126,20 +128,6 @@ pub trait Lane:
     fn squared(self) -> Self {
         self * self
     }
-}
-
-/// Loads three numbers from three cells.
-#[inline(always)]
-pub fn load3<L: Lane>(token: L::Token, [a, b, c]: &[L::Cell; 3]) -> [L; 3] {
-    [L::load(token, a), L::load(token, b), L::load(token, c)]
-}
-
-/// Stores three numbers in three cells.
-#[inline(always)]
-pub fn store3<L: Lane>([a, b, c]: [L; 3], cells: &mut [L::Cell; 3]) {
-    a.store(&mut cells[0]);
-    b.store(&mut cells[1]);
-    c.store(&mut cells[2]);
 }
 
 /// Applies a function to three values. `map` of an array may not be inlined, and then the function is compiled for the

@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// A vector of three components.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Vec3<L> {
     /// First component.
     pub x: L,
@@ -100,6 +100,13 @@ impl<L> From<[L; 3]> for Vec3<L> {
     }
 }
 
+impl<L> From<Vec3<L>> for [L; 3] {
+    #[inline(always)]
+    fn from(v: Vec3<L>) -> Self {
+        [v.x, v.y, v.z]
+    }
+}
+
 impl<L: Lane> Add for Vec3<L> {
     type Output = Self;
     #[inline(always)]
@@ -140,7 +147,7 @@ impl<L: Lane> Mul<L> for Vec3<L> {
 }
 
 /// A unit quaternion.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Quat<L> {
     /// Scalar part.
     pub w: L,

@@ -32,26 +32,22 @@ pub fn search<const JOINTS: bool, L: Lane, V: Value<L>>(
     token: L::Token,
 ) -> Solution<L> {
     let like = conditions.static_impulse;
-    let store = |value: L| {
+    let store = |value: &L| {
         let mut cell = L::Cell::default();
         value.store(&mut cell);
         cell
     };
     let stored = Stored {
-        delassus: conditions.delassus.map(store, |constant| store(constant.at(like))),
+        delassus: conditions.delassus.map(store, |constant| store(&constant.at(like))),
         residuals: conditions.residuals.map(store),
         friction: conditions.friction.map(store),
         joint_friction: conditions.joint_friction.map(store),
-        static_impulse: store(like),
+        static_impulse: store(&like),
     };
     let mut found = impulses.map(store);
-    let mut unsolved = store(L::select(open, like.splat(1.0), like.zero()));
+    let mut unsolved = store(&L::select(open, like.splat(1.0), like.zero()));
     each::<JOINTS, L::Cell>(&stored, &mut unsolved, &mut found);
-    Solution {
-        impulses: found.map(|cell| L::load(token, &cell)),
-        searched: open,
-        unsolved: like.zero().lt(L::load(token, &unsolved)),
-    }
+    Solution { impulses: found.load(token), searched: open, unsolved: like.zero().lt(L::load(token, &unsolved)) }
 }
 
 /// Searches for the robots with 1 in `unsolved`, and leaves 1 for those without solution.
@@ -62,15 +58,14 @@ fn each<const JOINTS: bool, C: Cell>(stored: &Stored<C>, unsolved: &mut C, impul
         if unsolved.get(i) == 0.0 {
             continue;
         }
-        let lane = |cell: C| cell.get(i);
         let conditions = Conditions {
-            delassus: &stored.delassus.map(lane, lane),
-            residuals: &stored.residuals.map(lane),
-            friction: &stored.friction.map(lane),
-            joint_friction: &stored.joint_friction.map(lane),
+            delassus: &stored.delassus.map(|cell| cell.get(i), |cell| cell.get(i)),
+            residuals: &stored.residuals.lane(i),
+            friction: &stored.friction.lane(i),
+            joint_friction: &stored.joint_friction.lane(i),
             static_impulse: stored.static_impulse.get(i),
         };
-        let last = impulses.map(lane);
+        let last = impulses.lane(i);
         let (found, solved) = run_one(
             #[inline(always)]
             || best::<JOINTS>(&conditions, last),
@@ -78,18 +73,7 @@ fn each<const JOINTS: bool, C: Cell>(stored: &Stored<C>, unsolved: &mut C, impul
         if solved {
             unsolved.set(i, 0.0);
         }
-        put(impulses, i, &found);
-    }
-}
-
-fn put<C: Cell>(impulses: &mut PerRow<C>, i: usize, one: &PerRow<f64>) {
-    let PerRow { floor, normals, drives, joints } = impulses;
-    let (n, d, j) = (one.normals.0, one.drives.0, one.joints.0);
-    let blocks = [(floor, one.floor), (&mut normals.0, n), (&mut drives.0, d), (&mut joints.0, j)];
-    for (cells, values) in blocks {
-        for (cell, value) in cells.iter_mut().zip(values) {
-            cell.set(i, value);
-        }
+        impulses.set_lane(i, &found);
     }
 }
 

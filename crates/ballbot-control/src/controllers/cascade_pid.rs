@@ -3,17 +3,13 @@
 use crate::parts::lean_observer::{self, LeanObserver};
 use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
 use crate::parts::outer::share_within;
+use crate::parts::position_loop::SecondOrder;
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{
-    Constants, LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt,
-};
+use crate::{Constants, Law, Limited, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
-use ballbot_base::params::Params;
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::Lane;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
 use ballbot_models::linear::STATES;
 use nalgebra::DMatrix;
 
@@ -63,12 +59,8 @@ impl Gains {
     /// Gains that place the five poles of the options in the plane, derived in `docs/laws.md`.
     fn new(plane: &LeanPlane, options: &CascadePidOptions) -> Self {
         let LeanPlane { toppling, acceleration, lever } = *plane;
-        let pair = |bandwidth: f64, damping: f64| {
-            let frequency = bandwidth * toppling;
-            [2.0 * damping * frequency, frequency * frequency]
-        };
-        let [b1, b0] = pair(options.lean_bandwidth, options.lean_damping);
-        let [c1, c0] = pair(options.position_bandwidth, options.position_damping);
+        let [b0, b1] = SecondOrder::new(options.lean_bandwidth * toppling, options.lean_damping).gains();
+        let [c0, c1] = SecondOrder::new(options.position_bandwidth * toppling, options.position_damping).gains();
         // (s² + b1 s + b0)(s² + c1 s + c0)
         let [a3, a2, a1, a0] = [b1 + c1, b0 + c0 + b1 * c1, b1 * c0 + b0 * c1, b0 * c0];
         let stiffness = a2 + lever * a0 / acceleration;
@@ -100,14 +92,11 @@ impl Gains {
 #[derive(Clone, Debug)]
 pub struct CascadePid {
     gains: [Gains; 2],
-    /// k of the acceleration −k (ψ, ψ̇) of the heading.
-    yaw: [f64; 2],
+    yaw: SecondOrder,
     max_lean: f64,
     max_speed: f64,
     tracking: Tracking,
     observer: LeanObserver,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for CascadePid {
@@ -116,49 +105,29 @@ impl NamedLaw for CascadePid {
     const LABEL: &'static str = "cascade";
     type Options = CascadePidOptions;
 
-    /// A controller for `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
-    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &CascadePidOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let tracking = Tracking::new(params);
-        let max_torque = limits.max_torque();
-        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
-        let planes = &tracking.planes.planes;
-        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+    fn design(plant: &Plant<'_>, options: &CascadePidOptions) -> Result<Self> {
+        let tracking = Tracking::new(plant.params);
         let law = Self {
-            gains: [Gains::new(&planes[0], options), Gains::new(&planes[1], options)],
-            yaw,
+            gains: tracking.planes.planes.each_ref().map(|plane| Gains::new(plane, options)),
+            yaw: SecondOrder::new(options.yaw_bandwidth, options.yaw_damping),
             max_lean: options.max_lean,
             max_speed: options.max_speed,
+            observer: LeanObserver::new(plant, &tracking, options.lean_observer)?,
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
-            observer,
-            limits,
         };
-        require_stable(law.closed_loop(params), control_dt)?;
+        require_stable(law.closed_loop(plant), plant.control_dt)?;
         Ok(law)
     }
 }
 
 impl CascadePid {
     /// The sampled closed loop of the linear model: its states, and the integral of each plane that has an integral.
-    fn closed_loop(&self, params: &Params) -> DMatrix<f64> {
-        let dt = self.sampling.control_dt;
-        let (a, b) = LinearModel::new(params).discretize(dt);
+    fn closed_loop(&self, plant: &Plant<'_>) -> DMatrix<f64> {
+        let dt = plant.control_dt;
+        let (a, b) = plant.sampled();
         let size = STATES + 2;
         let [x, y] = &self.gains;
-        let gain = self.tracking.planes.gain([x.feedback(), y.feedback()], self.yaw);
+        let gain = self.tracking.planes.gain([x.feedback(), y.feedback()], self.yaw.gains());
         let mut closed = DMatrix::identity(size, size);
         closed.view_mut((0, 0), (STATES, STATES)).copy_from(&(a - b * gain));
         for (axis, g) in self.gains.iter().enumerate() {
@@ -185,18 +154,7 @@ impl Law for CascadePid {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     fn constants(&self) -> Option<Constants> {
-        if self.observer.kept() > 0 {
-            return None;
-        }
         let [x, y] = &self.gains;
         let constants = self
             .tracking
@@ -207,10 +165,10 @@ impl Law for CascadePid {
             .vector("lean_gains", &[x.lean, y.lean])
             .vector("rate_gains", &[x.rate, y.rate])
             .vector("integral_gains", &[x.integral, y.integral])
-            .vector("yaw_gains", &self.yaw)
+            .vector("yaw_gains", &self.yaw.gains())
             .number("max_lean", self.max_lean)
             .number("max_speed", self.max_speed);
-        Some(self.limits.add_to(constants))
+        Some(constants)
     }
 
     fn kept(&self) -> usize {
@@ -218,16 +176,8 @@ impl Law for CascadePid {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let deviation = self.tracking.deviation(state, setpoint);
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
-        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let (Deviation { x, forward, pose }, _) = self.observer.deviation(&self.tracking, sample, Self::MEMORY);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let [gx, gy] = &self.gains;
         let speeds = [position[0] * (gx.position / gx.velocity), position[1] * (gy.position / gy.velocity)];
@@ -243,20 +193,13 @@ impl Law for CascadePid {
             let reference = commanded[axis] * less;
             errors[axis] = reference - lean[axis];
             let held = lean[axis].mul_add_all(-g.lean, rate[axis] * -g.rate);
-            let driven = reference.mul_add_all(g.reference, memory.get(axis) * g.integral);
+            let driven = reference.mul_add_all(g.reference, sample.memory.get(axis) * g.integral);
             accelerations[axis] = driven + held + forward[axis];
         }
-        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
-        let limited = self.limits.apply_at(desired, state, &pose, largest);
-        // Limited torques cannot act on the integral: hold it.
-        let held = limited.share.lt(less.splat(1.0));
-        for (axis, error) in errors.into_iter().enumerate() {
-            let integral = memory.get(axis);
-            let next = error.mul_add_all(self.sampling.control_dt, integral);
-            memory.set(axis, L::select(held, integral, next));
-        }
-        self.observer.predict(state, &pose, limited.torques, limited.share, &mut memory.after(Self::MEMORY));
-        limited.torques
+        let desired = self.tracking.planes.wheel_torques(accelerations, self.yaw.returning(x[4], x[9]));
+        let Limited { torques, share, .. } = sample.limited_at(desired, &pose);
+        sample.integrate(errors, share);
+        self.observer.predict(sample, Self::MEMORY, &pose, torques, share);
+        torques
     }
 }

@@ -1,18 +1,15 @@
 //! Fuzzy rules on the lean's error and its rate.
 
-use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
-use crate::parts::position_loop::{PositionLoop, PositionOptions, SecondOrder};
+use crate::parts::lean_planes::{LeanPlane, Leaning};
+use crate::parts::position_loop::{PositionLoop, SecondOrder};
 use crate::parts::rule_table::RuleTable;
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt};
+use crate::{Law, LimitOptions, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
-use ballbot_models::linear::STATES;
 use nalgebra::DMatrix;
 
 ballbot_base::fields! {
@@ -72,8 +69,6 @@ pub struct FuzzyMamdani {
     position: PositionLoop,
     yaw: SecondOrder,
     tracking: Tracking,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for FuzzyMamdani {
@@ -82,12 +77,8 @@ impl NamedLaw for FuzzyMamdani {
     const LABEL: &'static str = "fuzzy rules";
     type Options = FuzzyOptions;
 
-    /// A controller for `params` with the default rules, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// As [`FuzzyMamdani::with_rules`].
-    fn with_options(params: &Params, control_dt: f64, options: &FuzzyOptions, limits: &LimitOptions) -> Result<Self> {
-        Self::with_rules(params, control_dt, RuleTable::default(), options, limits)
+    fn design(plant: &Plant<'_>, options: &FuzzyOptions) -> Result<Self> {
+        Self::of_rules(plant, options, &RuleTable::default())
     }
 }
 
@@ -95,42 +86,31 @@ impl FuzzyMamdani {
     /// A controller with custom rules, scaled like the default rules.
     ///
     /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
-    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model with the rules' slopes in the middle is
-    /// not stable.
+    /// As [`Sampled::new`]; [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model with the
+    /// rules' slopes in the middle is not stable.
     pub fn with_rules(
         params: &Params,
         control_dt: f64,
         rules: RuleTable,
         options: &FuzzyOptions,
         limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let tracking = Tracking::new(params);
-        let planes = &tracking.planes.planes;
-        let rate = tracking.planes.toppling_rate();
-        let lean = SecondOrder::new(options.lean_bandwidth * rate, options.lean_damping);
-        let position = PositionOptions {
-            bandwidth: options.position_bandwidth,
-            damping: options.position_damping,
-            max_lean: options.max_lean,
-            max_speed: options.max_speed,
-        };
+    ) -> Result<Sampled<Self>> {
+        Sampled::new(params, control_dt, options, limits, |plant, options| Self::of_rules(plant, options, &rules))
+    }
+
+    fn of_rules(plant: &Plant<'_>, options: &FuzzyOptions, rules: &RuleTable) -> Result<Self> {
+        let tracking = Tracking::new(plant.params);
+        let planes = &tracking.planes;
+        let lean = SecondOrder::new(options.lean_bandwidth * planes.toppling_rate(), options.lean_damping);
+        let poles = [options.position_bandwidth, options.position_damping];
         let law = Self {
-            rules,
-            ranges: [Ranges::new(&planes[0], &lean, options.range), Ranges::new(&planes[1], &lean, options.range)],
-            position: PositionLoop::new(&tracking.planes, lean, &position),
+            rules: *rules,
+            ranges: planes.planes.each_ref().map(|plane| Ranges::new(plane, &lean, options.range)),
+            position: PositionLoop::new(planes, lean, poles, [options.max_lean, options.max_speed]),
             yaw: SecondOrder::new(options.yaw_bandwidth, options.yaw_damping),
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
         };
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let closed = a - b * law.gain();
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        plant.require_stable(&law.gain())?;
         Ok(law)
     }
 
@@ -146,31 +126,16 @@ impl FuzzyMamdani {
             k[1] += error;
             k[3] += rate;
         }
-        self.tracking.planes.gain(planes, [self.yaw.stiffness, self.yaw.damping])
+        self.tracking.planes.gain(planes, self.yaw.gains())
     }
 }
 
 impl Law for FuzzyMamdani {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        _: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let Deviation { x, forward, pose } = self.tracking.deviation(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Deviation { x, forward, pose } = self.tracking.deviation(sample.state, sample.setpoint);
         let leaning = Leaning::new(&x);
         let commanded = self.position.lean(&leaning);
         let mut accelerations = forward;
@@ -181,8 +146,7 @@ impl Law for FuzzyMamdani {
             let toppling = self.tracking.planes.planes[axis].toppling_squared();
             accelerations[axis] += driven.mul_add_all(output, commanded[axis] * -toppling);
         }
-        let turning = x[4].mul_add_all(-self.yaw.stiffness, x[9] * -self.yaw.damping);
-        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
-        self.limits.apply_at(desired, state, &pose, largest).torques
+        let desired = self.tracking.planes.wheel_torques(accelerations, self.yaw.returning(x[4], x[9]));
+        sample.limited_at(desired, &pose).torques
     }
 }

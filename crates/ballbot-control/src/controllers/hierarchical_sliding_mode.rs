@@ -1,23 +1,17 @@
 //! Hierarchical sliding mode of position and lean.
 
 use crate::parts::lean_observer::{self, LeanObserver};
-use crate::parts::lean_planes::{LeanPlane, Leaning, require_stable};
+use crate::parts::lean_planes::{LeanPlane, Leaning};
 use crate::parts::outer::Outer;
+use crate::parts::position_loop::SecondOrder;
 use crate::parts::switching_gain::SwitchingGain;
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{
-    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits,
-    check_control_dt,
-};
+use crate::{Constants, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled};
 use ballbot_base::error::{Error, Result, check};
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
-use ballbot_models::linear::STATES;
-use nalgebra::DMatrix;
 
 ballbot_base::fields! {
     /// The poles on the sliding surface of [`HierarchicalSlidingMode`], and the reaching law. The poles are in units of
@@ -92,8 +86,7 @@ impl SlidingSurface {
     /// The surface on which the plane has the poles of the options, derived in `docs/laws.md`.
     fn new(plane: &LeanPlane, options: &SlidingModeOptions) -> Self {
         let LeanPlane { toppling, acceleration, lever } = *plane;
-        let frequency = options.pair_bandwidth * toppling;
-        let (sum, product) = (2.0 * options.pair_damping * frequency, frequency * frequency);
+        let [product, sum] = SecondOrder::new(options.pair_bandwidth * toppling, options.pair_damping).gains();
         let real = options.real_pole * toppling;
         let [p2, p1, p0] = [sum + real, product + sum * real, product * real];
         let alpha = p1 / (acceleration + p1 * lever);
@@ -127,13 +120,14 @@ struct Gains {
 }
 
 impl Gains {
-    fn new(plane: &LeanPlane, surface: SlidingSurface) -> Self {
+    fn new(plane: &LeanPlane, surface: SlidingSurface) -> Result<Self> {
+        surface.check(plane)?;
         let SlidingSurface { alpha, c1, c2 } = surface;
         let per_rate = (1.0 - alpha * plane.lever).recip();
         let toppling = plane.toppling_squared();
         // Terms of Ṡ without motors: ÿ = (g − ℓ λ²) θ, θ̈ = λ² θ.
         let of_lean = alpha * (plane.acceleration - plane.lever * toppling) + toppling;
-        Self { surface, equivalent: [of_lean * per_rate, alpha * c1 * per_rate, c2 * per_rate], per_rate }
+        Ok(Self { surface, equivalent: [of_lean * per_rate, alpha * c1 * per_rate, c2 * per_rate], per_rate })
     }
 
     /// k of u = −k (y, θ, ẏ, θ̇) with S decaying at `rate`.
@@ -160,12 +154,9 @@ pub struct HierarchicalSlidingMode {
     reaching: f64,
     switching: SwitchingGain,
     layer: f64,
-    /// k of the acceleration −k (ψ, ψ̇) of the heading.
-    yaw: [f64; 2],
+    yaw: SecondOrder,
     outer: Outer,
     observer: LeanObserver,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for HierarchicalSlidingMode {
@@ -174,23 +165,8 @@ impl NamedLaw for HierarchicalSlidingMode {
     const LABEL: &'static str = "sliding mode";
     type Options = SlidingModeOptions;
 
-    /// A controller for `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`], [`Error::Inconsistent`] if
-    /// the sampled loop of the linear model is not stable.
-    fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &SlidingModeOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        options.check_limits()?;
-        let tracking = Tracking::new(params);
-        let [x, y] = &tracking.planes.planes;
-        let surfaces = [SlidingSurface::new(x, options), SlidingSurface::new(y, options)];
-        Self::with_tracking(params, control_dt, tracking, surfaces, options, limits)
+    fn design(plant: &Plant<'_>, options: &SlidingModeOptions) -> Result<Self> {
+        Self::of_surfaces(plant, options, |_, plane| SlidingSurface::new(plane, options))
     }
 }
 
@@ -198,50 +174,42 @@ impl HierarchicalSlidingMode {
     /// A controller with custom surfaces in the planes of x and y; the poles of the options are not used.
     ///
     /// # Errors
-    /// As [`HierarchicalSlidingMode::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is
-    /// unstable, with its numbers and their limits.
+    /// As [`NamedLaw::with_options`], and [`Error::Inconsistent`] for a surface on which the robot is unstable, with
+    /// its numbers and their limits.
     pub fn with_surfaces(
         params: &Params,
         control_dt: f64,
         surfaces: [SlidingSurface; 2],
         options: &SlidingModeOptions,
         limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        options.check_limits()?;
-        Self::with_tracking(params, control_dt, Tracking::new(params), surfaces, options, limits)
+    ) -> Result<Sampled<Self>> {
+        Sampled::new(params, control_dt, options, limits, |plant, options| {
+            Self::of_surfaces(plant, options, |axis, _| surfaces[axis])
+        })
     }
 
-    fn with_tracking(
-        params: &Params,
-        control_dt: f64,
-        tracking: Tracking,
-        surfaces: [SlidingSurface; 2],
+    fn of_surfaces(
+        plant: &Plant<'_>,
         options: &SlidingModeOptions,
-        limits: &LimitOptions,
+        surface: impl Fn(usize, &LeanPlane) -> SlidingSurface,
     ) -> Result<Self> {
-        check_control_dt(control_dt)?;
         options.check_adaptation()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let max_torque = limits.max_torque();
-        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
+        let tracking = Tracking::new(plant.params);
+        let observer = LeanObserver::new(plant, &tracking, options.lean_observer)?;
         let planes = &tracking.planes;
-        for (surface, plane) in surfaces.iter().zip(&planes.planes) {
-            surface.check(plane)?;
-        }
         let [x, y] = planes.planes;
-        let gains = [Gains::new(&x, surfaces[0]), Gains::new(&y, surfaces[1])];
-        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+        let gains = [Gains::new(&x, surface(0, &x))?, Gains::new(&y, surface(1, &y))?];
+        let yaw = SecondOrder::new(options.yaw_bandwidth, options.yaw_damping);
         let reaching = options.reaching * 0.5 * (x.toppling + y.toppling);
-        let gain_of = |rate: f64| planes.gain([gains[0].feedback(rate), gains[1].feedback(rate)], yaw);
         let gains_of = [options.switching, options.max_switching];
-        let switching = SwitchingGain::new(gains_of, options.adaptation, options.leakage, control_dt);
-        let within_layer = gain_of(reaching + switching.fixed() / options.layer);
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        for largest in [switching.fixed(), switching.largest()] {
-            let closed = a - b * gain_of(reaching + largest / options.layer);
-            require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
-        }
+        let switching = SwitchingGain::new(gains_of, options.adaptation, options.leakage, plant.control_dt);
+        let gain_of = |switching: f64| {
+            let rate = reaching + switching / options.layer;
+            planes.gain(gains.map(|gains| gains.feedback(rate)), yaw.gains())
+        };
+        let within_layer = gain_of(switching.fixed());
+        plant.require_stable(&within_layer)?;
+        plant.require_stable(&gain_of(switching.largest()))?;
         Ok(Self {
             // Uses the gains within the layer, where they are largest.
             outer: Outer::new(&within_layer, [options.max_lean, options.max_speed]),
@@ -251,34 +219,20 @@ impl HierarchicalSlidingMode {
             layer: options.layer,
             yaw,
             tracking,
-            sampling: Sampling::new(control_dt, switching.kept() + observer.kept()),
             observer,
-            limits,
         })
     }
 
     /// The surfaces in the planes of x and y.
     pub fn surfaces(&self) -> [SlidingSurface; 2] {
-        [self.gains[0].surface, self.gains[1].surface]
+        self.gains.map(|gains| gains.surface)
     }
 }
 
 impl Law for HierarchicalSlidingMode {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     fn constants(&self) -> Option<Constants> {
-        if self.kept() > 0 {
-            return None;
-        }
         let [x, y] = &self.gains;
         let constants = self
             .tracking
@@ -293,8 +247,8 @@ impl Law for HierarchicalSlidingMode {
             .number("reaching", self.reaching)
             .number("switching", self.switching.fixed())
             .number("layer", self.layer)
-            .vector("yaw_gains", &self.yaw);
-        Some(self.limits.add_to(self.outer.add_to(constants)))
+            .vector("yaw_gains", &self.yaw.gains());
+        Some(self.outer.add_to(constants))
     }
 
     fn kept(&self) -> usize {
@@ -302,17 +256,9 @@ impl Law for HierarchicalSlidingMode {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         let adapted = self.switching.kept();
-        let deviation = self.tracking.deviation(state, setpoint);
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(adapted));
-        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
+        let (Deviation { mut x, forward, pose }, _) = self.observer.deviation(&self.tracking, sample, adapted);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
         let (mut s, mut accelerations) = ([x[0]; 2], [x[0]; 2]);
@@ -327,16 +273,15 @@ impl Law for HierarchicalSlidingMode {
         }
         let length = s[0].mul_add(s[0], s[1].squared()).sqrt();
         let layer = length.splat(self.layer);
-        let decay = self.switching.now(length, memory) / length.max(layer) + self.reaching;
+        let decay = self.switching.now(length, &sample.memory) / length.max(layer) + self.reaching;
         for axis in 0..2 {
             accelerations[axis] =
                 (s[axis] * decay).mul_add_all(-self.gains[axis].per_rate, accelerations[axis] + forward[axis]);
         }
-        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
-        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
-        self.switching.adapt(length - layer, share, memory);
-        self.observer.predict(state, &pose, torques, share, &mut memory.after(adapted));
+        let desired = self.tracking.planes.wheel_torques(accelerations, self.yaw.returning(x[4], x[9]));
+        let Limited { torques, share, .. } = sample.limited_at(desired, &pose);
+        self.switching.adapt(length - layer, share, &mut sample.memory);
+        self.observer.predict(sample, adapted, &pose, torques, share);
         torques
     }
 }

@@ -4,19 +4,13 @@ use crate::parts::delayed::{DelayOptions, Delayed};
 use crate::parts::joined::joined_fields;
 use crate::parts::lean_planes::product;
 use crate::parts::outer::{Outer, equal_torques, share_within};
-use crate::parts::riccati::{self, Regulator};
+use crate::parts::riccati::{self, Regulator, dynamic, rows};
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{
-    Constants, LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits,
-    check_control_dt,
-};
+use crate::{Constants, Law, LqrWeights, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
-use ballbot_base::params::Params;
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::Lane;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SMatrix};
 
@@ -31,27 +25,17 @@ ballbot_base::fields! {
     }
 }
 
-/// Deviations of equal cost, as in [`LqrWeights`].
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LqiWeights {
-    /// Weights of the states and inputs of [`crate::Lqr`].
-    pub lqr: LqrWeights,
-    /// Weights of the integral.
-    pub integral: IntegralWeights,
+joined_fields! {
+    /// Options of [`Lqi`]: deviations of equal cost, and the delay of the motors.
+    pub struct LqiOptions {
+        /// Weights of the states and inputs of [`crate::Lqr`].
+        pub weights: LqrWeights,
+        /// Weights of the integral.
+        pub integral: IntegralWeights,
+        /// Delay of the prediction.
+        pub delay: DelayOptions,
+    }
 }
-
-joined_fields!(LqiWeights: lqr LqrWeights, integral IntegralWeights);
-
-/// Options of [`Lqi`]: the weights, and the delay of the motors.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LqiOptions {
-    /// Deviations of equal cost.
-    pub weights: LqiWeights,
-    /// Delay of the prediction.
-    pub delay: DelayOptions,
-}
-
-joined_fields!(LqiOptions: weights LqiWeights, delay DelayOptions);
 
 /// Number of states with the integral.
 const SIZE: usize = STATES + 2;
@@ -64,8 +48,8 @@ const SIZE: usize = STATES + 2;
 /// z is stored in the inertial frame, so that a turning robot does not wind it up, and rotated into the heading frame.
 /// It is limited as a vector so that it commands at most the lean `max_integral_lean`. It is held while the torques are
 /// limited, while speed or lean are limited as in [`crate::Lqr`], and while the position deviation commands a larger
-/// lean than z may: no disturbance that z can compensate leaves such an offset. With a delay ([`Lqi::with_delay`]) x
-/// and z are predicted for the time at which the torque acts; a held z is not predicted.
+/// lean than z may: no disturbance that z can compensate leaves such an offset. With a delay x and z are predicted for
+/// the time at which the torque acts; a held z is not predicted.
 #[derive(Clone, Debug)]
 pub struct Lqi {
     regulator: Regulator,
@@ -81,8 +65,6 @@ pub struct Lqi {
     tracking: Tracking,
     delayed: Delayed<SIZE>,
     outer: Outer,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for Lqi {
@@ -92,64 +74,34 @@ impl NamedLaw for Lqi {
     const LABEL: &'static str = "LQI";
     type Options = LqiOptions;
 
-    /// As [`Lqi::with_weights`], with [`Lqi::with_delay`].
-    fn with_options(params: &Params, control_dt: f64, options: &LqiOptions, limits: &LimitOptions) -> Result<Self> {
-        Self::with_weights(params, control_dt, &options.weights, limits)?.with_delay(params, options.delay.delay)
+    fn design(plant: &Plant<'_>, options: &LqiOptions) -> Result<Self> {
+        let LqiOptions { weights, integral, delay } = options;
+        let (a, b) = model(plant);
+        let (cost, r) = weights.matrices();
+        let mut q = DMatrix::zeros(SIZE, SIZE);
+        q.view_mut((0, 0), (STATES, STATES)).copy_from(&cost);
+        for axis in 0..2 {
+            q[(STATES + axis, STATES + axis)] = integral.integral.powi(-2);
+        }
+        let regulator = riccati::solve(&dynamic(&a), &dynamic(&b), &q, &r)?;
+        let k = &regulator.gain;
+        let lean_of =
+            |first: usize| rows(&equal_torques(k.columns(2, 2).into_owned(), &k.columns(first, 2).into_owned()), 0);
+        Ok(Self {
+            gain: rows(k, 0),
+            integral_gain: rows(k, STATES),
+            lean: lean_of(STATES),
+            position_lean: lean_of(0),
+            max_integral_lean: integral.max_integral_lean,
+            outer: Outer::new(k, [weights.max_lean, weights.max_speed]),
+            tracking: Tracking::new(plant.params),
+            delayed: Delayed::of(&a, &b, plant.control_dt, delay.delay)?,
+            regulator,
+        })
     }
 }
 
 impl Lqi {
-    /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
-    ///
-    /// # Errors
-    /// As [`crate::Lqr::with_weights`].
-    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqiWeights, limits: &LimitOptions) -> Result<Self> {
-        weights.check_limits()?;
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let (a, b) = model(params, control_dt);
-        let (cost, r) = weights.lqr.matrices();
-        let mut q = DMatrix::zeros(SIZE, SIZE);
-        q.view_mut((0, 0), (STATES, STATES)).copy_from(&cost);
-        for axis in 0..2 {
-            q[(STATES + axis, STATES + axis)] = weights.integral.integral.powi(-2);
-        }
-        let a = DMatrix::from_column_slice(SIZE, SIZE, a.as_slice());
-        let b = DMatrix::from_column_slice(SIZE, INPUTS, b.as_slice());
-        let regulator = riccati::solve(&a, &b, &q, &r)?;
-        let k = &regulator.gain;
-        let lean_of = |first: usize| {
-            let lean = equal_torques(k.columns(2, 2).into_owned(), &k.columns(first, 2).into_owned());
-            std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)]))
-        };
-        Ok(Self {
-            gain: std::array::from_fn(|i| std::array::from_fn(|j| k[(i, j)])),
-            integral_gain: std::array::from_fn(|i| std::array::from_fn(|j| k[(i, STATES + j)])),
-            lean: lean_of(STATES),
-            position_lean: lean_of(0),
-            max_integral_lean: weights.integral.max_integral_lean,
-            outer: Outer::new(k, [weights.lqr.max_lean, weights.lqr.max_speed]),
-            tracking: Tracking::new(params),
-            delayed: Delayed::default(),
-            regulator,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
-        })
-    }
-
-    /// For motors whose torque acts `delay` seconds after its command, as [`crate::Lqr::with_delay`].
-    ///
-    /// # Errors
-    /// As [`crate::Lqr::with_delay`].
-    pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
-        let control_dt = self.sampling.control_dt;
-        let (a, b) = model(params, control_dt);
-        self.delayed = Delayed::of(&a, &b, control_dt, delay)?;
-        self.sampling = Sampling::new(control_dt, self.kept());
-        Ok(self)
-    }
-
     /// The Riccati solution behind the gains; the last two columns of K belong to the integral.
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
@@ -163,13 +115,13 @@ impl Lqi {
 }
 
 /// A and B of the sampled linear model with the integral of the position.
-fn model(params: &Params, control_dt: f64) -> (SMatrix<f64, SIZE, SIZE>, SMatrix<f64, SIZE, INPUTS>) {
-    let (model_a, model_b) = LinearModel::new(params).discretize(control_dt);
+fn model(plant: &Plant<'_>) -> (SMatrix<f64, SIZE, SIZE>, SMatrix<f64, SIZE, INPUTS>) {
+    let (model_a, model_b) = plant.sampled();
     let mut a = SMatrix::<f64, SIZE, SIZE>::identity();
     let mut b = SMatrix::<f64, SIZE, INPUTS>::zeros();
     a.view_mut((0, 0), (STATES, STATES)).copy_from(&model_a);
     b.view_mut((0, 0), (STATES, INPUTS)).copy_from(&model_b);
-    (a[(STATES, 0)], a[(STATES + 1, 1)]) = (control_dt, control_dt);
+    (a[(STATES, 0)], a[(STATES + 1, 1)]) = (plant.control_dt, plant.control_dt);
     (a, b)
 }
 
@@ -177,42 +129,26 @@ impl Law for Lqi {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     fn kept(&self) -> usize {
         Self::MEMORY + self.delayed.kept()
     }
 
     fn constants(&self) -> Option<Constants> {
-        if self.delayed.kept() > 0 {
-            return None;
-        }
         let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
         let constants = constants
             .matrix("integral_gain", &self.integral_gain)
             .matrix("lean_per_integral", &self.lean)
             .matrix("lean_per_position", &self.position_lean)
             .number("max_integral_lean", self.max_integral_lean);
-        Some(self.limits.add_to(self.outer.add_to(constants)))
+        Some(self.outer.add_to(constants))
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Sample { state, setpoint, control_dt: dt, .. } = *sample;
         let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
         let heading = pose.heading;
-        let integral = [memory.get(0), memory.get(1)];
+        let integral = [sample.memory.get(0), sample.memory.get(1)];
         let z = heading.of(integral[0], integral[1]);
         let (zero, one) = (x[0].zero(), x[0].splat(1.0));
         let delays = self.delayed.kept();
@@ -221,7 +157,7 @@ impl Law for Lqi {
             let mut both = [zero; SIZE];
             both[..STATES].copy_from_slice(&x);
             both[STATES..].copy_from_slice(&z);
-            let both = self.delayed.state(both, &memory.after(Self::MEMORY));
+            let both = self.delayed.state(both, &sample.memory.after(Self::MEMORY));
             x.copy_from_slice(&both[..STATES]);
             later.copy_from_slice(&both[STATES..]);
             forward = self.tracking.forward_after(&heading, setpoint, self.delayed.seconds());
@@ -239,10 +175,10 @@ impl Law for Lqi {
         for (wheel, torque) in desired.iter_mut().enumerate() {
             *torque += self.torque(wheel, &x, &used);
         }
-        let limited = self.limits.apply_at(desired, state, &pose, largest);
-        self.delayed.keep(limited.torques - reference, &mut memory.after(Self::MEMORY));
+        let limited = sample.limited_at(desired, &pose);
+        self.delayed.keep(limited.torques - reference, &mut sample.memory.after(Self::MEMORY));
         let held = far | limited.share.lt(one);
-        let (p, dt) = (state.ball_position, self.sampling.control_dt);
+        let p = state.ball_position;
         let next = [
             (p.x - setpoint.position[0]).mul_add_all(dt, integral[0]),
             (p.y - setpoint.position[1]).mul_add_all(dt, integral[1]),
@@ -251,7 +187,7 @@ impl Law for Lqi {
         let lean = turned(&self.lean, heading.of(next[0], next[1]));
         let share = share_within(lean, self.max_integral_lean);
         for axis in 0..2 {
-            memory.set(axis, L::select(held, integral[axis], next[axis] * share));
+            sample.memory.set(axis, L::select(held, integral[axis], next[axis] * share));
         }
         limited.torques
     }

@@ -5,20 +5,18 @@ use crate::parts::joined::joined_fields;
 use crate::parts::lean_observer::{LeanObserver, ObserverOptions};
 use crate::parts::lean_planes::product;
 use crate::parts::outer::Outer;
-use crate::parts::riccati::{self, Regulator};
+use crate::parts::riccati::{self, Regulator, dynamic, rows};
 use crate::parts::tracking::{Deviation, Tracking};
 use crate::{
-    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
-    TorqueLimits, check_control_dt,
+    Constants, LaneSetpoint, Law, LimitOptions, Limited, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled, Setpoint,
 };
 use ballbot_base::error::{Error, Result, check};
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{Lane, Memory, Scalar};
+use ballbot_base::fields::Limit;
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::{DMatrix, SVector, SymmetricEigen};
 
@@ -60,24 +58,24 @@ impl LqrWeights {
     }
 }
 
-/// Options of [`Lqr`]: the weights, the delay of the motors, and the estimate.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LqrOptions {
-    /// Deviations of equal cost.
-    pub weights: LqrWeights,
-    /// Delay of the prediction.
-    pub delay: DelayOptions,
-    /// Estimate of the lean in equilibrium.
-    pub observer: ObserverOptions,
+joined_fields! {
+    /// Options of [`Lqr`]: the weights, the delay of the motors, and the estimate.
+    pub struct LqrOptions {
+        /// Deviations of equal cost.
+        pub weights: LqrWeights,
+        /// Delay of the prediction.
+        pub delay: DelayOptions,
+        /// Estimate of the lean in equilibrium.
+        pub observer: ObserverOptions,
+    }
 }
-
-joined_fields!(LqrOptions: weights LqrWeights, delay DelayOptions, observer ObserverOptions);
 
 /// τ = τ_ref − K x in the heading frame, with the torques τ_ref of the setpoint's motion, scaled down together where a
 /// wheel would slip. The tilt is relative to the equilibrium: the tilt of the line from the ball's center to the body's
 /// center of mass. The design is for a level floor: on a slope the ball comes to rest away from its setpoint, unless
-/// the lean in equilibrium is estimated ([`Lqr::with_lean_observer`]). With a delay ([`Lqr::with_delay`]) x is the
-/// state predicted for the time at which the torque acts.
+/// the lean in equilibrium is estimated: a constant force, a slope or a wrong center of mass then leaves no offset. With
+/// a delay x is the state predicted for the time at which the torque acts: with the pending torques as additional
+/// states, the regulator is K times that state, since an input delay does not change the gain.
 #[derive(Clone, Debug)]
 pub struct Lqr {
     regulator: Regulator,
@@ -87,8 +85,6 @@ pub struct Lqr {
     outer: Outer,
     delayed: Delayed,
     observer: LeanObserver,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for Lqr {
@@ -97,12 +93,9 @@ impl NamedLaw for Lqr {
     const LABEL: &'static str = "LQR";
     type Options = LqrOptions;
 
-    /// As [`Lqr::with_weights`], with [`Lqr::with_delay`] and [`Lqr::with_lean_observer`].
-    fn with_options(params: &Params, control_dt: f64, options: &LqrOptions, limits: &LimitOptions) -> Result<Self> {
-        let LqrOptions { weights, delay, observer } = options;
-        Self::with_weights(params, control_dt, weights, limits)?
-            .with_delay(params, delay.delay)?
-            .with_lean_observer(params, observer.lean_observer)
+    fn design(plant: &Plant<'_>, options: &LqrOptions) -> Result<Self> {
+        let (q, r) = options.weights.matrices();
+        Self::of_costs(plant, [&q, &r], options)
     }
 }
 
@@ -111,85 +104,55 @@ impl Lqr {
     ///
     /// # Errors
     /// As [`Lqr::with_weights`].
-    pub fn new(params: &Params, control_dt: f64) -> Result<Self> {
-        Self::with_weights(params, control_dt, &LqrWeights::default(), &LimitOptions::TRACTION)
+    pub fn new(params: &Params, control_dt: f64) -> Result<Sampled<Self>> {
+        Self::with_defaults(params, control_dt)
     }
 
-    /// A regulator from the linear model of `params`, discretized at `control_dt` (s).
+    /// A regulator with the weights `weights`.
     ///
     /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for a number that is not positive, errors of [`TorqueLimits::new`],
-    /// [`ballbot_base::Error::Riccati`] if there is no solution.
-    pub fn with_weights(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
-        weights.check_limits()?;
-        let (q, r) = weights.matrices();
-        Self::with_costs(params, control_dt, [&q, &r], [weights.max_lean, weights.max_speed], limits)
+    /// [`ballbot_base::Error::Riccati`] if there is no solution; errors of [`Sampled::new`].
+    pub fn with_weights(
+        params: &Params,
+        control_dt: f64,
+        weights: &LqrWeights,
+        limits: &LimitOptions,
+    ) -> Result<Sampled<Self>> {
+        let options = LqrOptions { weights: *weights, ..LqrOptions::default() };
+        Self::with_options(params, control_dt, &options, limits)
     }
 
-    /// [`Lqr::with_weights`] with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu, and the largest lean (rad) and
-    /// speed (m/s) of [`LqrWeights`].
+    /// A regulator with Q (10 × 10) and R (3 × 3) of the cost Σ xᵀQx + uᵀRu, in place of the costs in the weights.
     ///
     /// # Errors
-    /// As [`Lqr::with_weights`]; [`ballbot_base::Error::Length`] for matrices of another size; [`ballbot_base::Error::Inconsistent`]
-    /// if a matrix is not symmetric, or Q not positive semidefinite.
+    /// As [`Lqr::with_weights`]; [`ballbot_base::Error::Inconsistent`] for a matrix of another size, a matrix that is
+    /// not symmetric, or Q not positive semidefinite, for a delay that is not a multiple of the sampling time, or
+    /// samples that are too long for observation.
     pub fn with_costs(
         params: &Params,
         control_dt: f64,
-        [q, r]: [&DMatrix<f64>; 2],
-        largest: [f64; 2],
+        costs: [&DMatrix<f64>; 2],
+        options: &LqrOptions,
         limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        let limits = TorqueLimits::new(params, limits)?;
-        for (name, value) in ["max_lean", "max_speed"].into_iter().zip(largest) {
-            check(name, value, "from 1e-6 to 1e6", |value| (1e-6..=1e6).contains(&value))?;
-        }
+    ) -> Result<Sampled<Self>> {
+        Sampled::new(params, control_dt, &options.weights, limits, |plant, _| Self::of_costs(plant, costs, options))
+    }
+
+    fn of_costs(plant: &Plant<'_>, [q, r]: [&DMatrix<f64>; 2], options: &LqrOptions) -> Result<Self> {
+        let LqrOptions { weights, delay, observer } = options;
         check_cost("Q", q, STATES)?;
         check_cost("R", r, INPUTS)?;
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let a = DMatrix::from_column_slice(STATES, STATES, a.as_slice());
-        let b = DMatrix::from_column_slice(STATES, INPUTS, b.as_slice());
-        let regulator = riccati::solve(&a, &b, q, r)?;
-        let gain = std::array::from_fn(|i| std::array::from_fn(|j| regulator.gain[(i, j)]));
+        let (a, b) = plant.sampled();
+        let regulator = riccati::solve(&dynamic(&a), &dynamic(&b), q, r)?;
+        let tracking = Tracking::new(plant.params);
         Ok(Self {
-            outer: Outer::new(&regulator.gain, largest),
-            gain,
-            tracking: Tracking::new(params),
+            outer: Outer::new(&regulator.gain, [weights.max_lean, weights.max_speed]),
+            gain: rows(&regulator.gain, 0),
             regulator,
-            delayed: Delayed::default(),
-            observer: LeanObserver::default(),
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
+            delayed: Delayed::of(&a, &b, plant.control_dt, delay.delay)?,
+            observer: LeanObserver::new(plant, &tracking, observer.lean_observer)?,
+            tracking,
         })
-    }
-
-    /// For motors whose torque acts `delay` seconds after its command. With the pending torques as additional states,
-    /// the regulator is K times the state predicted for the time at which the torque acts: an input delay does not
-    /// change the gain. `params` are the regulator's parameters.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for more than ten samples, [`ballbot_base::Error::Inconsistent`] for a delay that is not a
-    /// multiple of the sampling time.
-    pub fn with_delay(mut self, params: &Params, delay: f64) -> Result<Self> {
-        let control_dt = self.sampling.control_dt;
-        self.delayed = Delayed::new(params, control_dt, delay)?;
-        self.sampling = Sampling::new(control_dt, self.kept());
-        Ok(self)
-    }
-
-    /// Estimates the lean in equilibrium at a rate in 1/s, 0 for no estimate: a constant force, a slope or a wrong
-    /// center of mass then leaves no offset. `params` are the regulator's parameters.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for a rate out of range, [`ballbot_base::Error::Inconsistent`] if the samples are too long
-    /// for observation.
-    pub fn with_lean_observer(mut self, params: &Params, rate: f64) -> Result<Self> {
-        let control_dt = self.sampling.control_dt;
-        let max_torque = self.limits.max_torque();
-        self.observer = LeanObserver::new(params, &self.tracking, control_dt, rate, max_torque)?;
-        self.sampling = Sampling::new(control_dt, self.kept());
-        Ok(self)
     }
 
     /// The Riccati solution behind the gains.
@@ -215,9 +178,7 @@ impl Lqr {
 
     /// Deviation from the setpoint in the linear model's coordinates.
     pub fn deviation(&self, state: &State, setpoint: &Setpoint) -> SVector<f64, STATES> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
-        SVector::from(self.tracking.deviation(&cells.load(Scalar), &SetpointCells::from(setpoint).load(Scalar)).x)
+        SVector::from(self.tracking.deviation(&state.into(), &setpoint.into()).x)
     }
 }
 
@@ -259,23 +220,11 @@ fn check_cost(name: &str, matrix: &DMatrix<f64>, size: usize) -> Result<()> {
 }
 
 impl Law for Lqr {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     fn constants(&self) -> Option<Constants> {
-        if self.kept() > 0 {
-            return None;
-        }
         let constants = self.tracking.add_to(Constants::default()).matrix("gain", &self.gain);
-        Some(self.limits.add_to(self.outer.add_to(constants)))
+        Some(self.outer.add_to(constants))
     }
 
     fn kept(&self) -> usize {
@@ -283,25 +232,17 @@ impl Law for Lqr {
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let deviation = self.tracking.deviation(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         let delays = self.delayed.kept();
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(delays));
-        let Deviation { x, forward, pose } = equilibrium.deviation(deviation);
-        let mut x = self.delayed.state(x, memory);
+        let (Deviation { x, forward, pose }, equilibrium) = self.observer.deviation(&self.tracking, sample, delays);
+        let mut x = self.delayed.state(x, &sample.memory);
         self.outer.clip(&mut x);
         let motion_now = self.tracking.planes.wheel_torques(forward, x[0].zero());
         let motion_then = match delays {
             0 => motion_now,
             // A torque acts on the motion after the delay.
             _ => {
-                let later = self.tracking.forward_after(&pose.heading, setpoint, self.delayed.seconds());
+                let later = self.tracking.forward_after(&pose.heading, sample.setpoint, self.delayed.seconds());
                 self.tracking.planes.wheel_torques(equilibrium.forward(later), x[0].zero())
             }
         };
@@ -309,9 +250,9 @@ impl Law for Lqr {
         for (row, torque) in self.gain.iter().zip(&mut desired) {
             *torque += product(row, &x);
         }
-        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
-        let acting = self.delayed.acting(torques, motion_then, motion_now, memory);
-        self.observer.predict(state, &pose, acting, share, &mut memory.after(delays));
+        let Limited { torques, share, .. } = sample.limited_at(desired, &pose);
+        let acting = self.delayed.acting(torques, motion_then, motion_now, &mut sample.memory);
+        self.observer.predict(sample, delays, &pose, acting, share);
         torques
     }
 }

@@ -6,15 +6,14 @@ use crate::parts::joined::joined_fields;
 use crate::parts::lean_observer::{self, LeanObserver};
 use crate::parts::lean_planes::{LeanPlanes, Leaning, require_stable};
 use crate::parts::outer::Outer;
+use crate::parts::position_loop::SecondOrder;
 use crate::parts::riccati;
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt};
+use crate::{Law, Limited, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
-use ballbot_base::params::Params;
+use ballbot_base::lanes::Lane;
 use ballbot_base::wheels::Wheels;
 use nalgebra::{DMatrix, Vector3};
 
@@ -51,16 +50,15 @@ ballbot_base::fields! {
     }
 }
 
-/// Options of [`LqrPi`]: the loops, and the delay of the motors.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct LqrPiOptions {
-    /// Both loops and the estimate.
-    pub loops: LqrPiLoops,
-    /// Delay of the prediction.
-    pub delay: DelayOptions,
+joined_fields! {
+    /// Options of [`LqrPi`]: the loops, and the delay of the motors.
+    pub struct LqrPiOptions {
+        /// Both loops and the estimate.
+        pub loops: LqrPiLoops,
+        /// Delay of the prediction.
+        pub delay: DelayOptions,
+    }
 }
-
-joined_fields!(LqrPiOptions: loops LqrPiLoops, delay DelayOptions);
 
 /// The loops in one plane, with x = (y, θ, ẏ, θ̇).
 #[derive(Clone, Copy, Debug)]
@@ -77,7 +75,8 @@ struct Loops {
 }
 
 impl Loops {
-    fn new(axis: usize, params: &Params, planes: &LeanPlanes, dt: f64, options: &LqrPiLoops) -> Result<Self> {
+    fn new(axis: usize, plant: &Plant<'_>, planes: &LeanPlanes, options: &LqrPiLoops) -> Result<Self> {
+        let Plant { params, control_dt: dt, .. } = *plant;
         let plane = &planes.planes[axis];
         // The wheels turn with the ball relative to the body; leaning towards y turns about −x.
         let axis_in_body = BalanceFrame::new(params).in_body(&if axis == 0 { Vector3::y() } else { -Vector3::x() });
@@ -115,14 +114,11 @@ impl Loops {
 #[derive(Clone, Debug)]
 pub struct LqrPi {
     loops: [Loops; 2],
-    /// k of the acceleration −k (ψ, ψ̇) of the heading.
-    yaw: [f64; 2],
+    yaw: SecondOrder,
     tracking: Tracking,
     delayed: Delayed,
     outer: Outer,
     observer: LeanObserver,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for LqrPi {
@@ -131,40 +127,27 @@ impl NamedLaw for LqrPi {
     const LABEL: &'static str = "LQR + PI";
     type Options = LqrPiOptions;
 
-    /// A controller from the linear model of `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// As [`crate::Lqr::with_weights`] and [`crate::Lqr::with_delay`].
-    fn with_options(params: &Params, control_dt: f64, options: &LqrPiOptions, limits: &LimitOptions) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let tracking = Tracking::new(params);
-        let delayed = Delayed::new(params, control_dt, options.delay.delay)?;
-        let options = &options.loops;
-        let yaw = [options.yaw_bandwidth.powi(2), 2.0 * options.yaw_damping * options.yaw_bandwidth];
+    fn design(plant: &Plant<'_>, LqrPiOptions { loops: options, delay }: &LqrPiOptions) -> Result<Self> {
+        let tracking = Tracking::new(plant.params);
+        let delayed = Delayed::new(plant, delay.delay)?;
+        let yaw = SecondOrder::new(options.yaw_bandwidth, options.yaw_damping);
         // The heading is a double integrator; the planes are stabilized by their regulators.
-        let (dt, half) = (control_dt, 0.5 * control_dt * control_dt);
-        let heading = [1.0 - half * yaw[0], dt - half * yaw[1], -dt * yaw[0], 1.0 - dt * yaw[1]];
-        require_stable(DMatrix::from_row_slice(2, 2, &heading), control_dt)?;
-        let max_torque = limits.max_torque();
-        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
+        let ([k, d], dt, half) = (yaw.gains(), plant.control_dt, 0.5 * plant.control_dt * plant.control_dt);
+        let heading = [1.0 - half * k, dt - half * d, -dt * k, 1.0 - dt * d];
+        require_stable(DMatrix::from_row_slice(2, 2, &heading), dt)?;
+        let observer = LeanObserver::new(plant, &tracking, options.lean_observer)?;
         let planes = &tracking.planes;
-        let loops =
-            [Loops::new(0, params, planes, control_dt, options)?, Loops::new(1, params, planes, control_dt, options)?];
+        let loops = [Loops::new(0, plant, planes, options)?, Loops::new(1, plant, planes, options)?];
         let commanded = loops.map(|Loops { proportional, moving, k, .. }| {
             [k[0], k[1], k[2] + moving[0], k[3] + moving[1]].map(|gain| proportional * gain)
         });
         Ok(Self {
             loops,
             yaw,
-            outer: Outer::new(&planes.gain(commanded, yaw), [options.max_lean, options.max_speed]),
+            outer: Outer::new(&planes.gain(commanded, yaw.gains()), [options.max_lean, options.max_speed]),
             tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + delayed.kept() + observer.kept()),
             delayed,
             observer,
-            limits,
         })
     }
 }
@@ -191,33 +174,19 @@ impl Law for LqrPi {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     fn kept(&self) -> usize {
         Self::MEMORY + self.delayed.kept() + self.observer.kept()
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let deviation = self.tracking.deviation(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Sample { state, setpoint, .. } = *sample;
         let delays = self.delayed.kept();
         let observed = Self::MEMORY + delays;
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(observed));
-        let Deviation { x: now, forward, pose } = equilibrium.deviation(deviation);
+        let (deviation, equilibrium) = self.observer.deviation(&self.tracking, sample, observed);
+        let Deviation { x: now, forward, pose } = deviation;
         let Leaning { velocity, rate, .. } = Leaning::new(&now);
-        let mut x = self.delayed.state(now, &memory.after(Self::MEMORY));
+        let mut x = self.delayed.state(now, &sample.memory.after(Self::MEMORY));
         let Leaning { velocity: later_velocity, rate: later_rate, .. } = Leaning::new(&x);
         let forward_then = match delays {
             0 => forward,
@@ -233,7 +202,7 @@ impl Law for LqrPi {
         let (mut accelerations, mut errors) = (forward_then, [zero; 2]);
         for axis in 0..2 {
             let Loops { wheels, moving: [per_speed, per_rate], proportional, integral, k } = &self.loops[axis];
-            let kept = memory.get(axis);
+            let kept = sample.memory.get(axis);
             let reference =
                 (moving[axis] - velocity[axis]).mul_add_all(*per_speed, (leaning[axis] - rate[axis]) * *per_rate);
             let Wheels([a, b, c]) = state.wheel_speeds;
@@ -249,20 +218,13 @@ impl Law for LqrPi {
             let driven = errors[axis].mul_add_all(*proportional, kept * *integral);
             accelerations[axis] += driven;
         }
-        let yaw = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
         let planes = &self.tracking.planes;
-        let desired = planes.wheel_torques(accelerations, yaw);
-        let limited = self.limits.apply_at(desired, state, &pose, largest);
-        // Limited torques cannot act on the integral: hold it.
-        let held = limited.share.lt(zero.splat(1.0));
-        for (axis, error) in errors.into_iter().enumerate() {
-            let integral = memory.get(axis);
-            let next = error.mul_add_all(self.sampling.control_dt, integral);
-            memory.set(axis, L::select(held, integral, next));
-        }
+        let desired = planes.wheel_torques(accelerations, self.yaw.returning(x[4], x[9]));
+        let Limited { torques, share, .. } = sample.limited_at(desired, &pose);
+        sample.integrate(errors, share);
         let (motion_then, motion_now) = (planes.wheel_torques(forward_then, zero), planes.wheel_torques(forward, zero));
-        let acting = self.delayed.acting(limited.torques, motion_then, motion_now, &mut memory.after(Self::MEMORY));
-        self.observer.predict(state, &pose, acting, limited.share, &mut memory.after(observed));
-        limited.torques
+        let acting = self.delayed.acting(torques, motion_then, motion_now, &mut sample.memory.after(Self::MEMORY));
+        self.observer.predict(sample, observed, &pose, acting, share);
+        torques
     }
 }

@@ -1,14 +1,12 @@
 //! Computed torque on the attitude: a PD of its error, with cancellation of the robot's dynamics.
 
 use crate::parts::attitude_loop::AttitudeLoop;
-use crate::parts::position_loop::{PositionOptions, SecondOrder};
+use crate::parts::position_loop::SecondOrder;
 use crate::parts::tracking::Tracking;
-use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits};
+use crate::{Law, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory, Vec3};
-use ballbot_base::params::Params;
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::{Lane, Vec3};
 use ballbot_base::wheels::Wheels;
 
 ballbot_base::fields! {
@@ -47,8 +45,6 @@ pub struct PdInverseDynamics {
     attitude: AttitudeLoop,
     lean: SecondOrder,
     yaw: SecondOrder,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for PdInverseDynamics {
@@ -57,72 +53,28 @@ impl NamedLaw for PdInverseDynamics {
     const LABEL: &'static str = "computed torque";
     type Options = InverseDynamicsOptions;
 
-    /// A controller for `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
-    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &InverseDynamicsOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let tracking = Tracking::new(params);
+    fn design(plant: &Plant<'_>, options: &InverseDynamicsOptions) -> Result<Self> {
+        let tracking = Tracking::new(plant.params);
         let lean = SecondOrder::new(options.lean_bandwidth * tracking.planes.toppling_rate(), options.lean_damping);
         let yaw = SecondOrder::new(options.yaw_bandwidth, options.yaw_damping);
-        let position = PositionOptions {
-            bandwidth: options.position_bandwidth,
-            damping: options.position_damping,
-            max_lean: options.max_lean,
-            max_speed: options.max_speed,
-        };
-        Ok(Self {
-            attitude: AttitudeLoop::new(params, control_dt, tracking, [lean, yaw], &position)?,
-            lean,
-            yaw,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
-        })
+        let poles = [options.position_bandwidth, options.position_damping];
+        let largest = [options.max_lean, options.max_speed];
+        Ok(Self { attitude: AttitudeLoop::new(plant, tracking, [lean, yaw], poles, largest)?, lean, yaw })
     }
 }
 
 impl Law for PdInverseDynamics {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        _: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let error = self.attitude.error(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let error = self.attitude.error(sample);
         let (v, rate) = (error.error, error.rate);
         let desired = Vec3::new(
-            returning(v.x, rate.x, &self.lean),
-            returning(v.y, rate.y, &self.lean),
-            returning(v.z, rate.z, &self.yaw),
+            self.lean.returning(v.x, rate.x),
+            self.lean.returning(v.y, rate.y),
+            self.yaw.returning(v.z, rate.z),
         );
-        self.limits.apply(self.attitude.torques(&error, desired), state, largest).torques
+        sample.limited(self.attitude.torques(&error, desired)).torques
     }
-}
-
-/// −δ ẋ − σ x.
-#[inline(always)]
-fn returning<L: Lane>(x: L, rate: L, dynamics: &SecondOrder) -> L {
-    x.mul_add_all(-dynamics.stiffness, rate * -dynamics.damping)
 }

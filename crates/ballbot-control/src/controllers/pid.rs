@@ -1,11 +1,10 @@
 //! The paper's controller (section III-A): a PID with filtered derivative on each tilt component.
 
 use crate::parts::balance_frame::BalanceFrame;
-use crate::{Constants, LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, TorqueLimits, check_control_dt};
+use crate::{Constants, Law, LimitOptions, Limited, NamedLaw, Plant, Sample, Sampled};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::{Omniwheels, TorqueMap};
-use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
@@ -38,13 +37,10 @@ pub struct Pid {
     gains: PidGains,
     /// Fraction of the distance to the error that the derivative filter covers in a sample; exact for a held error.
     filter_share: f64,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
-/// Stored values of a robot: integrals of the errors, states of the derivative filters, and whether the filters are
-/// initialized. A filter starts at the first error, so that a start away from the setpoint is not a step.
-const INTEGRAL: [usize; 2] = [0, 1];
+/// Stored values of a robot after the integrals of the errors: states of the derivative filters, and whether the filters
+/// are initialized. A filter starts at the first error, so that a start away from the setpoint is not a step.
 const FILTERED: [usize; 2] = [2, 3];
 const STARTED: usize = 4;
 
@@ -56,9 +52,8 @@ impl NamedLaw for Pid {
     const LIMITS: LimitOptions = LimitOptions::CAP;
     type Options = PidGains;
 
-    /// As [`Pid::new`] with [`TorqueMap::Consistent`], and [`Pid::with_limits`].
-    fn with_options(params: &Params, control_dt: f64, gains: &PidGains, limits: &LimitOptions) -> Result<Self> {
-        Self::new(params, control_dt, gains, TorqueMap::Consistent)?.with_limits(params, limits)
+    fn design(plant: &Plant<'_>, gains: &PidGains) -> Result<Self> {
+        Self::of_map(plant, gains, TorqueMap::Consistent)
     }
 }
 
@@ -67,15 +62,29 @@ impl Pid {
     /// (docs/paper.md).
     pub const PAPER_CONTROL_DT: f64 = 0.002;
 
-    /// A PID for `params`, sampled every `control_dt` seconds, with wheel torques limited by [`LimitOptions::CAP`].
+    /// [`Pid::with_map`] with the limits [`LimitOptions::CAP`].
     ///
     /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for gains that are negative or not finite, or a `control_dt` that is not positive;
-    /// errors of [`TorqueMap::require`].
-    pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        gains.check_limits()?;
+    /// As [`Pid::with_map`].
+    pub fn new(params: &Params, control_dt: f64, gains: &PidGains, map: TorqueMap) -> Result<Sampled<Self>> {
+        Self::with_map(params, control_dt, gains, map, &LimitOptions::CAP)
+    }
+
+    /// A PID with the wheel torques of a map.
+    ///
+    /// # Errors
+    /// As [`Sampled::new`] and [`TorqueMap::require`].
+    pub fn with_map(
+        params: &Params,
+        control_dt: f64,
+        gains: &PidGains,
+        map: TorqueMap,
+        limits: &LimitOptions,
+    ) -> Result<Sampled<Self>> {
+        Sampled::new(params, control_dt, gains, limits, |plant, gains| Self::of_map(plant, gains, map))
+    }
+
+    fn of_map(&Plant { params, control_dt, .. }: &Plant<'_>, gains: &PidGains, map: TorqueMap) -> Result<Self> {
         map.require(params)?;
         let wheels = Omniwheels::new(params);
         let frame = BalanceFrame::new(params);
@@ -86,17 +95,7 @@ impl Pid {
             frame,
             filter_share: 1.0 - (-gains.filter_coefficient * control_dt).exp(),
             gains: *gains,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits: TorqueLimits::new(params, &LimitOptions::CAP)?,
         })
-    }
-
-    /// Replaces the limits of the wheel torques, for the robot of `params`.
-    ///
-    /// # Errors
-    /// As [`TorqueLimits::new`].
-    pub fn with_limits(self, params: &Params, limits: &LimitOptions) -> Result<Self> {
-        Ok(Self { limits: TorqueLimits::new(params, limits)?, ..self })
     }
 
     /// Virtual torque for a tilt error about one axis of the heading frame, before any limit, N·m; updates the filter.
@@ -107,21 +106,13 @@ impl Pid {
         let lag = error - filtered;
         memory.set(FILTERED[axis], lag.mul_add_all(self.filter_share, filtered));
         let derivative = lag * (g.derivative * g.filter_coefficient);
-        error * g.proportional + memory.get(INTEGRAL[axis]) * g.integral + derivative
+        error * g.proportional + memory.get(axis) * g.integral + derivative
     }
 }
 
 impl Law for Pid {
     const MEMORY: usize = 5;
     const PARTS: &'static [&'static str] = &["tilt"];
-
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
 
     fn constants(&self) -> Option<Constants> {
         let g = &self.gains;
@@ -133,36 +124,25 @@ impl Law for Pid {
             .number("integral", g.integral)
             .number("filtered_derivative", g.derivative * g.filter_coefficient)
             .number("filter_share", self.filter_share);
-        Some(self.limits.add_to(constants))
+        Some(constants)
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let attitude = self.frame.attitude(state.body_quaternion);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let (attitude, goal) = (self.frame.attitude(sample.state.body_quaternion), sample.setpoint.tilt);
         let heading = Heading::new(attitude);
         let [tilt_x, tilt_y] = attitude.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
-        let errors = [setpoint.tilt[0] - tilt_x, setpoint.tilt[1] - tilt_y];
+        let errors = [goal[0] - tilt_x, goal[1] - tilt_y];
         let zero = tilt_x.zero();
+        let memory = &mut sample.memory;
         let started = zero.lt(memory.get(STARTED));
         memory.set(STARTED, zero.splat(1.0));
         let x = self.virtual_torque(0, errors[0], started, memory);
         let y = self.virtual_torque(1, errors[1], started, memory);
         let desired = self.map.map(|[of_x, of_y]| x * of_x + y * of_y);
-        let limited = self.limits.apply(desired, state, largest);
-        // Limited torques cannot act on the integral: hold it.
-        let saturated = limited.share.lt(zero.splat(1.0));
-        for axis in 0..2 {
-            let integral = memory.get(INTEGRAL[axis]);
-            let next = errors[axis].mul_add_all(self.sampling.control_dt, integral);
-            memory.set(INTEGRAL[axis], L::select(saturated, integral, next));
-        }
-        limited.torques
+        let Limited { torques, share, .. } = sample.limited(desired);
+        sample.integrate(errors, share);
+        torques
     }
 }

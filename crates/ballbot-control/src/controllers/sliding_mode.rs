@@ -1,14 +1,12 @@
 //! Sliding mode of the attitude.
 
 use crate::parts::attitude_loop::AttitudeLoop;
-use crate::parts::position_loop::{PositionOptions, SecondOrder};
+use crate::parts::position_loop::SecondOrder;
 use crate::parts::tracking::Tracking;
-use crate::{LaneSetpoint, Law, LimitOptions, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits};
+use crate::{Law, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory, Vec3};
-use ballbot_base::params::Params;
+use ballbot_base::fields::Limit;
+use ballbot_base::lanes::{Lane, Vec3};
 use ballbot_base::wheels::Wheels;
 
 ballbot_base::fields! {
@@ -68,8 +66,6 @@ pub struct SlidingMode {
     attitude: AttitudeLoop,
     lean: Sliding,
     yaw: Sliding,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for SlidingMode {
@@ -79,21 +75,8 @@ impl NamedLaw for SlidingMode {
     const LABEL: &'static str = "attitude sliding mode";
     type Options = AttitudeSlidingOptions;
 
-    /// A controller for `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for an option out of range, errors of [`TorqueLimits::new`],
-    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
-    fn with_options(
-        params: &Params,
-        control_dt: f64,
-        options: &AttitudeSlidingOptions,
-        limits: &LimitOptions,
-    ) -> Result<Self> {
-        params.validate()?;
-        options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let tracking = Tracking::new(params);
+    fn design(plant: &Plant<'_>, options: &AttitudeSlidingOptions) -> Result<Self> {
+        let tracking = Tracking::new(plant.params);
         let rate = tracking.planes.toppling_rate();
         let lean = Sliding {
             surface: options.surface * rate,
@@ -101,44 +84,19 @@ impl NamedLaw for SlidingMode {
             layer: options.layer * rate,
         };
         let yaw = Sliding { surface: options.yaw_surface, switching: options.yaw_switching, layer: options.yaw_layer };
-        let position = PositionOptions {
-            bandwidth: options.position_bandwidth,
-            damping: options.position_damping,
-            max_lean: options.max_lean,
-            max_speed: options.max_speed,
-        };
+        let poles = [options.position_bandwidth, options.position_damping];
+        let largest = [options.max_lean, options.max_speed];
         let within = [lean.within_layer(), yaw.within_layer()];
-        Ok(Self {
-            attitude: AttitudeLoop::new(params, control_dt, tracking, within, &position)?,
-            lean,
-            yaw,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
-        })
+        Ok(Self { attitude: AttitudeLoop::new(plant, tracking, within, poles, largest)?, lean, yaw })
     }
 }
 
 impl Law for SlidingMode {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        _: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let error = self.attitude.error(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let error = self.attitude.error(sample);
         let (v, rate) = (error.error, error.rate);
         let (lean, yaw) = (&self.lean, &self.yaw);
         let x = v.x.mul_add_all(lean.surface, rate.x);
@@ -152,7 +110,7 @@ impl Law for SlidingMode {
             y.neg_mul_add(tilting, rate.y * -lean.surface),
             z.neg_mul_add(turning, rate.z * -yaw.surface),
         );
-        self.limits.apply(self.attitude.torques(&error, desired), state, largest).torques
+        sample.limited(self.attitude.torques(&error, desired)).torques
     }
 }
 

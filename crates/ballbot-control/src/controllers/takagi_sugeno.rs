@@ -1,20 +1,15 @@
 //! Takagi-Sugeno fuzzy control: regulators for several leans, blended by the lean.
 
 use crate::parts::common_lyapunov::common_lyapunov;
-use crate::parts::lean_planes::{LeanPlanes, Leaning, product, require_stable};
+use crate::parts::lean_planes::{LeanPlanes, Leaning, product};
 use crate::parts::outer::Outer;
-use crate::parts::riccati::{self, Regulator};
+use crate::parts::position_loop::SecondOrder;
+use crate::parts::riccati::{self, Regulator, dynamic};
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{
-    LaneSetpoint, Law, LimitOptions, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, TorqueLimits, check_control_dt,
-};
+use crate::{Law, LqrWeights, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::{Error, Result};
-use ballbot_base::fields::Fields;
-use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Lane, Memory};
-use ballbot_base::params::Params;
+use ballbot_base::lanes::Lane;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::linear::STATES;
 use ballbot_models::{LeaningPlane, LinearModel};
 use nalgebra::{DMatrix, Matrix2, Matrix4, SMatrix, Vector2, Vector3, Vector4};
 
@@ -45,13 +40,10 @@ struct Rule {
 pub struct TakagiSugeno {
     /// k of u = −k (y, θ, ẏ, θ̇) of each rule in each plane.
     gains: [[[f64; 4]; RULES]; 2],
-    /// k of the acceleration −k (ψ, ψ̇) of the heading.
-    yaw: [f64; 2],
+    yaw: SecondOrder,
     decay: [f64; 2],
     outer: Outer,
     tracking: Tracking,
-    sampling: Sampling,
-    limits: TorqueLimits,
 }
 
 impl NamedLaw for TakagiSugeno {
@@ -60,22 +52,13 @@ impl NamedLaw for TakagiSugeno {
     const LABEL: &'static str = "Takagi-Sugeno";
     type Options = LqrWeights;
 
-    /// A controller for `params`, sampled every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// [`Error::OutOfRange`] for a weight out of range, errors of [`TorqueLimits::new`], [`Error::Riccati`] if a rule
-    /// has no regulator, [`Error::Inconsistent`] if no common Lyapunov function of the rules is found, or if the
-    /// sampled loop of the upright robot is not stable.
-    fn with_options(params: &Params, control_dt: f64, weights: &LqrWeights, limits: &LimitOptions) -> Result<Self> {
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        weights.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
+    fn design(plant: &Plant<'_>, weights: &LqrWeights) -> Result<Self> {
+        let Plant { params, control_dt, .. } = *plant;
         let tracking = Tracking::new(params);
         let planes = &tracking.planes;
         let (mut gains, mut decay) = ([[[0.0; 4]; RULES]; 2], [0.0; 2]);
         for axis in 0..2 {
-            let torques = torques_of(planes, axis);
+            let torques = planes.driven(axis).column();
             let mut rules = Vec::with_capacity(RULES);
             let mut cost = Matrix4::zeros();
             for (number, gains) in gains[axis].iter_mut().enumerate() {
@@ -92,20 +75,10 @@ impl NamedLaw for TakagiSugeno {
             }
             decay[axis] = certified(&rules, &cost)?;
         }
-        let yaw = yaw_gains(params, planes, weights, control_dt)?;
-        let gain = planes.gain([gains[0][0], gains[1][0]], yaw);
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        let closed = a - b * &gain;
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
-        Ok(Self {
-            gains,
-            yaw,
-            decay,
-            outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
-            tracking,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY),
-            limits,
-        })
+        let yaw = yaw_dynamics(plant, planes, weights)?;
+        let gain = planes.gain([gains[0][0], gains[1][0]], yaw.gains());
+        plant.require_stable(&gain)?;
+        Ok(Self { gains, yaw, decay, outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]), tracking })
     }
 }
 
@@ -120,16 +93,6 @@ impl TakagiSugeno {
     pub fn decay(&self) -> [f64; 2] {
         self.decay
     }
-}
-
-/// Wheel torques per acceleration of the lean in a plane.
-fn torques_of(planes: &LeanPlanes, axis: usize) -> Vector3<f64> {
-    let mut unit = [[0.0; 4]; 2];
-    unit[axis][3] = 1.0;
-    // In the plane of y the rate is about −x.
-    let gain = planes.gain(unit, [0.0; 2]);
-    let (place, sign) = if axis == 0 { (8, 1.0) } else { (7, -1.0) };
-    Vector3::from_fn(|i, _| sign * gain[(i, place)])
 }
 
 /// Exact discretization for an input held constant over `dt` seconds.
@@ -149,24 +112,24 @@ fn regulated<const N: usize>(
     torques: &Vector3<f64>,
     torque: f64,
 ) -> Result<Regulator> {
-    let dynamic = |rows: usize, values: &[f64]| DMatrix::from_column_slice(rows, values.len() / rows, values);
     let q = DMatrix::from_fn(N, N, |i, j| if i == j { deviations[i].powi(-2) } else { 0.0 });
     let r = DMatrix::from_element(1, 1, torques.norm_squared() * torque.powi(-2));
-    riccati::solve(&dynamic(N, a.as_slice()), &dynamic(N, b.as_slice()), &q, &r)
+    riccati::solve(&dynamic(a), &dynamic(b), &q, &r)
 }
 
-/// k of the acceleration −k (ψ, ψ̇) of the heading.
-fn yaw_gains(params: &Params, planes: &LeanPlanes, weights: &LqrWeights, dt: f64) -> Result<[f64; 2]> {
+/// Dynamics of the heading under its regulator.
+fn yaw_dynamics(plant: &Plant<'_>, planes: &LeanPlanes, weights: &LqrWeights) -> Result<SecondOrder> {
+    let dt = plant.control_dt;
     let gain = planes.gain([[0.0; 4]; 2], [0.0, 1.0]);
     let torques = Vector3::from_fn(|i, _| gain[(i, 9)]);
-    let drag = LinearModel::new(params).a[(9, 9)];
+    let drag = LinearModel::new(plant.params).a[(9, 9)];
     let mut block = SMatrix::<f64, 3, 3>::zeros();
     (block[(0, 1)], block[(1, 1)], block[(1, 2)]) = (dt, drag * dt, dt);
     let exponential = block.exp();
     let a: Matrix2<f64> = exponential.fixed_view::<2, 2>(0, 0).into_owned();
     let b: Vector2<f64> = exponential.fixed_view::<2, 1>(0, 2).into_owned();
     let regulator = regulated(&a, &b, [weights.yaw, weights.yaw_rate], &torques, weights.torque)?;
-    Ok([regulator.gain[(0, 0)], regulator.gain[(0, 1)]])
+    Ok(SecondOrder { stiffness: regulator.gain[(0, 0)], damping: regulator.gain[(0, 1)] })
 }
 
 /// The largest ratio xᵀGᵀPGx / xᵀPx, with a P for which it is below 1 for all G = ½ (A_i − B_i k_j + A_j − B_j k_i) of
@@ -201,29 +164,14 @@ fn memberships<L: Lane>(tilt: L) -> [L; RULES] {
 }
 
 impl Law for TakagiSugeno {
-    const MEMORY: usize = 0;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        _: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let Deviation { mut x, forward, pose } = self.tracking.deviation(state, setpoint);
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Deviation { mut x, forward, pose } = self.tracking.deviation(sample.state, sample.setpoint);
         self.outer.clip(&mut x);
         let Leaning { position, velocity, lean, rate } = Leaning::new(&x);
-        let [tilt_x, tilt_y] = self.tracking.frame.attitude(state.body_quaternion).tilt_components();
+        let [tilt_x, tilt_y] = self.tracking.frame.attitude(sample.state.body_quaternion).tilt_components();
         let weights = memberships(tilt_x.mul_add(tilt_x, tilt_y.squared()).sqrt());
         let mut accelerations = forward;
         for axis in 0..2 {
@@ -232,8 +180,7 @@ impl Law for TakagiSugeno {
                 accelerations[axis] = weight.mul_add(product(gains, &deviation), accelerations[axis]);
             }
         }
-        let turning = x[4].mul_add_all(-self.yaw[0], x[9] * -self.yaw[1]);
-        let desired = self.tracking.planes.wheel_torques(accelerations, turning);
-        self.limits.apply_at(desired, state, &pose, largest).torques
+        let desired = self.tracking.planes.wheel_torques(accelerations, self.yaw.returning(x[4], x[9]));
+        sample.limited_at(desired, &pose).torques
     }
 }

@@ -1,17 +1,13 @@
 //! The attitude error relative to the position loop and the setpoint, and the torques that correct it.
 
-use super::lean_planes::{Leaning, require_stable};
-use super::position_loop::{PositionLoop, PositionOptions, SecondOrder};
+use super::lean_planes::Leaning;
+use super::position_loop::{PositionLoop, SecondOrder};
 use super::tracking::{Deviation, Tracking};
-use crate::{LaneSetpoint, check_control_dt};
+use crate::{Plant, Sample};
 use ballbot_base::error::Result;
-use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Quat, Vec3};
-use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::linear::STATES;
 use ballbot_models::{BodyMotion, InverseDynamics, LinearModel};
-use nalgebra::DMatrix;
 
 /// Largest heading error that is brought to zero, rad: with a larger error the attitudes would be so far apart that
 /// heading and tilt do not separate.
@@ -45,36 +41,31 @@ pub(crate) struct AttitudeError<L> {
 
 impl AttitudeLoop {
     /// The outer loop for an error with v̈ = −δ v̇ − σ v, with dynamics `lean` about the horizontal axes and `yaw`
-    /// about the vertical.
+    /// about the vertical; `poles` and `largest` as in [`PositionLoop::new`].
     ///
     /// # Errors
-    /// As [`check_control_dt`]; [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
+    /// [`ballbot_base::Error::Inconsistent`] if the sampled loop of the linear model is not stable.
     pub(crate) fn new(
-        params: &Params,
-        control_dt: f64,
+        plant: &Plant<'_>,
         tracking: Tracking,
         [lean, yaw]: [SecondOrder; 2],
-        options: &PositionOptions,
+        poles: [f64; 2],
+        largest: [f64; 2],
     ) -> Result<Self> {
-        check_control_dt(control_dt)?;
-        let params = &params.on_level_floor();
-        let position = PositionLoop::new(&tracking.planes, lean, options);
+        let params = &plant.params.on_level_floor();
+        let position = PositionLoop::new(&tracking.planes, lean, poles, largest);
         let of_plane = |axis: usize| {
             let [y, theta, moving, turning] = position.feedback(axis).map(|k| k * lean.stiffness);
             [y, theta + lean.stiffness, moving, turning + lean.damping]
         };
-        let linear = LinearModel::new(params);
-        let driven = tracking.planes.gain([of_plane(0), of_plane(1)], [yaw.stiffness, yaw.damping]);
-        let gain = driven + tracking.planes.cancelling(&linear);
-        let (a, b) = linear.discretize(control_dt);
-        let closed = a - b * gain;
-        require_stable(DMatrix::from_column_slice(STATES, STATES, closed.as_slice()), control_dt)?;
+        let driven = tracking.planes.gain([of_plane(0), of_plane(1)], yaw.gains());
+        Plant { params, ..*plant }.require_stable(&(driven + tracking.planes.cancelling(&LinearModel::new(params))))?;
         Ok(Self { tracking, position, dynamics: InverseDynamics::new(params) })
     }
 
     /// The attitude error relative to the reference.
     #[inline(always)]
-    pub(crate) fn error<L: Lane>(&self, state: &LaneState<L>, setpoint: &LaneSetpoint<L>) -> AttitudeError<L> {
+    pub(crate) fn error<L: Lane>(&self, &Sample { state, setpoint, .. }: &Sample<'_, L>) -> AttitudeError<L> {
         let Deviation { x, .. } = self.tracking.deviation(state, setpoint);
         let commanded = self.position.lean(&Leaning::new(&x));
         let attitude = self.tracking.frame.attitude(state.body_quaternion);

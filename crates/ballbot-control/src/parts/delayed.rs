@@ -1,12 +1,11 @@
 //! Prediction over the delay between a torque command and its effect.
 
 use super::lean_planes::product;
+use crate::Plant;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Lane, Memory};
-use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
 use nalgebra::SMatrix;
 
@@ -44,9 +43,9 @@ impl Delayed {
     ///
     /// # Errors
     /// As [`Delayed::of`].
-    pub(crate) fn new(params: &Params, control_dt: f64, delay: f64) -> Result<Self> {
-        let (a, b) = LinearModel::new(params).discretize(control_dt);
-        Self::of(&a, &b, control_dt, delay)
+    pub(crate) fn new(plant: &Plant<'_>, delay: f64) -> Result<Self> {
+        let (a, b) = plant.sampled();
+        Self::of(&a, &b, plant.control_dt, delay)
     }
 }
 

@@ -1,8 +1,14 @@
 //! Options of a controller that include the options of others.
 
-/// Joins structs of fields into one: the fields of the first struct, then the fields of the next.
+/// Defines a struct of structs of fields: with the fields of the first struct, then the fields of the next.
 macro_rules! joined_fields {
-    ($joined:ty: $($part:ident $Part:ty),+) => {
+    ($(#[$meta:meta])* pub struct $joined:ident { $($(#[$doc:meta])* pub $part:ident: $Part:ty,)+ }) => {
+        $(#[$meta])*
+        #[derive(Clone, Copy, Debug, Default, PartialEq)]
+        pub struct $joined {
+            $($(#[$doc])* pub $part: $Part,)+
+        }
+
         impl ::ballbot_base::fields::Fields for $joined {
             const FIELDS: &'static [::ballbot_base::fields::Field] = &{
                 use ::ballbot_base::fields::{Field, Fields};

@@ -4,11 +4,11 @@ use super::balance_frame::Pose;
 use super::lean_planes::PLACES;
 use super::outer::share_within;
 use super::tracking::{Deviation, Tracking};
+use crate::{Plant, Sample};
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
-use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use nalgebra::Matrix2;
@@ -75,7 +75,7 @@ pub(crate) struct Equilibrium<L>(Option<[[L; 2]; 2]>);
 impl<L: Lane> Equilibrium<L> {
     /// A deviation from the motion about this equilibrium.
     #[inline(always)]
-    pub(crate) fn deviation(&self, Deviation { mut x, forward, pose }: Deviation<L>) -> Deviation<L> {
+    fn deviation(&self, Deviation { mut x, forward, pose }: Deviation<L>) -> Deviation<L> {
         if let Self(Some([[lean_x, lean_y], _])) = *self {
             // Leaning towards y turns about −x.
             x[2] += lean_y;
@@ -95,7 +95,7 @@ impl<L: Lane> Equilibrium<L> {
 }
 
 impl Plane {
-    fn new(axis: usize, tracking: &Tracking, params: &Params, dt: f64) -> Result<Self> {
+    fn new(axis: usize, tracking: &Tracking, &Plant { params, control_dt: dt, .. }: &Plant<'_>) -> Result<Self> {
         let (a, b) = tracking.planes.sampled(axis, params, dt);
         let rows = [2, 3].map(|row| [a[(row, 1)], a[(row, 2)], a[(row, 3)], b[row]]);
         let m = Matrix2::new(rows[0][0], rows[0][3], rows[1][0], rows[1][3]);
@@ -114,27 +114,22 @@ impl Plane {
 }
 
 impl LeanObserver {
-    /// An observer that converges at `rate` (1/s) under torques up to `max_torque` (N·m); no estimate at rate 0.
+    /// An observer that converges at `rate` (1/s); no estimate at rate 0.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if the samples are too long for
     /// observation.
-    pub(crate) fn new(
-        params: &Params,
-        tracking: &Tracking,
-        control_dt: f64,
-        rate: f64,
-        max_torque: f64,
-    ) -> Result<Self> {
+    pub(crate) fn new(plant: &Plant<'_>, tracking: &Tracking, rate: f64) -> Result<Self> {
         check("lean_observer", rate, "from 0 to 1000 1/s", |rate| (0.0..=1e3).contains(&rate))?;
         if rate == 0.0 {
             return Ok(Self::default());
         }
-        let planes = [Plane::new(0, tracking, params, control_dt)?, Plane::new(1, tracking, params, control_dt)?];
+        let planes = [Plane::new(0, tracking, plant)?, Plane::new(1, tracking, plant)?];
+        let max_torque = plant.limits.max_torque();
         let accelerations = planes.map(|plane| max_torque * plane.driven.iter().map(|part| part.abs()).sum::<f64>());
         Ok(Self {
             observed: Some(Observed {
-                gain: -(-rate * control_dt).exp_m1(),
+                gain: -(-rate * plant.control_dt).exp_m1(),
                 planes,
                 max_acceleration: accelerations[0].max(accelerations[1]),
             }),
@@ -147,18 +142,23 @@ impl LeanObserver {
         if self.observed.is_some() { MEMORY } else { 0 }
     }
 
-    /// The equilibrium, corrected by the state at the end of the last sample.
+    /// The deviation from the setpoint's motion about the equilibrium, which the state at the end of the last sample
+    /// corrects. The stored values begin at number `first`.
     #[inline(always)]
-    pub(crate) fn equilibrium<L: Lane>(
+    pub(crate) fn deviation<L: Lane>(
         &self,
-        state: &LaneState<L>,
-        heading: &Heading<L>,
-        memory: &mut Memory<'_, L>,
-    ) -> Equilibrium<L> {
-        match &self.observed {
-            Some(observed) => Equilibrium(Some(observed.correct(state, heading, memory))),
-            None => Equilibrium(None),
-        }
+        tracking: &Tracking,
+        sample: &mut Sample<'_, L>,
+        first: usize,
+    ) -> (Deviation<L>, Equilibrium<L>) {
+        let deviation = tracking.deviation(sample.state, sample.setpoint);
+        let equilibrium = Equilibrium(match &self.observed {
+            Some(observed) => {
+                Some(observed.correct(sample.state, &deviation.pose.heading, &mut sample.memory.after(first)))
+            }
+            None => None,
+        });
+        (equilibrium.deviation(deviation), equilibrium)
     }
 
     /// Predicts the velocities after a sample under wheel torques (N·m), of which the limits leave the fraction
@@ -166,14 +166,14 @@ impl LeanObserver {
     #[inline(always)]
     pub(crate) fn predict<L: Lane>(
         &self,
-        state: &LaneState<L>,
+        sample: &mut Sample<'_, L>,
+        first: usize,
         pose: &Pose<L>,
         torques: Wheels<L>,
         share: L,
-        memory: &mut Memory<'_, L>,
     ) {
         if let Some(observed) = &self.observed {
-            observed.predict(state, pose, torques, share, memory);
+            observed.predict(sample.state, pose, torques, share, &mut sample.memory.after(first));
         }
     }
 }

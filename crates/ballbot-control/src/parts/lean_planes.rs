@@ -100,13 +100,17 @@ impl LeanPlanes {
         Wheels([product(a, &turning), product(b, &turning), product(c, &turning)])
     }
 
+    /// Wheel torques per acceleration of the lean in the plane of x (`axis` 0) or y, N·m·s².
+    pub(crate) fn driven(&self, axis: usize) -> Wheels<f64> {
+        self.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0)
+    }
+
     /// A and b of x⁺ = A x + b u with x = (y, θ, ẏ, θ̇) in the plane of x (`axis` 0) or y, sampled every `dt` seconds,
     /// including viscous friction.
     pub(crate) fn sampled(&self, axis: usize, params: &Params, dt: f64) -> (DMatrix<f64>, DMatrix<f64>) {
         let (a, b) = LinearModel::new(params).discretize(dt);
         let (places, signs) = (PLACES[axis], SIGNS[axis]);
-        let torques = self.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
-        let driven = b * torques.column();
+        let driven = b * self.driven(axis).column();
         (
             DMatrix::from_fn(4, 4, |i, j| signs[i] * signs[j] * a[(places[i], places[j])]),
             DMatrix::from_fn(4, 1, |i, _| signs[i] * driven[places[i]]),

@@ -240,7 +240,7 @@ impl TorqueLimits {
     /// Traction conditions without yaw torque, which is reduced first.
     pub(crate) fn lean_rows(&self, planes: &LeanPlanes) -> [LeanRow; ROWS] {
         let Some(traction) = &self.traction else { return [LeanRow::NONE; ROWS] };
-        let driven = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
+        let driven = [0, 1].map(|axis| planes.driven(axis));
         std::array::from_fn(|k| {
             let row = &traction.rows[k];
             let [tilt_x, tilt_y] = row.per_tilt;

@@ -1,5 +1,6 @@
 //! Limits of the speed and lean commands from deviations of position and velocity.
 
+use super::riccati::rows;
 use crate::Constants;
 use ballbot_base::lanes::Lane;
 use ballbot_models::linear::{INPUTS, STATES};
@@ -25,12 +26,7 @@ impl Outer {
         let columns = |first: usize| gain.columns(first, 2).into_owned();
         let moving = DMatrix::from_fn(INPUTS, 4, |i, j| gain[(i, MOVING[j])]);
         let (lean, speed) = (equal_torques(columns(2), &moving), equal_torques(columns(5), &columns(0)));
-        Self {
-            speed: std::array::from_fn(|i| std::array::from_fn(|j| speed[(i, j)])),
-            lean: std::array::from_fn(|i| std::array::from_fn(|j| lean[(i, j)])),
-            max_lean,
-            max_speed,
-        }
+        Self { speed: rows(&speed, 0), lean: rows(&lean, 0), max_lean, max_speed }
     }
 
     /// Adds the speed per position (2 × 2), the lean per position and velocity (2 × 4) and their largest lengths.

@@ -18,15 +18,17 @@ impl SecondOrder {
     pub(crate) fn new(frequency: f64, ratio: f64) -> Self {
         Self { damping: 2.0 * ratio * frequency, stiffness: frequency * frequency }
     }
-}
 
-/// Options of the position loop: natural frequency over λ, damping ratio, largest lean (rad) and speed (m/s).
-#[derive(Clone, Copy, Debug)]
-pub(crate) struct PositionOptions {
-    pub(crate) bandwidth: f64,
-    pub(crate) damping: f64,
-    pub(crate) max_lean: f64,
-    pub(crate) max_speed: f64,
+    /// (σ, δ).
+    pub(crate) fn gains(&self) -> [f64; 2] {
+        [self.stiffness, self.damping]
+    }
+
+    /// ẍ = −σ x − δ ẋ.
+    #[inline(always)]
+    pub(crate) fn returning<L: Lane>(&self, x: L, rate: L) -> L {
+        x.mul_add_all(-self.stiffness, rate * -self.damping)
+    }
 }
 
 /// A PD of the flat output z = y + ℓ θ in each plane, which obeys z̈ = g θ: θ_ref = −(k_z z + k_v ż). Its speed and
@@ -44,10 +46,16 @@ pub(crate) struct PositionLoop {
 }
 
 impl PositionLoop {
-    /// The loop with the poles of the options, above leans with the dynamics `lean`.
-    pub(crate) fn new(planes: &LeanPlanes, lean: SecondOrder, options: &PositionOptions) -> Self {
-        let frequency = options.bandwidth * planes.toppling_rate();
-        let SecondOrder { damping: c1, stiffness: c0 } = SecondOrder::new(frequency, options.damping);
+    /// The loop with two poles of natural frequency `bandwidth` (over λ) and damping ratio `damping`, above leans with
+    /// the dynamics `lean`.
+    pub(crate) fn new(
+        planes: &LeanPlanes,
+        lean: SecondOrder,
+        [bandwidth, damping]: [f64; 2],
+        [max_lean, max_speed]: [f64; 2],
+    ) -> Self {
+        let frequency = bandwidth * planes.toppling_rate();
+        let SecondOrder { damping: c1, stiffness: c0 } = SecondOrder::new(frequency, damping);
         let planes = &planes.planes;
         // The other two poles: s⁴ + δ s³ + σ s² + ... = (s² + c₁ s + c₀)(s² + p₁ s + p₀).
         let p1 = lean.damping - c1;
@@ -56,12 +64,7 @@ impl PositionLoop {
             let per_lean = plane.acceleration * lean.stiffness;
             [c0 * p0 / per_lean, (c1 * p0 + c0 * p1) / per_lean]
         };
-        Self {
-            gains: [gains(&planes[0]), gains(&planes[1])],
-            levers: [planes[0].lever, planes[1].lever],
-            max_lean: options.max_lean,
-            max_speed: options.max_speed,
-        }
+        Self { gains: planes.each_ref().map(gains), levers: planes.map(|plane| plane.lever), max_lean, max_speed }
     }
 
     /// θ_ref of each plane minus the lean of the setpoint's motion, rad.

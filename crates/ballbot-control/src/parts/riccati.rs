@@ -1,7 +1,7 @@
 //! The discrete-time algebraic Riccati equation.
 
 use ballbot_base::error::{Error, Result};
-use nalgebra::{DMatrix, DVector};
+use nalgebra::{DMatrix, DVector, SMatrix};
 
 /// Relative residual above which a solution is rejected.
 const MAX_RESIDUAL: f64 = 1e-9;
@@ -49,6 +49,16 @@ pub fn solve(a: &DMatrix<f64>, b: &DMatrix<f64>, q: &DMatrix<f64>, r: &DMatrix<f
         gain: scaled(&gain, &u, &x.map(f64::recip)),
         residual,
     })
+}
+
+/// A matrix with its size at run time.
+pub(crate) fn dynamic<const N: usize, const M: usize>(matrix: &SMatrix<f64, N, M>) -> DMatrix<f64> {
+    DMatrix::from_column_slice(N, M, matrix.as_slice())
+}
+
+/// Rows of a matrix, from column `first` on.
+pub(crate) fn rows<const N: usize, const M: usize>(matrix: &DMatrix<f64>, first: usize) -> [[f64; M]; N] {
+    std::array::from_fn(|i| std::array::from_fn(|j| matrix[(i, first + j)]))
 }
 
 fn failed(reason: impl Into<String>) -> Error {

@@ -5,7 +5,7 @@ use super::levels::Levels;
 use super::observation_source::Observation;
 use super::scalars::{Scalar, ScalarOption, env_config};
 use super::stage::CustomStage;
-use crate::actuator::{Actuator, Drive, Ideal, IndividualMotors, MotorOptions, Motors};
+use crate::actuator::{Actuator, Drive, Ideal, MotorOptions, Motors};
 use crate::control::default_max_torque;
 use crate::perception::{Instruments, Perception};
 use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
@@ -120,8 +120,8 @@ impl<T: Task> EnvConfig<T> {
     pub(super) fn drive(&self) -> Result<Drive> {
         if let Some(plan) = self.plan()?.filter(|plan| plan.individual_motors) {
             let largest = plan.largest_options(&self.setup(&self.params)).actuators;
-            let motors = IndividualMotors::new(&largest, self.action_torque(), self.sim_dt, self.substeps()?)?;
-            return Ok(Drive::Individual(motors));
+            let (torque, substeps) = (self.action_torque(), self.substeps()?);
+            return Motors::individual(&largest, &self.params, torque, self.sim_dt, substeps).map(Drive::Motors);
         }
         Ok(match self.not_ideal()? {
             None => Drive::Ideal(Ideal { max_torque: self.action_torque() }),

@@ -2,13 +2,13 @@
 
 use super::rollouts::{Objective, Rollouts};
 use crate::control::{
-    Constants, Controller, LaneWidth, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Setpoint, SetpointCells,
-    TorqueLimits, default_max_torque,
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, TorqueLimits,
+    default_max_torque,
 };
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
-use ballbot_base::lanes::{EIGHT, Eight, Scalar, run_one};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{EIGHT, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
@@ -50,7 +50,7 @@ const MAX_ALL: f64 = 1e6;
 /// call number. The setpoint is extrapolated over the horizon by its derivatives.
 #[derive(Debug)]
 pub struct Mppi {
-    base: Lqr,
+    base: Sampled<Lqr>,
     limits: TorqueLimits,
     objective: Objective,
     options: MppiOptions,
@@ -134,8 +134,8 @@ impl Mppi {
             Rollouts::new(&self.params, self.control_dt, self.options.step, groups, self.decisions)
         });
         for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
-            let one = self.ahead(setpoint, decision as f64 * self.control_dt);
-            (0..EIGHT).for_each(|i| Eight::set_setpoint(cells, i, &one));
+            let one = LaneSetpoint::from(&self.ahead(setpoint, decision as f64 * self.control_dt));
+            (0..EIGHT).for_each(|i| cells.set_lane(i, &one));
         }
         let deviation = self.options.noise * default_max_torque(&self.params);
         rollouts.run(
@@ -169,10 +169,6 @@ impl Controller for Mppi {
         MOTION_PARTS
     }
 
-    fn constants(&self) -> Option<Constants> {
-        None
-    }
-
     fn memory_len(&self) -> usize {
         self.memory.len()
     }
@@ -182,27 +178,24 @@ impl Controller for Mppi {
     }
 
     fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
         let mut memory = std::mem::take(&mut self.memory);
-        let torques = self.torques_one(&cells, &setpoint.into(), f64::INFINITY, &mut memory);
+        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
         self.memory = memory;
         torques
     }
 
     fn torques_one(
         &self,
-        state: &StateCells<f64>,
-        setpoint: &SetpointCells<f64>,
+        state: &LaneState<f64>,
+        setpoint: &LaneSetpoint<f64>,
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
         let base = self.base.torques_one(state, setpoint, largest, &mut []);
-        let lane: LaneState<f64> = state.load(Scalar);
         // Diverged samples are not simulated further.
         if !run_one(
             #[inline(always)]
-            || lane.within_bounds(),
+            || state.within_bounds(),
         ) || base.iter().any(|torque| !torque.is_finite())
         {
             return base;
@@ -212,29 +205,12 @@ impl Controller for Mppi {
         plan.rotate_left(WHEELS);
         let end = plan.len() - WHEELS;
         plan[end..].fill(0.0);
-        self.improve(&State::from(state.load(Scalar)), &Setpoint::from(setpoint), largest, *call, plan);
+        self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
         let desired = Wheels::from_fn(|i| base[i] + plan[i]);
         run_one(
             #[inline(always)]
-            || self.limits.apply(desired, &state.load(Scalar), largest).torques,
+            || self.limits.apply(desired, state, largest).torques,
         )
-    }
-
-    fn torques_eight(
-        &self,
-        states: &StateCells<Eight>,
-        setpoints: &SetpointCells<Eight>,
-        largest: f64,
-        memory: &mut [Eight],
-    ) -> Wheels<Eight> {
-        let (mut torques, mut one) = (Wheels::<Eight>::default(), vec![0.0; memory.len()]);
-        for i in 0..EIGHT {
-            one.iter_mut().zip(&*memory).for_each(|(one, all)| *one = all.0[i]);
-            let found = self.torques_one(&states.lane(i), &setpoints.lane(i), largest, &mut one);
-            torques.iter_mut().zip(found).for_each(|(all, torque)| all.0[i] = torque);
-            memory.iter_mut().zip(&one).for_each(|(all, one)| all.0[i] = *one);
-        }
-        torques
     }
 }

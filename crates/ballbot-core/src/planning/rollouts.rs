@@ -1,9 +1,9 @@
 //! Sampled motions of one robot in the contact model, eight side by side.
 
 use crate::actuator::Ideal;
-use crate::control::{Controller, LaneSetpoint, Lqr, SetpointCells, TorqueLimits};
+use crate::control::{Controller, LaneSetpoint, Lqr, Sampled, TorqueLimits};
 use crate::models::linear::STATES;
-use ballbot_base::lane_state::{ConditionCells, LaneState, StateCells};
+use ballbot_base::lane_state::{ConditionCells, LaneState};
 use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Registers, Scalar, Wide, run_eight};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
@@ -36,7 +36,7 @@ pub(super) struct Noise {
 /// Workspace for the samples of one call.
 pub(super) struct Rollouts {
     /// Setpoints at each decision and at the end.
-    pub(super) setpoints: Vec<SetpointCells<Eight>>,
+    pub(super) setpoints: Vec<LaneSetpoint<Eight>>,
     robots: ContactLanes,
     /// Time steps of the simulation from one decision to the next.
     substeps: usize,
@@ -57,7 +57,7 @@ impl Rollouts {
     pub(super) fn new(params: &Params, control_dt: f64, step: f64, groups: usize, decisions: usize) -> Self {
         let substeps = (control_dt / step - 1e-9).ceil().max(1.0) as usize;
         Self {
-            setpoints: vec![SetpointCells::default(); decisions + 1],
+            setpoints: vec![LaneSetpoint::default(); decisions + 1],
             robots: ContactLanes::new(&Arc::new(params.clone()), control_dt / substeps as f64),
             substeps,
             groups,
@@ -70,7 +70,7 @@ impl Rollouts {
     /// second has no plan.
     pub(super) fn run(
         &mut self,
-        base: &Lqr,
+        base: &Sampled<Lqr>,
         limits: &TorqueLimits,
         objective: &Objective,
         state: &State,
@@ -85,7 +85,7 @@ impl Rollouts {
         let decisions = setpoints.len();
         for group in 0..*groups {
             (0..EIGHT).for_each(|i| robots.set_lane(i, &start));
-            let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
+            let (mut states, mut conditions) = (LaneState::default(), ConditionCells::default());
             let mut cost = Eight::default();
             let mut last = Wheels::default();
             for (decision, setpoint) in setpoints.iter().enumerate() {
@@ -157,8 +157,8 @@ struct Decide<'a> {
     plan: &'a [f64],
     group: usize,
     decision: usize,
-    states: &'a StateCells<Eight>,
-    setpoint: &'a SetpointCells<Eight>,
+    states: &'a LaneState<Eight>,
+    setpoint: &'a LaneSetpoint<Eight>,
     /// Noise of the previous decision, then of this decision.
     last: &'a mut Wheels<Eight>,
     torques: &'a mut Wheels<Eight>,
@@ -169,7 +169,7 @@ struct Decide<'a> {
 const LANES: Eight = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
 
 /// Quantities of the samples in [`Decide`].
-struct Sampled<L> {
+struct Samples<L> {
     state: LaneState<L>,
     setpoint: LaneSetpoint<L>,
     last: Wheels<L>,
@@ -180,8 +180,8 @@ struct Sampled<L> {
 
 impl Decide<'_> {
     #[inline(always)]
-    fn decide<L: Lane>(&self, token: L::Token, sampled: &mut Sampled<L>) {
-        let Sampled { state, setpoint, last, torques, cost, lane } = sampled;
+    fn decide<L: Lane>(&self, token: L::Token, samples: &mut Samples<L>) {
+        let Samples { state, setpoint, last, torques, cost, lane } = samples;
         let sample = *lane + (self.group * EIGHT) as f64;
         let seed = L::from_f64(token, self.noise.key[0]);
         let call = L::from_f64(token, self.noise.key[1]);
@@ -212,7 +212,7 @@ impl Decide<'_> {
 
     #[inline(always)]
     fn over_lanes<L: Lane<Cell = Eight>>(self, token: L::Token) {
-        let mut sampled = Sampled::<L> {
+        let mut samples = Samples::<L> {
             state: self.states.load(token),
             setpoint: self.setpoint.load(token),
             last: Wheels::load(token, self.last),
@@ -220,10 +220,10 @@ impl Decide<'_> {
             cost: L::load(token, self.cost),
             lane: L::load(token, &LANES),
         };
-        self.decide(token, &mut sampled);
-        sampled.last.store(self.last);
-        sampled.torques.store(self.torques);
-        sampled.cost.store(self.cost);
+        self.decide(token, &mut samples);
+        samples.last.store(self.last);
+        samples.torques.store(self.torques);
+        samples.cost.store(self.cost);
     }
 }
 
@@ -235,7 +235,7 @@ impl Kernel for Decide<'_> {
 
     fn run_one_by_one(self) {
         for i in 0..EIGHT {
-            let mut sampled = Sampled::<f64> {
+            let mut samples = Samples::<f64> {
                 state: self.states.lane(i).load(Scalar),
                 setpoint: self.setpoint.lane(i).load(Scalar),
                 last: self.last.map(|cell| cell.0[i]),
@@ -243,12 +243,12 @@ impl Kernel for Decide<'_> {
                 cost: self.cost.0[i],
                 lane: LANES.0[i],
             };
-            self.decide(Scalar, &mut sampled);
+            self.decide(Scalar, &mut samples);
             for wheel in 0..WHEELS {
-                self.last[wheel].0[i] = sampled.last[wheel];
-                self.torques[wheel].0[i] = sampled.torques[wheel];
+                self.last[wheel].0[i] = samples.last[wheel];
+                self.torques[wheel].0[i] = samples.torques[wheel];
             }
-            self.cost.0[i] = sampled.cost;
+            self.cost.0[i] = samples.cost;
         }
     }
 }
@@ -257,8 +257,8 @@ impl Kernel for Decide<'_> {
 struct End<'a> {
     base: &'a Lqr,
     objective: &'a Objective,
-    states: &'a StateCells<Eight>,
-    setpoint: &'a SetpointCells<Eight>,
+    states: &'a LaneState<Eight>,
+    setpoint: &'a LaneSetpoint<Eight>,
     cost: &'a mut Eight,
 }
 

@@ -42,21 +42,15 @@ pub(super) struct SpeedLimit<V> {
 
 impl Chain<f64> {
     /// The chain of valid options; a command of 1 is `action_torque` (N·m).
-    ///
-    /// # Errors
-    /// [`ballbot_base::Error::OutOfRange`] for a peak torque beyond the robot's limit.
-    pub fn new(options: &MotorOptions, params: &Params, action_torque: f64, sim_dt: f64) -> Result<Self> {
+    pub fn new(options: &MotorOptions, params: &Params, action_torque: f64, sim_dt: f64) -> Self {
         let MotorOptions { strength, lag, stall_torque, no_load_speed, speed_limit, peak_torque, .. } = *options;
-        if peak_torque > 0.0 {
-            params.check_torque("actuators.peak_torque", peak_torque)?;
-        }
-        Ok(Self {
+        Self {
             torque: Wheels(strength).map(|share| share * action_torque),
             share: (lag > 0.0).then(|| -(-sim_dt / lag).exp_m1()),
             curve: (stall_torque > 0.0).then(|| Curve { stall: stall_torque, slope: stall_torque / no_load_speed }),
             limit: (speed_limit > 0.0).then(|| SpeedLimit { speed: speed_limit, share: 1.0 / (FADE * speed_limit) }),
             peak: if peak_torque > 0.0 { peak_torque } else { params.max_wheel_torque },
-        })
+        }
     }
 
     /// As [`super::Motors::check_robot`].

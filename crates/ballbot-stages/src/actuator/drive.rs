@@ -1,6 +1,6 @@
 //! The actuators of [`crate::batch::EnvConfig`] as one type.
 
-use super::{Actuator, Ideal, IndividualMotors, MotorOptions, Motors};
+use super::{Actuator, Ideal, MotorOptions, Motors};
 use ballbot_base::error::Result;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
@@ -12,10 +12,8 @@ use ballbot_base::wheels::Wheels;
 pub enum Drive {
     /// Ideal motors.
     Ideal(Ideal),
-    /// Motors that are identical on all robots.
+    /// Motors with their effects.
     Motors(Motors),
-    /// Motors that differ from robot to robot.
-    Individual(IndividualMotors),
 }
 
 macro_rules! of_chosen {
@@ -23,7 +21,6 @@ macro_rules! of_chosen {
         match $drive {
             Drive::Ideal($actuator) => $result,
             Drive::Motors($actuator) => $result,
-            Drive::Individual($actuator) => $result,
         }
     };
 }

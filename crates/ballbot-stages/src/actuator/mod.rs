@@ -3,14 +3,12 @@
 mod chain;
 mod drive;
 mod ideal;
-mod individual;
 mod line;
 mod motors;
 mod options;
 
 pub use drive::Drive;
 pub use ideal::Ideal;
-pub use individual::IndividualMotors;
 pub use motors::Motors;
 pub use options::MotorOptions;
 

@@ -4,6 +4,7 @@ use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::options::{OptionTable, PublishedOptions};
+use ballbot_base::params::Params;
 
 /// Smallest speed limit and no-load speed, rad/s.
 const LEAST_SPEED: f64 = 1e-3;
@@ -35,6 +36,11 @@ impl MotorOptions {
     /// Whether the torque equals the command, instantly and at any speed.
     pub fn is_ideal(&self) -> bool {
         *self == Self::default()
+    }
+
+    /// Checks that the peak torque is within a robot's limit.
+    pub(super) fn check_peak(&self, params: &Params) -> Result<()> {
+        if self.peak_torque > 0.0 { params.check_torque("actuators.peak_torque", self.peak_torque) } else { Ok(()) }
     }
 
     /// Whether an option is a time in whole model steps; `index` counts in [`Fields::FIELDS`].

@@ -1,16 +1,18 @@
 //! Three axes of a gyroscope or an accelerometer.
 
-use ballbot_base::lanes::{Draws, Lane, Memory, Vec3};
+use ballbot_base::lanes::{Draws, Lane, Memory, Vec3, lane_struct};
 
-/// Errors of three identical axes, except their initial bias.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Axes<T> {
-    /// Standard deviation of the noise of a sample.
-    pub noise: T,
-    /// Standard deviation of the change of the bias from one reading to the next.
-    pub walk: T,
-    /// Largest magnitude of a reading.
-    pub range: T,
+lane_struct! {
+    /// Errors of three identical axes, except their initial bias.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Axes<T> {
+        /// Standard deviation of the noise of a sample.
+        pub noise: T,
+        /// Standard deviation of the change of the bias from one reading to the next.
+        pub walk: T,
+        /// Largest magnitude of a reading.
+        pub range: T,
+    }
 }
 
 /// Which errors the axes of any robot have, and the random numbers of the errors.

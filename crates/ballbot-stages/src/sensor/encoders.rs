@@ -1,18 +1,19 @@
 //! Encoders of the wheels.
 
-use ballbot_base::lanes::floor;
-use ballbot_base::lanes::{Lane, Memory};
+use ballbot_base::lanes::{Lane, Memory, floor, lane_struct};
 use ballbot_base::wheels::{WHEELS, Wheels};
 
-/// Three encoders that count ticks unless their angles are exact.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Encoders<T> {
-    /// Angle of a tick, rad; 0 for exact angles.
-    pub tick: T,
-    /// Ticks in a radian; 0 for exact angles.
-    pub ticks: T,
-    /// Inverse of the time between two samples, 1/s.
-    pub rate: T,
+lane_struct! {
+    /// Three encoders that count ticks unless their angles are exact.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Encoders<T> {
+        /// Angle of a tick, rad; 0 for exact angles.
+        pub tick: T,
+        /// Ticks in a radian; 0 for exact angles.
+        pub ticks: T,
+        /// Inverse of the time between two samples, 1/s.
+        pub rate: T,
+    }
 }
 
 /// Indices in the memory, from the first number of the encoders on.

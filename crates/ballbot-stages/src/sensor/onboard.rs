@@ -1,7 +1,7 @@
 //! Gyroscope, accelerometer and encoders, and the state estimated from them.
 
 use super::axes::AxesErrors;
-use super::constants::{CONSTANTS, Constants, constants_of};
+use super::constants::{Constants, constants_of};
 use super::encoders;
 use super::estimator::{Estimator, EstimatorOptions};
 use super::options::SensorOptions;
@@ -21,7 +21,7 @@ use std::f64::consts::TAU;
 pub struct Onboard {
     options: SensorOptions,
     /// Constants of `options`.
-    constants: [f64; CONSTANTS],
+    constants: Constants<f64>,
     /// Whether the memory of each robot has separate constants.
     individual: bool,
     gyro: AxesErrors,
@@ -74,7 +74,7 @@ const LEAST_ANGLE_ERROR: f64 = 1e-6;
 const LEAST_START_ERROR: f64 = 1e-3;
 
 /// Numbers of the readings.
-const NUMBERS: usize = 12;
+const NUMBERS: usize = Readings::<f64>::LEN;
 
 impl Onboard {
     /// Sensors that are read every `control_dt` (s). If the robot `observed` is given, tasks observe the readings
@@ -143,16 +143,18 @@ impl Onboard {
     /// The first number of the estimator.
     #[inline(always)]
     fn estimated(&self) -> usize {
-        self.own() + if self.individual { CONSTANTS } else { 0 }
+        self.own() + if self.individual { Constants::<f64>::LEN } else { 0 }
     }
 
     #[inline(always)]
     fn constants<L: Lane>(&self, memory: &Memory<'_, L>) -> Constants<L> {
-        let mut numbers = [memory.splat(0.0); CONSTANTS];
-        for (k, number) in numbers.iter_mut().enumerate() {
-            *number = if self.individual { memory.get(self.own() + k) } else { memory.splat(self.constants[k]) };
+        if self.individual {
+            return memory.group(self.own());
         }
-        Constants::from_numbers(numbers)
+        self.constants.map(
+            #[inline(always)]
+            |number| memory.splat(*number),
+        )
     }
 
     /// Velocity of the IMU, inertial frame.
@@ -183,7 +185,7 @@ impl Onboard {
 
         let (mut rate, mut force) = (state.body_angular_velocity, halfway.apply_transposed(acceleration));
         if let Some(due) = imu_due {
-            force = Self::mean_force(force, c.imu_period.inverse(), before, due, memory);
+            force = Self::mean_force(force, c.imu_period.inverse, before, due, memory);
         }
         if self.misaligned {
             let alignment = memory.quaternion(ALIGNMENT).rotation();
@@ -231,19 +233,17 @@ impl Onboard {
         first: L::Mask,
         memory: &mut Memory<'_, L>,
     ) -> Readings<L> {
-        let mut newer = numbers(present);
+        let mut newer = *present;
         let mut read = newer;
         for age in 0..self.latency {
             let late_enough = latency.le(latency.splat(age as f64));
-            for (k, (number, read)) in newer.iter_mut().zip(&mut read).enumerate() {
-                let index = UNDER_WAY + NUMBERS * age + k;
-                let older = L::select(first, *number, memory.get(index));
-                memory.set(index, *number);
-                *number = older;
-                *read = L::select(late_enough, *read, older);
-            }
+            let index = UNDER_WAY + NUMBERS * age;
+            let older = Readings::select(first, &newer, &memory.group(index));
+            memory.set_group(index, &newer);
+            newer = older;
+            read = Readings::select(late_enough, &read, &older);
         }
-        readings(read)
+        read
     }
 }
 
@@ -273,19 +273,18 @@ impl Sensor for Onboard {
             None => (&self.options, self.constants),
         };
         let period = steps_of(options.encoder_rate, self.dt) * self.dt;
-        if self.individual {
-            memory[self.own()..self.own() + CONSTANTS].copy_from_slice(&constants);
-        }
         run_one(
             #[inline(always)]
             || {
-                let constants = Constants::<f64>::from_numbers(constants);
                 let draws = Draws::<f64>::new(Scalar, key, episode, 0.0);
                 let [a, b, c, _] = draws.normals(MOUNTING);
                 let half = Vec3::new(a, b, c) * (0.5 * options.imu_misalignment);
                 let upright = Quat { w: 1.0, v: Vec3::new(0.0, 0.0, 0.0) };
                 let [p, q, r, _] = draws.units(PHASES);
                 let mut memory = Memory::<f64>::new(Scalar, memory);
+                if self.individual {
+                    memory.set_group(self.own(), &constants);
+                }
                 let turned = state.wheel_speeds.map(|speed| speed * period);
                 constants.encoders.begin(state.wheel_angles, turned, Wheels([p, q, r]), &mut memory, ENCODERS);
                 memory.set3(GYRO_BIAS, self.gyro.first_bias(options.gyro_bias, &draws));
@@ -319,9 +318,7 @@ impl Sensor for Onboard {
         let constants = self.constants(memory);
         let present = self.measure(state, &draws, before, &constants, memory);
         let read = self.delayed(&present, constants.latency, before.le(before.zero()), memory);
-        for (k, number) in numbers(&read).into_iter().enumerate() {
-            memory.set(READ + k, number);
-        }
+        memory.set_group(READ, &read);
         let Some(estimator) = &self.estimator else { return *state };
         let mut memory = memory.after(self.estimated());
         let estimate = estimator.update(&read, &mut memory);
@@ -335,17 +332,13 @@ impl Sensor for Onboard {
     #[inline(always)]
     fn last<L: Lane>(&self, state: &LaneState<L>, memory: &mut Memory<'_, L>) -> LaneState<L> {
         let Some(estimator) = &self.estimator else { return *state };
-        let mut read = [memory.get(READ); NUMBERS];
-        for (k, number) in read.iter_mut().enumerate() {
-            *number = memory.get(READ + k);
-        }
-        estimator.last(&readings(read), &memory.after(self.estimated()))
+        let read = memory.group(READ);
+        estimator.last(&read, &memory.after(self.estimated()))
     }
 
     fn readings(&self, number: impl Fn(usize) -> f64) -> Option<Readings<f64>> {
-        let mut values = [0.0; NUMBERS];
-        values.iter_mut().enumerate().for_each(|(k, value)| *value = number(READ + k));
-        Some(readings(values))
+        let mut indices = READ..;
+        Some(Readings::from_fn(|| number(indices.next().unwrap_or_default())))
     }
 
     fn estimate(&self, number: impl Fn(usize) -> f64) -> Option<State> {
@@ -383,22 +376,5 @@ fn expected_errors(options: &SensorOptions, dt: f64) -> EstimatorOptions {
         start_attitude: options.imu_misalignment.max(LEAST_START_ERROR),
         start_velocity: LEAST_START_ERROR,
         ..EstimatorOptions::default()
-    }
-}
-
-#[inline(always)]
-fn numbers<L: Lane>(read: &Readings<L>) -> [L; NUMBERS] {
-    let (Wheels([a, b, c]), Wheels([d, e, f])) = (read.wheel_angles, read.wheel_rates);
-    let (w, s) = (read.gyro, read.specific_force);
-    [w.x, w.y, w.z, s.x, s.y, s.z, a, b, c, d, e, f]
-}
-
-#[inline(always)]
-fn readings<L: Lane>([wx, wy, wz, sx, sy, sz, a, b, c, d, e, f]: [L; NUMBERS]) -> Readings<L> {
-    Readings {
-        gyro: Vec3::new(wx, wy, wz),
-        specific_force: Vec3::new(sx, sy, sz),
-        wheel_angles: Wheels([a, b, c]),
-        wheel_rates: Wheels([d, e, f]),
     }
 }

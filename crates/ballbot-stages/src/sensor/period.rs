@@ -1,29 +1,18 @@
 //! When a sensor is sampled.
 
-use ballbot_base::lanes::Lane;
-use ballbot_base::lanes::floor;
+use ballbot_base::lanes::{Lane, floor, lane_struct};
 
-/// Time from one sample of a sensor to the next, a whole number of control steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Period<T> {
-    steps: T,
-    /// 1 / `steps`.
-    inverse: T,
+lane_struct! {
+    /// Time from one sample of a sensor to the next, a whole number of control steps.
+    #[derive(Clone, Copy, Debug, PartialEq)]
+    pub struct Period<T> {
+        pub steps: T,
+        /// 1 / `steps`: the fraction that is one control step.
+        pub inverse: T,
+    }
 }
 
 impl<L: Lane> Period<L> {
-    /// A period from its control steps and their inverse.
-    #[inline(always)]
-    pub fn from_numbers([steps, inverse]: [L; 2]) -> Self {
-        Self { steps, inverse }
-    }
-
-    /// The fraction that is one control step.
-    #[inline(always)]
-    pub fn inverse(&self) -> L {
-        self.inverse
-    }
-
     /// Whether there is a sample after `before` readings of the episode.
     #[inline(always)]
     pub fn due(&self, before: L) -> L::Mask {

@@ -4,16 +4,14 @@ mod curve;
 mod kinds;
 
 use self::curve::{Curve, NUMBERS, Phase};
-use super::shared::{FALLS, action_rows, alive, body_rows, bounded_error, effort, fallen, squared_norm, velocity_rows};
-use super::start::{check_range, in_range, task_fields};
+use super::shared::{action_rows, alive, body_rows, bounded_error, effort, squared_norm, velocity_rows};
+use super::start::{check_range, in_range, starts_and_falls, task_fields};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
-use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Heading, Lane, Memory, Scalar};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use rand_chacha::ChaCha8Rng;
 
 task_fields! {
@@ -77,7 +75,6 @@ impl Task for Path {
     const SUMMARY: &'static str = "Follow a point that moves along a closed curve, with a preview of one second.";
     const MAX_EPISODE_STEPS: usize = 2000;
     const REWARD_THRESHOLD: Option<f64> = Some(1800.0);
-    const TERMINATIONS: &'static [(&'static str, &'static str)] = FALLS;
     const SUCCESS: &'static str = "not terminated, and the error across the path within `success_error`";
     const GEOMETRY: Option<Geometry> = Some(Geometry::Curve);
     const COMMAND: &'static [Row] = &[
@@ -104,13 +101,7 @@ impl Task for Path {
         self.starts().validate(params)
     }
 
-    fn extreme_starts(&self, params: &Params) -> Vec<State> {
-        self.starts().extremes(params)
-    }
-
-    fn start(&self, params: &Params, wheels: &Omniwheels, rng: &mut ChaCha8Rng) -> State {
-        self.starts().draw(params, wheels, rng)
-    }
+    starts_and_falls!();
 
     fn command(&self, _: &Moment<'_>, rng: &mut ChaCha8Rng, memory: &mut [f64]) -> f64 {
         let size = in_range(rng, self.path_size);
@@ -204,11 +195,6 @@ impl Task for Path {
         memory.set(ACROSS, memory.get(ACROSS) + L::select(counted, across, zero));
         memory.set(ERRORS, memory.get(ERRORS) + L::select(counted, squared_norm([x, y]), zero));
         memory.set(COUNTED, memory.get(COUNTED) + L::select(counted, steps.splat(1.0), zero));
-    }
-
-    #[inline(always)]
-    fn terminate<L: Lane>(&self, step: &Step<'_, L>) -> L {
-        fallen(step, self.fall_tilt)
     }
 
     #[inline(always)]

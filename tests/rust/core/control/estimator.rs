@@ -10,7 +10,7 @@ use ballbot_core::lanes::{EIGHT, Eight, Kernel, Registers};
 use ballbot_core::lanes::{Lane, Memory, Quat, Rotation, Scalar, Vec3, Wide, run_eight, run_one};
 use ballbot_core::sensor::Readings;
 use ballbot_core::sensor::estimator::{Estimator, EstimatorOptions, Odometry};
-use ballbot_core::{Error, LaneState, ModelKind, Params, State, Wheels};
+use ballbot_core::{Error, LaneState, ModelKind, Params, State};
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
 use record::{Filter, Noise, Plan, Record, attitude_error, crooked};
@@ -158,18 +158,15 @@ struct InEights<'a> {
 
 /// The numbers of readings, of one robot or of eight.
 #[inline(always)]
-fn readings_of<L: Lane>(n: [L; 12]) -> Readings<L> {
-    Readings {
-        gyro: Vec3::new(n[0], n[1], n[2]),
-        specific_force: Vec3::new(n[3], n[4], n[5]),
-        wheel_angles: Wheels([n[6], n[7], n[8]]),
-        wheel_rates: Wheels([n[9], n[10], n[11]]),
-    }
+fn readings_of<L: Lane>(numbers: [L; 12]) -> Readings<L> {
+    let mut numbers = numbers.into_iter();
+    Readings::from_fn(|| numbers.next().unwrap())
 }
 
-fn numbers_of(r: &Readings<f64>) -> [f64; 12] {
-    let (g, f, Wheels([a, b, c]), Wheels([d, e, h])) = (r.gyro, r.specific_force, r.wheel_angles, r.wheel_rates);
-    [g.x, g.y, g.z, f.x, f.y, f.z, a, b, c, d, e, h]
+fn numbers_of(readings: &Readings<f64>) -> [f64; 12] {
+    let mut numbers = Vec::new();
+    readings.map(|number| numbers.push(*number));
+    numbers.try_into().unwrap()
 }
 
 impl Kernel for InEights<'_> {
@@ -179,21 +176,19 @@ impl Kernel for InEights<'_> {
             std::array::from_fn(|k| Wide::<S>::load(simd, &Eight(std::array::from_fn(|i| rows[i][k]))))
         };
         let mut cells = vec![Eight::default(); Estimator::MEMORY];
-        let mut states = ballbot_core::StateCells::<Eight>::default();
+        let mut states = ballbot_core::LaneState::<Eight>::default();
         for (i, (state, _)) in self.starts.iter().enumerate() {
-            let mut one = ballbot_core::StateCells::default();
-            LaneState::from(state).store(&mut one);
-            states.set_lane(i, &one);
+            states.set_lane(i, &state.into());
         }
         let first: Vec<_> = self.starts.iter().map(|(_, r)| *r).collect();
         let mut memory = Memory::<Wide<S>>::new(simd, &mut cells);
         self.estimator.begin(&states.load::<Wide<S>>(simd), &mut memory);
         for step in std::iter::once(&first).chain(self.steps) {
             let state = self.estimator.update(&readings_of(eights(step)), &mut memory);
-            self.estimator.balanced(&state, &memory).store(&mut states);
+            states.store(&self.estimator.balanced(&state, &memory));
         }
         for i in 0..EIGHT {
-            let state = State::from(states.lane(i).load::<f64>(Scalar)).to_array();
+            let state = State::from(states.lane(i)).to_array();
             let kept = cells.iter().map(|cell| cell.0[i]);
             self.found.push(state.into_iter().chain(kept).map(f64::to_bits).collect());
         }

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, assert_poles, closed_loop, gain_of, made, pair, position
 use ballbot_core::control::{CascadePid, CascadePidOptions, LimitOptions, NamedLaw};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, Wheels};
+use ballbot_core::{LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector3};
 
 /// λ of a robot that is the same on all sides.
@@ -47,7 +47,7 @@ fn integrals(params: &Params, controller: &dyn ballbot_core::control::Controller
         state.ball_position += Vector3::new(x[0], x[1], 0.0);
         let mut kept = [0.0; 2];
         let setpoint = ballbot_core::control::Setpoint::default();
-        controller.torques_one(&super::cells(&state), &(&setpoint).into(), f64::INFINITY, &mut kept);
+        controller.torques_one(&LaneState::from(&state), &(&setpoint).into(), f64::INFINITY, &mut kept);
         (0..2).for_each(|i| rows[(i, j)] = kept[i] / (SMALL * CONTROL_DT));
     }
     rows

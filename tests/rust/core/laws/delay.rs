@@ -1,7 +1,10 @@
 //! Motors whose torque acts later than commanded.
 
 use super::{CONTROL_DT, SIM_DT, STEPS, around, gain_of, made, position, robot, run, uneven};
-use ballbot_core::control::{Controller, IntegralWeights, Lqr, LqrWeights, controller_kind, riccati};
+use ballbot_core::control::{
+    Controller, DelayOptions, IntegralWeights, LimitOptions, Lqr, LqrOptions, LqrWeights, NamedLaw, controller_kind,
+    riccati,
+};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{ModelKind, Params, State, Wheels};
@@ -107,9 +110,9 @@ fn delays_are_checked() {
             assert!(error.contains(expected), "{name}: {error}");
         }
     }
-    let lqr = Lqr::new(&params, CONTROL_DT).unwrap();
+    let delayed = LqrOptions { delay: DelayOptions { delay: 0.1 }, ..LqrOptions::default() };
     assert_eq!(
-        lqr.with_delay(&params, 0.1).unwrap().regulator().gain,
+        Lqr::with_options(&params, CONTROL_DT, &delayed, &LimitOptions::TRACTION).unwrap().regulator().gain,
         Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain
     );
 }

@@ -1,16 +1,15 @@
 //! Hierarchical sliding mode.
 
 use super::{
-    CONTROL_DT, assert_poles, cells, closed_loop, gain_of, lanes_equal_one_robot, made, pair, position, presets, robot,
-    run,
+    CONTROL_DT, assert_poles, closed_loop, gain_of, lanes_equal_one_robot, made, pair, position, presets, robot, run,
 };
 use ballbot_core::control::{
-    Controller, HierarchicalSlidingMode, LimitOptions, NamedLaw, Setpoint, SetpointCells, SlidingModeOptions,
+    Controller, HierarchicalSlidingMode, LaneSetpoint, LimitOptions, NamedLaw, Setpoint, SlidingModeOptions,
     SlidingSurface,
 };
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, Wheels};
+use ballbot_core::{LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// d and c of d ÿ + c θ̈ = K θ, and K, from the masses; wheels also turn with the body, at k + 1 times its rate.
@@ -148,9 +147,9 @@ fn pushed(options: &[(&str, &[f64])], torque: f64) -> (f64, Vec<f64>) {
     let wheels = Omniwheels::new(&params).torques_on_body(&(Vector3::y() * torque), TorqueMap::Consistent);
     let law = made("hierarchical_sliding_mode", &params, options);
     let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-    let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+    let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
     for _ in 0..2000 {
-        let torques = law.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
+        let torques = law.torques_one(&LaneState::from(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         robot.step(torques + wheels, 10).unwrap();
     }
     assert!(robot.state().tilt() < 1e-3 && robot.state().ball_velocity.norm() < 1e-3);
@@ -202,13 +201,13 @@ fn an_adapted_gain_chatters_less_than_the_fixed_gain_that_it_replaces() {
     let chatter = |options: &[(&str, &[f64])]| {
         let law = made("hierarchical_sliding_mode", &params, options);
         let mut robot = robot(&params, ModelKind::Contact, &State::upright(&params));
-        let (setpoint, mut memory) = (SetpointCells::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
+        let (setpoint, mut memory) = (LaneSetpoint::from(&Setpoint::default()), vec![0.0; law.memory_len()]);
         let (mut last, mut sum) = (Wheels::default(), 0.0_f64);
         for k in 0..1000 {
             let mut seen = robot.state();
             let noise = |i: f64| 0.02 * ((1e4 * (0.7 + f64::from(k) * 1.3 + i).sin()).fract());
             seen.body_angular_velocity += Vector3::new(noise(0.1), noise(0.2), 0.0);
-            let torques = law.torques_one(&cells(&seen), &setpoint, f64::INFINITY, &mut memory);
+            let torques = law.torques_one(&LaneState::from(&seen), &setpoint, f64::INFINITY, &mut memory);
             robot.step(torques, 10).unwrap();
             sum += (torques - last).column().norm_squared();
             last = torques;
@@ -224,15 +223,15 @@ fn an_adapted_gain_chatters_less_than_the_fixed_gain_that_it_replaces() {
 fn limited_torques_do_not_raise_the_gain() {
     let params = Params::paper();
     let law = made("hierarchical_sliding_mode", &params, &ADAPTIVE);
-    let setpoint = SetpointCells::from(&Setpoint::default());
-    let tilted = cells(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
+    let setpoint = LaneSetpoint::from(&Setpoint::default());
+    let tilted = LaneState::from(&State::tilted(&params, Vector2::new(0.1, 0.0), 0.0));
     let mut memory = [0.0];
     law.torques_one(&tilted, &setpoint, 1e-3, &mut memory);
     assert_eq!(memory, [0.0]);
     law.torques_one(&tilted, &setpoint, f64::INFINITY, &mut memory);
     let raised = memory[0];
     assert!(raised > 0.0);
-    law.torques_one(&cells(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
+    law.torques_one(&LaneState::from(&State::upright(&params)), &setpoint, f64::INFINITY, &mut memory);
     assert!((memory[0] / raised - (-CONTROL_DT).exp()).abs() < 1e-12, "it leaks");
     // The sampled loop must be stable at the largest gain.
     let kind = ballbot_core::control::controller_kind("hierarchical_sliding_mode").unwrap();

@@ -1,10 +1,12 @@
 //! The estimate of the equilibrium.
 
 use super::lqi::offset;
-use super::{CONTROL_DT, SIM_DT, around, cells, lanes_equal_one_robot, law, made, position, recovers, robot, run};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Setpoint, SetpointCells};
+use super::{CONTROL_DT, SIM_DT, around, lanes_equal_one_robot, law, made, position, recovers, robot, run};
+use ballbot_core::control::{
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrOptions, NamedLaw, ObserverOptions, Setpoint,
+};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use nalgebra::{SVector, Vector2, Vector3};
 
 /// The laws that have the observer.
@@ -22,9 +24,9 @@ fn first(controller: &dyn Controller) -> usize {
 fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Vector3<f64>) -> (State, Vec<f64>) {
     let mut robot = robot(params, ModelKind::Contact, &State::at_equilibrium(params, 0.4));
     let mut memory = vec![0.0; controller.memory_len()];
-    let setpoint = SetpointCells::from(&Setpoint { yaw: 0.4, ..Setpoint::default() });
+    let setpoint = LaneSetpoint::from(&Setpoint { yaw: 0.4, ..Setpoint::default() });
     for _ in 0..(seconds / CONTROL_DT) as usize {
-        let torques = controller.torques_one(&cells(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
+        let torques = controller.torques_one(&LaneState::from(&robot.state()), &setpoint, f64::INFINITY, &mut memory);
         for _ in 0..10 {
             robot.push(&(force * SIM_DT), None).unwrap();
             robot.step(torques, 1).unwrap();
@@ -44,8 +46,8 @@ fn the_estimate_converges_at_its_rate() {
     let resting = Vector3::from_column_slice(wheels.as_slice()) * 0.02;
     let resting_acceleration = (LinearModel::new(&params).b * resting)[8];
     for rate in [0.3, 1.0, 4.0] {
-        let lqr = Lqr::with_weights(&params, CONTROL_DT, &LqrWeights::default(), &limits).unwrap();
-        let lqr = lqr.with_lean_observer(&params, rate).unwrap();
+        let options = LqrOptions { observer: ObserverOptions { lean_observer: rate }, ..LqrOptions::default() };
+        let lqr = Lqr::with_options(&params, CONTROL_DT, &options, &limits).unwrap();
         let mut memory = vec![0.0; lqr.memory_len()];
         let mut x = SVector::<f64, 10>::from_fn(|i, _| if i == 5 { 0.1 } else { 0.0 });
         for k in 0..200 {
@@ -53,8 +55,8 @@ fn the_estimate_converges_at_its_rate() {
             let turning = Vector3::new(x[7], x[8], x[9]);
             let mut state = State::rolling(&params, Vector2::new(x[5], x[6]), 0.0, body, turning);
             state.ball_position += Vector3::new(x[0], x[1], 0.0);
-            let setpoint = SetpointCells::from(&Setpoint::default());
-            let torques = lqr.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut memory).column();
+            let setpoint = LaneSetpoint::from(&Setpoint::default());
+            let torques = lqr.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut memory).column();
             let left = (-rate * CONTROL_DT * f64::from(k)).exp();
             let (lean, acceleration) = (0.07 * (1.0 - left), resting_acceleration * (1.0 - left));
             assert!((memory[0] - lean).abs() < 1e-9, "{rate}, sample {k}: {} rad, expected {lean}", memory[0]);
@@ -163,10 +165,10 @@ fn without_a_rate_a_controller_is_unchanged() {
 fn impulses_and_limits_move_the_estimate_by_little() {
     let params = Params::paper();
     let controller = made("lqr", &params, ON);
-    let setpoint = SetpointCells::from(&Setpoint::default());
+    let setpoint = LaneSetpoint::from(&Setpoint::default());
     let mut memory = vec![0.0; 9];
     let mut call = |state: &State, largest: f64| {
-        controller.torques_one(&cells(state), &setpoint, largest, &mut memory);
+        controller.torques_one(&LaneState::from(state), &setpoint, largest, &mut memory);
         memory[0].hypot(memory[1])
     };
     let upright = State::upright(&params);

@@ -2,10 +2,10 @@
 
 use super::{CONTROL_DT, gain_of, law, made, position, robot, run};
 use ballbot_core::control::{
-    Controller, IntegralWeights, LimitOptions, Lqi, LqiWeights, Lqr, NamedLaw, Setpoint, controller_kind,
+    Controller, IntegralWeights, LimitOptions, Lqi, LqiOptions, Lqr, NamedLaw, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
-use ballbot_core::{ModelKind, Params, State};
+use ballbot_core::{LaneState, ModelKind, Params, State};
 use nalgebra::Vector2;
 
 /// Where a robot comes to rest under a controller of the nominal robot, m.
@@ -58,8 +58,8 @@ fn without_its_weight_the_gains_match_the_regulator() {
     let params = Params::paper();
     let plain = Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain.clone();
     let off = |integral: f64| {
-        let weights = LqiWeights { integral: IntegralWeights { integral, ..Default::default() }, ..Default::default() };
-        let lqi = Lqi::with_weights(&params, CONTROL_DT, &weights, &LimitOptions::TRACTION).unwrap();
+        let options = LqiOptions { integral: IntegralWeights { integral, ..Default::default() }, ..Default::default() };
+        let lqi = Lqi::with_options(&params, CONTROL_DT, &options, &LimitOptions::TRACTION).unwrap();
         let gain = &lqi.regulator().gain;
         assert!(gain.columns(10, 2).amax() < 2.0 / integral);
         (gain.columns(0, 10) - &plain).amax() / plain.amax()
@@ -82,10 +82,10 @@ fn torques_match_the_gains() {
 #[test]
 fn gains_match_an_independent_solution() {
     let params = Params::paper();
-    let lqi = Lqi::with_weights(
+    let lqi = Lqi::with_options(
         &params,
         CONTROL_DT,
-        &LqiWeights { integral: IntegralWeights { integral: 0.15, ..Default::default() }, ..Default::default() },
+        &LqiOptions { integral: IntegralWeights { integral: 0.15, ..Default::default() }, ..Default::default() },
         &LimitOptions::TRACTION,
     );
     let gain = lqi.unwrap().regulator().gain.clone();
@@ -110,7 +110,7 @@ fn the_integral_is_cut_and_held() {
         let mut kept = [0.0; 2];
         let target = Setpoint { position: Vector2::new(0.0, target), ..Setpoint::default() };
         (0..calls).for_each(|_| {
-            lqi.torques_one(&super::cells(&state), &(&target).into(), f64::INFINITY, &mut kept);
+            lqi.torques_one(&LaneState::from(&state), &(&target).into(), f64::INFINITY, &mut kept);
         });
         kept[1]
     };
@@ -131,10 +131,10 @@ fn options_match_the_regulator_and_the_integral() {
     let further = ["delay", "lean_observer"];
     let weights: Vec<_> = names("lqr").into_iter().filter(|name| !further.contains(name)).collect();
     assert_eq!(names("lqi"), [weights, vec!["integral", "max_integral_lean", "delay"]].concat());
-    let mut weights = LqiWeights::default();
-    weights.set("yaw", &[0.3]).unwrap();
-    weights.set("max_integral_lean", &[0.01]).unwrap();
-    assert_eq!((weights.lqr.yaw, weights.integral.max_integral_lean), (0.3, 0.01));
-    weights.integral.integral = 0.0;
-    assert!(weights.check_limits().unwrap_err().to_string().contains("integral = 0 is out of range"));
+    let mut options = LqiOptions::default();
+    options.set("yaw", &[0.3]).unwrap();
+    options.set("max_integral_lean", &[0.01]).unwrap();
+    assert_eq!((options.weights.yaw, options.integral.max_integral_lean), (0.3, 0.01));
+    options.integral.integral = 0.0;
+    assert!(options.check_limits().unwrap_err().to_string().contains("integral = 0 is out of range"));
 }

@@ -4,7 +4,7 @@ use super::{CONTROL_DT, made, position, presets, robot, run};
 use ballbot_core::control::{Controller, LimitOptions, LqrPi, LqrPiOptions, NamedLaw, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::LinearModel;
-use ballbot_core::{ModelKind, Params, State, StateCells};
+use ballbot_core::{LaneState, ModelKind, Params, State};
 use nalgebra::{Complex, DMatrix, Vector2, Vector3};
 
 /// |L(iω)| of the PI on the rate of the virtual wheel, with the linear model.
@@ -73,13 +73,12 @@ fn a_constant_load_torque_leaves_no_error_of_the_wheel_rates() {
     let load = Omniwheels::new(&params).torques_on_body(&Vector3::new(0.01, 0.02, 0.0), TorqueMap::Consistent);
     let mut robot = robot(&params, ModelKind::Spatial, &State::upright(&params));
     let mut law = LqrPi::with_defaults(&params, CONTROL_DT).unwrap();
-    let mut cells = StateCells::default();
     let mut kept = [0.0; 2];
     let mut before = kept;
     for _ in 0..3000 {
-        ballbot_core::LaneState::from(&robot.state()).store(&mut cells);
+        let state = LaneState::from(&robot.state());
         before = kept;
-        let torques = law.torques_one(&cells, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
+        let torques = law.torques_one(&state, &(&Setpoint::default()).into(), f64::INFINITY, &mut kept);
         let loaded: [f64; 3] = std::array::from_fn(|i| torques[i] - load[i]);
         robot.step(loaded, super::STEPS).unwrap();
     }

@@ -1,12 +1,12 @@
 //! Model predictive control.
 
-use super::{CONTROL_DT, basin_of, cells, made, presets, push_of, robot, scattered_states};
+use super::{CONTROL_DT, basin_of, made, presets, push_of, robot, scattered_states};
 use ballbot_core::control::{
-    Controller, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, SetpointCells, riccati,
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, riccati,
 };
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::{LinearModel, LoadMap};
-use ballbot_core::{ModelKind, Params, State, StateCells, attitude};
+use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};
 use nalgebra::{DMatrix, DVector, Vector2, Vector3};
@@ -240,13 +240,13 @@ fn limits_of_the_lean() {
 fn time_of_a_call() {
     const CALLS: u32 = 20_000;
     let params = Params::paper();
-    let setpoints = SetpointCells::<Eight>::default();
+    let setpoints = LaneSetpoint::<Eight>::default();
     for name in ["lqr", "mpc"] {
         for degrees in [1.0_f64, 20.0] {
             let controller = made(name, &params, &[]);
-            let mut states = StateCells::<Eight>::default();
+            let mut states = LaneState::<Eight>::default();
             let start = State::tilted(&params, Vector2::new(1.0, 0.3).normalize() * degrees.to_radians(), 0.0);
-            (0..EIGHT).for_each(|i| states.set_lane(i, &cells(&start)));
+            (0..EIGHT).for_each(|i| states.set_lane(i, &LaneState::from(&start)));
             let mut memory = vec![Eight::default(); controller.memory_len()];
             let start = Instant::now();
             for _ in 0..CALLS {

@@ -1,9 +1,9 @@
 //! Takagi-Sugeno fuzzy control.
 
-use super::{CONTROL_DT, cells, gain_of, law, presets, uneven};
+use super::{CONTROL_DT, gain_of, law, presets, uneven};
 use ballbot_core::control::{Controller, LimitOptions, LqrWeights, NamedLaw, Setpoint, TakagiSugeno};
 use ballbot_core::models::{BallSpin, LeaningPlane, LinearModel, SpatialModel, WheelSpin};
-use ballbot_core::{Params, State, Wheels};
+use ballbot_core::{LaneState, Params, State, Wheels};
 use nalgebra::{UnitQuaternion, Vector2, Vector3, Vector4, Vector6};
 
 /// At rest at its lean a plane is the spatial model.
@@ -75,7 +75,7 @@ fn rules_count_by_the_tilt() {
             let acceleration = -(near * (1.0 - share) + far * share);
             let expected = torques_of * direction.push(0.0) * acceleration;
             let setpoint = (&Setpoint::default()).into();
-            let found = law.torques_one(&cells(&state), &setpoint, f64::INFINITY, &mut []).column();
+            let found = law.torques_one(&LaneState::from(&state), &setpoint, f64::INFINITY, &mut []).column();
             assert!((found - expected).amax() < 1e-9, "{degrees} deg: {found}, expected {expected}");
         }
     }

@@ -3,7 +3,7 @@
 use super::models;
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, Under, When};
-use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights};
+use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Sampled};
 use ballbot_core::options::PublishedOptions;
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, Balance};
@@ -40,14 +40,14 @@ fn config(model: ModelKind) -> BalanceConfig {
     }
 }
 
-fn lqr(config: &BalanceConfig) -> Lqr {
+fn lqr(config: &BalanceConfig) -> Sampled<Lqr> {
     // The limit that the batch would set.
     let limits = LimitOptions { max_torque: Some(config.action_torque()), ..LimitOptions::TRACTION };
     Lqr::with_weights(&config.params, config.control_dt, &LqrWeights::default(), &limits).unwrap()
 }
 
 /// Actions of a law without memory, on states.
-fn on(states: &[State], law: &Lqr, batch: &Batch) -> Vec<u32> {
+fn on(states: &[State], law: &Sampled<Lqr>, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
     let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
     torques.map(|torque| ((torque / batch.max_wheel_torque()) as f32).to_bits()).collect()

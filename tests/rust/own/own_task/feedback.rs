@@ -1,11 +1,10 @@
 //! A PD controller of the tilt; the tilt setpoint follows from a low-passed velocity error.
 
-use ballbot_core::LaneState;
-use ballbot_core::control::{LaneSetpoint, Law, LimitOptions, NamedLaw, Sampling, TorqueLimits};
+use ballbot_core::control::{Law, LimitOptions, NamedLaw, Plant, Sample};
 use ballbot_core::fields::Limit;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
-use ballbot_core::lanes::{Heading, Lane, Memory};
-use ballbot_core::{Params, Result, Wheels};
+use ballbot_core::lanes::{Heading, Lane};
+use ballbot_core::{Result, Wheels};
 use nalgebra::Vector3;
 
 ballbot_core::fields! {
@@ -29,8 +28,6 @@ pub struct Feedback {
     map: Wheels<[f64; 2]>,
     /// Fraction of the distance to the error that the low-pass covers in a sample.
     share: f64,
-    limits: TorqueLimits,
-    sampling: Sampling,
 }
 
 impl NamedLaw for Feedback {
@@ -40,17 +37,14 @@ impl NamedLaw for Feedback {
     const LIMITS: LimitOptions = LimitOptions::CAP;
     type Options = Gains;
 
-    fn with_options(params: &Params, control_dt: f64, gains: &Gains, limits: &LimitOptions) -> Result<Self> {
-        params.validate()?;
-        let wheels = Omniwheels::new(params);
+    fn design(plant: &Plant<'_>, gains: &Gains) -> Result<Self> {
+        let wheels = Omniwheels::new(plant.params);
         let column = |axis: Vector3<f64>| wheels.wheel_torques(&axis, TorqueMap::Consistent);
         let (about_x, about_y) = (column(Vector3::x()), column(Vector3::y()));
         Ok(Self {
             map: Wheels::from_fn(|i| [about_x[i], about_y[i]]),
-            share: 1.0 - (-control_dt / gains.filter).exp(),
+            share: 1.0 - (-plant.control_dt / gains.filter).exp(),
             gains: gains.clone(),
-            limits: TorqueLimits::new(params, limits)?,
-            sampling: Sampling::new(control_dt, Self::MEMORY),
         })
     }
 }
@@ -60,37 +54,24 @@ impl Law for Feedback {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = &["velocity"];
 
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
-
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let Sample { state, setpoint, .. } = *sample;
         let heading = Heading::new(state.body_quaternion);
         let [tilt_x, tilt_y] = state.body_quaternion.tilt_components();
         let [tilt_x, tilt_y] = heading.of(tilt_x, tilt_y);
         let (v, desired) = (state.ball_velocity, setpoint.velocity);
         let errors = heading.of(desired[0] - v.x, desired[1] - v.y);
         for (i, error) in errors.into_iter().enumerate() {
-            let old = memory.get(i);
-            memory.set(i, (error - old).mul_add_all(self.share, old));
+            let old = sample.memory.get(i);
+            sample.memory.set(i, (error - old).mul_add_all(self.share, old));
         }
         // Leaning towards +x is a positive tilt about y, towards +y a negative one about x.
-        let lean_x = memory.get(1) * -self.gains.velocity - tilt_x;
-        let lean_y = memory.get(0) * self.gains.velocity - tilt_y;
+        let lean_x = sample.memory.get(1) * -self.gains.velocity - tilt_x;
+        let lean_y = sample.memory.get(0) * self.gains.velocity - tilt_y;
         let rate = state.body_angular_velocity;
         let x = lean_x * self.gains.tilt - rate.x * self.gains.rate;
         let y = lean_y * self.gains.tilt - rate.y * self.gains.rate;
-        self.limits.apply(self.map.map(|[of_x, of_y]| x * of_x + y * of_y), state, largest).torques
+        sample.limited(self.map.map(|[of_x, of_y]| x * of_x + y * of_y)).torques
     }
 }

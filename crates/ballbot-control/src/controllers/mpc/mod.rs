@@ -8,22 +8,16 @@ use crate::parts::lean_observer::{self, LeanObserver};
 use crate::parts::lean_planes::{Leaning, product};
 use crate::parts::limits::ROWS;
 use crate::parts::outer::Outer;
-use crate::parts::riccati;
+use crate::parts::riccati::{self, dynamic, rows};
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{
-    LaneSetpoint, Law, LimitOptions, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Sampling, Setpoint, SetpointCells,
-    TorqueLimits, check_control_dt,
-};
+use crate::{Law, Limited, LqrWeights, MOTION_PARTS, NamedLaw, Plant, Sample, Sampled, Setpoint};
 use ballbot_base::error::Result;
-use ballbot_base::fields::{Fields, Limit};
-use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Lane, Memory, Scalar};
-use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
-use nalgebra::DMatrix;
 use plane::Plane;
 use prediction::{Prediction, STAGES, Start, load, store};
 
@@ -74,7 +68,7 @@ impl MpcOptions {
 /// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`crate::Lqr`] sampled once per stage, and the first of
 /// the inputs v of least cost over the next stages. With the cost of the regulator's infinite horizon, Σ xᵀQx + uᵀRu is
 /// xᵀPx + Σ |v|² in suitable units, so v is zero where the regulator keeps the limits; elsewhere the squared violations
-/// at each stage are added to the cost. The limits are the limits of [`TorqueLimits`] at the predicted lean, linear in
+/// at each stage are added to the cost. The limits are the limits of [`crate::TorqueLimits`] at the predicted lean, linear in
 /// lean and torques.
 ///
 /// Both planes are predicted together, because a wheel's limits depend on both. The problem is solved by a fixed number
@@ -87,8 +81,6 @@ pub struct Mpc {
     tracking: Tracking,
     outer: Outer,
     observer: LeanObserver,
-    sampling: Sampling,
-    limits: TorqueLimits,
     /// Time between two stages, s.
     stage: f64,
 }
@@ -100,29 +92,19 @@ impl NamedLaw for Mpc {
     const LABEL: &'static str = "MPC";
     type Options = MpcOptions;
 
-    /// A controller from the linear model of `params`, called every `control_dt` seconds.
-    ///
-    /// # Errors
-    /// As [`crate::Lqr::with_weights`].
-    fn with_options(params: &Params, control_dt: f64, options: &MpcOptions, limits: &LimitOptions) -> Result<Self> {
-        options.check_limits()?;
-        params.validate()?;
-        check_control_dt(control_dt)?;
-        let limits = TorqueLimits::new(params, limits)?;
+    fn design(plant: &Plant<'_>, options: &MpcOptions) -> Result<Self> {
+        let Plant { params, control_dt, limits } = *plant;
         let weights = options.weights();
         let tracking = Tracking::new(params);
-        let max_torque = limits.max_torque();
-        let observer = LeanObserver::new(params, &tracking, control_dt, options.lean_observer, max_torque)?;
         let planes = &tracking.planes;
         let toppling = planes.planes[0].toppling.max(planes.planes[1].toppling);
         let samples = (options.horizon / (toppling * STAGES as f64 * control_dt)).round().max(1.0);
         let stage = samples * control_dt;
         let (a, b) = LinearModel::new(params).discretize(stage);
         let (q, r) = weights.matrices();
-        let dynamic = |m: &[f64], columns: usize| DMatrix::from_column_slice(STATES, columns, m);
-        let gain = riccati::solve(&dynamic(a.as_slice(), STATES), &dynamic(b.as_slice(), INPUTS), &q, &r)?.gain;
+        let gain = riccati::solve(&dynamic(&a), &dynamic(&b), &q, &r)?.gain;
         let plane = |axis: usize| Plane::new(axis, params, planes, stage, [&q, &r]);
-        let [x, y] = [planes.wheel_torques([1.0, 0.0], 0.0), planes.wheel_torques([0.0, 1.0], 0.0)];
+        let [x, y] = [planes.driven(0), planes.driven(1)];
         let prediction = Prediction::new(
             [plane(0)?, plane(1)?],
             &limits.lean_rows(planes),
@@ -132,12 +114,10 @@ impl NamedLaw for Mpc {
         )?;
         Ok(Self {
             outer: Outer::new(&gain, [weights.max_lean, weights.max_speed]),
-            gain: std::array::from_fn(|i| std::array::from_fn(|j| gain[(i, j)])),
+            gain: rows(&gain, 0),
             prediction,
-            sampling: Sampling::new(control_dt, <Self as Law>::MEMORY + observer.kept()),
-            observer,
+            observer: LeanObserver::new(plant, &tracking, options.lean_observer)?,
             tracking,
-            limits,
             stage,
         })
     }
@@ -149,42 +129,20 @@ impl Mpc {
         self.stage
     }
 
-    /// The desired wheel torques of a robot without history, before the limits, N·m.
-    pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut cells = StateCells::default();
-        LaneState::from(state).store(&mut cells);
-        let mut plan = vec![0.0; self.kept()];
-        let mut memory = Memory::<f64>::new(Scalar, &mut plan);
-        self.desired_torques(
-            &cells.load(Scalar),
-            &SetpointCells::from(setpoint).load(Scalar),
-            f64::INFINITY,
-            &mut memory,
-        )
-        .0
-    }
-
     #[inline(always)]
-    fn desired_torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> (Wheels<L>, Pose<L>) {
-        let deviation = self.tracking.deviation(state, setpoint);
-        let equilibrium = self.observer.equilibrium(state, &deviation.pose.heading, &mut memory.after(Self::MEMORY));
-        let Deviation { mut x, forward, pose } = equilibrium.deviation(deviation);
+    fn desired_torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> (Wheels<L>, Pose<L>) {
+        let (deviation, _) = self.observer.deviation(&self.tracking, sample, Self::MEMORY);
+        let Deviation { mut x, forward, pose } = deviation;
         self.outer.clip(&mut x);
         let planes = &self.tracking.planes;
         let zero = x[0].zero();
         let mut desired = planes.wheel_torques(forward, zero);
-        let start = self.start(&pose, &x, forward, desired, largest);
+        let start = self.start(&pose, &x, forward, desired, sample.max_torque());
         for (row, torque) in self.gain.iter().zip(&mut desired) {
             *torque += product(row, &x);
         }
         let limited = self.prediction.is_limited(&start);
-        let mut plan = load(memory, self.sampling.control_dt / self.stage);
+        let mut plan = load(&sample.memory, sample.control_dt / self.stage);
         if L::any(limited) {
             self.prediction.improve(&start, &mut plan);
         }
@@ -192,7 +150,7 @@ impl Mpc {
             // Zero is the optimum where the regulator keeps the limits.
             (*x, *y) = (L::select(limited, *x, zero), L::select(limited, *y, zero));
         }
-        store(&plan, memory);
+        store(&plan, &mut sample.memory);
         let [x, y] = &self.prediction.planes;
         let [first, ..] = plan;
         let added = planes.wheel_torques([first[0] * x.scale, first[1] * y.scale], zero);
@@ -207,7 +165,7 @@ impl Mpc {
         x: &[L; STATES],
         forward: [L; 2],
         torques: Wheels<L>,
-        largest: f64,
+        max_torque: f64,
     ) -> Start<L> {
         let Leaning { position, velocity, lean, rate } = Leaning::new(x);
         let reference = [tilt_y - lean[0], -tilt_x - lean[1]];
@@ -217,7 +175,7 @@ impl Mpc {
             let resting = squared.mul_add_all(row.per_rate_squared, squared.splat(row.at_rest));
             *constant = row.value(resting, reference, forward);
         }
-        let per_acceleration = squared.splat(self.limits.max_torque().min(largest).recip());
+        let per_acceleration = squared.splat(max_torque.recip());
         Start {
             x: [[position[0], lean[0], velocity[0], rate[0]], [position[1], lean[1], velocity[1], rate[1]]],
             rows,
@@ -227,33 +185,34 @@ impl Mpc {
     }
 }
 
+impl Sampled<Mpc> {
+    /// The desired wheel torques of a robot without history, before the limits, N·m.
+    pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
+        let (desired, _) = self.desired_torques(&mut Sample {
+            state: &state.into(),
+            setpoint: &setpoint.into(),
+            memory: Memory::<f64>::new(Scalar, &mut vec![0.0; self.kept()]),
+            control_dt: self.control_dt,
+            limits: &self.limits,
+            largest: f64::INFINITY,
+        });
+        desired
+    }
+}
+
 impl Law for Mpc {
     const MEMORY: usize = 2 * STAGES;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
-
-    fn sampling(&self) -> &Sampling {
-        &self.sampling
-    }
-
-    fn sampling_mut(&mut self) -> &mut Sampling {
-        &mut self.sampling
-    }
 
     fn kept(&self) -> usize {
         Self::MEMORY + self.observer.kept()
     }
 
     #[inline(always)]
-    fn torques<L: Lane>(
-        &self,
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        largest: f64,
-        memory: &mut Memory<'_, L>,
-    ) -> Wheels<L> {
-        let (desired, pose) = self.desired_torques(state, setpoint, largest, memory);
-        let Limited { torques, share, .. } = self.limits.apply_at(desired, state, &pose, largest);
-        self.observer.predict(state, &pose, torques, share, &mut memory.after(Self::MEMORY));
+    fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
+        let (desired, pose) = self.desired_torques(sample);
+        let Limited { torques, share, .. } = sample.limited_at(desired, &pose);
+        self.observer.predict(sample, Self::MEMORY, &pose, torques, share);
         torques
     }
 }

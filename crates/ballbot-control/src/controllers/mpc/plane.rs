@@ -29,15 +29,14 @@ impl Plane {
         [q, r]: [&DMatrix<f64>; 2],
     ) -> Result<Self> {
         let (a, b) = planes.sampled(axis, params, dt);
-        let torques = planes.wheel_torques(if axis == 0 { [1.0, 0.0] } else { [0.0, 1.0] }, 0.0);
-        let torques = DMatrix::from_column_slice(3, 1, torques.as_slice());
+        let torques = DMatrix::from_column_slice(3, 1, planes.driven(axis).as_slice());
         let cost = |i: usize| q[(PLACES[axis][i], PLACES[axis][i])];
         let q = DMatrix::from_fn(4, 4, |i, j| if i == j { cost(i) } else { 0.0 });
         let r = torques.transpose() * r * &torques;
         let regulator = riccati::solve(&a, &b, &q, &r)?;
         let s = r[0] + (b.transpose() * &regulator.cost * &b)[0];
         Ok(Self {
-            a: std::array::from_fn(|i| std::array::from_fn(|j| a[(i, j + 1)])),
+            a: riccati::rows(&a, 1),
             b: std::array::from_fn(|i| b[i]),
             k: std::array::from_fn(|i| regulator.gain[i]),
             scale: s.sqrt().recip(),

@@ -1,13 +1,13 @@
 //! Numbers that environments keep from step to step, for one robot or eight.
 
-use ballbot_base::lanes::{Cell, EIGHT, Eight, cells};
+use ballbot_base::lanes::{Cell, EIGHT, Eight, lane_struct};
 use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
-cells! {
+lane_struct! {
     /// The current episode, and the result of its last step.
     #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-    pub struct Episode {
+    pub struct Episode<T> {
         pub steps: T,
         /// The step at which this episode is truncated.
         pub limit: T,

@@ -28,10 +28,10 @@ use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
 use crate::task::{ACTION_LEN, Task};
 use ballbot_base::error::{Error, Result};
-use ballbot_base::lane_state::StateCells;
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
-use ballbot_base::setpoint::{Setpoint, SetpointCells};
+use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
@@ -336,21 +336,21 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.control.cells.clear();
             self.control.cells.resize(len, R::Cell::default());
         }
-        let mut states = StateCells::<R::Cell>::default();
+        let mut states = LaneState::<R::Cell>::default();
         if privileged {
             self.robots.read(&mut states);
         } else {
             self.read_measured(&mut states);
         }
-        let mut targets = SetpointCells::<R::Cell>::default();
+        let mut targets = LaneSetpoint::<R::Cell>::default();
         for i in 0..self.used {
             let setpoint = match setpoints.get(i) {
                 Some(setpoint) => *setpoint,
                 None => self.setpoint(i),
             };
-            R::Cell::set_setpoint(&mut targets, i, &setpoint);
+            targets.set_lane(i, &(&setpoint).into());
         }
-        let torques = R::Cell::torques(controller, &states, &targets, self.action_torque, &mut self.control.cells);
+        let torques = (R::Cell::TORQUES)(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
             for (value, torque) in action.iter_mut().zip(&torques) {
                 *value = (torque.get(i) / self.action_torque) as f32;

@@ -8,7 +8,7 @@ use crate::actuator::Actuator;
 use crate::batch::events::Randomized;
 use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
-use ballbot_base::lane_state::{LaneState, StateCells};
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use rand_chacha::ChaCha8Rng;
 
@@ -41,7 +41,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
     }
 
     /// Writes the states of all robots as the task observes them. Before its first episode a robot is observed at rest.
-    pub fn read_measured(&mut self, states: &mut StateCells<R::Cell>) {
+    pub fn read_measured(&mut self, states: &mut LaneState<R::Cell>) {
         self.robots.read(states);
         if self.episodes.iter().all(|episodes| *episodes > 0) {
             R::Cell::measure(&self.step.sensor, &mut self.ledger.sensor, &mut self.one.sensor, states);

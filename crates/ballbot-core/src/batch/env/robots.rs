@@ -11,7 +11,7 @@ use crate::task::Task;
 use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
-use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState, StateCells};
+use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
@@ -53,7 +53,7 @@ pub trait Robots: Send + Sync {
     fn ground(&self) -> Option<&Ground>;
 
     /// Writes the states of all.
-    fn read(&self, states: &mut StateCells<Self::Cell>);
+    fn read(&self, states: &mut LaneState<Self::Cell>);
 
     /// Restarts robot `i` from an accepted state.
     fn place(&mut self, i: usize, state: &State);
@@ -167,18 +167,17 @@ impl Robots for Single {
             healthy: self.robot.healthy(),
             on_floor: self.robot.bot_on_floor(),
         };
-        let mut measured = StateCells::default();
-        robot.state.store(&mut measured);
+        let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        step.run_one(&robot, &measured.load(Scalar), commands, com_directions, ledger);
+        step.run_one(&robot, &measured, commands, com_directions, ledger);
     }
 
     fn ground(&self) -> Option<&Ground> {
         self.robot.ground().map(|ground| &**ground)
     }
 
-    fn read(&self, states: &mut StateCells<f64>) {
-        LaneState::from(&self.robot.state()).store(states);
+    fn read(&self, states: &mut LaneState<f64>) {
+        *states = LaneState::from(&self.robot.state());
     }
 
     fn place(&mut self, _: usize, state: &State) {
@@ -265,9 +264,9 @@ impl Robots for ContactLanes {
         ledger: &mut Ledger<Eight>,
         one: &mut Ledger<f64>,
     ) {
-        let (mut states, mut conditions) = (StateCells::default(), ConditionCells::default());
+        let (mut states, mut conditions) = (LaneState::default(), ConditionCells::default());
         ContactLanes::read(self, &mut states, &mut conditions);
-        let mut measured = states.clone();
+        let mut measured = states;
         step.measure(&mut measured, ledger, &mut one.sensor);
         let (states, measured, conditions) = (&states, &measured, &conditions);
         run_eight(Conclude { step, states, measured, conditions, commands, com_directions, ledger, one });
@@ -277,7 +276,7 @@ impl Robots for ContactLanes {
         ContactLanes::ground(self)
     }
 
-    fn read(&self, states: &mut StateCells<Eight>) {
+    fn read(&self, states: &mut LaneState<Eight>) {
         ContactLanes::read(self, states, &mut ConditionCells::default());
     }
 
@@ -363,8 +362,8 @@ impl Robots for ContactLanes {
 /// A control step's conclusion in lanes.
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
-    states: &'a StateCells<Eight>,
-    measured: &'a StateCells<Eight>,
+    states: &'a LaneState<Eight>,
+    measured: &'a LaneState<Eight>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],

@@ -7,8 +7,8 @@ use crate::batch::autoreset::Autoreset;
 use crate::batch::stage::{ChunkResults, ROBOT_ROW_LEN, saturated};
 use crate::sensor::Sensor;
 use crate::task::Task;
-use ballbot_base::lane_state::StateCells;
-use ballbot_base::lanes::{Cell, Quat, Vec3, run_one};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Cell, run_one};
 
 /// Bound of the numbers of a row: all are finite in the observations of learners, too.
 const BOUND: f64 = 1e9;
@@ -64,28 +64,29 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// As [`super::chunk::Chunk::robot_rows`].
     pub fn write_robot_rows(&mut self, observed: bool, out: &mut [f32]) {
-        let mut states = StateCells::<R::Cell>::default();
+        let mut states = LaneState::<R::Cell>::default();
         if observed {
             self.read_measured(&mut states);
         } else {
             self.robots.read(&mut states);
         }
         for (i, row) in out.chunks_exact_mut(ROBOT_ROW_LEN).take(self.used).enumerate() {
-            let [w, x, y, z] = states.body_quaternion.map(|cell| cell.get(i));
+            let state = states.lane(i);
+            let (w, v) = (state.body_quaternion.w, state.body_quaternion.v);
             let up = run_one(
                 #[inline(always)]
-                || Quat { w, v: Vec3::new(x, y, z) }.rotation().rows[2],
+                || state.body_quaternion.rotation().rows[2],
             );
             let com = self.robots.params(i).body_com();
             let numbers = [-up.x, -up.y, -up.z]
                 .into_iter()
-                .chain(states.body_angular_velocity.map(|cell| cell.get(i)))
-                .chain(states.wheel_speeds.map(|cell| cell.get(i)))
-                .chain(states.wheel_angles.map(|cell| cell.get(i)))
-                .chain(states.ball_position.map(|cell| cell.get(i)))
-                .chain(states.ball_velocity.map(|cell| cell.get(i)))
-                .chain(states.ball_angular_velocity.map(|cell| cell.get(i)))
-                .chain([w, x, y, z])
+                .chain(<[f64; 3]>::from(state.body_angular_velocity))
+                .chain(state.wheel_speeds)
+                .chain(state.wheel_angles)
+                .chain(<[f64; 3]>::from(state.ball_position))
+                .chain(<[f64; 3]>::from(state.ball_velocity))
+                .chain(<[f64; 3]>::from(state.ball_angular_velocity))
+                .chain([w, v.x, v.y, v.z])
                 .chain(self.ledger.episode.last_action.map(|cell| cell.get(i)))
                 .chain([com.x, com.y, com.z]);
             for (out, number) in row.iter_mut().zip(numbers) {

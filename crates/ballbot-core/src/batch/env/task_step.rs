@@ -9,7 +9,7 @@ use crate::perception::Perception;
 use crate::sensor::Sensor;
 use crate::task::{DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, WriteRows, WriteTerms};
 use ballbot_base::error::Result;
-use ballbot_base::lane_state::{LaneRobot, LaneState, StateCells};
+use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, run_one};
 use ballbot_base::wheels::Wheels;
 use std::sync::Arc;
@@ -96,7 +96,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
 
     /// Replaces true states by states that the sensor reads, before [`TaskStep::run`]: a separate function, so that it
     /// is not compiled for each task. `one` is scratch space for the sensor's numbers of one robot.
-    pub fn measure<C: Measured>(&self, states: &mut StateCells<C>, ledger: &mut Ledger<C>, one: &mut [f64]) {
+    pub fn measure<C: Measured>(&self, states: &mut LaneState<C>, ledger: &mut Ledger<C>, one: &mut [f64]) {
         ledger.last_sensor.copy_from_slice(&ledger.sensor);
         if !self.sensor.is_exact() {
             C::read(&self.sensor, &mut ledger.sensor, one, states);
@@ -188,12 +188,11 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
 
     /// Computes only the observation, at the start of an episode or under a new command.
     pub fn observe(&self, state: &LaneState<f64>, ledger: &mut Ledger<f64>) {
-        let mut measured = StateCells::default();
-        state.store(&mut measured);
+        let mut measured = *state;
         if !self.sensor.is_exact() {
             f64::read(&self.sensor, &mut ledger.sensor, &mut [], &mut measured);
         }
-        self.observe_state(&measured.load(Scalar), ledger);
+        self.observe_state(&measured, ledger);
     }
 
     /// The same for a state that is already measured.

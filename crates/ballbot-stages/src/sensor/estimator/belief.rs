@@ -63,12 +63,12 @@ impl<L: Lane> Belief<L> {
         Self {
             attitude: memory.quaternion(0),
             gyro_bias: memory.vector(4),
-            velocity: [memory.get(7), memory.get(8)],
+            velocity: memory.group(7),
             spin: memory.get(9),
-            position: [memory.get(10), memory.get(11)],
+            position: memory.group(10),
             ball_attitude: memory.quaternion(12),
-            lean: [memory.get(16), memory.get(17)],
-            lean_bias: [memory.get(18), memory.get(19)],
+            lean: memory.group(16),
+            lean_bias: memory.group(18),
             gyro: memory.vector(20),
             mean_gyro: memory.vector(23),
             wheel_rates: memory.wheels(26),
@@ -82,49 +82,20 @@ impl<L: Lane> Belief<L> {
 
     #[inline(always)]
     pub fn store(&self, memory: &mut Memory<'_, L>) {
-        let Self { attitude: q, gyro_bias: b, velocity: v, position: p, ball_attitude: k, .. } = self;
-        let (g, m, r, e, s) = (self.gyro, self.mean_gyro, self.wheel_rates, self.expected, self.slipping);
-        let numbers: [L; BEFORE] = [
-            q.w,
-            q.v.x,
-            q.v.y,
-            q.v.z,
-            b.x,
-            b.y,
-            b.z,
-            v[0],
-            v[1],
-            self.spin,
-            p[0],
-            p[1],
-            k.w,
-            k.v.x,
-            k.v.y,
-            k.v.z,
-            self.lean[0],
-            self.lean[1],
-            self.lean_bias[0],
-            self.lean_bias[1],
-            g.x,
-            g.y,
-            g.z,
-            m.x,
-            m.y,
-            m.z,
-            r[0],
-            r[1],
-            r[2],
-            e[0],
-            e[1],
-            e[2],
-            s[0],
-            s[1],
-            s[2],
-            self.begun,
-        ];
-        for (i, number) in numbers.into_iter().enumerate() {
-            memory.set(i, number);
-        }
+        memory.set_quaternion(0, self.attitude);
+        memory.set_vector(4, self.gyro_bias);
+        memory.set_group(7, &self.velocity);
+        memory.set(9, self.spin);
+        memory.set_group(10, &self.position);
+        memory.set_quaternion(12, self.ball_attitude);
+        memory.set_group(16, &self.lean);
+        memory.set_group(18, &self.lean_bias);
+        memory.set_vector(20, self.gyro);
+        memory.set_vector(23, self.mean_gyro);
+        memory.set_wheels(26, self.wheel_rates);
+        memory.set_wheels(29, self.expected);
+        memory.set_wheels(32, self.slipping);
+        memory.set(BEGUN, self.begun);
         self.covariance.store(memory, BEFORE);
         for (i, number) in self.cross.into_iter().enumerate() {
             memory.set(CROSS + i, number);
