@@ -2,8 +2,8 @@
 
 use crate::controllers::CONTROLLERS;
 use crate::{Controller, Law, LimitOptions, Plant, SETPOINT_PARTS, Sampled};
-use ballbot_base::error::{Error, Result};
 use ballbot_base::check_finite;
+use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::{Fields, OptionDescription, describe_options};
 use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};

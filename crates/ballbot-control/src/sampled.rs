@@ -12,20 +12,20 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
-use ballbot_models::{LinearModel, Scale};
 use ballbot_models::linear::{INPUTS, STATES};
+use ballbot_models::{LinearModel, Scale};
 use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// The robot that a law is designed for, all checked.
+/// A robot that a law is designed for: its parameters, sampling time and limits are valid.
 #[derive(Clone, Copy, Debug)]
 pub struct Plant<'a> {
-    /// Its parameters.
+    /// Parameters of the robot.
     pub params: &'a Params,
     /// Time between two samples, s.
     pub control_dt: f64,
-    /// Limits of its torques.
+    /// Limits of the torques.
     pub limits: &'a TorqueLimits,
 }
 

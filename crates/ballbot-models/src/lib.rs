@@ -36,7 +36,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::wheels::Wheels;
-use nalgebra::{Matrix3, SVector, UnitQuaternion, Vector3};
+use nalgebra::{Matrix3, UnitQuaternion, Vector3};
 use serde::{Deserialize, Serialize};
 
 /// Width of the tanh that regularizes dry friction in the closed-form models, rad/s. Chosen by
@@ -138,33 +138,11 @@ fn require_rolling_with(params: &Params, state: &State, wheel_speeds: Wheels<f64
     }
 }
 
-/// Coordinates of a closed-form model and their rates.
-type Coordinates = SVector<f64, 19>;
-
-/// Everything that changes during simulation of a closed-form model.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-struct Progress {
+/// Snapshot of a closed-form model: everything that changes during simulation.
+#[derive(Serialize, Deserialize)]
+struct Saved {
     steps: u64,
     is_finite: bool,
     coordinates: [f64; 19],
     wheel_torques: Wheels<f64>,
-}
-
-impl Progress {
-    /// The start of a simulation.
-    fn at(coordinates: Coordinates) -> Self {
-        Self { steps: 0, is_finite: true, coordinates: coordinates.into(), wheel_torques: Wheels::default() }
-    }
-
-    fn coordinates(&self) -> Coordinates {
-        self.coordinates.into()
-    }
-
-    /// Counts a step to `next`; a model that has diverged keeps its coordinates.
-    fn advance(&mut self, next: Coordinates) {
-        if self.is_finite {
-            self.coordinates = next.into();
-        }
-        self.steps += 1;
-    }
 }

@@ -3,8 +3,8 @@
 use super::planar::Plane;
 use super::rk4::rk4;
 use super::{
-    Coordinates, Motion, PlanarModel, Progress, WheelInertia, contact_loads, require_rolling, require_rolling_with,
-    shaft_torques, are_bounded,
+    Motion, PlanarModel, Saved, WheelInertia, are_bounded, contact_loads, require_rolling, require_rolling_with,
+    shaft_torques,
 };
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
@@ -14,8 +14,11 @@ use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, attitude, rolling_rate};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::sync::Arc;
+
+/// Coordinates (x, θ_y), (y, θ_x), yaw and ball spin angle; their rates; wheel angles; ball quaternion.
+type Coordinates = SVector<f64, 19>;
 
 /// Index of the first rate in [`Coordinates`].
 const RATES: usize = 6;
@@ -35,8 +38,10 @@ pub struct PlanarMotion {
     xz: PlanarModel,
     yz: PlanarModel,
     sim_dt: f64,
-    /// Coordinates (x, θ_y), (y, θ_x), yaw and ball spin angle; their rates; wheel angles; ball quaternion.
-    progress: Progress,
+    steps: u64,
+    is_finite: bool,
+    coordinates: Coordinates,
+    wheel_torques: Wheels<f64>,
 }
 
 impl PlanarMotion {
@@ -51,7 +56,10 @@ impl PlanarMotion {
             xz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Xz)?,
             yz: PlanarModel::in_plane(params, WheelInertia::ThreeWheels, Plane::Yz)?,
             sim_dt,
-            progress: Progress::at(coordinates_of(&State::upright(params))),
+            steps: 0,
+            is_finite: true,
+            coordinates: coordinates_of(&State::upright(params)),
+            wheel_torques: Wheels::default(),
             params: params.clone(),
         })
     }
@@ -70,7 +78,7 @@ impl PlanarMotion {
 
     /// Virtual torques of the xz-plane, the yz-plane and the yaw equation from the motor torques minus joint friction.
     fn virtual_torques(&self, y: &Coordinates) -> Vector3<f64> {
-        let shaft = shaft_torques(&self.params, self.progress.wheel_torques, self.wheel_speeds(y));
+        let shaft = shaft_torques(&self.params, self.wheel_torques, self.wheel_speeds(y));
         let in_heading = self.wheels.virtual_torques(shaft);
         let inertial = rotate(in_heading.xy(), y[4]);
         // Eq. (8) counts torques about x and y on the body; a positive planar torque in the xz-plane turns the body
@@ -135,7 +143,10 @@ impl Model for PlanarMotion {
     fn set_params(&mut self, params: &Params) -> Result<()> {
         let mut robot = Self::new(params, self.sim_dt)?;
         if same_geometry(&self.params, params) {
-            robot.progress = self.progress.clone();
+            robot.coordinates = self.coordinates;
+            robot.steps = self.steps;
+            robot.is_finite = self.is_finite;
+            robot.wheel_torques = self.wheel_torques;
         }
         *self = robot;
         Ok(())
@@ -150,24 +161,30 @@ impl Model for PlanarMotion {
     }
 
     fn place(&mut self, state: &State) {
-        self.progress = Progress::at(coordinates_of(state));
+        self.coordinates = coordinates_of(state);
+        self.steps = 0;
+        self.is_finite = true;
+        self.wheel_torques = Wheels::default();
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
-        self.progress.wheel_torques = wheel_torques;
+        self.wheel_torques = wheel_torques;
         for _ in 0..steps {
-            let next = rk4(&self.progress.coordinates(), self.sim_dt, |y| self.derivative(y));
-            self.progress.is_finite &= are_bounded(next.as_slice());
-            self.progress.advance(next);
+            let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+            self.is_finite &= are_bounded(next.as_slice());
+            if self.is_finite {
+                self.coordinates = next;
+            }
+            self.steps += 1;
         }
     }
 
     fn time(&self) -> f64 {
-        self.progress.steps as f64 * self.sim_dt
+        self.steps as f64 * self.sim_dt
     }
 
     fn healthy(&self) -> bool {
-        self.progress.is_finite
+        self.is_finite
     }
 
     /// A state that rolls in space, or in the planes like the states of this model. At a tilt the two differ in the
@@ -179,7 +196,7 @@ impl Model for PlanarMotion {
     }
 
     fn state(&self) -> State {
-        let y = &self.progress.coordinates();
+        let y = &self.coordinates;
         let rates = y.fixed_rows::<RATES>(RATES);
         let position = Vector3::new(y[0], y[2], self.params.ball_radius);
         let velocity = Vector3::new(rates[0], rates[2], 0.0);
@@ -199,14 +216,14 @@ impl Model for PlanarMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let y = &self.progress.coordinates();
+        let y = &self.coordinates;
         let derivative = self.derivative(y);
         let rates = self.rate_derivatives(y);
         // Wheel accelerations by a central difference, whose error is far below the model error.
         let h = 1e-6;
         let wheel_acceleration =
             (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);
-        let shaft = shaft_torques(&self.params, self.progress.wheel_torques, self.wheel_speeds(y));
+        let shaft = shaft_torques(&self.params, self.wheel_torques, self.wheel_speeds(y));
         let motion = Motion {
             body_quaternion: attitude(Vector2::new(-y[3], y[1]), y[4]),
             ball_velocity: Vector3::new(y[RATES], y[RATES + 2], 0.0),
@@ -219,7 +236,7 @@ impl Model for PlanarMotion {
     }
 
     fn energy(&self) -> f64 {
-        let y = &self.progress.coordinates();
+        let y = &self.coordinates;
         let rates = y.fixed_rows::<RATES>(RATES);
         let plane = |model: &PlanarModel, at: usize| {
             model.energy(&Vector2::new(y[at], y[at + 1]), &Vector2::new(rates[at], rates[at + 1]))
@@ -234,7 +251,7 @@ impl Model for PlanarMotion {
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
-        let y = self.progress.coordinates();
+        let y = self.coordinates;
         for (model, at, horizontal) in [(&self.xz, 0, impulse.x), (&self.yz, 2, impulse.y)] {
             let (sin, cos) = y[at + 1].sin_cos();
             let generalized_impulse = Vector2::new(horizontal, point.z * (horizontal * cos - impulse.z * sin));
@@ -242,24 +259,33 @@ impl Model for PlanarMotion {
                 .mass_matrix(y[at + 1])
                 .try_inverse()
                 .map_or_else(|| Vector2::repeat(f64::NAN), |inverse| inverse * generalized_impulse);
-            self.progress.coordinates[RATES + at] += jump[0];
-            self.progress.coordinates[RATES + at + 1] += jump[1];
+            self.coordinates[RATES + at] += jump[0];
+            self.coordinates[RATES + at + 1] += jump[1];
         }
         let angular_impulse = rotate(point.xy(), y[4]).perp(&impulse.xy());
         let p = &self.params;
         let wheels = 3.0 * p.wheel_inertia * (p.gear_ratio() * p.wheel_zenith.sin()).powi(2);
         // (J_z + w) Ω − w s = impulse, (J_k + w) s − w Ω = 0, with w the wheels' inertia about the vertical.
         let determinant = (p.body_inertia[2] + wheels) * (p.ball_inertia + wheels) - wheels * wheels;
-        self.progress.coordinates[RATES + 4] += angular_impulse * (p.ball_inertia + wheels) / determinant;
-        self.progress.coordinates[RATES + 5] += angular_impulse * wheels / determinant;
+        self.coordinates[RATES + 4] += angular_impulse * (p.ball_inertia + wheels) / determinant;
+        self.coordinates[RATES + 5] += angular_impulse * wheels / determinant;
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&self.progress)
+        snapshot::pack(&Saved {
+            steps: self.steps,
+            is_finite: self.is_finite,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques,
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        self.progress = snapshot::unpack("snapshot of a planar model", bytes)?;
+        let saved: Saved = snapshot::unpack("snapshot of a planar model", bytes)?;
+        self.steps = saved.steps;
+        self.is_finite = saved.is_finite;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques;
         Ok(())
     }
 }

@@ -1,7 +1,7 @@
 //! The size of a robot relative to the robot of the paper.
 
-use super::capture::holding_torques;
 use super::LinearModel;
+use super::capture::holding_torques;
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use std::f64::consts::TAU;

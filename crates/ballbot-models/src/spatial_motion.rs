@@ -2,7 +2,7 @@
 
 use super::rk4::rk4;
 use super::slope::Slope;
-use super::{BallSpin, Coordinates, Progress, SpatialModel, WheelSpin, require_rolling, are_bounded};
+use super::{BallSpin, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
 use ballbot_base::error::Result;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -10,8 +10,11 @@ use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
-use nalgebra::{Quaternion, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::sync::Arc;
+
+/// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
+type Coordinates = SVector<f64, 19>;
 
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
@@ -21,8 +24,10 @@ pub struct SpatialMotion {
     params: Params,
     slope: Option<Slope>,
     sim_dt: f64,
-    /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
-    progress: Progress,
+    steps: u64,
+    is_finite: bool,
+    coordinates: Coordinates,
+    wheel_torques: Wheels<f64>,
 }
 
 impl SpatialMotion {
@@ -34,8 +39,16 @@ impl SpatialMotion {
     fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
         let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
         let model = SpatialModel::new(&there, WheelSpin::Absolute, BallSpin::Free);
-        let mut motion =
-            Self { model, params: params.clone(), slope, sim_dt, progress: Progress::at(Coordinates::zeros()) };
+        let mut motion = Self {
+            model,
+            params: params.clone(),
+            slope,
+            sim_dt,
+            steps: 0,
+            is_finite: true,
+            coordinates: Coordinates::zeros(),
+            wheel_torques: Wheels::default(),
+        };
         motion.place(&motion.upright());
         motion
     }
@@ -50,7 +63,7 @@ impl SpatialMotion {
     }
 
     fn velocity(&self) -> Vector6<f64> {
-        self.progress.coordinates().fixed_rows::<6>(6).into_owned()
+        self.coordinates.fixed_rows::<6>(6).into_owned()
     }
 
     fn derivative(&self, y: &Coordinates) -> Coordinates {
@@ -67,7 +80,7 @@ impl SpatialMotion {
         out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
             &body_quaternion,
             &velocity,
-            self.progress.wheel_torques,
+            self.wheel_torques,
         ));
         let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
         write_quaternion(&mut out, 12, &ball_quaternion_rate);
@@ -92,7 +105,10 @@ impl Model for SpatialMotion {
         }
         let mut robot = Self::on(params, self.slope.clone(), self.sim_dt);
         if same_geometry(self.params(), params) {
-            robot.progress = self.progress.clone();
+            robot.coordinates = self.coordinates;
+            robot.steps = self.steps;
+            robot.is_finite = self.is_finite;
+            robot.wheel_torques = self.wheel_torques;
         }
         *self = robot;
         Ok(())
@@ -105,28 +121,34 @@ impl Model for SpatialMotion {
     }
 
     fn place(&mut self, state: &State) {
-        self.progress = Progress::at(coordinates_of(&self.level(state)));
+        self.coordinates = coordinates_of(&self.level(state));
+        self.steps = 0;
+        self.is_finite = true;
+        self.wheel_torques = Wheels::default();
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
-        self.progress.wheel_torques = wheel_torques;
+        self.wheel_torques = wheel_torques;
         for _ in 0..steps {
-            let mut next = rk4(&self.progress.coordinates(), self.sim_dt, |y| self.derivative(y));
-            self.progress.is_finite &= are_bounded(next.as_slice());
+            let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
+            self.is_finite &= are_bounded(next.as_slice());
             for at in [2, 12] {
                 let length = next.fixed_rows::<4>(at).norm();
                 next.fixed_rows_mut::<4>(at).unscale_mut(length);
             }
-            self.progress.advance(next);
+            if self.is_finite {
+                self.coordinates = next;
+            }
+            self.steps += 1;
         }
     }
 
     fn time(&self) -> f64 {
-        self.progress.steps as f64 * self.sim_dt
+        self.steps as f64 * self.sim_dt
     }
 
     fn healthy(&self) -> bool {
-        self.progress.is_finite
+        self.is_finite
     }
 
     fn accepts(&self, state: &State) -> Result<()> {
@@ -134,7 +156,7 @@ impl Model for SpatialMotion {
     }
 
     fn state(&self) -> State {
-        let y = &self.progress.coordinates();
+        let y = &self.coordinates;
         let velocity = self.velocity();
         let rolling = State::rolling_on(
             self.model.params(),
@@ -159,11 +181,7 @@ impl Model for SpatialMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let contacts = self.model.contacts(
-            &quaternion_at(&self.progress.coordinates(), 2),
-            &self.velocity(),
-            self.progress.wheel_torques,
-        );
+        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), self.wheel_torques);
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
             None => contacts,
@@ -171,7 +189,7 @@ impl Model for SpatialMotion {
     }
 
     fn energy(&self) -> f64 {
-        let (p, y) = (self.model.params(), &self.progress.coordinates());
+        let (p, y) = (self.model.params(), &self.coordinates);
         // Potential energy of the ball's position on the slope.
         let place = (p.ball_mass + p.body_mass) * p.gravity * p.up().xy().dot(&Vector2::new(y[0], y[1]));
         // On a slope the ball's center is lower by the cosine of the slope than on level ground.
@@ -184,19 +202,26 @@ impl Model for SpatialMotion {
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let impulse = self.slope.as_ref().map_or(*impulse, |slope| slope.rotation * impulse);
-        let mut y = self.progress.coordinates();
-        let jump = self.model.velocity_jump(&quaternion_at(&y, 2), &impulse, point);
-        let mut velocity = y.fixed_rows_mut::<6>(6);
+        let jump = self.model.velocity_jump(&quaternion_at(&self.coordinates, 2), &impulse, point);
+        let mut velocity = self.coordinates.fixed_rows_mut::<6>(6);
         velocity += jump;
-        self.progress.coordinates = y.into();
     }
 
     fn save(&self) -> Vec<u8> {
-        snapshot::pack(&self.progress)
+        snapshot::pack(&Saved {
+            steps: self.steps,
+            is_finite: self.is_finite,
+            coordinates: self.coordinates.into(),
+            wheel_torques: self.wheel_torques,
+        })
     }
 
     fn load(&mut self, bytes: &[u8]) -> Result<()> {
-        self.progress = snapshot::unpack("snapshot of a spatial model", bytes)?;
+        let saved: Saved = snapshot::unpack("snapshot of a spatial model", bytes)?;
+        self.steps = saved.steps;
+        self.is_finite = saved.is_finite;
+        self.coordinates = saved.coordinates.into();
+        self.wheel_torques = saved.wheel_torques;
         Ok(())
     }
 }

@@ -118,7 +118,9 @@ impl Task for Velocity {
             Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
         };
         let (velocity, first, second) = (two(MOTION), two(FIRST), two(SECOND));
-        let third = Vector2::from_fn(|i, _| third_derivative(self.smoothing, memory[COMMAND + i], velocity[i], first[i], second[i]));
+        let third = Vector2::from_fn(|i, _| {
+            third_derivative(self.smoothing, memory[COMMAND + i], velocity[i], first[i], second[i])
+        });
         let twice = |v: Vector2<f64>| -rate * rate * v;
         Setpoint {
             position: two(POSITION),

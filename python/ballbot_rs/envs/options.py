@@ -117,9 +117,9 @@ class Depth(TypedDict, total=False):
     field_of_view: float
     #: The camera in the body frame, whose origin is the ball's center; outside of the ball. (m, >= -10 and <= 10)
     position: npt.ArrayLike
-    #: Angle of the optical axis below the horizontal plane of the body. (rad, >= -1.5707963267948966 and <= pi/2)
+    #: Angle of the optical axis below the horizontal plane of the body. (rad, >= -pi/2 and <= pi/2)
     pitch: float
-    #: Angle of the optical axis from body x towards body y. (rad, >= -3.141592653589793 and <= pi)
+    #: Angle of the optical axis from body x towards body y. (rad, >= -pi and <= pi)
     yaw: float
     #: Smaller depths read as this value. (m, >= 0.001 and <= 100)
     near: float
@@ -151,10 +151,9 @@ class Lidar(TypedDict, total=False):
     field_of_view: float
     #: The lidar in the body frame, whose origin is the ball's center; outside of the ball. (m, >= -10 and <= 10)
     position: npt.ArrayLike
-    #: Angle of the ring's plane below the horizontal plane of the body, ahead of it. (rad, >= -1.5707963267948966 and
-    #: <= pi/2)
+    #: Angle of the ring's plane below the horizontal plane of the body, ahead of it. (rad, >= -pi/2 and <= pi/2)
     pitch: float
-    #: Angle of each beam below the ring's plane: the beams form a cone. (rad, >= -1.5707963267948966 and <= pi/2)
+    #: Angle of each beam below the ring's plane: the beams form a cone. (rad, >= -pi/2 and <= pi/2)
     depression: float
     #: 1: a gimbal keeps the lidar level and turns it with the heading; 0: it is fixed to the body. (>= 0 and <= 1)
     stabilized: float

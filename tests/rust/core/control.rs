@@ -8,9 +8,9 @@ use ballbot_core::control::riccati::{self, Regulator};
 use ballbot_core::control::{
     Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint, default_max_torque,
 };
+use ballbot_core::fields::Fields;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, SpatialModel, traction_torque};
-use ballbot_core::fields::Fields;
 use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, attitude};
 use nalgebra::{DMatrix, DVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::{PI, TAU};

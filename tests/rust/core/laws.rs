@@ -13,9 +13,7 @@ mod sliding_mode;
 mod takagi_sugeno;
 
 use crate::support::general::any_general_robot;
-use ballbot_core::control::{
-    Controller, LaneSetpoint, LimitOptions, Setpoint, controller_kind, controller_kinds,
-};
+use ballbot_core::control::{Controller, LaneSetpoint, LimitOptions, Setpoint, controller_kind, controller_kinds};
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::LinearModel;
 use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels, attitude};

@@ -78,7 +78,7 @@ impl NamedLaw for FuzzyMamdani {
     type Options = FuzzyOptions;
 
     fn design(plant: &Plant<'_>, options: &FuzzyOptions) -> Result<Self> {
-        Self::of_rules(plant, options, RuleTable::default())
+        Self::of_rules(plant, options, &RuleTable::default())
     }
 }
 
@@ -95,16 +95,16 @@ impl FuzzyMamdani {
         options: &FuzzyOptions,
         limits: &LimitOptions,
     ) -> Result<Sampled<Self>> {
-        Sampled::new(params, control_dt, options, limits, |plant, options| Self::of_rules(plant, options, rules))
+        Sampled::new(params, control_dt, options, limits, |plant, options| Self::of_rules(plant, options, &rules))
     }
 
-    fn of_rules(plant: &Plant<'_>, options: &FuzzyOptions, rules: RuleTable) -> Result<Self> {
+    fn of_rules(plant: &Plant<'_>, options: &FuzzyOptions, rules: &RuleTable) -> Result<Self> {
         let tracking = Tracking::new(plant.params);
         let planes = &tracking.planes;
         let lean = SecondOrder::new(options.lean_bandwidth * planes.toppling_rate(), options.lean_damping);
         let poles = [options.position_bandwidth, options.position_damping];
         let law = Self {
-            rules,
+            rules: *rules,
             ranges: planes.planes.each_ref().map(|plane| Ranges::new(plane, &lean, options.range)),
             position: PositionLoop::new(planes, lean, poles, [options.max_lean, options.max_speed]),
             yaw: SecondOrder::new(options.yaw_bandwidth, options.yaw_damping),

@@ -96,10 +96,7 @@ impl Curve<f64> {
         let p1 = f1 * a1;
         let p2 = f2 * (a1 * a1) + f1 * a2;
         let p3 = third * a1.powi(3) + f2 * (3.0 * a1 * a2) + f1 * a3;
-        let p4 = fourth * a1.powi(4)
-            + third * (6.0 * a1 * a1 * a2)
-            + f2 * (3.0 * a2 * a2 + 4.0 * a1 * a3)
-            + f1 * a4;
+        let p4 = fourth * a1.powi(4) + third * (6.0 * a1 * a1 * a2) + f2 * (3.0 * a2 * a2 + 4.0 * a1 * a3) + f1 * a4;
         let (v, a) = (speed, acceleration);
         [
             p1 * v,

@@ -219,7 +219,8 @@ impl Task for Path {
             Term::cost("position", 0.5, "d² / (d² + position_scale²), d the distance of the ball from the point"),
             bounded_error(error, self.position_scale),
         );
-        terms.term(Term::cost("distance", 0.3, "d / (d + distance_scale)"), distance / (distance + self.distance_scale));
+        terms
+            .term(Term::cost("distance", 0.3, "d / (d + distance_scale)"), distance / (distance + self.distance_scale));
         effort(step, terms);
     }
 

@@ -4,9 +4,9 @@ use super::{CONTROL_DT, basin_of, made, presets, push_of, robot, scattered_state
 use ballbot_core::control::{
     Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, Mpc, MpcOptions, NamedLaw, Setpoint, riccati,
 };
+use ballbot_core::fields::Fields;
 use ballbot_core::lanes::{EIGHT, Eight};
 use ballbot_core::models::{LinearModel, LoadMap, Scale};
-use ballbot_core::fields::Fields;
 use ballbot_core::{LaneState, ModelKind, Params, State, attitude};
 use clarabel::algebra::CscMatrix;
 use clarabel::solver::{DefaultSettings, DefaultSolver, IPSolver, NonnegativeConeT, SolverStatus};

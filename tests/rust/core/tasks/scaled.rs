@@ -28,9 +28,16 @@ fn a_robot_of_another_size_has_the_froude_scale() {
     let close = |found: f64, expected: f64| assert!((found / expected - 1.0).abs() < 1e-12, "{found}, {expected}");
     for size in [0.1_f64, 0.5, 1.0, 3.0, 20.0] {
         let scale = Scale::of(&similar(size));
-        for (unit, power) in
-            [("m", 1.0), ("s", 0.5), ("m/s", 0.5), ("m/s²", 0.0), ("rad/s", -0.5), ("1/s", -0.5), ("N·m", 4.0), ("", 0.0)]
-        {
+        for (unit, power) in [
+            ("m", 1.0),
+            ("s", 0.5),
+            ("m/s", 0.5),
+            ("m/s²", 0.0),
+            ("rad/s", -0.5),
+            ("1/s", -0.5),
+            ("N·m", 4.0),
+            ("", 0.0),
+        ] {
             close(scale.factor(unit), size.powf(power));
         }
     }

@@ -68,7 +68,7 @@ impl MpcOptions {
 /// τ = τ_ref − K x + v₀ in the heading frame, with the gain of [`crate::Lqr`] sampled once per stage, and the first of
 /// the inputs v of least cost over the next stages. With the cost of the regulator's infinite horizon, Σ xᵀQx + uᵀRu is
 /// xᵀPx + Σ |v|² in suitable units, so v is zero where the regulator keeps the limits; elsewhere the squared violations
-/// at each stage are added to the cost. The limits are the limits of [`TorqueLimits`] at the predicted lean, linear in
+/// at each stage are added to the cost. The limits are the limits of [`crate::TorqueLimits`] at the predicted lean, linear in
 /// lean and torques.
 ///
 /// Both planes are predicted together, because a wheel's limits depend on both. The problem is solved by a fixed number
