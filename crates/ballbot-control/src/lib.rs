@@ -109,7 +109,8 @@ pub trait Law: Send + Sync {
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
 
-    /// Numbers from which it computes torques, except the limits; `None` for a law that does not provide them.
+    /// Numbers from which it computes torques; `None` for a law that does not provide them. [`Controller::constants`]
+    /// adds the limits.
     fn constants(&self) -> Option<Constants> {
         None
     }
@@ -184,7 +185,7 @@ pub trait Controller: Send + Sync {
 }
 
 /// [`Controller::torques_one`] or [`Controller::torques_eight`].
-type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
+pub type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
 
 /// Cells on which a controller can run.
 pub trait LaneWidth: Sized {

@@ -1,4 +1,4 @@
-//! Laws as controllers: what they are designed for, what they compute torques from, and the memory of a robot.
+//! [`Sampled`]: a law as a [`Controller`]; [`Plant`]: what it is designed for; [`Sample`]: what it computes torques from.
 
 use crate::parts::balance_frame::Pose;
 use crate::parts::lean_planes::require_stable;
@@ -18,8 +18,9 @@ use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A robot that a law is designed for: its parameters, sampling time and limits are valid.
+/// A robot that a law is designed for, from [`Sampled::new`]: its parameters, sampling time and limits are valid.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Plant<'a> {
     /// Parameters of the robot.
     pub params: &'a Params,
@@ -70,9 +71,9 @@ impl<L: Lane> Sample<'_, L> {
         self.limits.apply_at(desired, self.state, pose, self.largest)
     }
 
-    /// Largest torque of a wheel, N·m.
+    /// Largest torque of a wheel in this sample, N·m.
     #[inline(always)]
-    pub(crate) fn max_torque(&self) -> f64 {
+    pub fn max_torque(&self) -> f64 {
         self.limits.max_torque().min(self.largest)
     }
 
