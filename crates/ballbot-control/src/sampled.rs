@@ -9,8 +9,6 @@ use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
 use ballbot_base::params::Params;
-use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::LinearModel;
 use ballbot_models::linear::{INPUTS, STATES};
@@ -184,15 +182,8 @@ impl<T: Law> Controller for Sampled<T> {
         constants.map(|constants| self.limits.add_to(constants))
     }
 
-    fn reset(&mut self) {
-        self.memory.fill(0.0);
-    }
-
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut memory = std::mem::take(&mut self.memory);
-        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
-        self.memory = memory;
-        torques
+    fn memory_mut(&mut self) -> &mut Vec<f64> {
+        &mut self.memory
     }
 
     fn torques_one(
