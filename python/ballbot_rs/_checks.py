@@ -111,7 +111,7 @@ def check_named(who: str, unnamed: Sequence[object]) -> None:
         TypeError: there was; the message gives the keyword to use.
     """
     if unnamed:
-        name = "task=" if isinstance(unnamed[0], str) else ""
+        name = "task=" if isinstance(unnamed[0], str) else "num_envs="
         raise TypeError(
             f"{who} takes one positional argument, but {unnamed[0]!r} came after it: name it, as {name}{unnamed[0]!r}"
         )

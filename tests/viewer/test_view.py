@@ -116,6 +116,8 @@ def test_the_page_in_a_browser(view, tmp_path):
         # which begins elsewhere, has to be known first.
         (viewer,) = view.server.get_clients().values()
         wait_until(lambda: viewer.camera.position[0] < 0.0)
+        # A robot that reaches its setpoint hides it from a page that shows it late.
+        query(view, lambda s: setattr(s, "paused", True))
         page.click(300, 560)
         wait_until(lambda: np.linalg.norm(query(view, lambda s: s.setpoint)) > 0.1)
         goal = query(view, lambda s: s.setpoint)
@@ -125,6 +127,7 @@ def test_the_page_in_a_browser(view, tmp_path):
             return ((green > 1.5 * red) & (green > 1.3 * blue)).sum() > 20
 
         wait_until(shows_the_goal)
+        query(view, lambda s: setattr(s, "paused", False))
 
         # A drag turns the camera and is not a click.
         eye = np.array(viewer.camera.position)

@@ -109,7 +109,8 @@ pub trait Law: Send + Sync {
     /// The parts of a setpoint that it follows, of [`SETPOINT_PARTS`].
     const PARTS: &'static [&'static str];
 
-    /// Numbers from which it computes torques, except the limits; `None` for a law that does not provide them.
+    /// Numbers from which it computes torques; `None` for a law that does not provide them. [`Controller::constants`]
+    /// adds the limits.
     fn constants(&self) -> Option<Constants> {
         None
     }
@@ -137,11 +138,21 @@ pub trait Controller: Send + Sync {
         None
     }
 
+    /// The stored values of the robot of [`Controller::wheel_torques`], [`Controller::memory_len`] of them.
+    fn memory_mut(&mut self) -> &mut Vec<f64>;
+
     /// Forgets the past of the robot of [`Controller::wheel_torques`].
-    fn reset(&mut self);
+    fn reset(&mut self) {
+        self.memory_mut().fill(0.0);
+    }
 
     /// Motor torques for the next `control_dt`, N·m.
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64>;
+    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
+        let mut memory = std::mem::take(self.memory_mut());
+        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
+        *self.memory_mut() = memory;
+        torques
+    }
 
     /// [`Controller::wheel_torques`] of a robot whose stored values the caller keeps. Applies no torque above `largest`
     /// (N·m).
@@ -184,7 +195,7 @@ pub trait Controller: Send + Sync {
 }
 
 /// [`Controller::torques_one`] or [`Controller::torques_eight`].
-type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
+pub type TorquesOf<C> = fn(&dyn Controller, &LaneState<C>, &LaneSetpoint<C>, f64, &mut [C]) -> Wheels<C>;
 
 /// Cells on which a controller can run.
 pub trait LaneWidth: Sized {

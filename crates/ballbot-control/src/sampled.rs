@@ -1,4 +1,4 @@
-//! Laws as controllers: what they are designed for, what they compute torques from, and the memory of a robot.
+//! [`Sampled`]: a law as a [`Controller`]; [`Plant`]: what it is designed for; [`Sample`]: what it computes torques from.
 
 use crate::parts::balance_frame::Pose;
 use crate::parts::lean_planes::require_stable;
@@ -9,8 +9,6 @@ use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
 use ballbot_base::params::Params;
-use ballbot_base::setpoint::Setpoint;
-use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
 use ballbot_models::linear::{INPUTS, STATES};
 use ballbot_models::{LinearModel, Scale};
@@ -18,8 +16,9 @@ use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A robot that a law is designed for: its parameters, sampling time and limits are valid.
+/// A robot that a law is designed for, from [`Sampled::new`]: its parameters, sampling time and limits are valid.
 #[derive(Clone, Copy, Debug)]
+#[non_exhaustive]
 pub struct Plant<'a> {
     /// Parameters of the robot.
     pub params: &'a Params,
@@ -70,9 +69,9 @@ impl<L: Lane> Sample<'_, L> {
         self.limits.apply_at(desired, self.state, pose, self.largest)
     }
 
-    /// Largest torque of a wheel, N·m.
+    /// Largest torque of a wheel in this sample, N·m.
     #[inline(always)]
-    pub(crate) fn max_torque(&self) -> f64 {
+    pub fn max_torque(&self) -> f64 {
         self.limits.max_torque().min(self.largest)
     }
 
@@ -184,15 +183,8 @@ impl<T: Law> Controller for Sampled<T> {
         constants.map(|constants| self.limits.add_to(constants))
     }
 
-    fn reset(&mut self) {
-        self.memory.fill(0.0);
-    }
-
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut memory = std::mem::take(&mut self.memory);
-        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
-        self.memory = memory;
-        torques
+    fn memory_mut(&mut self) -> &mut Vec<f64> {
+        &mut self.memory
     }
 
     fn torques_one(

@@ -31,7 +31,7 @@ impl Ball {
         let shape = spheres_and_cylinders(&tree, &links, |s| s.cylinder_axis.is_none())?
             .into_iter()
             .next()
-            .ok_or_else(|| format!("'{name}' has no collision or visual sphere with the ball's radius"))?;
+            .ok_or_else(|| format!("'{name}' has no collision or visual sphere, which gives the ball's radius"))?;
         let Shape { radius, center, .. } = shape;
         let off_center = (body.center - center).norm();
         if !(..=TOLERANCE).contains(&off_center) {

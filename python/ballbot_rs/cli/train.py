@@ -53,7 +53,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--timesteps",
         type=whole(1, MAX_TIMESTEPS),
-        help="train for this many steps in total, whatever the policy achieves",
+        help="train for exactly this many steps in total; the exit status still states whether the policy succeeds",
     )
     command.add_argument(
         "--episodes", type=whole(0, MAX_EPISODES), default=100, help="episodes of the comparison (default 100, 0: none)"

@@ -54,7 +54,7 @@ fn too_many_threads_of_a_renderer_are_rejected() {
 
 #[cfg(feature = "render")]
 #[test]
-fn a_long_rendering_stops_when_its_caller_requests() {
+fn a_long_rendering_stops_when_its_caller_requests_it() {
     use ballbot_core::render::{Camera, Picture, Renderer, Scene};
     let params = Params::paper();
     let scene = Scene::of(&params);
@@ -67,7 +67,7 @@ fn a_long_rendering_stops_when_its_caller_requests() {
 }
 
 #[test]
-fn a_long_run_of_a_robot_stops_when_its_caller_requests() {
+fn a_long_run_of_a_robot_stops_when_its_caller_requests_it() {
     for kind in ModelKind::ALL {
         let mut robot = Ballbot::new(&Params::paper(), kind, 1e-6).unwrap();
         let result = stoppable(after(100), || robot.step([0.0; 3], usize::MAX));

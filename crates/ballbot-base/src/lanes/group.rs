@@ -155,7 +155,9 @@ group_of_fields!(Vec3<T> { x: T, y: T, z: T, });
 group_of_fields!(Quat<T> { w: T, v: Vec3<T>, });
 
 /// Defines a struct of numbers in registers ([`Lane`](crate::lanes::Lane)) or in memory
-/// ([`Cell`](crate::lanes::Cell)), with functions of all its numbers.
+/// ([`Cell`](crate::lanes::Cell)), with functions of all its numbers. A field is a number, an array of 2, 3, 4 or 6 of
+/// them, a [`Vec3`](crate::lanes::Vec3), a [`Quat`](crate::lanes::Quat), [`Wheels`](crate::wheels::Wheels), or another
+/// such struct.
 ///
 /// ```
 /// use ballbot_base::lanes::{Eight, Vec3, lane_struct};
@@ -178,7 +180,7 @@ group_of_fields!(Quat<T> { w: T, v: Vec3<T>, });
 #[macro_export]
 macro_rules! lane_struct {
     ($(#[$meta:meta])* $vis:vis struct $name:ident<$t:ident> {
-        $($(#[$doc:meta])* $field_vis:vis $field:ident: $type:ty,)*
+        $($(#[$doc:meta])* $field_vis:vis $field:ident: $type:ty),* $(,)?
     }) => {
         $(#[$meta])*
         $vis struct $name<$t> {

@@ -46,7 +46,7 @@ impl Params {
     /// # Errors
     /// [`Error::Inconsistent`] naming the first parameter that is not.
     pub fn require_symmetric(&self, what: &str) -> Result<()> {
-        require(what, self.asymmetry())
+        reject(what, self.asymmetry())
     }
 
     /// Checks that the wheels have equal zenith angles and are 120 deg apart, as `what` requires.
@@ -54,7 +54,7 @@ impl Params {
     /// # Errors
     /// [`Error::Inconsistent`] naming the parameter that is not even.
     pub fn require_even_wheels(&self, what: &str) -> Result<()> {
-        require(what, self.uneven_wheels())
+        reject(what, self.uneven_wheels())
     }
 
     fn asymmetry(&self) -> Option<String> {
@@ -84,7 +84,7 @@ impl Params {
 
     /// Attitude in which a robot at the heading `yaw` (rad) is in equilibrium without torque on a level floor: the
     /// body's center of mass is above the center of the ball. The mast then leans by the angle between it and
-    /// [`Params::body_com`]. On a slope a robot needs torque to rest: see [`Params::slope_lean`].
+    /// [`Params::body_com`]. On a slope a robot needs torque to stay at rest: see [`Params::slope_lean`].
     pub fn equilibrium_attitude(&self, yaw: f64) -> UnitQuaternion<f64> {
         UnitQuaternion::from_axis_angle(&Vector3::z_axis(), yaw) * self.to_balance_frame()
     }
@@ -136,7 +136,7 @@ impl Params {
     }
 }
 
-/// The error of `what` about a parameter, if any.
-fn require(what: &str, reason: Option<String>) -> Result<()> {
+/// The error of `what` for a reason, if there is one.
+fn reject(what: &str, reason: Option<String>) -> Result<()> {
     reason.map_or(Ok(()), |reason| Err(Error::Inconsistent(format!("{what}: {reason}"))))
 }

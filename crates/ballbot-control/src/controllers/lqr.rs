@@ -135,7 +135,7 @@ impl Lqr {
         options: &LqrOptions,
         limits: &LimitOptions,
     ) -> Result<Sampled<Self>> {
-        Sampled::new(params, control_dt, &options.weights, limits, |plant, _| Self::of_costs(plant, costs, options))
+        Sampled::new(params, control_dt, options, limits, |plant, options| Self::of_costs(plant, costs, options))
     }
 
     fn of_costs(plant: &Plant<'_>, [q, r]: [&DMatrix<f64>; 2], options: &LqrOptions) -> Result<Self> {

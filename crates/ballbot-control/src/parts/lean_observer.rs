@@ -5,7 +5,7 @@ use super::lean_planes::PLACES;
 use super::outer::share_within;
 use super::tracking::{Deviation, Tracking};
 use crate::{Plant, Sample};
-use ballbot_base::error::{Error, Result, check};
+use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Limit;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory};
@@ -117,10 +117,8 @@ impl LeanObserver {
     /// An observer that converges at `rate` (1/s); no estimate at rate 0.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a rate out of range; [`Error::Inconsistent`] if the samples are too long for
-    /// observation.
+    /// [`Error::Inconsistent`] if the samples are too long for observation.
     pub(crate) fn new(plant: &Plant<'_>, tracking: &Tracking, rate: f64) -> Result<Self> {
-        check("lean_observer", rate, "from 0 to 1000 1/s", |rate| (0.0..=1e3).contains(&rate))?;
         if rate == 0.0 {
             return Ok(Self::default());
         }

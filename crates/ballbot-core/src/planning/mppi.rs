@@ -175,15 +175,8 @@ impl Controller for Mppi {
         self.memory.len()
     }
 
-    fn reset(&mut self) {
-        self.memory.fill(0.0);
-    }
-
-    fn wheel_torques(&mut self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
-        let mut memory = std::mem::take(&mut self.memory);
-        let torques = self.torques_one(&state.into(), &setpoint.into(), f64::INFINITY, &mut memory);
-        self.memory = memory;
-        torques
+    fn memory_mut(&mut self) -> &mut Vec<f64> {
+        &mut self.memory
     }
 
     fn torques_one(

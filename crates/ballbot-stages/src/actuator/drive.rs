@@ -1,4 +1,4 @@
-//! The actuators of [`crate::batch::EnvConfig`] as one type.
+//! The actuators of environments as one type.
 
 use super::{Actuator, Ideal, MotorOptions, Motors};
 use ballbot_base::error::Result;

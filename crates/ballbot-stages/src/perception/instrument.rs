@@ -141,12 +141,12 @@ pub trait AnyInstrument: Debug + Send + Sync {
     ///
     /// # Errors
     /// [`ballbot_base::Error::OutOfRange`] naming the value and the limit.
-    fn validate(&self) -> Result<()>;
+    fn check(&self) -> Result<()>;
 
     /// The instrument of all robots of a batch; `index` is its place among all instruments.
     ///
     /// # Errors
-    /// The errors of [`AnyInstrument::validate`]; [`ballbot_base::Error::OutOfRange`] for options that do not fit the
+    /// The errors of [`AnyInstrument::check`]; [`ballbot_base::Error::OutOfRange`] for options that do not fit the
     /// robot, or a latency that is not a whole number of at most 100 control steps.
     fn channel(&self, index: u32, params: &Params, control_dt: f64, scaled: bool) -> Result<Channel>;
 }
@@ -168,24 +168,13 @@ impl<I: Instrument> AnyInstrument for I {
         self.range().bounds(scaled)
     }
 
-    fn validate(&self) -> Result<()> {
-        let check_lengths = || -> Result<()> {
-            let (name, lengths) = self.lengths();
-            for length in lengths {
-                check(name, *length, "a whole number", |number| number.fract() == 0.0)?;
-            }
-            let count = lengths.iter().product();
-            check(format_args!("product of {name}"), count, format_args!("at most {MOST_NUMBERS}"), |n| {
-                n <= MOST_NUMBERS
-            })?;
-            Ok(())
-        };
-        OptionTable::validate(self)?;
-        check_lengths().map_err(|error| error.of_option(I::NAME))
+    fn check(&self) -> Result<()> {
+        self.validate()?;
+        check_lengths(self)
     }
 
     fn channel(&self, index: u32, params: &Params, control_dt: f64, scaled: bool) -> Result<Channel> {
-        AnyInstrument::validate(self)?;
+        self.check()?;
         self.check_robot(params)?;
         Channel::new(self, index, control_dt, scaled)
     }
@@ -194,9 +183,22 @@ impl<I: Instrument> AnyInstrument for I {
 /// An instrument from named options, the others at their defaults.
 ///
 /// # Errors
-/// The errors of [`OptionTable::from_fields`] and [`AnyInstrument::validate`].
+/// The errors of [`OptionTable::from_fields`] and [`AnyInstrument::check`].
 pub(super) fn from_options<I: Instrument>(options: &[(&str, &[f64])]) -> Result<Arc<dyn AnyInstrument>> {
     let instrument = I::from_fields(options.iter().copied())?;
-    AnyInstrument::validate(&instrument)?;
+    check_lengths(&instrument)?;
     Ok(Arc::new(instrument))
+}
+
+/// Checks that a reading has whole lengths and not too many numbers.
+fn check_lengths<I: Instrument>(instrument: &I) -> Result<()> {
+    let (name, lengths) = instrument.lengths();
+    let count: f64 = lengths.iter().product();
+    let whole = lengths
+        .iter()
+        .try_for_each(|length| check(name, *length, "a whole number", |number| number.fract() == 0.0).map(drop));
+    let limit = format_args!("at most {MOST_NUMBERS}");
+    whole
+        .and_then(|()| check(format_args!("product of {name}"), count, limit, |n| n <= MOST_NUMBERS).map(drop))
+        .map_err(|error| error.of_option(I::NAME))
 }

@@ -151,8 +151,8 @@ fn the_optimum_matches_an_interior_point_method() {
                 (x[4], x[9]) = (0.0, 0.0);
                 let x = DVector::from_column_slice(x.as_slice());
                 let expected = optimum(&params, &options, mpc.stage(), 0.9, &x);
-                let found = DVector::from_column_slice(mpc.wanted(&state, &setpoint).as_slice());
-                let unlimited = DVector::from_column_slice(plain.wanted(&state, &setpoint).as_slice());
+                let found = DVector::from_column_slice(mpc.desired(&state, &setpoint).as_slice());
+                let unlimited = DVector::from_column_slice(plain.desired(&state, &setpoint).as_slice());
                 // Nor has the regulator's yaw torque.
                 let yaw = found.sum() / 3.0 - expected.sum() / 3.0;
                 let error = (&found - &expected).add_scalar(-yaw).amax() / params.max_wheel_torque;

@@ -1,4 +1,4 @@
-//! Slopes on which robots can balance, compared with statics of only the bot and against the simulation.
+//! Slopes on which robots can balance, compared with the statics of the bot and against the simulation.
 
 use crate::support::general::{contacts_and_axles, crooked};
 use ballbot_core::terrain::Terrain;

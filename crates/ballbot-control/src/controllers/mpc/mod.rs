@@ -187,7 +187,7 @@ impl Mpc {
 
 impl Sampled<Mpc> {
     /// The desired wheel torques of a robot without history, before the limits, N·m.
-    pub fn wanted(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
+    pub fn desired(&self, state: &State, setpoint: &Setpoint) -> Wheels<f64> {
         let (desired, _) = self.desired_torques(&mut Sample {
             state: &state.into(),
             setpoint: &setpoint.into(),

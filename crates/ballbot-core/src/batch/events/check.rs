@@ -61,7 +61,7 @@ impl Plan {
         for (place, event) in self.events.iter().enumerate() {
             match event.target {
                 Target::Push => {
-                    event.check_push(&nominal.params).map_err(|e| invalid_event(place, &event.event.term, &e))?
+                    event.check_push(&nominal.params).map_err(|e| invalid_event(place, &event.event.term, &e))?;
                 }
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }
