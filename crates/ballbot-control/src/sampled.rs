@@ -1,6 +1,7 @@
 //! [`Sampled`]: a law as a [`Controller`]; [`Plant`]: what it is designed for; [`Sample`]: what it computes torques from.
 
 use crate::parts::balance_frame::Pose;
+use crate::parts::joint_friction::JointFriction;
 use crate::parts::lean_planes::require_stable;
 use crate::parts::riccati::dynamic;
 use crate::{Constants, Controller, LaneSetpoint, Law, LimitOptions, Limited, TorqueLimits, check_control_dt};
@@ -16,7 +17,8 @@ use nalgebra::{DMatrix, SMatrix};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU64, Ordering};
 
-/// A robot that a law is designed for, from [`Sampled::new`]: its parameters, sampling time and limits are valid.
+/// A robot that a law is designed for, from [`Sampled::new`]: its parameters, sampling time and limits are valid. Its
+/// wheel joints have no friction: [`Sampled`] compensates the friction of the joints.
 #[derive(Clone, Copy, Debug)]
 #[non_exhaustive]
 pub struct Plant<'a> {
@@ -88,14 +90,15 @@ impl<L: Lane> Sample<'_, L> {
     }
 }
 
-/// A law as a [`Controller`]: with a sampling time, limits of its torques, and the stored values of the robot of
-/// [`Controller::wheel_torques`].
+/// A law as a [`Controller`]: with a sampling time, limits of its torques, compensation of the friction of the wheel
+/// joints at their present speeds, and the stored values of the robot of [`Controller::wheel_torques`].
 #[derive(Debug)]
 pub struct Sampled<T> {
     law: T,
     id: u64,
     pub(crate) control_dt: f64,
     pub(crate) limits: TorqueLimits,
+    friction: JointFriction,
     memory: Vec<f64>,
 }
 
@@ -115,15 +118,16 @@ impl<T: Law> Sampled<T> {
         check_control_dt(control_dt)?;
         let options = Scale::of(params).fit(options);
         options.check_limits()?;
-        let limits = TorqueLimits::new(params, limits)?;
-        let law = design(&Plant { params, control_dt, limits: &limits }, &options)?;
-        Ok(Self::of(law, control_dt, limits))
+        let (friction, params) = JointFriction::of(params);
+        let limits = TorqueLimits::new(&params, limits)?;
+        let law = design(&Plant { params: &params, control_dt, limits: &limits }, &options)?;
+        Ok(Self::of(law, control_dt, limits, friction))
     }
 
-    fn of(law: T, control_dt: f64, limits: TorqueLimits) -> Self {
+    fn of(law: T, control_dt: f64, limits: TorqueLimits, friction: JointFriction) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         let memory = vec![0.0; law.kept()];
-        Self { law, id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, limits, memory }
+        Self { law, id: NEXT.fetch_add(1, Ordering::Relaxed), control_dt, limits, friction, memory }
     }
 
     #[inline(always)]
@@ -135,21 +139,24 @@ impl<T: Law> Sampled<T> {
         largest: f64,
         memory: &mut [L::Cell],
     ) -> Wheels<L> {
-        self.law.torques(&mut Sample {
-            state: &state.load(token),
+        let state = &state.load(token);
+        let mut sample = Sample {
+            state,
             setpoint: &setpoint.load(token),
             memory: Memory::new(token, memory),
             control_dt: self.control_dt,
             limits: &self.limits,
             largest,
-        })
+        };
+        let torques = self.law.torques(&mut sample);
+        self.friction.compensated(torques, &state.wheel_speeds, sample.max_torque())
     }
 }
 
 /// A clone is another controller: stored values of a robot are not shared.
 impl<T: Law + Clone> Clone for Sampled<T> {
     fn clone(&self) -> Self {
-        Self::of(self.law.clone(), self.control_dt, self.limits.clone())
+        Self::of(self.law.clone(), self.control_dt, self.limits.clone(), self.friction)
     }
 }
 
@@ -180,7 +187,7 @@ impl<T: Law> Controller for Sampled<T> {
 
     fn constants(&self) -> Option<Constants> {
         let constants = if self.law.kept() > T::MEMORY { None } else { self.law.constants() };
-        constants.map(|constants| self.limits.add_to(constants))
+        constants.map(|constants| self.friction.add_to(self.limits.add_to(constants)))
     }
 
     fn memory_mut(&mut self) -> &mut Vec<f64> {

@@ -61,6 +61,7 @@ impl Scale {
             "s" => self.time,
             "1/s" | "rad/s" => self.time.recip(),
             "m/s²" => self.acceleration,
+            "m/s³" => self.acceleration / self.time,
             "m/s" => self.acceleration * self.time,
             "m" => self.acceleration * self.time * self.time,
             "N·m" => self.torque,

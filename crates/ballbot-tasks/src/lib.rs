@@ -288,8 +288,10 @@ impl Geometry {
 pub struct Pushes {
     /// Smallest and largest impulse, N·s.
     pub impulse: [f64; 2],
-    /// Shortest and longest time between two pushes, s.
+    /// Shortest and longest time between the starts of two pushes, s.
     pub every: [f64; 2],
+    /// Time over which a push is spread, s.
+    pub duration: f64,
 }
 
 /// The moment at which a command is given.

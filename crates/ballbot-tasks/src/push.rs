@@ -2,7 +2,7 @@
 
 use super::start::{check_range, starts_and_falls, task_fields};
 use super::{Balance, Geometry, Metric, Metrics, Pushes, Rows, Sensed, Step, Task, Terms};
-use ballbot_base::error::Result;
+use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
 use ballbot_base::lanes::{Lane, Memory};
 use ballbot_base::params::Params;
@@ -19,6 +19,8 @@ task_fields! {
         pub push: [f64; 2] = [0.0, 1.0], "", Limit::from(0.0).to(10.0);
         /// Shortest and longest time from one push to the next, uniform.
         pub push_seconds: [f64; 2] = [2.0, 5.0], "s", Limit::from(0.1).to(1e9), scaled;
+        /// Time over which a push is spread, at most `push_seconds[0]`.
+        pub push_duration: f64 = 0.1, "s", Limit::from(0.0).to(1e9), scaled;
         /// Where the ball should be.
         pub setpoint: [f64; 2] = [0.0; 2], "m", Limit::from(-1e4).to(1e4);
         /// Distance of the ball from the setpoint that costs half.
@@ -60,6 +62,10 @@ impl Task for Push {
     fn validate(&self, params: &Params) -> Result<()> {
         check_range("push", self.push)?;
         check_range("push_seconds", self.push_seconds)?;
+        let shortest = self.push_seconds[0];
+        check("push_duration", self.push_duration, format_args!("at most push_seconds[0] = {shortest}"), |duration| {
+            duration <= shortest
+        })?;
         self.starts().validate(params)
     }
 
@@ -67,7 +73,8 @@ impl Task for Push {
 
     fn pushes(&self, params: &Params) -> Option<Pushes> {
         let most = capture_impulse(params);
-        Some(Pushes { impulse: self.push.map(|share| share * most), every: self.push_seconds })
+        let impulse = self.push.map(|share| share * most);
+        Some(Pushes { impulse, every: self.push_seconds, duration: self.push_duration })
     }
 
     fn setpoint(&self, memory: &[f64]) -> Setpoint {

@@ -29,7 +29,7 @@ task_fields! {
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
         pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0), scaled;
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
-        pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
+        pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0), scaled;
         /// Distance from where the commands lead that costs half of `position`.
         pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(100.0), scaled;
         /// Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.

@@ -19,23 +19,23 @@ task_fields! {
         /// Largest commanded speed; uniform over the disc, in the heading frame.
         pub speed: f64 = 0.5, "m/s", Limit::from(0.0).to(10.0), scaled;
         /// Largest commanded rate of the heading; uniform within ± this.
-        pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0);
+        pub yaw_rate: f64 = 1.0, "rad/s", Limit::from(0.0).to(10.0), scaled;
         /// Fraction of zero commands.
         pub standing: f64 = 0.1, "", Limit::from(0.0).to(1.0);
         /// Shortest and longest time from one command to the next, uniform.
         pub command_seconds: [f64; 2] = [3.0, 8.0], "s", Limit::above(0.0).to(1e9), scaled;
         /// The motion that a controller tracks follows the command with three poles at minus this value.
-        pub smoothing: f64 = 4.0, "1/s", Limit::above(0.0).to(1e3), scaled;
+        pub smoothing: f64 = 3.5, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Time after a command from which its errors are counted.
-        pub settling: f64 = 2.0, "s", Limit::from(0.0).to(1e9), scaled;
+        pub settling: f64 = 2.5, "s", Limit::from(0.0).to(1e9), scaled;
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
         pub velocity_scales: [f64; 2] = [0.2, 0.04], "m/s", Limit::from(1e-6).to(10.0), scaled;
         /// Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
-        pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0);
+        pub yaw_rate_scales: [f64; 2] = [0.5, 0.1], "rad/s", Limit::from(1e-6).to(10.0), scaled;
         /// Largest root mean square of the settled errors of the velocity in a success.
         pub success_velocity: f64 = 0.02, "m/s", Limit::above(0.0).to(10.0), scaled;
         /// Largest root mean square of the settled errors of the heading's rate in a success.
-        pub success_yaw_rate: f64 = 0.05, "rad/s", Limit::above(0.0).to(10.0);
+        pub success_yaw_rate: f64 = 0.05, "rad/s", Limit::above(0.0).to(10.0), scaled;
     }
 }
 

@@ -266,6 +266,9 @@ class VelocityOptions(CommonOptions, total=False):
     standing: float
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
+    #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
+    #: 1000)
+    smoothing: float
     #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
     settling: float
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
@@ -339,6 +342,8 @@ class PathOptions(CommonOptions, total=False):
     settling: float
     #: Distance of the ball from the point that costs half. (m, >= 1e-6 and <= 10)
     position_scale: float
+    #: Distance of the ball from the point that costs half of `distance`. (m, >= 1e-6 and <= 100)
+    distance_scale: float
     #: Largest root mean square of the distance across the path in a success. (m, > 0 and <= 10)
     success_error: float
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
@@ -390,12 +395,15 @@ class TerrainOptions(CommonOptions, total=False):
     speed_range: npt.ArrayLike
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
+    #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
+    #: 1000)
+    smoothing: float
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
     velocity_scales: npt.ArrayLike
     #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
     #: 10)
     yaw_rate_scales: npt.ArrayLike
-    #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 10)
+    #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 100)
     position_scale: float
     #: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold. (>= 0 and
     #: <= 1)

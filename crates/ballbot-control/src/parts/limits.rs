@@ -349,7 +349,7 @@ fn cap<L: Lane>(torques: Wheels<L>, limit: f64) -> Limited<L> {
 
 /// Clamped to ±`bound`, which a scaled torque may exceed by rounding; NaN passes through.
 #[inline(always)]
-fn within<L: Lane>(torque: L, bound: L) -> L {
+pub(crate) fn within<L: Lane>(torque: L, bound: L) -> L {
     L::select(bound.lt(torque.abs()), torque.min(bound).max(-bound), torque)
 }
 

@@ -5,6 +5,7 @@ pub(crate) mod balance_frame;
 pub mod common_lyapunov;
 pub(crate) mod delayed;
 pub(crate) mod joined;
+pub(crate) mod joint_friction;
 pub(crate) mod lean_observer;
 pub(crate) mod lean_planes;
 pub(crate) mod limits;

@@ -329,6 +329,7 @@ impl<T: Task> EnvConfig<T> {
         let pushes = self.task.pushes(&self.params).map(|pushes| Event {
             when: When::Every(pushes.every),
             id: Some(TASK_ID),
+            duration: pushes.duration,
             ..Event::new("push", pushes.impulse)
         });
         if self.events.is_empty() && pushes.is_none() {

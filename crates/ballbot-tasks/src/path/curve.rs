@@ -158,13 +158,4 @@ impl<L: Lane> Point<L> {
         let length = self.length();
         [self.first[0] / length, self.first[1] / length]
     }
-
-    /// Curvature vector, 1/m.
-    #[inline(always)]
-    pub(super) fn curvature(&self) -> [L; 2] {
-        let squared = self.length().squared();
-        let [tx, ty] = self.tangent();
-        let along = self.second[0].mul_add(tx, self.second[1] * ty);
-        [(self.second[0] - along * tx) / squared, (self.second[1] - along * ty) / squared]
-    }
 }

@@ -7,7 +7,7 @@ use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 use std::f64::consts::TAU;
 
-/// Samples of a curve at which its curvature is taken.
+/// Samples of a curve at which its derivatives are taken.
 const SAMPLES: usize = 96;
 
 /// A circle, a lemniscate of Gerono, a rounded square and a random curve, in the order of the weights.
@@ -55,15 +55,17 @@ fn random_shape(rng: &mut ChaCha8Rng) -> Shape {
     shape
 }
 
-/// Largest curvature of a curve, 1/m.
-pub(super) fn largest_curvature(numbers: &[f64]) -> f64 {
+/// Largest constant speed (m/s) along a curve at which acceleration, jerk and snap stay within limits.
+pub(super) fn largest_speed(numbers: &[f64], limits: [f64; 3]) -> f64 {
     let mut cells = [0.0; NUMBERS];
     cells.copy_from_slice(&numbers[..NUMBERS]);
     let curve = Curve::<f64>::load(&Memory::new(Scalar, &mut cells), 0);
-    let curvature = |i: usize| {
+    let at = |i: usize| {
         let (sin, cos) = (TAU * i as f64 / SAMPLES as f64).sin_cos();
-        let [x, y] = curve.at(Phase { cos, sin }).curvature();
-        x.hypot(y)
+        let [_, second, third, fourth] = curve.motion(Phase { cos, sin }, 1.0, 0.0);
+        let [a, j, s] = limits;
+        let speeds = [(a / second.norm()).sqrt(), (j / third.norm()).cbrt(), (s / fourth.norm()).powf(0.25)];
+        speeds.into_iter().fold(f64::INFINITY, f64::min)
     };
-    (0..SAMPLES).map(curvature).fold(0.0, f64::max)
+    (0..SAMPLES).map(at).fold(f64::INFINITY, f64::min)
 }

@@ -24,6 +24,8 @@ task_fields! {
         pub path_size: [f64; 2] = [0.5, 1.0], "m", Limit::from(0.1).to(100.0), scaled;
         /// Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires more.
         pub path_acceleration: f64 = 0.6, "m/s²", Limit::above(0.0).to(10.0), scaled;
+        /// Largest jerk of the point at its commanded speed; its snap is at most jerk²/acceleration.
+        pub path_jerk: f64 = 2.0, "m/s³", Limit::above(0.0).to(1e3), scaled;
         /// Relative frequencies of circles, lemniscates, rounded squares and random curves.
         pub path_kinds: [f64; 4] = [1.0; 4], "", Limit::from(0.0).to(1e6);
         /// Time from the start of an episode from which errors are counted.
@@ -118,11 +120,12 @@ impl Task for Path {
         Ok(())
     }
 
-    /// The curve begins at the ball, at rest. Where it would need more than the allowed acceleration, the speed is
-    /// lower.
+    /// The curve begins at the ball, at rest. Where it would need more than the allowed acceleration or jerk, the speed
+    /// is lower.
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
-        let curvature = kinds::largest_curvature(&memory[CURVE..]).max(1e-6);
-        memory[SPEED] = memory[SPEED].clamp(0.0, (self.path_acceleration / curvature).sqrt());
+        let (acceleration, jerk) = (self.path_acceleration, self.path_jerk);
+        let most = kinds::largest_speed(&memory[CURVE..], [acceleration, jerk, jerk * jerk / acceleration]);
+        memory[SPEED] = memory[SPEED].clamp(0.0, most);
         let ball = moment.state.ball_position;
         let start = Phase { cos: 1.0, sin: 0.0 };
         let point = Curve::load(&Memory::<f64>::new(Scalar, memory), CURVE).at(start);

@@ -46,7 +46,5 @@ static inline void ballbot_step(
     }
     ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], desired);
     controller->last = ballbot_limit(desired, state, &pose);
-    for (i = 0; i < 3; i++) {
-        torques[i] = controller->last.torques[i];
-    }
+    ballbot_overcome(controller->last.torques, state, torques);
 }

@@ -30,3 +30,16 @@ static inline ballbot_limited ballbot_cap(const ballbot_real desired[3], ballbot
     }
     return limited;
 }
+
+/* Torques with the friction of the joints, which does not reach the ball. */
+static inline void ballbot_overcome(
+    const ballbot_real wanted[3], const ballbot_state *state, ballbot_real torques[3])
+{
+    const ballbot_real width = BALLBOT_JOINT_DRY_WIDTH;
+    int i;
+    for (i = 0; i < 3; i++) {
+        const ballbot_real speed = state->wheel_speeds[i];
+        const ballbot_real dry = BALLBOT_JOINT_DRY_FRICTION * speed / ballbot_sqrt(speed * speed + width * width);
+        torques[i] = ballbot_within(wanted[i] + BALLBOT_JOINT_VISCOUS_FRICTION * speed + dry, BALLBOT_MAX_TORQUE);
+    }
+}

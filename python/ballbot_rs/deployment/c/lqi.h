@@ -68,7 +68,5 @@ static inline void ballbot_step(
     if (!(left < 1 || controller->last.share < 1 || ballbot_lean_share(BALLBOT_LEAN_PER_POSITION, x) < 1)) {
         ballbot_integrate(controller, state, setpoint, &pose);
     }
-    for (i = 0; i < 3; i++) {
-        torques[i] = controller->last.torques[i];
-    }
+    ballbot_overcome(controller->last.torques, state, torques);
 }

@@ -33,7 +33,5 @@ static inline void ballbot_step(
         desired[i] -= ballbot_dot(BALLBOT_GAIN[i], x, 10);
     }
     controller->last = ballbot_limit(desired, state, &pose);
-    for (i = 0; i < 3; i++) {
-        torques[i] = controller->last.torques[i];
-    }
+    ballbot_overcome(controller->last.torques, state, torques);
 }

@@ -47,7 +47,5 @@ static inline void ballbot_step(
     for (i = 0; i < 2 && !(controller->last.share < 1); i++) {
         controller->integral[i] += BALLBOT_CONTROL_DT * error[i];
     }
-    for (i = 0; i < 3; i++) {
-        torques[i] = controller->last.torques[i];
-    }
+    ballbot_overcome(controller->last.torques, state, torques);
 }

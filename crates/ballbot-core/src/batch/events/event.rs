@@ -66,8 +66,21 @@ pub enum Direction {
 const MODES: [&str; 4] = ["startup", "reset", "interval", "at"];
 
 /// All keys of an event.
-const KEYS: [&str; 12] =
-    ["term", "mode", "every", "at", "op", "dist", "range", "shared", "id", "optional", "direction", "height"];
+const KEYS: [&str; 13] = [
+    "term",
+    "mode",
+    "every",
+    "at",
+    "op",
+    "dist",
+    "range",
+    "shared",
+    "id",
+    "optional",
+    "direction",
+    "height",
+    "duration",
+];
 
 impl Operation {
     /// All of them.
@@ -140,6 +153,8 @@ pub struct Event {
     /// Only for a push: height of its point of application on the mast above the ball's center, m, uniform between the
     /// two. `None` is the body's center of mass.
     pub height: Option<[f64; 2]>,
+    /// Only for a push: time over which its impulse is spread in equal parts, one per control step, s; 0 is at once.
+    pub duration: f64,
 }
 
 impl Event {
@@ -156,6 +171,7 @@ impl Event {
             optional: false,
             direction: Direction::Uniform,
             height: None,
+            duration: 0.0,
         }
     }
 
@@ -220,7 +236,7 @@ impl Event {
             Some(other) => return Err(kind("id", "a whole number from 1 to 2^63 - 1", other)),
         };
         if term != PUSH
-            && let Some(key) = ["direction", "height"].into_iter().find(|key| value(key).is_some())
+            && let Some(key) = ["direction", "height", "duration"].into_iter().find(|key| value(key).is_some())
         {
             return Err(invalid(&format!("{key} is only for the term '{PUSH}'")));
         }
@@ -235,6 +251,7 @@ impl Event {
             Some(value) if value.number().is_some() => value.number().map(|height| [height; 2]),
             _ => pair("height")?,
         };
+        event.duration = number("duration")?.unwrap_or(0.0);
         Ok(event)
     }
 
@@ -278,6 +295,9 @@ impl Event {
                 },
             ));
             entries.extend(self.height.map(|height| ("height", height.into())));
+            if self.duration != 0.0 {
+                entries.push(("duration", Value::Number(self.duration)));
+            }
         }
         entries
     }

@@ -40,6 +40,8 @@ pub struct Planned {
     ranges: Vec<[f64; 2]>,
     /// The time that draws are whole multiples of, s, if any.
     grain: Option<f64>,
+    /// Control steps over which a push is spread.
+    pub steps: u32,
     /// Its first column in the draws of a robot, and the number of columns.
     first: usize,
     pub width: usize,
@@ -185,6 +187,7 @@ impl Planned {
             ));
         }
         check_direction(event)?;
+        check_duration(event)?;
         let mut ranges = match event.range.as_slice() {
             [pair] => vec![*pair; width],
             pairs => pairs.to_vec(),
@@ -195,7 +198,8 @@ impl Planned {
                 *range = whole(*range, grain)?;
             }
         }
-        Ok(Self { event: event.clone(), target, id, ranges, grain, first, width })
+        let steps = (event.duration / control_dt).round().max(1.0) as u32;
+        Ok(Self { event: event.clone(), target, id, ranges, grain, steps, first, width })
     }
 
     /// Whether it requires separate motors for each robot.
@@ -430,6 +434,18 @@ fn check_times(event: &Event, control_dt: f64) -> Result<()> {
             Ok(())
         }
     }
+}
+
+/// Checks that a push ends before the next one.
+fn check_duration(event: &Event) -> Result<()> {
+    let most = match event.when {
+        When::Every([least, _]) => least,
+        _ => MAX_TIME,
+    };
+    check("duration", event.duration, format_args!("from 0 to {most} s, when the next push may come"), |t| {
+        (0.0..=most).contains(&t)
+    })?;
+    Ok(())
 }
 
 /// Checks the keys that only a push has.

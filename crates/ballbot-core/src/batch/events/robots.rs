@@ -25,9 +25,11 @@ struct Drawn {
     times: Vec<f64>,
     /// Draws of each event in this episode.
     counts: Vec<u32>,
+    /// Control steps for which the push of each event still acts.
+    left: Vec<u32>,
     /// Draws that were repeated since the environment was seeded.
     repeated: u32,
-    /// Control step before which the next event fires.
+    /// Control step before which the next event fires; 0 while a push acts.
     next: f64,
 }
 
@@ -61,6 +63,7 @@ impl Drawn {
             draws: vec![f64::NAN; plan.width],
             times: vec![f64::INFINITY; n],
             counts: vec![0; n],
+            left: vec![0; n],
             repeated: 0,
             next: f64::INFINITY,
         }
@@ -77,6 +80,7 @@ impl Drawn {
     /// Samples the events of a new episode, and the times of later events.
     fn begin(&mut self, plan: &Plan, source: Source, attempt: u32) {
         self.counts.fill(0);
+        self.left.fill(0);
         for (event, time) in plan.events.iter().zip(&mut self.times) {
             let draws = &mut self.draws[event.columns()];
             *time = f64::INFINITY;
@@ -152,13 +156,15 @@ impl Drawn {
 
     fn find_next(&mut self, plan: &Plan) {
         let soonest = self.times.iter().copied().fold(f64::INFINITY, f64::min);
-        self.next = (soonest / plan.control_dt - EARLY).ceil();
+        let acts = self.left.iter().any(|&left| left > 0);
+        self.next = if acts { 0.0 } else { (soonest / plan.control_dt - EARLY).ceil() };
     }
 
     /// Whether it may belong to a robot under these events.
     fn fits(&self, plan: &Plan) -> bool {
         let n = plan.events.len();
-        (self.draws.len(), self.times.len(), self.counts.len()) == (plan.width, n, n)
+        (self.draws.len(), self.times.len(), self.counts.len(), self.left.len()) == (plan.width, n, n, n)
+            && self.left.iter().zip(&plan.events).all(|(&left, event)| left < event.steps)
             && self.times.iter().all(|time| *time >= 0.0)
             && plan.events.iter().all(|event| event.could_draw(&self.draws[event.columns()]))
     }
@@ -290,14 +296,20 @@ impl Randomized {
         }
         for (k, event) in plan.events.iter().enumerate() {
             let drawn = &mut self.drawn[i];
-            if !matches!(event.target, Target::Push) || drawn.times[k] > now {
+            if !matches!(event.target, Target::Push) {
                 continue;
             }
-            let draws = &mut drawn.draws[event.columns()];
-            event.draw(source, drawn.counts[k], 0, draws);
-            let (impulse, point) = event.push(draws, &self.nominal[i].params);
-            robots.push(i, &impulse, point.as_ref()).expect("the largest push was checked");
-            drawn.count(k, event.gap(source, drawn.counts[k].wrapping_add(1)));
+            if drawn.times[k] <= now {
+                event.draw(source, drawn.counts[k], 0, &mut drawn.draws[event.columns()]);
+                drawn.count(k, event.gap(source, drawn.counts[k].wrapping_add(1)));
+                drawn.left[k] = event.steps;
+            }
+            if drawn.left[k] > 0 {
+                let (impulse, point) = event.push(&drawn.draws[event.columns()], &self.nominal[i].params);
+                let part = impulse / f64::from(event.steps);
+                robots.push(i, &part, point.as_ref()).expect("the largest push was checked");
+                drawn.left[k] -= 1;
+            }
         }
         self.drawn[i].find_next(&plan);
         fired != 0
