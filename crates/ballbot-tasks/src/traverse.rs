@@ -2,7 +2,7 @@
 
 use super::shared::{bounded_error, squared_norm};
 use super::start::{check_range, drawn_steps, in_range, starts_and_falls, task_fields};
-use super::velocity::{POSITION, Velocity};
+use super::velocity::{MOTION, POSITION, Velocity};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
@@ -33,13 +33,13 @@ task_fields! {
         /// Distance from where the commands lead that costs half of `position`.
         pub position_scale: f64 = 0.3, "m", Limit::from(1e-6).to(100.0), scaled;
         /// Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
-        pub hardest: f64 = 0.8, "", Limit::from(0.0).to(1.0);
-        /// Smallest fraction of the commanded distance in a success.
+        pub hardest: f64 = 0.7, "", Limit::from(0.0).to(1.0);
+        /// Smallest fraction of the distance of the smoothed command in a success.
         pub success_share: f64 = 0.8, "", Limit::from(0.0).to(1.0);
     }
 }
 
-/// Memory: the memory of the velocity task, the commanded distance and the distance of the ball in the commanded
+/// Memory: the memory of the velocity task, the distances of the smoothed command and of the ball in the commanded
 /// direction, m, and the level.
 const COMMANDED: usize = Velocity::MEMORY;
 const TRAVELLED: usize = Velocity::MEMORY + 1;
@@ -90,7 +90,7 @@ impl Task for Traverse {
     const ID: &'static str = "ballbot/Terrain-v0";
     const SUMMARY: &'static str = "Follow a commanded velocity over uneven ground.";
     const REWARD_THRESHOLD: Option<f64> = Some(650.0);
-    const SUCCESS: &'static str = "not terminated, and `success_share` of the commanded distance travelled";
+    const SUCCESS: &'static str = "not terminated, and `success_share` of the distance of the smoothed command travelled";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
     const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);
@@ -149,9 +149,10 @@ impl Task for Traverse {
         let [vx, vy] = Heading::new(step.state.body_quaternion).of(velocity.x, velocity.y);
         let speed = x.mul_add(x, y.squared()).sqrt();
         let least = speed.splat(1e-9);
-        let along = x.mul_add(vx, y * vy) / speed.max(least);
-        memory.set(COMMANDED, memory.get(COMMANDED) + speed * step.control_dt);
-        memory.set(TRAVELLED, memory.get(TRAVELLED) + along * step.control_dt);
+        let along = |vx: L, vy: L| x.mul_add(vx, y * vy) / speed.max(least) * step.control_dt;
+        let commanded = along(memory.get(MOTION), memory.get(MOTION + 1));
+        memory.set(COMMANDED, memory.get(COMMANDED) + commanded);
+        memory.set(TRAVELLED, memory.get(TRAVELLED) + along(vx, vy));
     }
 
     #[inline(always)]
@@ -177,7 +178,7 @@ impl Task for Traverse {
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         self.velocity().measure(memory, control_dt, metrics);
         metrics.metric(
-            Metric::new("share", "", "how far the ball went in the commanded direction, over the commanded distance"),
+            Metric::new("share", "", "how far the ball went in the commanded direction, over the distance of the smoothed command"),
             memory[TRAVELLED] / memory[COMMANDED],
         );
         metrics.metric(Metric::new("level", "", "level of the tile of the terrain, from 0 on"), memory[LEVEL]);

@@ -336,6 +336,8 @@ class PathOptions(CommonOptions, total=False):
     #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires
     #: more. (m/s², > 0 and <= 10)
     path_acceleration: float
+    #: Largest jerk of the point at its commanded speed; its snap is at most jerk²/acceleration. (m/s³, > 0 and <= 1000)
+    path_jerk: float
     #: Relative frequencies of circles, lemniscates, rounded squares and random curves. (>= 0 and <= 1e6)
     path_kinds: npt.ArrayLike
     #: Time from the start of an episode from which errors are counted. (s, >= 0 and <= 1e9)
@@ -369,6 +371,8 @@ class PushOptions(CommonOptions, total=False):
     push: npt.ArrayLike
     #: Shortest and longest time from one push to the next, uniform. (s, >= 0.1 and <= 1e9)
     push_seconds: npt.ArrayLike
+    #: Time over which a push is spread, at most `push_seconds[0]`. (s, >= 0 and <= 1e9)
+    push_duration: float
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
     #: Distance of the ball from the setpoint that costs half. (m, >= 1e-12 and <= 1e6)
@@ -408,7 +412,7 @@ class TerrainOptions(CommonOptions, total=False):
     #: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold. (>= 0 and
     #: <= 1)
     hardest: float
-    #: Smallest fraction of the commanded distance in a success. (>= 0 and <= 1)
+    #: Smallest fraction of the distance of the smoothed command in a success. (>= 0 and <= 1)
     success_share: float
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)

@@ -321,8 +321,8 @@ class VelocityEnv(BallbotEnv):
     - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s; > 0 and <=
       1e9)
     - `smoothing`: The motion that a controller tracks follows the command with three poles at minus this value.
-      (default 4 1/s; > 0 and <= 1000)
-    - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
+      (default 3.5 1/s; > 0 and <= 1000)
+    - `settling`: Time after a command from which its errors are counted. (default 2.5 s; >= 0 and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
@@ -729,6 +729,8 @@ class PathEnv(BallbotEnv):
     - `path_size`: Smallest and largest half width of a path, uniform. (default (0.5, 1) m; >= 0.1 and <= 100)
     - `path_acceleration`: Largest acceleration of the point: it starts with half of it, and its speed is lower where
       the curve requires more. (default 0.6 m/s²; > 0 and <= 10)
+    - `path_jerk`: Largest jerk of the point at its commanded speed; its snap is at most jerk²/acceleration. (default 2
+      m/s³; > 0 and <= 1000)
     - `path_kinds`: Relative frequencies of circles, lemniscates, rounded squares and random curves. (default (1, 1, 1,
       1); >= 0 and <= 1e6)
     - `settling`: Time from the start of an episode from which errors are counted. (default 3 s; >= 0 and <= 1e9)
@@ -913,6 +915,7 @@ class PushEnv(BallbotEnv):
       largest impulse that the nominal robot withstands within its traction. (default (0, 1); >= 0 and <= 10)
     - `push_seconds`: Shortest and longest time from one push to the next, uniform. (default (2, 5) s; >= 0.1 and <=
       1e9)
+    - `push_duration`: Time over which a push is spread, at most `push_seconds[0]`. (default 0.1 s; >= 0 and <= 1e9)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m; >= 1e-12 and <= 1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
@@ -1041,8 +1044,8 @@ class TerrainEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (1000). A success is: not terminated, and `success_share` of the commanded
-    distance travelled.
+    Truncated after `max_episode_steps` (1000). A success is: not terminated, and `success_share` of the distance of the
+    smoothed command travelled.
 
     ## Command
     Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
@@ -1057,12 +1060,12 @@ class TerrainEnv(BallbotEnv):
     ## Metrics
     Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
 
-    | metric           | unit  | what                                                                          |
-    | ---------------- | ----- | ----------------------------------------------------------------------------- |
-    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity                        |
-    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                  |
-    | `share`          |       | how far the ball went in the commanded direction, over the commanded distance |
-    | `level`          |       | level of the tile of the terrain, from 0 on                                   |
+    | metric           | unit  | what                                                                                        |
+    | ---------------- | ----- | ------------------------------------------------------------------------------------------- |
+    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity                                      |
+    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                                |
+    | `share`          |       | how far the ball went in the commanded direction, over the distance of the smoothed command |
+    | `level`          |       | level of the tile of the terrain, from 0 on                                                 |
 
     ## Info
     The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
@@ -1121,8 +1124,9 @@ class TerrainEnv(BallbotEnv):
     - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m; >= 1e-6 and
       <= 100)
     - `hardest`: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
-      (default 0.8; >= 0 and <= 1)
-    - `success_share`: Smallest fraction of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
+      (default 0.7; >= 0 and <= 1)
+    - `success_share`: Smallest fraction of the distance of the smoothed command in a success. (default 0.8; >= 0 and <=
+      1)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
