@@ -61,6 +61,7 @@ class _Option(TypedDict):
     name: str
     unit: str
     default: float | list[float]
+    scaled: bool
     limit: str
     doc: str
 
@@ -347,6 +348,11 @@ class Params:
         """Slopes on which the robot can balance at rest in its worst heading, rad, pi/2 where nothing limits it: `fall`, at
         which its lean is `fall_tilt` (rad); `traction`, at which a wheel or the ball begins to slip; `motor`, at which
         a motor reaches its largest torque. Raises ValueError for a `fall_tilt` out of (0, pi/2].
+        """
+    def scale(self, unit: str) -> float:
+        """Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
+        "m/s²", "m/s³", "rad", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque
+        that holds a lean (Froude scaling; `docs/conventions.md`). Raises ValueError for another unit.
         """
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
@@ -1034,7 +1040,7 @@ class Lqr(Controller):
         tilt_rate: float = 1.0,  # rad/s, >= 1e-6 and <= 1e6
         yaw: float = 0.5,  # rad, >= 1e-6 and <= 1e6
         yaw_rate: float = 2.0,  # rad/s, >= 1e-6 and <= 1e6
-        torque: float = 0.2,  # N·m, >= 1e-6 and <= 1e6
+        torque: float | None = None,  # N·m, >= 1e-6 and <= 1e6
         max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
         max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
         delay: float = 0.0,  # s, >= 0 and <= 10

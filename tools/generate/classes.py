@@ -65,6 +65,7 @@ def _typed(options: Iterable[Any]) -> list[str]:
     for option in options:
         lines += _comment(_described(option["doc"], option["unit"], option["limit"]))
         kind = "npt.ArrayLike" if isinstance(option["default"], list) else "float"
+        kind += " | None" if option["scaled"] else ""
         lines.append(f"    {option['name']}: {kind}")
     return lines
 
@@ -252,5 +253,6 @@ def _info(task: str) -> str:
 
 
 def _facts(unit: str, default: str, limit: str) -> str:
-    facts = [f"default {default}{' ' + unit if unit and default != 'None' else ''}", limit]
+    number, *scaled = default.partition(tables.SCALED)
+    facts = [f"default {number}{' ' + unit if unit and number != 'None' else ''}{scaled[0]}", limit]
     return f"({'; '.join(fact for fact in facts if fact)})"

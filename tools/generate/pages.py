@@ -24,6 +24,16 @@ def with_options(name: str, page: str) -> str:
     return _BLOCK.sub(lambda block: f"{block[1]}{text}{block[2]}", page)
 
 
+def _scaled(task: str) -> str:
+    """What the mark of scaled defaults means, if the task has one."""
+    if not any(option["scaled"] for option in TASKS[task]["options"]):
+        return ""
+    return (
+        "Scaled: the default is for the paper's robot, and follows from the size of another\n"
+        "([scaled defaults](../conventions.md#scaled-defaults)); None restores it.\n\n"
+    )
+
+
 def _length(task: str) -> str:
     """Length of an episode, and the return that counts as solved, if any."""
     described = TASKS[task]
@@ -110,5 +120,5 @@ Success: {described["success"]}. `is_success` in the info states whether an epis
 
 {_command(task)}{_metrics(task)}## Options
 
-{tables.markdown(("name", "unit", "default", "limit", "what"), tables.option_rows(task))}
+{_scaled(task)}{tables.markdown(("name", "unit", "default", "limit", "what"), tables.option_rows(task))}
 """

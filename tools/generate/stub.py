@@ -69,9 +69,13 @@ def _properties() -> list[str]:
     return lines
 
 
+def _typed(option: Any) -> str:
+    return "float | None = None" if option["scaled"] else f"float = {option['default']!r}"
+
+
 def _options(controller: str) -> list[str]:
     return [
-        f"    {option['name']}: float = {option['default']!r},  # {option['unit']}, {option['limit']}"
+        f"    {option['name']}: {_typed(option)},  # {option['unit']}, {option['limit']}"
         for option in CONTROLLERS[controller]["options"]
     ]
 

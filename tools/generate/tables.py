@@ -40,6 +40,9 @@ def instrument_class(name: str) -> str:
     return name.title().replace("_", "")
 
 
+#: Marks a default that scales with the robot.
+SCALED = ", scaled"
+
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
     ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
@@ -103,6 +106,11 @@ def values(default: Any) -> str:
     return f"({', '.join(map(number, default))})" if isinstance(default, list) else number(default)
 
 
+def default_of(option: Any) -> str:
+    """The default of an option, marked where it is the paper's robot's and follows from the size of another robot."""
+    return values(option["default"]) + (SCALED if option["scaled"] else "")
+
+
 def class_name(task: str) -> str:
     """The name of a task as in classes and its id: balance becomes Balance."""
     return TASKS[task]["id"].partition("/")[2].rpartition("-")[0]
@@ -118,7 +126,7 @@ def option_rows(task: str) -> list[list[str]]:
         plain = isinstance(default, (str, bool)) or default is None
         rows.append([f"`{name}`", unit, str(default) if plain else values(default), limit, doc])
     for option in TASKS[task]["options"]:
-        default = values(option["default"])
+        default = default_of(option)
         rows.append([f"`{option['name']}`", option["unit"], default, option["limit"], option["doc"].replace("\n", " ")])
     return rows
 
@@ -160,7 +168,7 @@ def reward_rows(task: str) -> list[list[str]]:
 def controller_rows(controller: str) -> list[list[str]]:
     """Name, unit, default, limit and meaning of every option of a controller."""
     return [
-        [f"`{option['name']}`", option["unit"], values(option["default"]), option["limit"], option["doc"]]
+        [f"`{option['name']}`", option["unit"], default_of(option), option["limit"], option["doc"]]
         for option in CONTROLLERS[controller]["options"]
     ]
 

@@ -41,7 +41,7 @@ def _traction(info: ControllerInfo) -> str:
 def _page(info: ControllerInfo) -> str:
     name = info.name
     rows = [
-        _row(f"`{option}`", of.unit, _short.number(of.default), of.limit, of.doc) for option, of in info.options.items()
+        _row(f"`{option}`", of.unit, of.shown_default, of.limit, of.doc) for option, of in info.options.items()
     ]
     parts = ", ".join(f"`{part}`" for part in info.setpoint_parts) or "nothing"
     table = [_row("option", "unit", "default", "limit", "what"), _row("---", "---", "---", "---", "---"), *rows, ""]

@@ -48,15 +48,12 @@ impl Scale {
 
     /// Options with the defaults of the robot where they are unset.
     pub fn fit<F: Fields>(&self, options: &F) -> F {
-        options.fitted(|unit| self.factor(unit))
+        options.fitted(|unit| self.factor(unit).expect("scaled options have a unit that scales"))
     }
 
-    /// The factor of a quantity with a unit.
-    ///
-    /// # Panics
-    /// For a unit that no option of a task or controller has.
-    pub fn factor(&self, unit: &str) -> f64 {
-        match unit {
+    /// The factor of a quantity with a unit; `None` for units that no option of a task or controller has.
+    pub fn factor(&self, unit: &str) -> Option<f64> {
+        Some(match unit {
             "" | "rad" => 1.0,
             "s" => self.time,
             "1/s" | "rad/s" => self.time.recip(),
@@ -65,7 +62,7 @@ impl Scale {
             "m/s" => self.acceleration * self.time,
             "m" => self.acceleration * self.time * self.time,
             "N·m" => self.torque,
-            other => panic!("no scale of {other}"),
-        }
+            _ => return None,
+        })
     }
 }

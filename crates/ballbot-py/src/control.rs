@@ -54,16 +54,25 @@ pub(crate) fn setpoints(
     Ok(setpoints)
 }
 
-/// Numbers by name from keyword arguments; `known` are the names that are accepted.
-fn options(class: &str, keywords: Keywords<'_, '_>, known: &[&str]) -> PyResult<Vec<(String, Vec<f64>)>> {
+/// Numbers by name from keyword arguments; `known` are the names that are accepted, and whether None is, the default of
+/// the robot.
+fn options(
+    class: &str,
+    keywords: Keywords<'_, '_>,
+    known: &[(&'static str, bool)],
+) -> PyResult<Vec<(String, Vec<f64>)>> {
     let mut options = Vec::new();
     for (name, value) in keywords.into_iter().flatten() {
         let name: String = name.extract()?;
-        if !known.contains(&name.as_str()) {
+        let Some(&(_, scaled)) = known.iter().find(|(known, _)| *known == name) else {
+            let known: Vec<_> = known.iter().map(|(name, _)| *name).collect();
             return Err(PyTypeError::new_err(format!(
                 "{class} got an unexpected keyword argument '{name}': expected one of {}",
-                one_of(&name, known)
+                one_of(&name, &known)
             )));
+        };
+        if scaled && value.is_none() {
+            continue;
         }
         let values = one_or_more(&name, &value)?;
         options.push((name, values));
@@ -196,7 +205,7 @@ impl PyController {
     ) -> PyResult<Self> {
         let kind = controller_kind(name).map_err(to_python)?;
         let known = (kind.options)();
-        let known: Vec<_> = known.iter().map(|option| option.name).collect();
+        let known: Vec<_> = known.iter().map(|option| (option.name, option.scaled)).collect();
         let options = self::options("Controller", options, &known)?;
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
@@ -330,7 +339,7 @@ impl PyPid {
 
 /// A struct of fields from keyword arguments.
 fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
-    let known: Vec<_> = F::FIELDS.iter().map(|field| field.name).collect();
+    let known: Vec<_> = F::FIELDS.iter().map(|field| (field.name, field.scaled)).collect();
     let mut fields = F::unset();
     for (name, values) in options(class, keywords, &known)? {
         fields.set(&name, &values).map_err(to_python)?;

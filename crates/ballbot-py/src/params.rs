@@ -1,13 +1,17 @@
 //! `Params`.
 
-use crate::errors::{call, to_python};
+use crate::errors::{InvalidInputError, call, to_python};
 use crate::numbers::{one_or_more, real};
 use ballbot_core::fields::{Fields, describe_options};
+use ballbot_core::models::Scale;
 use ballbot_core::{Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict, PyTuple};
 use std::path::PathBuf;
+
+/// Units of quantities that scale with the robot, for messages.
+const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m'";
 
 /// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
 ///
@@ -166,6 +170,14 @@ impl PyParams {
             out.set_item(name, limit)?;
         }
         Ok(out)
+    }
+
+    /// Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
+    /// "m/s²", "m/s³", "rad", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque
+    /// that holds a lean (Froude scaling; `docs/conventions.md`). Raises ValueError for another unit.
+    fn scale(&self, unit: &str) -> PyResult<f64> {
+        let factor = Scale::of(&self.0).factor(unit);
+        factor.ok_or_else(|| InvalidInputError::new_err(format!("unit = '{unit}' has no scale: expected {UNITS}")))
     }
 
     /// Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as

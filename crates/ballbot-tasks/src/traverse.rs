@@ -90,7 +90,8 @@ impl Task for Traverse {
     const ID: &'static str = "ballbot/Terrain-v0";
     const SUMMARY: &'static str = "Follow a commanded velocity over uneven ground.";
     const REWARD_THRESHOLD: Option<f64> = Some(650.0);
-    const SUCCESS: &'static str = "not terminated, and `success_share` of the distance of the smoothed command travelled";
+    const SUCCESS: &'static str =
+        "not terminated, and `success_share` of the distance of the smoothed command travelled";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
     const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);
@@ -178,7 +179,11 @@ impl Task for Traverse {
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         self.velocity().measure(memory, control_dt, metrics);
         metrics.metric(
-            Metric::new("share", "", "how far the ball went in the commanded direction, over the distance of the smoothed command"),
+            Metric::new(
+                "share",
+                "",
+                "how far the ball went in the commanded direction, over the distance of the smoothed command",
+            ),
             memory[TRAVELLED] / memory[COMMANDED],
         );
         metrics.metric(Metric::new("level", "", "level of the tile of the terrain, from 0 on"), memory[LEVEL]);

@@ -17,9 +17,16 @@ class ControllerOption:
 
     unit: str
     default: float | list[float]
+    #: Whether the default is for the paper's robot, and follows from the size of another.
+    scaled: bool
     #: Its range, as text.
     limit: str
     doc: str
+
+    @property
+    def shown_default(self) -> str:
+        """The default as text."""
+        return _short.number(self.default) + (", scaled" if self.scaled else "")
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -42,7 +49,7 @@ class ControllerInfo:
 
     def _repr_html_(self) -> str:
         rows = [
-            (name, _short.number(option.default), option.unit, option.limit, option.doc)
+            (name, option.shown_default, option.unit, option.limit, option.doc)
             for name, option in self.options.items()
         ]
         table = _short.table(rows, ("option", "default", "unit", "limit", ""))
@@ -55,7 +62,7 @@ class ControllerInfo:
         width = max((len(name) for name in self.options), default=0)
         for name, option in self.options.items():
             unit = f" {option.unit}" if option.unit else ""
-            lines.append(f"  {name:<{width}}  {option.default}{unit} ({option.limit}): {option.doc}")
+            lines.append(f"  {name:<{width}}  {option.shown_default}{unit} ({option.limit}): {option.doc}")
         return "\n".join(lines)
 
 
@@ -72,7 +79,9 @@ def controllers() -> dict[str, ControllerInfo]:
             control_dt=kind["control_dt"],
             traction=kind["traction"],
             options={
-                option["name"]: ControllerOption(option["unit"], option["default"], option["limit"], option["doc"])
+                option["name"]: ControllerOption(
+                    option["unit"], option["default"], option["scaled"], option["limit"], option["doc"]
+                )
                 for option in kind["options"]
             },
         )

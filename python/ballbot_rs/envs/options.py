@@ -259,27 +259,27 @@ class VelocityOptions(CommonOptions, total=False):
     """Options of the task `velocity`."""
 
     #: Largest commanded speed; uniform over the disc, in the heading frame. (m/s, >= 0 and <= 10)
-    speed: float
+    speed: float | None
     #: Largest commanded rate of the heading; uniform within ± this. (rad/s, >= 0 and <= 10)
-    yaw_rate: float
+    yaw_rate: float | None
     #: Fraction of zero commands. (>= 0 and <= 1)
     standing: float
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
-    command_seconds: npt.ArrayLike
+    command_seconds: npt.ArrayLike | None
     #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
     #: 1000)
-    smoothing: float
+    smoothing: float | None
     #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
-    settling: float
+    settling: float | None
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
-    velocity_scales: npt.ArrayLike
+    velocity_scales: npt.ArrayLike | None
     #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
     #: 10)
-    yaw_rate_scales: npt.ArrayLike
+    yaw_rate_scales: npt.ArrayLike | None
     #: Largest root mean square of the settled errors of the velocity in a success. (m/s, > 0 and <= 10)
-    success_velocity: float
+    success_velocity: float | None
     #: Largest root mean square of the settled errors of the heading's rate in a success. (rad/s, > 0 and <= 10)
-    success_yaw_rate: float
+    success_yaw_rate: float | None
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -330,24 +330,24 @@ class PathOptions(CommonOptions, total=False):
     """Options of the task `path`."""
 
     #: Smallest and largest speed along the path, uniform. (m/s, >= 0 and <= 10)
-    path_speed: npt.ArrayLike
+    path_speed: npt.ArrayLike | None
     #: Smallest and largest half width of a path, uniform. (m, >= 0.1 and <= 100)
-    path_size: npt.ArrayLike
+    path_size: npt.ArrayLike | None
     #: Largest acceleration of the point: it starts with half of it, and its speed is lower where the curve requires
     #: more. (m/s², > 0 and <= 10)
-    path_acceleration: float
+    path_acceleration: float | None
     #: Largest jerk of the point at its commanded speed; its snap is at most jerk²/acceleration. (m/s³, > 0 and <= 1000)
-    path_jerk: float
+    path_jerk: float | None
     #: Relative frequencies of circles, lemniscates, rounded squares and random curves. (>= 0 and <= 1e6)
     path_kinds: npt.ArrayLike
     #: Time from the start of an episode from which errors are counted. (s, >= 0 and <= 1e9)
-    settling: float
+    settling: float | None
     #: Distance of the ball from the point that costs half. (m, >= 1e-6 and <= 10)
-    position_scale: float
+    position_scale: float | None
     #: Distance of the ball from the point that costs half of `distance`. (m, >= 1e-6 and <= 100)
-    distance_scale: float
+    distance_scale: float | None
     #: Largest root mean square of the distance across the path in a success. (m, > 0 and <= 10)
-    success_error: float
+    success_error: float | None
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -370,13 +370,13 @@ class PushOptions(CommonOptions, total=False):
     #: impulse that the nominal robot withstands within its traction. (>= 0 and <= 10)
     push: npt.ArrayLike
     #: Shortest and longest time from one push to the next, uniform. (s, >= 0.1 and <= 1e9)
-    push_seconds: npt.ArrayLike
+    push_seconds: npt.ArrayLike | None
     #: Time over which a push is spread, at most `push_seconds[0]`. (s, >= 0 and <= 1e9)
-    push_duration: float
+    push_duration: float | None
     #: Where the ball should be. (m, >= -10000 and <= 10000)
     setpoint: npt.ArrayLike
     #: Distance of the ball from the setpoint that costs half. (m, >= 1e-12 and <= 1e6)
-    position_scale: float
+    position_scale: float | None
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -396,19 +396,19 @@ class TerrainOptions(CommonOptions, total=False):
     """Options of the task `terrain`."""
 
     #: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (m/s, >= 0 and <= 10)
-    speed_range: npt.ArrayLike
+    speed_range: npt.ArrayLike | None
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
     #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
     #: 1000)
-    smoothing: float
+    smoothing: float | None
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
-    velocity_scales: npt.ArrayLike
+    velocity_scales: npt.ArrayLike | None
     #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
     #: 10)
-    yaw_rate_scales: npt.ArrayLike
+    yaw_rate_scales: npt.ArrayLike | None
     #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 100)
-    position_scale: float
+    position_scale: float | None
     #: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold. (>= 0 and
     #: <= 1)
     hardest: float

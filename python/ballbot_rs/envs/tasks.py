@@ -315,22 +315,24 @@ class VelocityEnv(BallbotEnv):
       functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s; >= 0 and <= 10)
-    - `yaw_rate`: Largest commanded rate of the heading; uniform within ± this. (default 1 rad/s; >= 0 and <= 10)
+    - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s, scaled; >= 0 and
+      <= 10)
+    - `yaw_rate`: Largest commanded rate of the heading; uniform within ± this. (default 1 rad/s, scaled; >= 0 and <=
+      10)
     - `standing`: Fraction of zero commands. (default 0.1; >= 0 and <= 1)
-    - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s; > 0 and <=
-      1e9)
+    - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s, scaled; > 0
+      and <= 1e9)
     - `smoothing`: The motion that a controller tracks follows the command with three poles at minus this value.
-      (default 3.5 1/s; > 0 and <= 1000)
-    - `settling`: Time after a command from which its errors are counted. (default 2.5 s; >= 0 and <= 1e9)
+      (default 3.5 1/s, scaled; > 0 and <= 1000)
+    - `settling`: Time after a command from which its errors are counted. (default 2.5 s, scaled; >= 0 and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
-      (0.2, 0.04) m/s; >= 1e-6 and <= 10)
+      (0.2, 0.04) m/s, scaled; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
-      (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
+      (default (0.5, 0.1) rad/s, scaled; >= 1e-6 and <= 10)
     - `success_velocity`: Largest root mean square of the settled errors of the velocity in a success. (default 0.02
-      m/s; > 0 and <= 10)
+      m/s, scaled; > 0 and <= 10)
     - `success_yaw_rate`: Largest root mean square of the settled errors of the heading's rate in a success. (default
-      0.05 rad/s; > 0 and <= 10)
+      0.05 rad/s, scaled; > 0 and <= 10)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
@@ -725,20 +727,21 @@ class PathEnv(BallbotEnv):
       functions, or their names as module:function)
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
-    - `path_speed`: Smallest and largest speed along the path, uniform. (default (0.2, 0.5) m/s; >= 0 and <= 10)
-    - `path_size`: Smallest and largest half width of a path, uniform. (default (0.5, 1) m; >= 0.1 and <= 100)
+    - `path_speed`: Smallest and largest speed along the path, uniform. (default (0.2, 0.5) m/s, scaled; >= 0 and <= 10)
+    - `path_size`: Smallest and largest half width of a path, uniform. (default (0.5, 1) m, scaled; >= 0.1 and <= 100)
     - `path_acceleration`: Largest acceleration of the point: it starts with half of it, and its speed is lower where
-      the curve requires more. (default 0.6 m/s²; > 0 and <= 10)
+      the curve requires more. (default 0.6 m/s², scaled; > 0 and <= 10)
     - `path_jerk`: Largest jerk of the point at its commanded speed; its snap is at most jerk²/acceleration. (default 2
-      m/s³; > 0 and <= 1000)
+      m/s³, scaled; > 0 and <= 1000)
     - `path_kinds`: Relative frequencies of circles, lemniscates, rounded squares and random curves. (default (1, 1, 1,
       1); >= 0 and <= 1e6)
-    - `settling`: Time from the start of an episode from which errors are counted. (default 3 s; >= 0 and <= 1e9)
-    - `position_scale`: Distance of the ball from the point that costs half. (default 0.05 m; >= 1e-6 and <= 10)
-    - `distance_scale`: Distance of the ball from the point that costs half of `distance`. (default 0.3 m; >= 1e-6 and
-      <= 100)
-    - `success_error`: Largest root mean square of the distance across the path in a success. (default 0.02 m; > 0 and
-      <= 10)
+    - `settling`: Time from the start of an episode from which errors are counted. (default 3 s, scaled; >= 0 and <=
+      1e9)
+    - `position_scale`: Distance of the ball from the point that costs half. (default 0.05 m, scaled; >= 1e-6 and <= 10)
+    - `distance_scale`: Distance of the ball from the point that costs half of `distance`. (default 0.3 m, scaled; >=
+      1e-6 and <= 100)
+    - `success_error`: Largest root mean square of the distance across the path in a success. (default 0.02 m, scaled; >
+      0 and <= 10)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
@@ -913,11 +916,13 @@ class PushEnv(BallbotEnv):
       FILE.toml, or a list of dicts)
     - `push`: Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the
       largest impulse that the nominal robot withstands within its traction. (default (0, 1); >= 0 and <= 10)
-    - `push_seconds`: Shortest and longest time from one push to the next, uniform. (default (2, 5) s; >= 0.1 and <=
+    - `push_seconds`: Shortest and longest time from one push to the next, uniform. (default (2, 5) s, scaled; >= 0.1
+      and <= 1e9)
+    - `push_duration`: Time over which a push is spread, at most `push_seconds[0]`. (default 0.1 s, scaled; >= 0 and <=
       1e9)
-    - `push_duration`: Time over which a push is spread, at most `push_seconds[0]`. (default 0.1 s; >= 0 and <= 1e9)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
-    - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m; >= 1e-12 and <= 1e6)
+    - `position_scale`: Distance of the ball from the setpoint that costs half. (default 0.1 m, scaled; >= 1e-12 and <=
+      1e6)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0872665 rad; >= 0)
     - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
@@ -1112,17 +1117,17 @@ class TerrainEnv(BallbotEnv):
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
       FILE.toml, or a list of dicts)
     - `speed_range`: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (default
-      (0.2, 0.5) m/s; >= 0 and <= 10)
+      (0.2, 0.5) m/s, scaled; >= 0 and <= 10)
     - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (20, 20) s; > 0 and
       <= 1e9)
     - `smoothing`: The motion that a controller tracks follows the command with three poles at minus this value.
-      (default 4 1/s; > 0 and <= 1000)
+      (default 4 1/s, scaled; > 0 and <= 1000)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
-      (0.2, 0.04) m/s; >= 1e-6 and <= 10)
+      (0.2, 0.04) m/s, scaled; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
-      (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
-    - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m; >= 1e-6 and
-      <= 100)
+      (default (0.5, 0.1) rad/s, scaled; >= 1e-6 and <= 10)
+    - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m, scaled; >=
+      1e-6 and <= 100)
     - `hardest`: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
       (default 0.7; >= 0 and <= 1)
     - `success_share`: Smallest fraction of the distance of the smoothed command in a success. (default 0.8; >= 0 and <=

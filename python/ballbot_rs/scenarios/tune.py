@@ -155,8 +155,9 @@ def tune(
         if name not in CONTROLLERS:
             raise ValueError(f"tune takes a controller of the core, one of {', '.join(CONTROLLERS)}, not '{name}'")
     budget, seed = check_count("budget", budget), check_seed(seed)
+    params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
     known: dict[str, float] = {
-        option["name"]: option["default"]
+        option["name"]: option["default"] * (params.scale(option["unit"]) if option["scaled"] else 1.0)
         for option in CONTROLLERS[controller]["options"]
         if isinstance(option["default"], float) and option["default"] > 0.0
     }
@@ -165,7 +166,6 @@ def tune(
     if unknown or not names:
         raise ValueError(f"{controller} has no option {unknown} to search: expected some of {', '.join(known)}")
     chosen = [scenario] if isinstance(scenario, (str, Scenario)) else list(scenario)
-    params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
     known_scenarios = load()
     stages = [
         Stage(with_options(controller, {}), one, params, model=model, seed=seed, num_threads=num_threads)

@@ -7,6 +7,8 @@ from importlib import resources
 from pathlib import Path
 from typing import Any, Final
 
+import numpy as np
+
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
@@ -96,6 +98,9 @@ class TrainConfig:
     #: differs between robots. None, or a `gamma` among the arguments, is the algorithm's discount.
     horizon: float | None = None
     env: dict[str, Any] = dataclasses.field(default_factory=dict)
+    #: Options of the environment for the paper's robot; for another robot they are scaled as its defaults are. Options
+    #: in `env`, which then has all of them, come first.
+    scaled: dict[str, Any] = dataclasses.field(default_factory=dict)
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
     #: None learns only from rewards.
     teacher: Teacher | None = None
@@ -105,9 +110,11 @@ class TrainConfig:
 
     def __post_init__(self) -> None:
         task_of(self.env_id)
-        for name in ("env", "algorithm_arguments", "schedule", "policy"):
+        for name in ("env", "scaled", "algorithm_arguments", "schedule", "policy"):
             if not isinstance(getattr(self, name), dict):
                 raise ValueError(f"{name} = {getattr(self, name)!r} must be a table")
+        if self.scaled:
+            object.__setattr__(self, "env", self._fitted() | self.env)
         if self.algorithm not in ALGORITHMS:
             raise ValueError(f"unknown algorithm '{self.algorithm}': expected one of {', '.join(ALGORITHMS)}")
         counts = {
@@ -164,6 +171,28 @@ class TrainConfig:
             rate = math.sqrt(LinearModel(batch.nominal_params(0)).A[8, 3])
             given["gamma"] = max(1.0 - batch.control_dt * rate / self.horizon, 0.0)
         return given
+
+    def _fitted(self) -> dict[str, Any]:
+        """`scaled` for the robot of the environment."""
+        task = task_of(self.env_id)
+        given = {name: value for name, value in self.env.items() if name == "params"}
+        robot = new_batch(1, task=task, num_threads=1, options=given).nominal_params(0)
+        units = {option["name"]: option["unit"] for option in TASKS[task]["options"]}
+        units |= {"max_wheel_torque": "N·m", "max_episode_steps": "s"}
+        fitted: dict[str, Any] = {}
+        for name, value in self.scaled.items():
+            if name not in units:
+                raise ValueError(f"scaled.{name} = {value!r} does not scale: expected one of {', '.join(units)}")
+            try:
+                scaled = np.asarray(value, dtype=np.float64) * robot.scale(units[name])
+            except (TypeError, ValueError):
+                raise ValueError(f"scaled.{name} = {value!r} must be a number or a list of numbers") from None
+            fitted[name] = scaled.tolist()
+        if "max_episode_steps" in fitted:
+            fitted["max_episode_steps"] = round(fitted["max_episode_steps"])
+        if "max_wheel_torque" in fitted:
+            fitted["max_wheel_torque"] = min(fitted["max_wheel_torque"], robot.max_wheel_torque)
+        return fitted
 
     def _check_teacher(self, teacher: Teacher) -> None:
         if self.algorithm != "PPO":

@@ -41,17 +41,48 @@ fn law(name: &str, params: &Params) -> Box<dyn Controller> {
     made(name, params, &[])
 }
 
-/// The presets without the dry friction, in which no static law comes to rest.
+/// The presets without the friction of the joints, which laws compensate.
 fn presets() -> impl Iterator<Item = (&'static str, Params)> {
     Params::preset_names()
         .iter()
-        .map(|name| (*name, Params { wheel_coulomb_friction: 0.0, ..Params::preset(name).unwrap() }))
+        .map(|name| (*name, without_joint_friction(&Params::preset(name).unwrap())))
+}
+
+fn without_joint_friction(params: &Params) -> Params {
+    Params { wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() }
 }
 
 /// A robot whose center of mass is off its mast, and whose wheels are asymmetric.
 fn uneven() -> Params {
     let [a, b, c] = Params::paper().wheel_azimuths;
     Params { body_com_offset: [5e-3, -3e-3], wheel_azimuths: [a + 0.02, b - 0.03, c + 0.01], ..Params::paper() }
+}
+
+/// Every law is the law of the robot without friction in its joints, which is added to its torques.
+#[test]
+fn the_friction_of_the_joints_is_compensated() {
+    let (viscous, dry) = (2e-3, 0.02);
+    let robot = Params::paper();
+    let rough = Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..robot.clone() };
+    for kind in controller_kinds().into_iter().filter(|kind| kind.name != "mppi") {
+        let limits = LimitOptions { max_torque: Some(0.3), ..kind.limits };
+        let make = |params: &Params| (kind.make)(params, CONTROL_DT, &limits, &[]).unwrap();
+        let (mut plain, mut compensating) = (make(&robot), make(&rough));
+        for (tilt, speed) in [(0.0, 0.0), (0.01, 0.5), (-0.02, -3.0), (0.01, 50.0)] {
+            let mut state = State::tilted(&robot, Vector2::new(tilt, -tilt), 0.1);
+            state.wheel_speeds = Wheels([speed, -0.5 * speed, 0.1 * speed]);
+            let setpoint = Setpoint::default();
+            (plain.reset(), compensating.reset());
+            let (expected, found) =
+                (plain.wheel_torques(&state, &setpoint), compensating.wheel_torques(&state, &setpoint));
+            for i in 0..3 {
+                let speed = state.wheel_speeds[i];
+                let friction = viscous * speed + dry * speed / (1.0 + speed * speed).sqrt();
+                let sum = (expected[i] + friction).clamp(-0.3, 0.3);
+                assert!((found[i] - sum).abs() < 1e-12, "{}, wheel {i} at {speed}: {}, {sum}", kind.name, found[i]);
+            }
+        }
+    }
 }
 
 #[test]

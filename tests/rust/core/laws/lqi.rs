@@ -131,7 +131,7 @@ fn options_match_the_regulator_and_the_integral() {
     let further = ["delay", "lean_observer"];
     let weights: Vec<_> = names("lqr").into_iter().filter(|name| !further.contains(name)).collect();
     assert_eq!(names("lqi"), [weights, vec!["integral", "max_integral_lean", "delay"]].concat());
-    let mut options = LqiOptions::default();
+    let mut options = LqiOptions::defaults();
     options.set("yaw", &[0.3]).unwrap();
     options.set("max_integral_lean", &[0.01]).unwrap();
     assert_eq!((options.weights.yaw, options.integral.max_integral_lean), (0.3, 0.01));

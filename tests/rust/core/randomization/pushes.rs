@@ -36,6 +36,51 @@ fn a_push_equals_the_same_impulse_by_hand() {
 }
 
 #[test]
+fn a_long_push_equals_equal_impulses_by_hand() {
+    const STEPS: usize = 4;
+    for model in ModelKind::ALL {
+        let push = Event { duration: STEPS as f64 * 0.01, ..Event::new("push", [0.05, 0.2]) };
+        let event = at(STEP as f64 * 0.01, push);
+        let config_of = |events: &[Event]| config(model, 100, events);
+        let mut sampled = started(&config_of(std::slice::from_ref(&event)), N, Autoreset::Disabled, SEED);
+        let mut by_hand = started(&config_of(&[]), N, Autoreset::Disabled, SEED);
+        for k in 0..20 {
+            // A push goes on after its robot is saved and restored.
+            if k == STEP + 2 {
+                let saved = sampled.snapshots();
+                sampled = started(&config_of(std::slice::from_ref(&event)), N, Autoreset::Disabled, 5);
+                saved.iter().enumerate().for_each(|(i, snapshot)| sampled.batch.load(i, snapshot).unwrap());
+            }
+            sampled.step(&actions(0, N, k, 0.2)).unwrap();
+            for i in (0..N).filter(|_| (STEP..STEP + STEPS).contains(&k)) {
+                let push = draws(&sampled.batch, i, "push");
+                let impulse = Vector3::new(push[1].cos(), push[1].sin(), 0.0) * push[0];
+                by_hand.batch.push(i, &(impulse / STEPS as f64), None).unwrap();
+            }
+            by_hand.step(&actions(0, N, k, 0.2)).unwrap();
+            let states =
+                |run: &crate::run::Run| (0..N).map(|i| run.batch.state(i).unwrap().to_array()).collect::<Vec<_>>();
+            assert!(states(&sampled) == states(&by_hand), "{model}, step {k}");
+        }
+        assert_eq!(sampled.batch.push_count(0).unwrap(), 1);
+    }
+}
+
+#[test]
+fn a_push_ends_with_its_episode() {
+    let push = Event { duration: 0.09, ..Event::new("push", [0.2, 0.2]) };
+    let mut run = started(&config(ModelKind::Contact, 3, &[at(0.02, push)]), N, Autoreset::SameStep, SEED);
+    let mut free = started(&config(ModelKind::Contact, 3, &[]), N, Autoreset::SameStep, SEED);
+    for k in 0..5 {
+        run.step(&actions(0, N, k, 0.2)).unwrap();
+        free.step(&actions(0, N, k, 0.2)).unwrap();
+        let same = (0..N).all(|i| run.batch.state(i).unwrap() == free.batch.state(i).unwrap());
+        // The third step ends the episode: its state is the start of the next, before whose third step there is no push.
+        assert!(same, "step {k}");
+    }
+}
+
+#[test]
 fn a_scaled_push_is_a_change_of_velocity() {
     let push = Event { direction: Direction::Azimuth(1.0), ..Event::new("push", [0.1, 0.1]) };
     let scaled = Event { operation: Operation::Scale, ..push.clone() };

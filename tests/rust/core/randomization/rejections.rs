@@ -172,6 +172,9 @@ fn invalid_pushes() {
     rejected(Event { height: Some([0.0, 200.0]), ..push([0.0, 1.0]) }, &["point[2] = 200"]);
     rejected(Event { height: Some([0.2, 0.1]), ..push([0.0, 1.0]) }, &["height[1] = 0.1"]);
     rejected(Event { direction: Direction::Azimuth(f64::NAN), ..push([0.0, 1.0]) }, &["direction = NaN"]);
+    rejected(Event { duration: -0.1, ..push([0.0, 1.0]) }, &["duration = -0.1", "from 0 to"]);
+    let often = Event { when: When::Every([0.5, 1.0]), ..push([0.0, 1.0]) };
+    rejected(Event { duration: 0.6, ..often }, &["duration = 0.6", "0.5 s"]);
 }
 
 #[test]

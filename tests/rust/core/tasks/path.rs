@@ -94,3 +94,22 @@ fn the_setpoint_has_the_derivatives_of_the_point() {
         }
     }
 }
+
+#[test]
+fn the_speed_of_a_point_obeys_the_limits_of_its_derivatives() {
+    for (acceleration, jerk) in [(0.6, 2.0), (2.0, 1.0), (10.0, 0.3)] {
+        let options: [(&str, &[f64]); 3] =
+            [("path_acceleration", &[acceleration]), ("path_jerk", &[jerk]), ("path_speed", &[10.0, 10.0])];
+        let mut run = run_of(&*config("path", &options), 24);
+        // The point first gains speed.
+        regulate(&mut run, 600, |k, run| {
+            for i in (0..24).filter(|_| k > 500) {
+                let setpoint = run.batch.setpoint(i).unwrap();
+                let within = |found: f64, most: f64| assert!(found <= 1.02 * most, "{i}: {found}, {most}");
+                within(setpoint.acceleration.norm(), acceleration);
+                within(setpoint.jerk.norm(), jerk);
+                within(setpoint.snap.norm(), jerk * jerk / acceleration);
+            }
+        });
+    }
+}
