@@ -1232,7 +1232,8 @@ class Batch:
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
             None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
             in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
-            ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
+            ("ground_truth" or "sensors"), `history` (how many of the last observations are given together, or their
+            ages in control steps),
             `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
             and the options of the task.
 
@@ -1300,11 +1301,11 @@ class Batch:
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
     @property
-    def history(self) -> int:
-        """How many of the last observations are given together."""
+    def history(self) -> int | list[int]:
+        """How many of the last observations are given together, or the list of their ages in control steps."""
     @property
     def observation_len(self) -> int:
-        """Length of an observation: its rows, `history` times, newest last; then the readings of the instruments."""
+        """Length of an observation: its rows at each age of `history`, newest last; then the readings of the instruments."""
     @property
     def scale_observations(self) -> bool:
         """Whether observations are scaled."""
@@ -1444,7 +1445,7 @@ class Batch:
         """
     @property
     def observation_layout(self) -> dict[str, tuple[int, ...]]:
-        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and the
+        """Parts of an observation by name, in order, with their shapes: `state` (its rows at each age of `history`), and the
         instruments of the robots, as in `perceived`.
         """
     def perceived(self, name: str, index: int | None = None) -> npt.NDArray[np.float32]:

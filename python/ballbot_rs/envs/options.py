@@ -193,8 +193,9 @@ class CommonOptions(TypedDict, total=False):
     max_wheel_torque: float | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
-    #: Number of the last observations that are given together. (>= 1 and <= 1000)
-    history: int
+    #: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest
+    #: first. docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    history: int | Sequence[int]
     #: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves
     #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     terrain: "Terrain | str | Mapping[str, Any] | None"
@@ -266,6 +267,9 @@ class VelocityOptions(CommonOptions, total=False):
     standing: float
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
+    #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
+    #: 1000)
+    smoothing: float
     #: Time after a command from which its errors are counted. (s, >= 0 and <= 1e9)
     settling: float
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
@@ -339,6 +343,8 @@ class PathOptions(CommonOptions, total=False):
     settling: float
     #: Distance of the ball from the point that costs half. (m, >= 1e-6 and <= 10)
     position_scale: float
+    #: Distance of the ball from the point that costs half of `distance`. (m, >= 1e-6 and <= 100)
+    distance_scale: float
     #: Largest root mean square of the distance across the path in a success. (m, > 0 and <= 10)
     success_error: float
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
@@ -390,12 +396,15 @@ class TerrainOptions(CommonOptions, total=False):
     speed_range: npt.ArrayLike
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
     command_seconds: npt.ArrayLike
+    #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
+    #: 1000)
+    smoothing: float
     #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
     velocity_scales: npt.ArrayLike
     #: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`. (rad/s, >= 1e-6 and <=
     #: 10)
     yaw_rate_scales: npt.ArrayLike
-    #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 10)
+    #: Distance from where the commands lead that costs half of `position`. (m, >= 1e-6 and <= 100)
     position_scale: float
     #: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold. (>= 0 and
     #: <= 1)

@@ -96,7 +96,8 @@ class BalanceEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -289,7 +290,8 @@ class VelocityEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -320,6 +322,8 @@ class VelocityEnv(BallbotEnv):
     - `standing`: Fraction of zero commands. (default 0.1; >= 0 and <= 1)
     - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (3, 8) s; > 0 and <=
       1e9)
+    - `smoothing`: The motion that a controller tracks follows the command with three poles at minus this value.
+      (default 4 1/s; > 0 and <= 1000)
     - `settling`: Time after a command from which its errors are counted. (default 2 s; >= 0 and <= 1e9)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
@@ -486,7 +490,8 @@ class GoalEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -636,7 +641,7 @@ class PathEnv(BallbotEnv):
     | --------------- | ----- | ---------------------------------------------------------------------- |
     | `alive`         | 1     | 1, unless the step ends in a fall                                      |
     | `position`      | -0.5  | d² / (d² + position_scale²), d the distance of the ball from the point |
-    | `distance`      | -0.3  | d / (d + 0.3 m)                                                        |
+    | `distance`      | -0.3  | d / (d + distance_scale)                                               |
     | `rate`          | -0.01 | squared body rate in rad/s, at most 100                                |
     | `action`        | -0.02 | mean squared action                                                    |
     | `action_change` | -0.02 | mean squared change of the action                                      |
@@ -697,7 +702,8 @@ class PathEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -731,6 +737,8 @@ class PathEnv(BallbotEnv):
       1); >= 0 and <= 1e6)
     - `settling`: Time from the start of an episode from which errors are counted. (default 3 s; >= 0 and <= 1e9)
     - `position_scale`: Distance of the ball from the point that costs half. (default 0.05 m; >= 1e-6 and <= 10)
+    - `distance_scale`: Distance of the ball from the point that costs half of `distance`. (default 0.3 m; >= 1e-6 and
+      <= 100)
     - `success_error`: Largest root mean square of the distance across the path in a success. (default 0.02 m; > 0 and
       <= 10)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
@@ -879,7 +887,8 @@ class PushEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1078,7 +1087,8 @@ class TerrainEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1108,12 +1118,14 @@ class TerrainEnv(BallbotEnv):
       (0.2, 0.5) m/s; >= 0 and <= 10)
     - `command_seconds`: Shortest and longest time from one command to the next, uniform. (default (20, 20) s; > 0 and
       <= 1e9)
+    - `smoothing`: The motion that a controller tracks follows the command with three poles at minus this value.
+      (default 4 1/s; > 0 and <= 1000)
     - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
       (0.2, 0.04) m/s; >= 1e-6 and <= 10)
     - `yaw_rate_scales`: Error of the heading's rate that costs half of `yaw_rate`, and of `yaw_rate_precision`.
       (default (0.5, 0.1) rad/s; >= 1e-6 and <= 10)
     - `position_scale`: Distance from where the commands lead that costs half of `position`. (default 0.3 m; >= 1e-6 and
-      <= 10)
+      <= 100)
     - `hardest`: Steepest level of the terrain where none is chosen, as a fraction of the slope that the robot can hold.
       (default 0.8; >= 0 and <= 1)
     - `success_share`: Smallest fraction of the commanded distance in a success. (default 0.8; >= 0 and <= 1)
@@ -1258,7 +1270,8 @@ class OpenBallBotEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)

@@ -13,6 +13,7 @@ mod config;
 mod env;
 mod events;
 mod external_motion;
+mod history;
 mod levels;
 mod observation_source;
 mod pieces;
@@ -31,6 +32,7 @@ pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
 pub use external_motion::Outside;
+pub use history::History;
 pub use levels::Levels;
 pub use observation_source::Observation;
 pub use registry::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};

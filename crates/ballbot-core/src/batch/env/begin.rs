@@ -36,7 +36,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let Ledger { sensor, last_sensor, .. } = &mut self.one;
         last_sensor.copy_from_slice(sensor);
         self.observe(i, observation);
-        self.repeat_observation(i, observation);
     }
 
     /// Moves a start of robot `i` on level ground to its own ground.

@@ -6,6 +6,7 @@ mod command;
 pub mod ledger;
 pub mod measure;
 mod observe;
+mod past;
 mod perceive;
 mod randomize;
 pub mod robots;
@@ -15,6 +16,7 @@ pub mod task_step;
 
 use self::chunk::Chunk;
 use self::ledger::Ledger;
+use self::past::Past;
 use self::perceive::Sight;
 use self::robots::Robots;
 use self::task_step::TaskStep;
@@ -59,6 +61,7 @@ pub struct Environments<R: Robots, T, A, S> {
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
     pub ledger: Ledger<R::Cell>,
+    past: Past,
     /// Scratch space for the ledger of one robot.
     pub one: Ledger<f64>,
     pub control: ControlMemory<R::Cell>,
@@ -120,6 +123,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             action_torque: config.action_torque(),
             used,
             ledger: Ledger::new(step.sizes()),
+            past: Past::new(&config.history, step.rows(), used),
             one: Ledger::new(step.sizes()),
             control: ControlMemory { owner: 0, cells: Vec::new() },
             begun: false,
@@ -218,7 +222,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Writes the results of a step, and begins a new episode where it ended one.
     fn write_step(&mut self, autoreset: Autoreset, mut buffers: StepBuffers<'_>) {
-        let width = self.ledger.observation.len() + self.perceived();
+        let width = self.step.observation_len();
         for i in 0..self.used {
             let row = i * width..(i + 1) * width;
             if self.is_reset_instead(autoreset, i) {
@@ -280,6 +284,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.fire_events(autoreset);
         // A single robot whose episode is over is not simulated; in lanes its neighbors are.
         if R::Cell::WIDTH > 1 || !self.is_reset_instead(autoreset, 0) {
+            self.keep_observations();
             self.robots.park(self.used);
             let commands = commands(actions);
             let (memory, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
@@ -298,6 +303,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
                 self.robots.place(i, state);
             }
         }
+        self.keep_observations();
         let commands = commands(actions);
         self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
     }
@@ -315,9 +321,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn put_rows(&mut self, i: usize, values: &[f64]) {
         self.put_newest_rows(i, values);
-        if self.ledger.episode.steps.get(i) == 0.0 {
-            self.repeat_rows(i);
-        }
     }
 
     fn steps(&self, i: usize) -> i64 {
