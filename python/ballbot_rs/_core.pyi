@@ -1506,6 +1506,7 @@ class Batch:
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
         *,
         privileged: bool = False,
+        drawn: bool = False,
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
@@ -1522,9 +1523,13 @@ class Batch:
             setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
                 the task's.
             privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
+            drawn: whether each robot has a controller for its parameters as events have sampled them, and for the delay of
+                its motors (where the controller has the option `delay` and it is not given), about its equilibrium on
+                its floor, and with the friction of its joints fed forward. It is designed again when the robot changes.
 
         Raises:
-            ValueError: the controller has a different sampling rate, or a wrong shape.
+            ValueError: the controller has a different sampling rate, or a wrong shape; there is no design for a sampled
+                robot.
             TypeError: a part that the controller does not follow.
         """
     def rollout(

@@ -889,17 +889,22 @@ impl PyBatch {
     ///     setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
     ///         the task's.
     ///     privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
+    ///     drawn: whether each robot has a controller for its parameters as events have sampled them, and for the delay of
+    ///         its motors (where the controller has the option `delay` and it is not given), about its equilibrium on
+    ///         its floor, and with the friction of its joints fed forward. It is designed again when the robot changes.
     ///
     /// Raises:
-    ///     ValueError: the controller has a different sampling rate, or a wrong shape.
+    ///     ValueError: the controller has a different sampling rate, or a wrong shape; there is no design for a sampled
+    ///         robot.
     ///     TypeError: a part that the controller does not follow.
-    #[pyo3(signature = (controller, setpoints=None, *, privileged=false))]
+    #[pyo3(signature = (controller, setpoints=None, *, privileged=false, drawn=false))]
     fn control<'py>(
         &self,
         py: Python<'py>,
         controller: &PyController,
         setpoints: Option<&Bound<'py, PyDict>>,
         privileged: bool,
+        drawn: bool,
     ) -> PyResult<Array2<'py, f32>> {
         let mut inner = self.inner.write()?;
         let batch = &mut inner.batch;
@@ -912,7 +917,11 @@ impl PyBatch {
         {
             let mut writable = actions.readwrite();
             let out = writable.as_slice_mut()?;
-            interruptible(py, || batch.control(&under, out))?;
+            let design = drawn.then_some(&*controller.design);
+            interruptible(py, || match design {
+                Some(design) => batch.control_drawn(&under, design, out),
+                None => batch.control(&under, out),
+            })?;
         }
         Ok(actions)
     }

@@ -10,6 +10,7 @@ mod batch;
 mod buffers;
 mod closed_loop;
 mod config;
+mod drawn_law;
 mod env;
 mod events;
 mod external_motion;
@@ -28,6 +29,7 @@ pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers, StepResults};
 pub use closed_loop::Under;
 pub use config::{BalanceConfig, EnvConfig, SCALAR_OPTIONS};
+pub use drawn_law::Design;
 pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };

@@ -29,7 +29,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.episode.next_command = self.draw_command(i);
         self.over[i] = false;
         self.begun = true;
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.reset_controllers(i);
         self.begin_readings(i);
         self.begin_perceiving(i);
         // An observation repeated before the first step repeats the first reading.

@@ -10,7 +10,6 @@ use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::error::Result;
 use ballbot_base::fields::Fields;
-use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use rand_chacha::ChaCha8Rng;
@@ -135,7 +134,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.restore_perceiving(i, snapshot.seen.into_iter().map(|(_, reading)| reading));
         self.forget_metrics(i);
         self.inform(i);
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.reset_controllers(i);
         self.over[i] = snapshot.over;
         self.begun |= !snapshot.over;
         Ok(())
