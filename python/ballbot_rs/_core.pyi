@@ -1238,7 +1238,8 @@ class Batch:
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
             None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
             in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
-            ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
+            ("ground_truth" or "sensors"), `history` (how many of the last observations are given together, or their
+            ages in control steps),
             `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
             and the options of the task.
 
@@ -1306,11 +1307,11 @@ class Batch:
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
     @property
-    def history(self) -> int:
-        """How many of the last observations are given together."""
+    def history(self) -> int | list[int]:
+        """How many of the last observations are given together, or the list of their ages in control steps."""
     @property
     def observation_len(self) -> int:
-        """Length of an observation: its rows, `history` times, newest last; then the readings of the instruments."""
+        """Length of an observation: its rows at each age of `history`, newest last; then the readings of the instruments."""
     @property
     def scale_observations(self) -> bool:
         """Whether observations are scaled."""
@@ -1450,7 +1451,7 @@ class Batch:
         """
     @property
     def observation_layout(self) -> dict[str, tuple[int, ...]]:
-        """Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and the
+        """Parts of an observation by name, in order, with their shapes: `state` (its rows at each age of `history`), and the
         instruments of the robots, as in `perceived`.
         """
     def perceived(self, name: str, index: int | None = None) -> npt.NDArray[np.float32]:
@@ -1511,6 +1512,7 @@ class Batch:
         setpoints: Mapping[str, npt.ArrayLike] | None = None,
         *,
         privileged: bool = False,
+        drawn: bool = False,
     ) -> npt.NDArray[np.float32]:
         """Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
 
@@ -1527,9 +1529,13 @@ class Batch:
             setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
                 the task's.
             privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
+            drawn: whether each robot has a controller for its parameters as events have sampled them, and for the delay of
+                its motors (where the controller has the option `delay` and it is not given), about its equilibrium on
+                its floor, and with the friction of its joints fed forward. It is designed again when the robot changes.
 
         Raises:
-            ValueError: the controller has a different sampling rate, or a wrong shape.
+            ValueError: the controller has a different sampling rate, or a wrong shape; there is no design for a sampled
+                robot.
             TypeError: a part that the controller does not follow.
         """
     def rollout(

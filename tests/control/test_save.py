@@ -4,6 +4,7 @@ import gymnasium
 import numpy as np
 import pytest
 import stable_baselines3
+from gymnasium.wrappers import FrameStackObservation, RescaleAction
 from stable_baselines3 import PPO
 from stable_baselines3.common.env_util import make_vec_env
 from stable_baselines3.common.vec_env import VecFrameStack, VecMonitor, VecNormalize
@@ -66,8 +67,14 @@ def test_what_a_policy_file_cannot_hold_is_not_saved(tmp_path):
     env = bb.BallbotVecEnv(1, **OPTIONS)
     with pytest.raises(ValueError, match="VecNormalize's statistics"):
         bb.save(model_of("PPO", VecNormalize(env)), tmp_path / "x")
-    with pytest.raises(ValueError, match="a wrapper has changed the spaces"):
-        bb.save(model_of("PPO", VecFrameStack(env, 2)), tmp_path / "x")
+    single = gymnasium.make(BALANCE, **OPTIONS)
+    with pytest.raises(ValueError, match=r"a wrapper has changed the spaces: .* \(3,\), float32\)$"):
+        bb.save(model_of("PPO", RescaleAction(single, -2.0, 2.0)), tmp_path / "x")
+    longer = bb.BallbotVecEnv(1, history=[0, 4], **OPTIONS)
+    stacked = (VecFrameStack(env, 3), 3), (FrameStackObservation(single, 2), 2), (VecFrameStack(longer, 2), 4)
+    for wrapped, count in stacked:
+        with pytest.raises(ValueError, match=f"spaces: .* instead of a wrapper, the option history={count} of"):
+            bb.save(model_of("PPO", wrapped), tmp_path / "x")
     with pytest.raises(ValueError, match="not one of ballbot_rs"):
         bb.save(model_of("PPO", gymnasium.make("Pendulum-v1")), tmp_path / "x")
     model = model_of("PPO", env)

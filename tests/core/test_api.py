@@ -451,8 +451,8 @@ def test_scalar_options_of_environments_are_described():
         assert option["doc"].endswith("."), name
     with pytest.raises(ValueError, match="control_dt = -1 is out of range"):
         Batch(1, control_dt=-1.0)
-    with pytest.raises(ValueError, match=r"history = 1.5 .* a whole number"):
-        Batch(1, history=1.5)
+    with pytest.raises(ValueError, match=r"max_episode_steps = 1.5 .* a whole number"):
+        Batch(1, max_episode_steps=1.5)
     with pytest.raises(ValueError, match=r"scale_observations = 2 .* 0 or 1"):
         Batch(1, scale_observations=2)
 

@@ -11,6 +11,7 @@ from onnx import TensorProto, helper, numpy_helper
 import ballbot_rs as bb
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.deployment import policy_header
+from ballbot_rs.envs.spaces import history_ages
 from tests.support.c_code import CPolicy
 from tests.support.onnx_policies import SHIPPED
 from tests.support.paths import ROOT
@@ -118,13 +119,14 @@ def test_an_unknown_operator_is_named(tmp_path):
         policy_header(file)
 
 
-@pytest.mark.parametrize("history", [1, 3])
+@pytest.mark.parametrize("history", [1, 3, [0, 1, 4, 9]])
 def test_steps_in_c_match_the_environment(history, tmp_path):
     """The same episode, seen scaled by onnxruntime and in units by C."""
     rng = np.random.default_rng(7)
-    constants = {"v": rng.normal(0.0, 0.05, (16 * history, 3)), "c": rng.normal(0.0, 0.1, 3)}
+    size = 16 * len(history_ages(history))
+    constants = {"v": rng.normal(0.0, 0.05, (size, 3)), "c": rng.normal(0.0, 0.1, 3)}
     nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
-    file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=16 * history, history=history, max_wheel_torque=0.3)
+    file = policy_of(tmp_path / "p.onnx", nodes, constants, rows=size, history=history, max_wheel_torque=0.3)
     policy, in_c = OnnxPolicy(file), CPolicy(tmp_path, policy_header(file))
     scaled = bb.BalanceEnv(history=history, max_wheel_torque=0.3)
     plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3)

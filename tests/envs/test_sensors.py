@@ -35,6 +35,8 @@ EVERYTHING = {
     "encoder_rate": 1000.0,
     "latency": 0.02,
 }
+#: Ages of a history with gaps.
+GAPS = [0, 1, 4, 9]
 OBSERVED = {"sensors": EVERYTHING, "observation": "sensors", "history": 3}
 ROWS = len(_core.TASKS["balance"]["observation"])
 
@@ -104,6 +106,27 @@ def test_exact_sensors_do_not_change_the_observation_of_the_truth():
     expected = np.array(front_ends()["Batch"](3))
     for sensors in (None, "exact", EVERYTHING):
         np.testing.assert_array_equal(np.array(front_ends(sensors=sensors)["Batch"](3)), expected)
+
+
+@pytest.mark.parametrize("given", [GAPS, np.array(GAPS), tuple(GAPS)])
+def test_history_with_gaps_has_the_observations_of_its_ages(given):
+    gaps, once = front_ends(history=given), front_ends()
+    single = np.array(once["BalanceEnv"](3))
+    for name, episode in gaps.items():
+        for k, found in enumerate(episode(3)):
+            expected = [single[max(k - age, 0)] for age in reversed(GAPS)]
+            np.testing.assert_array_equal(found, np.concatenate(expected), err_msg=name)
+    env = bb.BalanceEnv(history=given)
+    assert env.observation_space.shape == (len(GAPS) * ROWS,)
+    assert env.observation_space.contains(env.reset(seed=0)[0])
+    batch = bb.Batch(1, history=given)
+    assert batch.history == batch.options["history"] == GAPS
+    assert batch.observation_layout == {"state": (len(GAPS) * ROWS,)}
+
+
+def test_ages_without_gaps_are_a_count():
+    assert bb.Batch(1, history=[0, 1, 2]).options["history"] == 3
+    assert bb.Batch(1, history=[0]).history == 1
 
 
 def test_history_is_oldest_first_and_within_the_space():
@@ -180,7 +203,13 @@ def test_sensors_come_from_names_files_and_dicts(tmp_path):
         ({"observation": 1}, TypeError, "observation must be the name of a kind of observation, not int"),
         ({"history": 0}, ValueError, "history = 0"),
         ({"history": 1001}, ValueError, "history = 1001 .*1000"),
-        ({"history": 1.5}, ValueError, "history = 1.5"),
+        ({"history": 1.5}, ValueError, "history = 1.5 .* a whole number"),
+        ({"history": "all"}, TypeError, "history must be a whole number, or a list of ages, not str"),
+        ({"history": []}, ValueError, r"history = \[\]: the first age must be 0"),
+        ({"history": [1, 2]}, ValueError, r"history = \[1, 2\]: the first age must be 0, the newest observation"),
+        ({"history": [0, 2, 2]}, ValueError, r"history = \[0, 2, 2\]: ages must ascend, but 2 follows 2"),
+        ({"history": [0, 1.5]}, ValueError, r"history\[1\] = 1.5 .* a whole number"),
+        ({"history": [0, 1001]}, ValueError, r"history = \[0, 1001\]: the age 1001 must be at most 1000"),
     ],
 )
 def test_invalid_values_are_rejected_by_every_front_end(options, kind, message):
@@ -212,16 +241,18 @@ def test_a_copy_reads_the_same(copied):
         np.testing.assert_array_equal(other.step(action)[0], env.step(action)[0])
 
 
-def test_a_policy_keeps_its_sensors(tmp_path):
-    env = bb.BallbotVecEnv(1, model="spatial", **OBSERVED)
+@pytest.mark.parametrize("history", [3, [0, 2, 5]])
+def test_a_policy_keeps_its_sensors_and_history(history, tmp_path):
+    observed = {**OBSERVED, "history": history}
+    env = bb.BallbotVecEnv(1, model="spatial", **observed)
     path = bb.save(PPO("MlpPolicy", env, policy_kwargs={"net_arch": [8]}, seed=0), tmp_path / "p.zip")
     assert main(["export", str(path), "-o", str(tmp_path / "p.onnx")]) == 0
     for file in (path, tmp_path / "p.onnx"):
         options = find(file).env_options
-        assert {name: options[name] for name in OBSERVED} == OBSERVED
+        assert {name: options[name] for name in observed} == observed
     given, own, truth = (
         bb.evaluate(path, episodes=3, env_options=options)
-        for options in (OBSERVED, {}, {"observation": "ground_truth"})
+        for options in (observed, {}, {"observation": "ground_truth"})
     )
     assert own == given
     assert own.tilt_rms != truth.tilt_rms

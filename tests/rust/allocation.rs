@@ -3,7 +3,7 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, Observation, StepResults, Under, When};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, History, Observation, StepResults, Under, When};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, controller_kinds};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::perception::{DepthOptions, Instruments, LidarOptions, ScanOptions};
@@ -106,7 +106,12 @@ fn steps_allocate_nothing() {
         let unobserved = BalanceConfig { sensors: Some(slow.clone()), ..config.clone() };
         assert_eq!(allocations(&unobserved, None), 0, "{} with slow sensors", config.model);
         let observation = Observation::Sensors;
-        let config = BalanceConfig { sensors: Some(sensors.clone()), observation, history: 3, ..config };
+        let config = BalanceConfig {
+            sensors: Some(sensors.clone()),
+            observation,
+            history: History::Ages(vec![0, 1, 30]),
+            ..config
+        };
         assert_eq!(allocations(&config, None), 0, "{} with sensors", config.model);
     }
     // For the record: a reset may allocate, and so does rapier.

@@ -6,7 +6,7 @@
 //! steps of the two models.
 
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, Batch, EnvConfig, Observation, Outcome, StepBuffers, load_events};
+use ballbot_core::batch::{Autoreset, Batch, EnvConfig, History, Observation, Outcome, StepBuffers, load_events};
 use ballbot_core::perception::{DepthOptions, Instruments, LidarOptions, ScanOptions};
 use ballbot_core::sensor::SensorOptions;
 use ballbot_core::task::{ACTION_LEN, DIVERGED, Goal};
@@ -93,7 +93,7 @@ impl Soak {
                 .with(DepthOptions { size: [6.0, 4.0], dropout: 0.1, freeze: 0.05, ..Default::default() })
                 .with(LidarOptions { beams: 12.0, noise: 0.01, dropout: 0.1, ..Default::default() }),
             observation: Observation::Sensors,
-            history: 2,
+            history: History::Last(2),
             task: Goal { fall_tilt: 1.5, ..Goal::default() },
             events: load_events("hard").unwrap(),
             ..EnvConfig::default()

@@ -322,7 +322,7 @@ RIGHT: dict[str, list[Any]] = {
     "lidar": [None, {"beams": 5, "noise": 0.01, "stabilized": 1}],
     "level": [None],
     "observation": ["ground_truth", "sensors"],
-    "history": [1, 3],
+    "history": [1, 3, [0, 2, 5]],
     "events": [None, "mild", {"term": "gravity", "range": [9.0, 10.0]}, [{"term": "push", "range": [0, 1], "at": 0.0}]],
     "load_events.name_or_path": ["mild", "hard", [{"term": "body_mass", "op": "scale", "range": [0.9, 1.1]}]],
     "setpoint": [(0.1, 0.0)],

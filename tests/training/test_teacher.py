@@ -71,7 +71,7 @@ def fitted():
     """A fitted model, and the errors of the rounds."""
     model = new_model()
     value = of_value(model)
-    errors = teacher.fit_actor(model, FIT, seed=0)
+    errors = teacher.fit_actor(model, *teacher.laws_of(model, FIT), FIT, seed=0)
     assert all(shares(value, of_value(model)))
     return model, errors
 
@@ -125,7 +125,7 @@ class TestFit:
             starts.append(bb.State.at_rest(params, tilt=tilt, yaw=yaw))
         observations = batch.reset(starts=starts)
         np.testing.assert_allclose(observations, np.tile(observations[:1], (32, 1)), atol=1e-5)
-        law = teacher.law_of(model, FIT)
+        (law,) = teacher.laws_of(model, FIT)
         labels = batch.control(law, teacher._setpoints(batch, law, FIT))
         np.testing.assert_allclose(labels, np.tile(labels[:1], (32, 1)), atol=1e-5)
         # With the heading held at zero they would differ.
@@ -135,17 +135,15 @@ class TestFit:
     def test_every_task_has_laws_to_learn_from(self, task):
         model = new_model(task)
         quick = config.Teacher("cascade_pid", rounds=2, steps=10)
-        assert np.isfinite(teacher.fit_actor(model, quick, seed=0)).all()
-        assert set(teacher._setpoints(teacher._batch(model), teacher.law_of(model, quick), quick)) >= {
-            "position",
-            "yaw",
-        }
+        (law,) = teacher.laws_of(model, quick)
+        assert np.isfinite(teacher.fit_actor(model, law, quick, seed=0)).all()
+        assert set(teacher._setpoints(teacher._batch(model), law, quick)) >= {"position", "yaw"}
 
     def test_a_controller_that_does_not_follow_positions_ignores_the_position(self):
         model = new_model("path")
         batch = teacher._batch(model)
         batch.reset()
-        law = teacher.law_of(model, FIT)
+        (law,) = teacher.laws_of(model, FIT)
         requested = batch.setpoint(0)
         for follows in (True, False):
             chosen = teacher._setpoints(batch, law, dataclasses.replace(FIT, follows_position=follows))
@@ -154,6 +152,40 @@ class TestFit:
             np.testing.assert_array_equal(chosen["velocity"][0], requested["velocity"])
         with pytest.raises(ValueError, match="follows_position = 1 must be true or false"):
             dataclasses.replace(FIT, follows_position=1)
+
+    def test_labels_are_of_each_robot_as_events_have_sampled_it(self):
+        events = [{"term": "body_com_offset", "range": [-0.005, 0.005]}]
+        for drawn in (True, False):
+            model, other = (new_model(events=events) for _ in range(2))
+            settings = dataclasses.replace(FIT, rounds=1, steps=1, drawn=drawn)
+            (law,) = teacher.laws_of(model, settings)
+            rng = np.random.default_rng(0)
+            _, labels = teacher._visited(model, model.get_env(), teacher._batch(model), law, settings, rng, 1.0)
+            batch = teacher._batch(other)
+            other.get_env().reset()
+            own = np.zeros((32, 3))
+            for i in range(32):
+                params = batch.params(i) if drawn else bb.Params.paper()
+                controller = bb.Controller("lqr", params, max_torque=batch.max_wheel_torque)
+                own[i] = controller(batch.state(i), yaw=batch.state(i).yaw) / batch.max_wheel_torque
+            np.testing.assert_allclose(labels, own, atol=1e-5)
+
+    def test_of_several_controllers_the_best_is_chosen(self):
+        several = dataclasses.replace(FIT, controller=["sliding_mode", "lqr"], options={"lqr": {"torque": 0.3}})
+        messages = []
+        for seed in (0, 500):
+            law = teacher.best_law(new_model(max_episode_steps=200), several, seed, messages.append)
+            assert law.name == "lqr"
+        assert messages[0] != messages[1]
+        first = [float(text.rpartition(" ")[2]) for text in messages[0].removeprefix("mean returns: ").split(", ")]
+        assert messages[0].startswith("mean returns: sliding_mode ")
+        assert first[0] < first[1] <= 200.0
+        # Each is judged in the same episodes.
+        again = dataclasses.replace(several, controller=["lqr", "sliding_mode"])
+        teacher.best_law(new_model(max_episode_steps=200), again, 0, messages.append)
+        assert [
+            float(text.rpartition(" ")[2]) for text in messages[2].removeprefix("mean returns: ").split(", ")
+        ] == first[::-1]
 
 
 class TestRun:
@@ -199,7 +231,10 @@ class TestMistakes:
             ("[teacher]\nrounds = 3", r"\[teacher\]: it has no controller, expected one of lqr, "),
             ("[teacher]\nlaw = 'lqr'", r"\[teacher\]: unknown key 'law': expected one of controller, options, "),
             ("[teacher]\ncontroller = 'lqg'", "teacher.controller = 'lqg' is not a controller: expected one of lqr, "),
-            ("[teacher]\ncontroller = ['lqr']", r"teacher.controller = \['lqr'\] is not a controller"),
+            ("[teacher]\ncontroller = ['lqr', 'lqg']", r"controller = \['lqr', 'lqg'\] is not a .* or a list of them"),
+            ("[teacher]\ncontroller = []", r"teacher.controller = \[\] is not a controller"),
+            ("[teacher]\ncontroller = ['lqr']\noptions = {torque = 1}", "options.torque = 1: .* table of options of"),
+            ("[teacher]\ncontroller = 'lqr'\ndrawn = 1", "teacher.drawn = 1 must be true or false"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),
             ("[teacher]\ncontroller = 'lqr'\nsteps = 1.5", "teacher.steps = 1.5 is out of range"),

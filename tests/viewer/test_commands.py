@@ -46,15 +46,15 @@ def test_a_controller_acts_as_in_the_batch(task, model):
         assert len(set(commands)) > 1
 
 
-@pytest.mark.parametrize("task", TASKS)
-def test_a_policy_brings_its_task_and_observes_as_in_training(task, tmp_path):
+@pytest.mark.parametrize(("task", "history"), [*((task, 2) for task in TASKS), ("goal", [0, 1, 4])])
+def test_a_policy_brings_its_task_and_observes_as_in_training(task, history, tmp_path):
     pytest.importorskip("onnx", reason="needs 'ballbot-rs[export]'")
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     from ballbot_rs import OnnxPolicy
     from tests.support.onnx_policies import tiny_policy
 
     # A long way from the defaults: the environment of the page is the environment of the training.
-    path = tiny_policy(tmp_path / "p.onnx", task, gain=0.03, history=2, max_wheel_torque=0.2, control_dt=0.02)
+    path = tiny_policy(tmp_path / "p.onnx", task, gain=0.03, history=history, max_wheel_torque=0.2, control_dt=0.02)
     session = Session(controller=str(path), num_robots=2)
     assert (session.task, session.driver.control_dt) == (task, 0.02)
     policy = OnnxPolicy(path)

@@ -8,7 +8,7 @@ use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
 use crate::infos::StepInfos;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
-use crate::options::{configure, resolved};
+use crate::options::{configure, history_object, resolved};
 use crate::params::{PyParams, or_paper};
 use crate::perception::perceived;
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets, record_names};
@@ -44,7 +44,8 @@ use std::sync::Arc;
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
 ///         None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
 ///         in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
-///         ("ground_truth" or "sensors"), `history` (how many of the last observations are given together),
+///         ("ground_truth" or "sensors"), `history` (how many of the last observations are given together, or their
+///         ages in control steps),
 ///         `scale_observations`, `reward` (scales by term), `events` (as in `load_events`: randomization and pushes),
 ///         and the options of the task.
 ///
@@ -303,13 +304,13 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.max_episode_steps())
     }
 
-    /// How many of the last observations are given together.
+    /// How many of the last observations are given together, or the list of their ages in control steps.
     #[getter]
-    fn history(&self) -> PyResult<usize> {
-        Ok(self.inner.read()?.batch.history())
+    fn history<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyAny>> {
+        history_object(py, self.inner.read()?.batch.history())
     }
 
-    /// Length of an observation: its rows, `history` times, newest last; then the readings of the instruments.
+    /// Length of an observation: its rows at each age of `history`, newest last; then the readings of the instruments.
     #[getter]
     fn observation_len(&self) -> PyResult<usize> {
         Ok(self.inner.read()?.batch.observation_len())
@@ -693,7 +694,7 @@ impl PyBatch {
         readings(py, &self.inner.read()?.batch, index)
     }
 
-    /// Parts of an observation by name, in order, with their shapes: `state` (its rows, `history` times), and the
+    /// Parts of an observation by name, in order, with their shapes: `state` (its rows at each age of `history`), and the
     /// instruments of the robots, as in `perceived`.
     #[getter]
     fn observation_layout<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
@@ -888,17 +889,22 @@ impl PyBatch {
     ///     setpoints: parts by name, each for all robots or with one row per robot; missing parts are zero. None takes
     ///         the task's.
     ///     privileged: whether the controller gets the true states whatever the task observes, as a teacher does.
+    ///     drawn: whether each robot has a controller for its parameters as events have sampled them, and for the delay of
+    ///         its motors (where the controller has the option `delay` and it is not given), about its equilibrium on
+    ///         its floor, and with the friction of its joints fed forward. It is designed again when the robot changes.
     ///
     /// Raises:
-    ///     ValueError: the controller has a different sampling rate, or a wrong shape.
+    ///     ValueError: the controller has a different sampling rate, or a wrong shape; there is no design for a sampled
+    ///         robot.
     ///     TypeError: a part that the controller does not follow.
-    #[pyo3(signature = (controller, setpoints=None, *, privileged=false))]
+    #[pyo3(signature = (controller, setpoints=None, *, privileged=false, drawn=false))]
     fn control<'py>(
         &self,
         py: Python<'py>,
         controller: &PyController,
         setpoints: Option<&Bound<'py, PyDict>>,
         privileged: bool,
+        drawn: bool,
     ) -> PyResult<Array2<'py, f32>> {
         let mut inner = self.inner.write()?;
         let batch = &mut inner.batch;
@@ -911,7 +917,11 @@ impl PyBatch {
         {
             let mut writable = actions.readwrite();
             let out = writable.as_slice_mut()?;
-            interruptible(py, || batch.control(&under, out))?;
+            let design = drawn.then_some(&*controller.design);
+            interruptible(py, || match design {
+                Some(design) => batch.control_drawn(&under, design, out),
+                None => batch.control(&under, out),
+            })?;
         }
         Ok(actions)
     }

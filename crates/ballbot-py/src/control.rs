@@ -6,13 +6,15 @@ use crate::exclusive::Exclusive;
 use crate::numbers::{one_or_more, optional_real, real};
 use crate::params::or_paper;
 use crate::state::PyState;
+use ballbot_core::batch::Design;
 use ballbot_core::control::{
     Constant, Constants, Controller, DEFAULT_TRACTION, LimitOptions, Lqr, LqrOptions, Pid, PidGains, SETPOINT_PARTS,
     Sampled, Setpoint, controller_kind,
 };
 use ballbot_core::fields::Fields;
 use ballbot_core::models::Scale;
-use ballbot_core::{Params, one_of};
+use ballbot_core::models::linear::{INPUTS, STATES};
+use ballbot_core::{Params, Result, one_of};
 use nalgebra::DMatrix;
 use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -21,6 +23,9 @@ use pyo3::types::{PyDict, PyMapping};
 
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 type Keywords<'a, 'py> = Option<&'a Bound<'py, PyDict>>;
+
+/// The option of controllers that predict over the delay of the motors.
+const DELAY: &str = "delay";
 
 /// Length of a part of a setpoint.
 fn part_len(name: &str) -> usize {
@@ -131,11 +136,22 @@ pub(crate) struct PyController {
     /// The robot that it is designed for.
     pub(crate) params: Params,
     pub(crate) law: Exclusive<Box<dyn Controller>>,
+    /// Its design for other robots.
+    pub(crate) design: Box<Design>,
 }
 
 impl PyController {
-    fn new(name: &str, class: &'static str, params: Params, law: impl Controller + 'static) -> Self {
-        Self { name: name.to_owned(), class, params, law: Exclusive::new("controller", Box::new(law)) }
+    fn new<C: Controller + 'static>(
+        name: &str,
+        class: &'static str,
+        params: Params,
+        law: C,
+        design: impl Fn(&Params, f64) -> Result<C> + Send + Sync + 'static,
+    ) -> Self {
+        let design = Box::new(move |params: &Params, delay| -> Result<Box<dyn Controller>> {
+            Ok(Box::new(design(params, delay)?))
+        });
+        Self { name: name.to_owned(), class, params, law: Exclusive::new("controller", Box::new(law)), design }
     }
 
     pub(crate) fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
@@ -210,8 +226,15 @@ impl PyController {
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let limits = limits(kind.limits, max_torque, traction)?;
-        let law = call(|| (kind.make)(&params, control_dt, &limits, &borrowed(&options)))?;
-        Ok(Self { name: name.to_owned(), class: "Controller", params, law: Exclusive::new("controller", law) })
+        let predicts = known.contains(&DELAY) && !options.iter().any(|(name, _)| name == DELAY);
+        let design = move |params: &Params, delay: f64| {
+            let delay = [delay];
+            let predicted = (predicts && delay[0] > 0.0).then_some((DELAY, &delay[..]));
+            let options: Vec<_> = borrowed(&options).into_iter().chain(predicted).collect();
+            (kind.make)(params, control_dt, &limits, &options)
+        };
+        let law = Exclusive::new("controller", call(|| design(&params, 0.0))?);
+        Ok(Self { name: name.to_owned(), class: "Controller", params, law, design: Box::new(design) })
     }
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.
@@ -332,8 +355,9 @@ impl PyPid {
         let gains: PidGains = fields("Pid", gains)?;
         let params = or_paper(params)?;
         let limits = limits(LimitOptions::CAP, max_torque, traction)?;
-        let pid = call(|| Pid::with_map(&params, control_dt, &gains, map, &limits))?;
-        Ok(PyClassInitializer::from(PyController::new("pid", "Pid", params, pid)).add_subclass(Self))
+        let design = move |params: &Params, _| Pid::with_map(params, control_dt, &gains, map, &limits);
+        let pid = call(|| design(&params, 0.0))?;
+        Ok(PyClassInitializer::from(PyController::new("pid", "Pid", params, pid, design)).add_subclass(Self))
     }
 }
 
@@ -379,36 +403,40 @@ fn cost(name: &str, value: &Bound<'_, PyAny>, size: usize) -> PyResult<DMatrix<f
     Ok(DMatrix::from_row_slice(size, size, &rows))
 }
 
+/// The design of a regulator for a robot whose motors have a delay.
 fn regulator(
-    params: &Params,
     control_dt: f64,
-    costs: [Argument<'_, '_>; 2],
-    limits: &LimitOptions,
+    [q, r]: [Argument<'_, '_>; 2],
+    limits: LimitOptions,
     weights: Keywords<'_, '_>,
-) -> PyResult<Sampled<Lqr>> {
+) -> PyResult<impl Fn(&Params, f64) -> Result<Sampled<Lqr>> + Send + Sync + use<>> {
     let options: LqrOptions = fields("Lqr", weights)?;
-    let [q, r] = costs;
+    let mut predicts = true;
     for (name, _) in weights.into_iter().flatten() {
         let name: String = name.extract()?;
         if name == "torque" && r.is_some() {
             return Err(PyTypeError::new_err("Lqr takes R or the weight torque, not both"));
         }
-        let own = ["torque", "max_lean", "max_speed", "delay", "lean_observer"];
+        predicts &= name != DELAY;
+        let own = ["torque", "max_lean", "max_speed", DELAY, "lean_observer"];
         if !own.contains(&name.as_str()) && q.is_some() {
             return Err(PyTypeError::new_err(format!("Lqr takes Q or the weight {name}, not both")));
         }
     }
-    params.validate().map_err(to_python)?;
-    let weights = Scale::of(params).fit(&options.weights);
-    weights.check_limits().map_err(to_python)?;
-    let (mut q_matrix, mut r_matrix) = weights.matrices();
-    if let Some(q) = q {
-        q_matrix = cost("Q", q, q_matrix.nrows())?;
-    }
-    if let Some(r) = r {
-        r_matrix = cost("R", r, r_matrix.nrows())?;
-    }
-    call(|| Lqr::with_costs(params, control_dt, [&q_matrix, &r_matrix], &options, limits))
+    let q = q.map(|q| cost("Q", q, STATES)).transpose()?;
+    let r = r.map(|r| cost("R", r, INPUTS)).transpose()?;
+    Ok(move |params: &Params, delay: f64| {
+        params.validate()?;
+        let weights = Scale::of(params).fit(&options.weights);
+        weights.check_limits()?;
+        let (own_q, own_r) = weights.matrices();
+        let costs = [q.as_ref().unwrap_or(&own_q), r.as_ref().unwrap_or(&own_r)];
+        let mut options = options;
+        if predicts {
+            options.delay.delay = delay;
+        }
+        Lqr::with_costs(params, control_dt, costs, &options, &limits)
+    })
 }
 
 #[pymethods]
@@ -427,8 +455,10 @@ impl PyLqr {
     ) -> PyResult<PyClassInitializer<Self>> {
         let limits = limits(LimitOptions::TRACTION, max_torque, traction)?;
         let params = or_paper(params)?;
-        let lqr = regulator(&params, control_dt, [Q, R], &limits, weights)?;
-        Ok(PyClassInitializer::from(PyController::new("lqr", "Lqr", params, lqr.clone())).add_subclass(Self(lqr)))
+        let design = regulator(control_dt, [Q, R], limits, weights)?;
+        let lqr = call(|| design(&params, 0.0))?;
+        let controller = PyController::new("lqr", "Lqr", params, lqr.clone(), design);
+        Ok(PyClassInitializer::from(controller).add_subclass(Self(lqr)))
     }
 
     /// Deviation x that the gain multiplies, shape (10,), in the heading frame: m, rad, m/s, rad/s.

@@ -7,10 +7,11 @@ use crate::numbers::one_or_more;
 use crate::params::or_paper;
 use crate::perception::{instrument, levels, levels_object, set_instruments};
 use crate::terrain::{terrain, terrain_object};
-use ballbot_core::batch::{SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
+use ballbot_core::batch::{History, SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
 use ballbot_core::fields::OptionDescription;
 use ballbot_core::perception::instrument_kind;
 use ballbot_core::task::TaskDescription;
+use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
@@ -20,6 +21,10 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
     let wrong = |what: &str| {
         let found = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
         PyTypeError::new_err(format!("{name} must be {what}, not {found}"))
+    };
+    let of_type = |error: PyErr, what: &str| match error.is_instance_of::<PyTypeError>(value.py()) {
+        true => wrong(what),
+        false => error,
     };
     match name {
         // `params=None` is rejected: omit the option to get the default robot.
@@ -32,6 +37,9 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         "actuators" => config.set_actuators(option(value)?.unwrap_or_default()),
         "sensors" => config.set_sensors(option(value)?),
         "level" => config.set_levels(levels(value)?),
+        "history" => {
+            config.set_history(history(value).map_err(|error| of_type(error, "a whole number, or a list of ages"))?)
+        }
         "observation" => {
             let observation: String = value.extract().map_err(|_| wrong("the name of a kind of observation"))?;
             config.set_observation(observation.parse().map_err(to_python)?);
@@ -56,14 +64,30 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         }
         _ => {
             let values =
-                one_or_more(name, value).map_err(|error| match error.is_instance_of::<PyTypeError>(value.py()) {
-                    true => wrong("a number, or an array of numbers"),
-                    false => error,
-                })?;
+                one_or_more(name, value).map_err(|error| of_type(error, "a number, or an array of numbers"))?;
             config.set(name, &values).map_err(to_python)?;
         }
     }
     Ok(())
+}
+
+/// Which of the last observations are given together: their count, or their ages.
+fn history(value: &Bound<'_, PyAny>) -> PyResult<History> {
+    let numbers = one_or_more("history", value)?;
+    // Arrays without dimensions have no length.
+    match (numbers.as_slice(), value.len()) {
+        ([count], Err(_)) => History::last(*count),
+        (ages, _) => History::of_ages(ages),
+    }
+    .map_err(to_python)
+}
+
+/// [`history`] in the form of an option.
+pub(crate) fn history_object<'py>(py: Python<'py>, history: &History) -> PyResult<Bound<'py, PyAny>> {
+    match history {
+        History::Last(count) => Ok(count.into_pyobject(py)?.into_any()),
+        History::Ages(ages) => ages.into_bound_py_any(py),
+    }
 }
 
 /// Whether None means a value that follows from other options.
@@ -87,6 +111,7 @@ pub(crate) fn resolved<'py>(
             ScalarKind::Flag => resolved.set_item(name, value != 0.0)?,
         }
     }
+    resolved.set_item("history", history_object(py, config.history())?)?;
     for OptionDescription { name, .. } in &task.options {
         match config.get(name).unwrap_or_default().as_slice() {
             [number] => resolved.set_item(name, number)?,

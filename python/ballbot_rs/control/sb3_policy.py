@@ -19,7 +19,7 @@ from stable_baselines3.common.vec_env import unwrap_vec_normalize
 from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
-from ballbot_rs.envs.spaces import action_space, observation_space, observation_width
+from ballbot_rs.envs.spaces import action_space, history_ages, observation_space, observation_width
 
 #: Modules with algorithms for continuous actions, and their names; recurrent policies are omitted.
 ALGORITHMS: Final = {
@@ -85,7 +85,7 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
         if (model.observation_space, model.action_space) != spaces:
             raise ValueError(
                 f"a wrapper has changed the spaces: {model.observation_space} to {model.action_space}, "
-                f"expected {spaces[0]} to {spaces[1]}"
+                f"expected {spaces[0]} to {spaces[1]}{_instead(model.observation_space, spaces[0], options)}"
             )
         setattr(model, METADATA, metadata(task, algorithm, options))
     elif not isinstance(getattr(model, METADATA, None), dict):
@@ -95,6 +95,15 @@ def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
         file = file.with_name(f"{file.name}.zip")
     write(model, file)
     return file
+
+
+def _instead(found: Any, expected: Any, options: Mapping[str, Any]) -> str:
+    """What a message recommends in place of a wrapper that stacks observations; empty for other spaces."""
+    times, rest = divmod(int(np.prod(found.shape)), int(np.prod(expected.shape)))
+    if times < 2 or rest:
+        return ""
+    count = times * len(history_ages(options["history"]))
+    return f"; instead of a wrapper, the option history={count} of the environment stacks observations"
 
 
 def write(model: BaseAlgorithm, file: Path, extra: Mapping[str, bytes] = MappingProxyType({})) -> None:

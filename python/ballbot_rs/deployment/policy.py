@@ -9,6 +9,7 @@ from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, TASKS
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
+from ballbot_rs.envs.spaces import history_ages
 
 #: Rows of observations, by their names, from a `ballbot_view`, a `ballbot_state` and the last action.
 _ROWS: Final = {
@@ -43,7 +44,7 @@ def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
             raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
     rows = [dict(row) for row in TASKS[policy.task]["observation"]]
     try:
-        weights, act = network(file.read_bytes(), len(rows) * options["history"])
+        weights, act = network(file.read_bytes(), len(rows) * len(history_ages(options["history"])))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     observe = _observe(rows)
@@ -73,7 +74,10 @@ def _scaling(options: dict[str, Any], rows: list[dict[str, Any]]) -> str:
         "rest": [row["rest"] if is_scaled else 0.0 for row in rows],
         "gain": [1.0 / row["typical"] if is_scaled else 1.0 for row in rows],
     }
-    text = f"#define BALLBOT_POLICY_ROWS {len(rows)}\n#define BALLBOT_POLICY_HISTORY {options['history']}\n"
+    ages = history_ages(options["history"])
+    text = f"#define BALLBOT_POLICY_ROWS {len(rows)}\n#define BALLBOT_POLICY_HISTORY {len(ages)}\n"
+    text += f"#define BALLBOT_POLICY_OLDEST {ages[-1]}\n"
+    text += f"static const int BALLBOT_POLICY_AGES[] = {{{', '.join(map(str, ages))}}};\n"
     text += "".join(
         f"#define BALLBOT_POLICY_{name.upper()} ((ballbot_real){number(value)})\n" for name, value in numbers.items()
     )
@@ -121,7 +125,7 @@ def _head(policy: OnnxPolicy, rows: list[dict[str, Any]], *, has_observe: bool) 
         "    ballbot_policy_step(&policy, rows, torques);",
         "",
         f"Torques: the action within [-1, 1] times BALLBOT_POLICY_MAX_TORQUE = {options['max_wheel_torque']:.6g} N m.",
-        f"Rows: saturated, then {scaled}; the network sees the last {options['history']} observations.",
+        f"Rows: saturated, then {scaled}; {_seen(options['history'])}",
         "Memory: all of it is in `ballbot_policy`; nothing is allocated. Weights are of single precision, sums of",
         "double or of what `#define BALLBOT_REAL float` before the #include chooses.",
         "",
@@ -133,6 +137,12 @@ def _head(policy: OnnxPolicy, rows: list[dict[str, Any]], *, has_observe: bool) 
         "",
         f"Trained on the robot {_robot(options)}.",
     ]
+
+
+def _seen(history: Any) -> str:
+    if isinstance(history, list):
+        return f"the network sees the observations of {', '.join(map(str, history))} steps ago."
+    return f"the network sees the last {history} observations."
 
 
 def _robot(options: dict[str, Any]) -> str:

@@ -1,6 +1,6 @@
 """Spaces of one environment."""
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from typing import Any, cast
 
 import numpy as np
@@ -30,8 +30,13 @@ def observation_space_of(batch: Batch) -> spaces.Space[FloatArray]:
     return _space(batch.observation_bounds, batch.options, batch.scale_observations)
 
 
+def history_ages(history: Any) -> list[int]:
+    """Ages of the observations that the option `history` gives together, newest first, control steps."""
+    return [int(age) for age in (history if isinstance(history, Iterable) else range(int(history)))]
+
+
 def _space(bounds: FloatArray, options: Mapping[str, Any], scaled: bool) -> spaces.Space[FloatArray]:
-    state = np.tile(bounds, options.get("history", 1))
+    state = np.tile(bounds, len(history_ages(options.get("history", 1))))
     least, largest = reading_bounds(options, scaled)
     low, high = np.concatenate((-state, least)), np.concatenate((state, largest))
     return cast("spaces.Space[FloatArray]", spaces.Box(low, high, dtype=np.float32))

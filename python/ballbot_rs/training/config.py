@@ -40,10 +40,14 @@ class Teacher:
     Its steps come in addition to `total_timesteps`.
     """
 
-    #: A law of the core, one of `controllers()`.
-    controller: str
-    #: Its options, as for `make_controller`.
+    #: A law of the core, one of `controllers()`; of several, the law with the highest return in the task.
+    controller: str | list[str]
+    #: Its options, as for `make_controller`; of several laws, such tables by their names.
     options: dict[str, Any] = dataclasses.field(default_factory=dict)
+    #: Whether the law is given each robot as events have sampled it: it is designed for its parameters and the delay of
+    #: its motors, about its equilibrium, with the friction of its joints fed forward. Else it is the law of the robot
+    #: before events.
+    drawn: bool = False
     #: Whether the law follows the position that the task commands; else the position error is zero for each robot. The
     #: law's response to a position error cannot be learned from observations without it.
     follows_position: bool = True
@@ -61,18 +65,37 @@ class Teacher:
     value_rollouts: int = 40
 
     def __post_init__(self) -> None:
-        if not isinstance(self.controller, str) or self.controller not in CONTROLLERS:
+        names = self.controller if isinstance(self.controller, list) else [self.controller]
+        if not names or any(not isinstance(name, str) or name not in CONTROLLERS for name in names):
             known = ", ".join(CONTROLLERS)
-            raise ValueError(f"teacher.controller = {self.controller!r} is not a controller: expected one of {known}")
+            raise ValueError(
+                f"teacher.controller = {self.controller!r} is not a controller: expected one of {known}, "
+                "or a list of them"
+            )
         if not isinstance(self.options, dict):
             raise ValueError(f"teacher.options = {self.options!r} must be a table")
-        if not isinstance(self.follows_position, bool):
-            raise ValueError(f"teacher.follows_position = {self.follows_position!r} must be true or false")
+        if isinstance(self.controller, list):
+            for name, options in self.options.items():
+                if name not in names or not isinstance(options, dict):
+                    raise ValueError(
+                        f"teacher.options.{name} = {options!r}: expected a table of options of one of "
+                        f"{', '.join(names)}"
+                    )
+        for name in ("drawn", "follows_position"):
+            if not isinstance(getattr(self, name), bool):
+                raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
         for name, bound in least.items():
             _check_whole(f"teacher.{name}", getattr(self, name), bound)
         _check_number("teacher.learning_rate", self.learning_rate, "1e-9", "1")
         _check_number("teacher.noise", self.noise, "0", "1")
+
+    @property
+    def laws(self) -> dict[str, dict[str, Any]]:
+        """The options of each law, by its name."""
+        if isinstance(self.controller, str):
+            return {self.controller: self.options}
+        return {name: self.options.get(name, {}) for name in self.controller}
 
 
 #: Algorithm arguments that are counts, and those from 0 to 1: a learner accepts other values, but learns nothing.

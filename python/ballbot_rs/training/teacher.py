@@ -3,6 +3,8 @@
 The law labels the states that the policy visits with its actions (dataset aggregation: Ross, Gordon and Bagnell, "A
 reduction of imitation learning and structured prediction to no-regret online learning", AISTATS 2011). Then the value
 function learns the returns of the fitted policy: with an untrained one the first updates of PPO destroy the fit.
+
+With `drawn` the law is designed for each robot as events have sampled it, which the policy must infer from its history.
 """
 
 from collections.abc import Callable
@@ -27,24 +29,28 @@ LAW_ROUNDS = 3
 VALUE_RATE = 1e-3
 VALUE_EPOCHS = 10
 
+#: Most steps of an episode whose return ranks the laws.
+RANKED_STEPS = 1000
+
 
 def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None]) -> None:
     """Fits the actor and the value function of a new model; its steps are not counted.
 
     Args:
         model: of PPO.
-        teacher: the law to fit to, and the settings.
+        teacher: the law or the laws to fit to, and the settings.
         seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
     """
     assert isinstance(model, PPO)
-    errors = fit_actor(model, teacher, seed)
-    tell(f"fitted to {teacher.controller}: root mean square error of the actions {errors[-1]:.3f}")
+    law = best_law(model, teacher, seed, tell)
+    errors = fit_actor(model, law, teacher, seed)
+    tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
     fit_value(model, teacher.value_rollouts)
 
 
-def law_of(model: BaseAlgorithm, teacher: Teacher) -> Controller:
-    """The law, for the robot of a model's environments.
+def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
+    """The laws, for the robot of a model's environments.
 
     Raises:
         ValueError: an unknown law, an option that it does not have, or a task that it cannot perform.
@@ -53,16 +59,48 @@ def law_of(model: BaseAlgorithm, teacher: Teacher) -> Controller:
     if batch.stage is not None and batch.stage.task is not None:
         raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
     try:
-        return Controller(teacher.controller, batch.nominal_params(0), batch.control_dt, **teacher.options)
+        robot = batch.nominal_params(0)
+        return [Controller(name, robot, batch.control_dt, **options) for name, options in teacher.laws.items()]
     except (TypeError, ValueError) as error:
         raise ValueError(f"teacher: {error}") from error
 
 
-def fit_actor(model: PPO, teacher: Teacher, seed: int) -> list[float]:
+def best_law(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None]) -> Controller:
+    """The law with the highest mean return in the same episodes; `tell` is called with the returns."""
+    laws = laws_of(model, teacher)
+    if len(laws) == 1:
+        return laws[0]
+    returns = [_mean_return(model, law, teacher, seed) for law in laws]
+    tell("mean returns: " + ", ".join(f"{law.name} {mean:.4g}" for law, mean in zip(laws, returns, strict=True)))
+    return laws[int(np.argmax(returns))]
+
+
+def _mean_return(model: BaseAlgorithm, law: Controller, teacher: Teacher, seed: int) -> float:
+    """Mean return of a law in the first episode of each environment, of the first steps if it is longer."""
+    environment, batch = model.get_env(), _batch(model)
+    assert environment is not None
+    environment.unwrapped.seed(seed)
+    environment.reset()
+    returns, running = np.zeros(environment.num_envs), np.ones(environment.num_envs, dtype=bool)
+    for _ in range(min(batch.max_episode_steps, RANKED_STEPS)):
+        _, rewards, dones, _ = environment.step(_actions_of(law, batch, teacher))
+        returns[running] += rewards[running]
+        running &= ~dones
+        if not running.any():
+            break
+    return float(returns.mean())
+
+
+def _actions_of(law: Controller, batch: Batch, teacher: Teacher) -> npt.NDArray[np.float32]:
+    """The law's actions in the true states."""
+    return batch.control(law, _setpoints(batch, law, teacher), privileged=True, drawn=teacher.drawn)
+
+
+def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[float]:
     """Fits the most likely actions; the root mean square error of each round, over all states so far."""
     environment = model.get_env()
     assert environment is not None
-    law, batch = law_of(model, teacher), _batch(model)
+    batch = _batch(model)
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     observations: list[npt.NDArray[np.float32]] = []
@@ -122,7 +160,7 @@ def _visited(
     targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
     for step in range(teacher.steps):
         seen[step] = observations
-        targets[step] = batch.control(law, _setpoints(batch, law, teacher), privileged=True)
+        targets[step] = _actions_of(law, batch, teacher)
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
         driven = np.where(rng.random((n, 1)) < share, targets[step], own)

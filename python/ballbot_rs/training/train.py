@@ -113,7 +113,7 @@ def train(
     # Before anything is deleted or written: this rejects an invalid configuration.
     model = _new_model(config, folder, seed)
     if config.teacher is not None:
-        teacher.law_of(model, config.teacher)
+        teacher.laws_of(model, config.teacher)
     with run_folder.held(folder):
         # Another process may have begun a run in the meantime.
         check_folder(folder, overwrite)

@@ -43,9 +43,7 @@ fn law(name: &str, params: &Params) -> Box<dyn Controller> {
 
 /// The presets without the friction of the joints, which laws compensate.
 fn presets() -> impl Iterator<Item = (&'static str, Params)> {
-    Params::preset_names()
-        .iter()
-        .map(|name| (*name, without_joint_friction(&Params::preset(name).unwrap())))
+    Params::preset_names().iter().map(|name| (*name, without_joint_friction(&Params::preset(name).unwrap())))
 }
 
 fn without_joint_friction(params: &Params) -> Params {

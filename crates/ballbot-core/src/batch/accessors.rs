@@ -1,6 +1,7 @@
 //! What can be read and set of each robot of a batch.
 
 use super::batch::Batch;
+use super::history::History;
 use crate::actuator::MotorOptions;
 use crate::perception::{Channel, Perception, instrument_kind};
 use crate::sensor::Readings;
@@ -200,9 +201,9 @@ impl Batch {
         Ok(())
     }
 
-    /// Length of an observation: its rows, [`Batch::history`] times, then the readings of the instruments.
+    /// Length of an observation: its rows at each age of [`Batch::history`], then the readings of the instruments.
     pub fn observation_len(&self) -> usize {
-        self.description.rows.len() * self.history + self.perception.as_ref().map_or(0, |seen| seen.width())
+        self.description.rows.len() * self.history.count() + self.perception.as_ref().map_or(0, |seen| seen.width())
     }
 
     /// The instruments that observe the ground.
@@ -237,9 +238,9 @@ impl Batch {
         found.ok_or_else(|| instrument_kind(name).err().unwrap_or_else(missing))
     }
 
-    /// How many of the last observations are given together.
-    pub fn history(&self) -> usize {
-        self.history
+    /// Which of the last observations are given together.
+    pub fn history(&self) -> &History {
+        &self.history
     }
 
     /// Last observation of one environment; zeros before its first reset.

@@ -8,6 +8,7 @@ use super::env::chunk::Chunk;
 use super::env::robots::Single;
 use super::env::task_step::TaskStep;
 use super::events::{Plan, Stages};
+use super::history::History;
 use super::pieces::pieces;
 use super::stage::Staged;
 use crate::actuator::Actuator;
@@ -56,7 +57,7 @@ pub struct Batch {
     max_episode_steps: usize,
     max_wheel_torque: f64,
     scaled: bool,
-    pub(super) history: usize,
+    pub(super) history: History,
     len: usize,
     pub(super) ground: Option<Arc<Ground>>,
     pub(super) perception: Option<Arc<Perception>>,
@@ -155,14 +156,11 @@ impl Batch {
         let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config)?);
         let plan = config.plan()?;
         let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
-        let seen = step
-            .perception
-            .as_ref()
-            .map_or(0, |perception| perception.bytes() + 3 * size_of::<f32>() * perception.width());
+        let seen = step.perception.as_ref().map_or(0, |perception| perception.bytes());
         require_memory(
             format_args!("num_envs = {num_envs}"),
             num_envs,
-            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + of_events + seen,
+            config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + step.observed_bytes() + of_events + seen,
         )?;
         let params = Arc::new(config.params.clone());
         let ground = config.ground()?;
@@ -208,7 +206,7 @@ impl Batch {
             perception: step.perception.clone(),
             max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
-            history: config.history,
+            history: config.history.clone(),
             len: num_envs,
             plan,
             stages: config.stages(),

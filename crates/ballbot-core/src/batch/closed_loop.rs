@@ -2,6 +2,7 @@
 
 use super::batch::Batch;
 use super::buffers::StepBuffers;
+use super::drawn_law::Design;
 use super::pieces::pieces;
 use crate::control::Controller;
 use crate::task::ACTION_LEN;
@@ -37,6 +38,20 @@ impl Batch {
     /// [`crate::Error::Length`] for slices of the wrong length; [`crate::Error::OutOfRange`] if the controller and the
     /// batch have different sampling rates; [`crate::Error::Interrupted`] as in [`Batch::step`].
     pub fn control(&mut self, under: &Under<'_>, actions: &mut [f32]) -> Result<()> {
+        self.control_by(under, None, actions)
+    }
+
+    /// [`Batch::control`] with a controller for each robot as events have sampled it, in place of the controller: the
+    /// design for its parameters and the delay of its motors, about its equilibrium on its floor, and with the friction of
+    /// its joints fed forward. A robot has another design when it has changed.
+    ///
+    /// # Errors
+    /// As [`Batch::control`]; [`crate::Error::Inconsistent`] if there is no design for a robot.
+    pub fn control_drawn(&mut self, under: &Under<'_>, design: &Design, actions: &mut [f32]) -> Result<()> {
+        self.control_by(under, Some(design), actions)
+    }
+
+    fn control_by(&mut self, under: &Under<'_>, design: Option<&Design>, actions: &mut [f32]) -> Result<()> {
         self.check_control(under, actions.len())?;
         let setpoints = under.setpoints.unwrap_or_default();
         let mut watch = Watch::new();
@@ -49,7 +64,12 @@ impl Batch {
             }
             let n = actions.len() / ACTION_LEN;
             let setpoints = setpoints.get(first..first + n).unwrap_or_default();
-            chunk.control(under.controller, setpoints, under.privileged, actions);
+            match design {
+                Some(design) => {
+                    chunk.control_drawn(under.controller.id(), design, setpoints, under.privileged, actions)?;
+                }
+                None => chunk.control(under.controller, setpoints, under.privileged, actions),
+            }
             first += n;
         }
         Ok(())

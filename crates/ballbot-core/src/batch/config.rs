@@ -1,6 +1,7 @@
 //! Everything that defines an environment.
 
 use super::events::{Event, Plan, Setup, Stages, TASK_ID, Tests, When, check_effects, invalid_event};
+use super::history::History;
 use super::levels::Levels;
 use super::observation_source::Observation;
 use super::scalars::{Scalar, ScalarOption, env_config};
@@ -34,8 +35,6 @@ env_config! {
             pub max_wheel_torque: Option<f64> = None, "N·m", Limit::from(1e-9);
             /// Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
             pub scale_observations: bool = true, "", Limit::FINITE;
-            /// Number of the last observations that are given together.
-            pub history: usize = 1, "", Limit::from(1.0).to(1000.0);
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.
         pub params: Params = Params::paper();
@@ -52,6 +51,8 @@ env_config! {
         pub instruments: Instruments = Instruments::default();
         /// Levels of the tiles that episodes begin on, if the terrain has tiles.
         pub levels: Levels = Levels::default();
+        /// Which of the last observations are given together.
+        pub history: History = History::default();
         /// Source of the rows of an observation.
         pub observation: Observation = Observation::default();
         /// Scales of the reward's terms.
@@ -96,6 +97,7 @@ impl<T: Task> EnvConfig<T> {
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut numbers = self.scalars().to_vec();
         numbers.extend(self.reward.values());
+        numbers.extend(self.history.numbers());
         numbers.extend(self.task.numbers());
         numbers.extend(self.actuators.numbers());
         if let Some(terrain) = &self.terrain {
@@ -220,6 +222,7 @@ impl<T: Task> EnvConfig<T> {
         self.params.validate()?;
         self.substeps()?;
         SCALAR_OPTIONS.iter().zip(self.scalars()).try_for_each(|(option, value)| option.check(value))?;
+        self.history.check()?;
         self.task.check_limits()?;
         self.task.validate(&self.params)?;
         self.onboard()?;

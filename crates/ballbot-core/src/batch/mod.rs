@@ -10,9 +10,11 @@ mod batch;
 mod buffers;
 mod closed_loop;
 mod config;
+mod drawn_law;
 mod env;
 mod events;
 mod external_motion;
+mod history;
 mod levels;
 mod observation_source;
 mod pieces;
@@ -27,10 +29,12 @@ pub use batch::Batch;
 pub use buffers::{Outcome, StepBuffers, StepResults};
 pub use closed_loop::Under;
 pub use config::{BalanceConfig, EnvConfig, SCALAR_OPTIONS};
+pub use drawn_law::Design;
 pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
 pub use external_motion::Outside;
+pub use history::History;
 pub use levels::Levels;
 pub use observation_source::Observation;
 pub use registry::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};

@@ -4,6 +4,7 @@ use super::autoreset::Autoreset;
 use super::batch::Batch;
 use super::config::{EnvConfig, SCALAR_OPTIONS};
 use super::events::Event;
+use super::history::History;
 use super::levels::Levels;
 use super::observation_source::Observation;
 use super::stage::CustomStage;
@@ -36,6 +37,8 @@ macro_rules! structured {
             sensors, set_sensors: Option<SensorOptions>;
             /// The levels of the tiles that episodes begin on.
             levels, set_levels: Levels;
+            /// Which of the last observations are given together.
+            history, set_history: History;
             /// The observation source.
             observation, set_observation: Observation;
             /// The events.

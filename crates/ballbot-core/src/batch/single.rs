@@ -63,13 +63,12 @@ impl<T: Task> Environment<T> {
         let config = Arc::new(config.clone());
         let description = TaskDescription::of::<T>();
         let step = Arc::new(TaskStep::new(&actuator, config.onboard()?, &description, &config)?);
-        let perceived = step.perception.as_ref().map_or(0, |perception| perception.width());
         let robot = Single::new(Ballbot::new(&config.params, config.model, config.sim_dt)?);
         Ok(Self {
             inner: Box::new(Environments::new(&config, &step, actuator, robot, config.plan()?.as_ref(), 1, seed)?),
             rows: description.rows.len(),
             terms: description.terms.iter().map(|term| term.name).collect(),
-            observation: vec![0.0; description.rows.len() * config.history + perceived],
+            observation: vec![0.0; step.observation_len()],
             config,
         })
     }

@@ -13,6 +13,7 @@ from ballbot_rs.control.resolve import NAMES, ResolvedController
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.spaces import history_ages
 
 Torques = npt.NDArray[np.float64]
 
@@ -122,7 +123,7 @@ class PolicyDriver:
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
         past = {"history": controller.env_options.get("history", 1)}
-        self._history = new_batch(1, num_threads=1, options={**options, **past}).history
+        self._ages = history_ages(new_batch(1, num_threads=1, options={**options, **past}).history)
         self._past: list[list[npt.NDArray[np.float32]]] = [[] for _ in range(num_robots)]
         self._observers = [new_batch(1, num_threads=1, options=options) for _ in range(num_robots)]
         self.control_dt = self._observers[0].control_dt
@@ -165,9 +166,8 @@ class PolicyDriver:
 
     def _with_past(self, index: int, observation: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """The last observations of a robot, as with the option `history`."""
-        past = self._past[index] or [observation] * self._history
-        self._past[index] = [*past[1:], observation]
-        return np.concatenate(self._past[index])
+        past = self._past[index] = [*self._past[index], observation][-1 - self._ages[-1] :]
+        return np.concatenate([past[max(-1 - age, -len(past))] for age in reversed(self._ages)])
 
     def reset(self, robot: int | None = None) -> None:
         """Clears the last actions and observations of all robots or of one."""

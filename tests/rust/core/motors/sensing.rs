@@ -2,7 +2,9 @@
 
 use super::models;
 use crate::run::{Run, actions};
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Environment, Event, Observation, ResetRequest, When};
+use ballbot_core::batch::{
+    Autoreset, BalanceConfig, Batch, Environment, Event, History, Observation, ResetRequest, When,
+};
 use ballbot_core::fields::Fields;
 use ballbot_core::options::{OptionTable, PublishedOptions};
 use ballbot_core::sensor::{Readings, SensorOptions};
@@ -43,7 +45,7 @@ fn config(model: ModelKind) -> BalanceConfig {
         max_wheel_torque: Some(0.5),
         sensors: Some(everything()),
         observation: Observation::Sensors,
-        history: 3,
+        history: History::Last(3),
         task: Balance { fall_tilt: 0.15, ..Balance::default() },
         ..BalanceConfig::default()
     }
@@ -87,8 +89,12 @@ fn sensors_change_nothing_else() {
     for (model, n) in models() {
         for mode in [Autoreset::SameStep, Autoreset::NextStep] {
             let config = BalanceConfig { events: events.clone(), ..config(model) };
-            let none =
-                BalanceConfig { sensors: None, observation: Observation::GroundTruth, history: 1, ..config.clone() };
+            let none = BalanceConfig {
+                sensors: None,
+                observation: Observation::GroundTruth,
+                history: History::default(),
+                ..config.clone()
+            };
             let unseen = BalanceConfig { sensors: Some(everything()), ..none.clone() };
             let mut runs = [&none, &unseen, &config].map(|config| batch(config, n, mode));
             for k in 0..60 {
@@ -232,7 +238,7 @@ fn snapshots_with_other_sensors_are_rejected() {
         let mut run = batch(&config, n, Autoreset::SameStep);
         let without = BalanceConfig { sensors: None, ..config.clone() };
         let truth = BalanceConfig { observation: Observation::GroundTruth, ..config.clone() };
-        let short = BalanceConfig { history: 2, ..config.clone() };
+        let short = BalanceConfig { history: History::Last(2), ..config.clone() };
         let exact = BalanceConfig { sensors: Some(SensorOptions::default()), ..config.clone() };
         for others in [without, truth, short, exact, slow(model)] {
             let mut others = batch(&others, n, Autoreset::SameStep);
@@ -285,32 +291,51 @@ fn sensors_do_not_depend_on_threads() {
     }
 }
 
-/// The last observations, oldest first; the first of an episode replaces earlier ones.
+/// The chosen observations, oldest first; the first observation of an episode replaces earlier ones.
 #[test]
-fn history_has_the_last_observations() {
-    for (model, n) in models() {
+fn history_has_the_observations_of_its_ages() {
+    let histories = [History::Last(4), History::Ages(vec![0, 1, 2, 4, 8]), History::Ages(vec![0, 3])];
+    for ((model, n), history) in models().into_iter().flat_map(|of| histories.clone().map(|history| (of, history))) {
         for mode in [Autoreset::SameStep, Autoreset::NextStep] {
-            let long = BalanceConfig { history: 4, ..config(model) };
-            let (mut run, mut one) = (batch(&long, n, mode), batch(&BalanceConfig { history: 1, ..long }, n, mode));
-            let mut past: Vec<Vec<Vec<f32>>> = (0..n).map(|i| vec![one.observation(i).to_vec(); 4]).collect();
+            let ages = history.ages();
+            let len = ages.last().unwrap() + 1;
+            let seen = |past: &[Vec<f32>]| -> Vec<f32> {
+                ages.iter().rev().flat_map(|age| past[len - 1 - age].clone()).collect()
+            };
+            let long = BalanceConfig { history: history.clone(), ..config(model) };
+            let short = BalanceConfig { history: History::default(), ..long.clone() };
+            let (mut run, mut one) = (batch(&long, n, mode), batch(&short, n, mode));
+            let mut past: Vec<Vec<Vec<f32>>> = (0..n).map(|i| vec![one.observation(i).to_vec(); len]).collect();
+            // Robots whose observations continue from a snapshot, in chunks whose rings are elsewhere.
+            let mut other = batch(&long, n, mode);
+            other.step(&actions(0, n, 0, 0.2)).unwrap();
             for k in 0..60 {
                 let over: Vec<_> = one.outcomes.iter().map(|outcome| outcome.done()).collect();
                 for run in [&mut run, &mut one] {
                     run.step(&actions(0, n, k, 0.2)).unwrap();
+                }
+                if k > 30 {
+                    other.step(&actions(0, n, k, 0.2)).unwrap();
                 }
                 for (i, past) in past.iter_mut().enumerate() {
                     past.remove(0);
                     let done = one.outcomes[i].done();
                     if mode == Autoreset::SameStep && done {
                         past.push(one.final_observation(i).to_vec());
-                        assert_eq!(run.final_observation(i), past.concat(), "{model}: robot {i}, step {k}");
+                        assert_eq!(run.final_observation(i), seen(past), "{model}: robot {i}, step {k}");
                     }
                     let begins = if mode == Autoreset::SameStep { done } else { over[i] };
                     past.push(one.observation(i).to_vec());
                     if begins {
-                        *past = vec![one.observation(i).to_vec(); 4];
+                        *past = vec![one.observation(i).to_vec(); len];
                     }
-                    assert_eq!(run.observation(i), past.concat(), "{model}, {mode:?}: robot {i}, step {k}");
+                    assert_eq!(run.observation(i), seen(past), "{model}, {mode:?}: robot {i}, step {k}");
+                    if k == 30 {
+                        other.batch.load(i, &run.batch.save(i).unwrap()).unwrap();
+                        assert_eq!(other.batch.save(i).unwrap(), run.batch.save(i).unwrap());
+                    } else if k > 30 {
+                        assert_eq!(other.observation(i), run.observation(i), "{model}, {mode:?}: robot {i}, step {k}");
+                    }
                 }
             }
         }
@@ -389,10 +414,22 @@ fn every_bad_number_is_named() {
             batch(&seen(taken), 1, Autoreset::SameStep);
         }
     }
-    for history in [0, 1001] {
-        let config = BalanceConfig { history, ..BalanceConfig::default() };
-        assert_rejected(&config, &[&format!("history = {history}"), ">= 1 and <= 1000"]);
+    for count in [0, 1001] {
+        let config = BalanceConfig { history: History::Last(count), ..BalanceConfig::default() };
+        assert_rejected(&config, &[&format!("history = {count}"), ">= 1 and <= 1000"]);
     }
+    for (ages, reason) in [
+        (vec![], "the first age must be 0"),
+        (vec![1, 2], "the first age must be 0"),
+        (vec![0, 4, 4], "ages must ascend, but 4 follows 4"),
+        (vec![0, 4, 2], "ages must ascend, but 2 follows 4"),
+        (vec![0, 1001], "the age 1001 must be at most 1000 control steps"),
+    ] {
+        let config = BalanceConfig { history: History::Ages(ages.clone()), ..BalanceConfig::default() };
+        assert_rejected(&config, &[&format!("history = {ages:?}"), reason]);
+    }
+    assert_eq!(History::of_ages(&[0.0, 1.0, 2.0]).unwrap(), History::Last(3));
+    batch(&BalanceConfig { history: History::Ages(vec![0, 1000]), ..BalanceConfig::default() }, 1, Autoreset::SameStep);
     let error = SensorOptions::from_fields([("gyro", &[1.0][..])]).unwrap_err().to_string();
     assert!(error.contains("unknown option of sensors 'gyro': expected one of gyro_noise"), "{error}");
     let error = SensorOptions::from_fields([("imu_position", &[1.0][..])]).unwrap_err().to_string();

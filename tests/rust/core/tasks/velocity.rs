@@ -3,7 +3,7 @@
 use super::{command, config, metrics, regulate, run_of};
 use crate::run::actions;
 use ballbot_core::Params;
-use ballbot_core::batch::{Autoreset, Observation, TaskConfig};
+use ballbot_core::batch::{Autoreset, History, Observation, TaskConfig};
 use ballbot_core::sensor::SensorOptions;
 
 #[test]
@@ -55,7 +55,8 @@ fn the_setpoint_of_the_task_brings_a_regulator_to_the_command() {
 /// Robots that observe through sensors with noise and bias.
 fn sensed() -> Box<dyn TaskConfig> {
     let sensors = SensorOptions { gyro_noise: 0.01, gyro_bias: 0.05, ..SensorOptions::default() };
-    let mut config = config("velocity", &[("history", &[2.0])]);
+    let mut config = config("velocity", &[]);
+    config.set_history(History::Last(2));
     config.set_sensors(Some(sensors));
     config.set_observation(Observation::Sensors);
     config

@@ -29,14 +29,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.episode.next_command = self.draw_command(i);
         self.over[i] = false;
         self.begun = true;
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.reset_controllers(i);
         self.begin_readings(i);
         self.begin_perceiving(i);
         // An observation repeated before the first step repeats the first reading.
         let Ledger { sensor, last_sensor, .. } = &mut self.one;
         last_sensor.copy_from_slice(sensor);
         self.observe(i, observation);
-        self.repeat_observation(i, observation);
     }
 
     /// Moves a start of robot `i` on level ground to its own ground.

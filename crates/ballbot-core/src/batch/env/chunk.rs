@@ -2,6 +2,7 @@
 
 use crate::batch::autoreset::Autoreset;
 use crate::batch::buffers::StepBuffers;
+use crate::batch::drawn_law::Design;
 use crate::batch::events::Stages;
 use crate::batch::stage::ChunkResults;
 use crate::control::Controller;
@@ -52,6 +53,17 @@ pub trait Chunk: Send + Sync {
     /// Writes the actions of a controller, from the true states if `privileged`, else from the states that the task
     /// observes; `setpoints` has one per environment, or is empty for the task's own.
     fn control(&mut self, controller: &dyn Controller, setpoints: &[Setpoint], privileged: bool, actions: &mut [f32]);
+
+    /// As [`Chunk::control`], with the design of the controller `owner` for each robot; see
+    /// [`crate::batch::Batch::control_drawn`].
+    fn control_drawn(
+        &mut self,
+        owner: u64,
+        design: &Design,
+        setpoints: &[Setpoint],
+        privileged: bool,
+        actions: &mut [f32],
+    ) -> Result<()>;
 
     /// Begins an episode from a given or random state, and writes its first observation.
     ///

@@ -52,11 +52,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.one.task[..command.len()].copy_from_slice(command);
         self.step.task.commanded(&moment, &mut self.one.task);
         self.one.episode.next_command = f64::INFINITY;
-        let is_new = self.one.episode.steps == 0.0;
         self.observe_silently(i);
-        if is_new {
-            self.repeat_rows(i);
-        }
         Ok(())
     }
 

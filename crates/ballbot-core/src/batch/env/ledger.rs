@@ -37,6 +37,7 @@ pub struct Ledger<C> {
     pub sensor: Vec<C>,
     /// The sensor's numbers before its last reading.
     pub last_sensor: Vec<C>,
+    /// The rows of the newest observation.
     pub observation: Vec<C>,
     pub terms: Vec<C>,
 }
@@ -55,10 +56,9 @@ pub struct Sizes {
 }
 
 impl Sizes {
-    /// Approximate count of numbers of a ledger, including the rows that a step writes and what is kept of the last
-    /// episode.
+    /// Approximate count of numbers of a ledger.
     pub fn numbers(&self) -> usize {
-        self.task + self.actuator + 2 * self.sensor + 3 * self.observation + self.terms
+        self.task + self.actuator + 2 * self.sensor + self.observation + self.terms
     }
 }
 

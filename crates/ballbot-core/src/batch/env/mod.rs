@@ -6,6 +6,7 @@ mod command;
 pub mod ledger;
 pub mod measure;
 mod observe;
+mod past;
 mod perceive;
 mod randomize;
 pub mod robots;
@@ -15,6 +16,7 @@ pub mod task_step;
 
 use self::chunk::Chunk;
 use self::ledger::Ledger;
+use self::past::Past;
 use self::perceive::Sight;
 use self::robots::Robots;
 use self::task_step::TaskStep;
@@ -22,6 +24,7 @@ use crate::actuator::Actuator;
 use crate::batch::autoreset::Autoreset;
 use crate::batch::buffers::{Outcome, StepBuffers};
 use crate::batch::config::EnvConfig;
+use crate::batch::drawn_law::{Design, Drawn, DrawnLaws};
 use crate::batch::events::{Plan, Randomized, Setup, Source, Stages, key_of};
 use crate::batch::stage::ChunkResults;
 use crate::control::{Controller, LaneWidth};
@@ -59,9 +62,11 @@ pub struct Environments<R: Robots, T, A, S> {
     /// As in [`TaskStep::run`].
     com_directions: [R::Cell; 3],
     pub ledger: Ledger<R::Cell>,
+    past: Past,
     /// Scratch space for the ledger of one robot.
     pub one: Ledger<f64>,
     pub control: ControlMemory<R::Cell>,
+    drawn_laws: DrawnLaws,
     /// Whether any reset has happened.
     pub begun: bool,
     pub over: Vec<bool>,
@@ -120,8 +125,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             action_torque: config.action_torque(),
             used,
             ledger: Ledger::new(step.sizes()),
+            past: Past::new(&config.history, step.rows(), used),
             one: Ledger::new(step.sizes()),
             control: ControlMemory { owner: 0, cells: Vec::new() },
+            drawn_laws: DrawnLaws::default(),
             begun: false,
             over: vec![true; used],
             rngs: (0..used).map(|i| ChaCha8Rng::seed_from_u64(seed.wrapping_add(i as u64))).collect(),
@@ -218,7 +225,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Writes the results of a step, and begins a new episode where it ended one.
     fn write_step(&mut self, autoreset: Autoreset, mut buffers: StepBuffers<'_>) {
-        let width = self.ledger.observation.len() + self.perceived();
+        let width = self.step.observation_len();
         for i in 0..self.used {
             let row = i * width..(i + 1) * width;
             if self.is_reset_instead(autoreset, i) {
@@ -243,6 +250,34 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             }
             buffers.write(i, outcome);
         }
+    }
+
+    /// States and setpoints of all robots for a controller.
+    fn controlled(&mut self, setpoints: &[Setpoint], privileged: bool) -> (LaneState<R::Cell>, LaneSetpoint<R::Cell>) {
+        let mut states = LaneState::<R::Cell>::default();
+        if privileged {
+            self.robots.read(&mut states);
+        } else {
+            self.read_measured(&mut states);
+        }
+        let mut targets = LaneSetpoint::<R::Cell>::default();
+        for i in 0..self.used {
+            let setpoint = match setpoints.get(i) {
+                Some(setpoint) => *setpoint,
+                None => {
+                    self.read_memory(i);
+                    self.step.task.setpoint(&self.one.task)
+                }
+            };
+            targets.set_lane(i, &(&setpoint).into());
+        }
+        (states, targets)
+    }
+
+    /// Clears what controllers have stored about robot `i`.
+    fn reset_controllers(&mut self, i: usize) {
+        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.drawn_laws.reset(i);
     }
 
     fn outcome(&self, i: usize) -> Outcome {
@@ -280,6 +315,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.fire_events(autoreset);
         // A single robot whose episode is over is not simulated; in lanes its neighbors are.
         if R::Cell::WIDTH > 1 || !self.is_reset_instead(autoreset, 0) {
+            self.keep_observations();
             self.robots.park(self.used);
             let commands = commands(actions);
             let (memory, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
@@ -298,6 +334,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
                 self.robots.place(i, state);
             }
         }
+        self.keep_observations();
         let commands = commands(actions);
         self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
     }
@@ -315,9 +352,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn put_rows(&mut self, i: usize, values: &[f64]) {
         self.put_newest_rows(i, values);
-        if self.ledger.episode.steps.get(i) == 0.0 {
-            self.repeat_rows(i);
-        }
     }
 
     fn steps(&self, i: usize) -> i64 {
@@ -336,26 +370,35 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             self.control.cells.clear();
             self.control.cells.resize(len, R::Cell::default());
         }
-        let mut states = LaneState::<R::Cell>::default();
-        if privileged {
-            self.robots.read(&mut states);
-        } else {
-            self.read_measured(&mut states);
-        }
-        let mut targets = LaneSetpoint::<R::Cell>::default();
-        for i in 0..self.used {
-            let setpoint = match setpoints.get(i) {
-                Some(setpoint) => *setpoint,
-                None => self.setpoint(i),
-            };
-            targets.set_lane(i, &(&setpoint).into());
-        }
+        let (states, targets) = self.controlled(setpoints, privileged);
         let torques = (R::Cell::TORQUES)(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
             for (value, torque) in action.iter_mut().zip(&torques) {
                 *value = (torque.get(i) / self.action_torque) as f32;
             }
         }
+    }
+
+    fn control_drawn(
+        &mut self,
+        owner: u64,
+        design: &Design,
+        setpoints: &[Setpoint],
+        privileged: bool,
+        actions: &mut [f32],
+    ) -> Result<()> {
+        self.drawn_laws.own(owner, self.used);
+        let (states, targets) = self.controlled(setpoints, privileged);
+        let (control_dt, largest) = (self.config.control_dt, self.action_torque);
+        for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
+            let motors = self.events.as_ref().map_or(&self.config.actuators, |events| &events.stages(i).actuators);
+            let robot = Drawn { params: self.robots.params(i), motors, control_dt };
+            let torques = self.drawn_laws.torques(i, design, &robot, &states.lane(i), &targets.lane(i), largest)?;
+            for (value, torque) in action.iter_mut().zip(torques) {
+                *value = (torque / largest) as f32;
+            }
+        }
+        Ok(())
     }
 
     fn reset(&mut self, i: usize, start: Option<&State>, observation: &mut [f32]) -> Result<()> {

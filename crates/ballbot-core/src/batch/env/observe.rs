@@ -67,23 +67,6 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         }
     }
 
-    /// Fills the history with the first observation of an episode.
-    pub fn repeat_observation(&mut self, i: usize, observation: &mut [f32]) {
-        if self.repeat_rows(i) {
-            self.write_observation(i, observation);
-        }
-    }
-
-    /// The same for an observation that is requested later. Returns whether there is a history.
-    pub fn repeat_rows(&mut self, i: usize) -> bool {
-        let rows = self.step.rows();
-        let (newest, older) = self.ledger.observation.split_at_mut(rows);
-        for observation in older.chunks_exact_mut(rows.max(1)) {
-            observation.iter_mut().zip(&*newest).for_each(|(cell, first)| cell.set(i, first.get(i)));
-        }
-        !older.is_empty()
-    }
-
     /// Observes robot `i` again; `one` is its ledger.
     pub fn observe(&mut self, i: usize, observation: &mut [f32]) {
         self.observe_silently(i);
@@ -99,17 +82,9 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     #[inline]
     pub fn write_observation(&self, i: usize, row: &mut [f32]) {
-        let rows = self.step.rows();
-        let (row, perceived) = row.split_at_mut(self.ledger.observation.len());
+        let (rows, perceived) = row.split_at_mut(row.len() - self.perceived());
+        self.write_rows(i, rows);
         self.write_perceived(i, perceived);
-        // The newest comes last.
-        for (out, cells) in
-            row.chunks_exact_mut(rows.max(1)).rev().zip(self.ledger.observation.chunks_exact(rows.max(1)))
-        {
-            for (out, cell) in out.iter_mut().zip(cells) {
-                *out = cell.get(i) as f32;
-            }
-        }
     }
 
     /// Writes the rows of an observation of the true state.

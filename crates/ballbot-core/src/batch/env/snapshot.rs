@@ -10,7 +10,6 @@ use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::error::Result;
 use ballbot_base::fields::Fields;
-use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
 use ballbot_base::snapshot;
 use rand_chacha::ChaCha8Rng;
@@ -30,6 +29,8 @@ struct Snapshot {
     word: u128,
     episode: u32,
     ledger: Ledger<f64>,
+    /// Earlier observations.
+    past: Vec<f32>,
     over: bool,
     events: Option<Saved>,
     next_seed: Option<u64>,
@@ -53,6 +54,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             word: self.rngs[i].get_word_pos(),
             episode: self.episodes[i],
             ledger,
+            past: self.past_of(i),
             over: self.over[i],
             events: self.events.as_ref().map(|events| events.save(i)),
             next_seed: self.next_seeds[i],
@@ -87,7 +89,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                     .into(),
             ));
         }
-        if !self.one.fits(&snapshot.ledger) {
+        if !self.one.fits(&snapshot.ledger) || !self.past_fits(&snapshot.past) {
             return Err(invalid_snapshot("its task or stages keep other numbers".into()));
         }
         if !self.perceived_fits(i, &snapshot.seen) {
@@ -127,11 +129,12 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.episodes[i] = snapshot.episode;
         self.next_seeds[i] = snapshot.next_seed;
         R::Cell::put(&mut self.ledger, i, &snapshot.ledger);
+        self.restore_past(i, &snapshot.past);
         self.levels[i] = snapshot.level;
         self.restore_perceiving(i, snapshot.seen.into_iter().map(|(_, reading)| reading));
         self.forget_metrics(i);
         self.inform(i);
-        self.control.cells.iter_mut().for_each(|cell| cell.set(i, 0.0));
+        self.reset_controllers(i);
         self.over[i] = snapshot.over;
         self.begun |= !snapshot.over;
         Ok(())

@@ -26,8 +26,10 @@ pub struct TaskStep<T, S> {
     pub perception: Option<Arc<Perception>>,
     /// The stage of the caller, if there is one.
     pub stage: Option<CustomStage>,
-    /// Rows of one observation; the rows of a history are in the ledger, newest first.
+    /// Rows of one observation.
     rows: usize,
+    /// Observations that are given together, and their largest age.
+    history: [usize; 2],
     metrics: usize,
     sizes: Sizes,
 }
@@ -54,12 +56,13 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             perception: config.perception()?.map(Arc::new),
             stage: config.stage.clone(),
             rows,
+            history: [config.history.count(), config.history.ages().last().copied().unwrap_or(0)],
             metrics: description.metrics.len(),
             sizes: Sizes {
                 task: T::MEMORY,
                 actuator: actuator.memory_len(),
                 sensor: sensor.memory_len(),
-                observation: rows * config.history,
+                observation: rows,
                 terms: description.terms.len(),
             },
             sensor,
@@ -92,6 +95,16 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// How many rows an observation has.
     pub fn rows(&self) -> usize {
         self.rows
+    }
+
+    /// Length of an observation: its rows at each age of the history, then the readings of the instruments.
+    pub fn observation_len(&self) -> usize {
+        self.rows * self.history[0] + self.perception.as_ref().map_or(0, |perception| perception.width())
+    }
+
+    /// Memory of the observations of a robot: what a step writes, at the end of an episode too, and what is kept.
+    pub fn observed_bytes(&self) -> usize {
+        (3 * self.observation_len() + self.rows * self.history[1]) * size_of::<f32>()
     }
 
     /// Replaces true states by states that the sensor reads, before [`TaskStep::run`]: a separate function, so that it
@@ -162,10 +175,6 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         L::select(success, one, zero).store(&mut episode.success);
         steps.store(&mut episode.steps);
         action.store(&mut episode.last_action);
-        let older = observation.len() - self.rows;
-        if older > 0 {
-            observation.copy_within(..older, self.rows);
-        }
         let mut rows = WriteRows { cells: observation, scaling: self.scaling.as_ref(), next: 0 };
         self.task.observe(&Sensed { state: measured, last_action: action }, &memory, &mut rows);
     }
