@@ -106,6 +106,24 @@ pub struct Field {
     pub scaled: bool,
 }
 
+impl Field {
+    /// Checks its numbers against its limit.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] naming the first number outside its limit.
+    pub fn check(&self, values: &[f64]) -> Result<()> {
+        // Nothing is formatted unless a value is wrong: events create robots at each reset.
+        for (i, &value) in values.iter().enumerate() {
+            if !self.limit.contains(value) {
+                let name = if self.len == 1 { self.name.to_owned() } else { format!("{}[{i}]", self.name) };
+                let unit = if self.unit.is_empty() { String::new() } else { format!(" {}", self.unit) };
+                return Err(Error::OutOfRange { name, value, limit: format!("{}{unit}", self.limit) });
+            }
+        }
+        Ok(())
+    }
+}
+
 /// A number or an array of numbers as a slice.
 pub trait Numbers: Copy {
     /// Number of values.
@@ -213,7 +231,8 @@ pub trait Fields: Clone {
     /// Sets a field by its name.
     ///
     /// # Errors
-    /// [`Error::UnknownName`] or [`Error::Length`]. Limits are checked by [`Fields::check_limits`].
+    /// [`Error::UnknownName`], [`Error::Length`], or [`Error::OutOfRange`] for NaN. Limits are checked by
+    /// [`Fields::check_limits`].
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         self.set_of("option", name, values)
     }
@@ -232,7 +251,8 @@ pub trait Fields: Clone {
             return Err(Error::Length { name: name.into(), found: values.len(), expected: field.len() });
         }
         field.copy_from_slice(values);
-        Ok(())
+        // NaN is an unset field.
+        if values.iter().any(|value| value.is_nan()) { Self::FIELDS[index].check(values) } else { Ok(()) }
     }
 
     /// Checks every number against the limit of its field.
@@ -240,17 +260,7 @@ pub trait Fields: Clone {
     /// # Errors
     /// [`Error::OutOfRange`] naming the first number outside its limit.
     fn check_limits(&self) -> Result<()> {
-        // Nothing is formatted unless a value is wrong: events create robots at each reset.
-        for (field, values) in Self::FIELDS.iter().zip(self.slices()) {
-            for (i, &value) in values.iter().enumerate() {
-                if !field.limit.contains(value) {
-                    let name = if field.len == 1 { field.name.to_owned() } else { format!("{}[{i}]", field.name) };
-                    let unit = if field.unit.is_empty() { String::new() } else { format!(" {}", field.unit) };
-                    return Err(Error::OutOfRange { name, value, limit: format!("{}{unit}", field.limit) });
-                }
-            }
-        }
-        Ok(())
+        Self::FIELDS.iter().zip(self.slices()).try_for_each(|(field, values)| field.check(values))
     }
 }
 

@@ -2,7 +2,6 @@
 
 use crate::controllers::CONTROLLERS;
 use crate::{Controller, Law, LimitOptions, Plant, SETPOINT_PARTS, Sampled};
-use ballbot_base::check_finite;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::{Fields, OptionDescription, describe_options};
 use ballbot_base::params::Params;
@@ -46,14 +45,10 @@ pub type MakeController = fn(
 /// A struct of fields with some values changed; [`crate::Sampled::new`] checks their limits.
 ///
 /// # Errors
-/// As [`Fields::set`]; [`Error::OutOfRange`] for a value that is not finite.
+/// As [`Fields::set`].
 pub fn fields_with<F: Fields>(options: &[(&str, &[f64])]) -> Result<F> {
     let mut fields = F::unset();
-    for (name, values) in options {
-        // NaN is an unset field.
-        check_finite(name, values)?;
-        fields.set(name, values)?;
-    }
+    options.iter().try_for_each(|(name, values)| fields.set(name, values))?;
     Ok(fields)
 }
 

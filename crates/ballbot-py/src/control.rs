@@ -226,7 +226,7 @@ impl PyController {
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let limits = limits(kind.limits, max_torque, traction)?;
-        let predicts = known.contains(&DELAY) && !options.iter().any(|(name, _)| name == DELAY);
+        let predicts = known.iter().any(|(name, _)| *name == DELAY) && !options.iter().any(|(name, _)| name == DELAY);
         let design = move |params: &Params, delay: f64| {
             let delay = [delay];
             let predicted = (predicts && delay[0] > 0.0).then_some((DELAY, &delay[..]));

@@ -51,6 +51,9 @@ class Teacher:
     #: Whether the law follows the position that the task commands; else the position error is zero for each robot. The
     #: law's response to a position error cannot be learned from observations without it.
     follows_position: bool = True
+    #: Whether the law follows the task's motion, a velocity smoothed over time, or what observations show: the commanded
+    #: velocity and rate of the heading themselves.
+    follows_motion: bool = True
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
@@ -81,7 +84,7 @@ class Teacher:
                         f"teacher.options.{name} = {options!r}: expected a table of options of one of "
                         f"{', '.join(names)}"
                     )
-        for name in ("drawn", "follows_position"):
+        for name in ("drawn", "follows_position", "follows_motion"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
@@ -196,21 +199,24 @@ class TrainConfig:
         return given
 
     def _fitted(self) -> dict[str, Any]:
-        """`scaled` for the robot of the environment."""
+        """`scaled` for the robot of the environment: torques by what its wheels transmit, all else by its units."""
         task = task_of(self.env_id)
         given = {name: value for name, value in self.env.items() if name == "params"}
-        robot = new_batch(1, task=task, num_threads=1, options=given).nominal_params(0)
-        units = {option["name"]: option["unit"] for option in TASKS[task]["options"]}
-        units |= {"max_wheel_torque": "N·m", "max_episode_steps": "s"}
+        own, paper = (new_batch(1, task=task, num_threads=1, options=options) for options in (given, {}))
+        robot = own.nominal_params(0)
+        factors = {option["name"]: robot.scale(option["unit"]) for option in TASKS[task]["options"]}
+        factors |= {
+            "max_wheel_torque": own.max_wheel_torque / paper.max_wheel_torque,
+            "max_episode_steps": robot.scale("s"),
+        }
         fitted: dict[str, Any] = {}
         for name, value in self.scaled.items():
-            if name not in units:
-                raise ValueError(f"scaled.{name} = {value!r} does not scale: expected one of {', '.join(units)}")
+            if name not in factors:
+                raise ValueError(f"scaled.{name} = {value!r} does not scale: expected one of {', '.join(factors)}")
             try:
-                scaled = np.asarray(value, dtype=np.float64) * robot.scale(units[name])
+                fitted[name] = (np.asarray(value, dtype=np.float64) * factors[name]).tolist()
             except (TypeError, ValueError):
                 raise ValueError(f"scaled.{name} = {value!r} must be a number or a list of numbers") from None
-            fitted[name] = scaled.tolist()
         if "max_episode_steps" in fitted:
             fitted["max_episode_steps"] = round(fitted["max_episode_steps"])
         if "max_wheel_torque" in fitted:

@@ -18,7 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 
-from ballbot_rs._core import Batch, Controller
+from ballbot_rs._core import TASKS, Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.training.config import Teacher
 
@@ -58,6 +58,8 @@ def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
     batch = _batch(model)
     if batch.stage is not None and batch.stage.task is not None:
         raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
+    if not teacher.follows_motion and TASKS[batch.task]["geometry"] != "velocity":
+        raise ValueError(f"teacher.follows_motion = False: the task {batch.task} commands no velocity")
     try:
         robot = batch.nominal_params(0)
         return [Controller(name, robot, batch.control_dt, **options) for name, options in teacher.laws.items()]
@@ -200,12 +202,33 @@ def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt
         if part in setpoints[0]
     }
     states = batch.states()
+    w, _, _, z = states[:, BODY_QUATERNION].T
+    yaw = 2.0 * np.arctan2(z, w)
     if "yaw" in law.setpoint_parts:
-        w, _, _, z = states[:, BODY_QUATERNION].T
-        parts["yaw"] = 2.0 * np.arctan2(z, w)
+        parts["yaw"] = yaw
+    if not teacher.follows_motion:
+        motion = _steady_motion(batch.command(), yaw)
+        parts |= {part: values for part, values in motion.items() if part in law.setpoint_parts}
     if "position" in parts and not teacher.follows_position:
         parts["position"] = states[:, BALL_POSITION][:, :2].copy()
     return parts
+
+
+def _steady_motion(
+    commands: npt.NDArray[np.float64], yaw: npt.NDArray[np.float64]
+) -> dict[str, npt.NDArray[np.float64]]:
+    """The motion at a commanded velocity (heading frame) and rate of the heading, with all its derivatives."""
+    x, y, rate = commands.T
+    velocity = np.stack([np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y], axis=-1)
+    across = rate[:, None] * np.stack([-velocity[:, 1], velocity[:, 0]], axis=-1)
+    squared = -(rate[:, None] ** 2)
+    return {
+        "velocity": velocity,
+        "acceleration": across,
+        "jerk": squared * velocity,
+        "snap": squared * across,
+        "yaw_rate": rate,
+    }
 
 
 def _actions(model: PPO, observations: torch.Tensor) -> torch.Tensor:

@@ -13,7 +13,6 @@ use crate::perception::Instruments;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{Balance, Bare, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
-use ballbot_base::check_finite;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};
@@ -178,8 +177,6 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
 
     fn set(&mut self, name: &str, values: &[f64]) -> Result<()> {
         if !SCALAR_OPTIONS.iter().any(|option| option.name == name) {
-            // NaN is an unset option.
-            check_finite(name, values)?;
             return self.task.set(name, values);
         }
         match values {

@@ -22,6 +22,9 @@ fn batch(kind: &dyn TaskKind, model: ModelKind, mode: Autoreset, threads: usize,
         ("push_seconds", [0.1, 0.3]),
         ("settling", [0.1, 0.1]),
         ("hold_seconds", [0.05, 0.05]),
+        ("push_duration", [0.05, 0.05]),
+        ("path_acceleration", [10.0, 10.0]),
+        ("path_jerk", [1e3, 1e3]),
         ("reset_tilt", [0.2, 0.2]),
     ] {
         if let Some(option) = description.options.iter().find(|option| option.name == name) {

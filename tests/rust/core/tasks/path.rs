@@ -8,7 +8,7 @@ const AHEAD: usize = 21;
 
 #[test]
 fn the_point_moves_on_a_circle_at_the_commanded_speed() {
-    let mut run = run_of(&*config("path", &[("path_acceleration", &[2.0])]), 1);
+    let mut run = run_of(&*config("path", &[("path_acceleration", &[1.0])]), 1);
     reset_to(&mut run, &[Some(standing(0.5, 1.0, 0.0))]);
     let (radius, speed) = (0.5, 0.4);
     let mut desired = [0.0; 13];
@@ -18,13 +18,13 @@ fn the_point_moves_on_a_circle_at_the_commanded_speed() {
     let mut way = 0.0;
     regulate(&mut run, 600, |k, run| {
         let t = 0.01 * (k + 1) as f64;
-        // From rest with half of the acceleration, 1 m/s², then at constant speed, to the left of the start: each step at the
+        // From rest with half of the acceleration, 0.5 m/s², then at constant speed, to the left of the start: each step at the
         // speed of its end.
-        way += 0.01 * speed.min(t);
+        way += 0.01 * speed.min(0.5 * t);
         let state = run.batch.state(0).unwrap();
         let (sin, cos) = state.yaw().sin_cos();
         for (first, way) in [(NOW, way), (AHEAD, way + speed)] {
-            if first == AHEAD && t < speed {
+            if first == AHEAD && 0.5 * t < speed {
                 continue;
             }
             let angle = way / radius;

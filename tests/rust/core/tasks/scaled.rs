@@ -66,10 +66,10 @@ fn options_follow_the_robot_unless_they_are_set() {
     };
     close("speed", &[1.0]);
     close("command_seconds", &[6.0, 16.0]);
-    close("smoothing", &[2.0]);
+    close("smoothing", &[1.75]);
     close("success_velocity", &[0.04]);
     close("settling", &[1.5]);
-    close("yaw_rate", &[1.0]);
+    close("yaw_rate", &[0.5]);
     let run = run_of(&*velocity, 8);
     let fastest = (0..8).map(|i| super::command(&run, i)[0].hypot(super::command(&run, i)[1])).fold(0.0, f64::max);
     assert!(fastest > 0.5 && fastest <= 1.0, "{fastest} m/s");

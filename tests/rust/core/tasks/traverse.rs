@@ -20,7 +20,7 @@ fn every_preset_robot_has_terrain_up_to_its_limit() {
             if task == "terrain" {
                 let recipe = terrain.recipe().unwrap();
                 let slope = recipe.parameters.iter().find(|(name, _)| *name == "slope").unwrap().1;
-                assert!((slope - 0.8 * limit).abs() < 1e-12, "{name}: {slope}");
+                assert!((slope - 0.7 * limit).abs() < 1e-12, "{name}: {slope}");
             }
         }
     }
