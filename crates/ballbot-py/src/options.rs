@@ -38,7 +38,7 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         "sensors" => config.set_sensors(option(value)?),
         "level" => config.set_levels(levels(value)?),
         "history" => {
-            config.set_history(history(value).map_err(|error| of_type(error, "a whole number, or a list of ages"))?)
+            config.set_history(history(value).map_err(|error| of_type(error, "a whole number, or a list of ages"))?);
         }
         "observation" => {
             let observation: String = value.extract().map_err(|_| wrong("the name of a kind of observation"))?;
