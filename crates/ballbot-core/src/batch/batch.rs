@@ -68,7 +68,7 @@ pub struct Batch {
     pub(super) width: usize,
     pub(super) autoreset: Autoreset,
     /// Threads of a step, including the caller's.
-    threads: usize,
+    pub(super) threads: usize,
     /// Worker threads.
     pub(super) helpers: WorkerThreads,
     /// The stage of the caller, if there is one.

@@ -8,6 +8,7 @@ use crate::task::ACTION_LEN;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lanes::EIGHT;
+use ballbot_base::thread_pool::WorkerThreads;
 use std::sync::{Mutex, PoisonError};
 
 /// Sums over the steps of an episode.
@@ -85,7 +86,8 @@ impl Batch {
         let (width, observation) = (self.width, self.observation_len());
         let groups = self.chunks.chunks_mut(EIGHT / width).zip(episodes.chunks_mut(EIGHT)).enumerate();
         let groups = Mutex::new(groups);
-        self.helpers.share(|| {
+        // Long enough for all threads, however few robots there are.
+        WorkerThreads::new(self.threads - 1).share(|| {
             let mut watch = Watch::new();
             let mut values = networks.values();
             let mut results = StepResults::of(EIGHT, observation);
