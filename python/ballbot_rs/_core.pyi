@@ -1540,8 +1540,8 @@ class Batch:
         """
     def rollout(
         self,
-        controller: Controller,
-        steps: int,
+        controller: Controller | None = None,
+        steps: int | None = None,
         setpoints: Mapping[str, npt.ArrayLike] | Reference | Sequence[Reference] | None = None,
         record: Sequence[str] = ...,
         *,
@@ -1549,11 +1549,12 @@ class Batch:
         impulses: npt.ArrayLike | None = None,
         points: npt.ArrayLike | None = None,
         start_time: float = 0.0,
+        policies: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
     ) -> dict[str, Any]:
-        """Runs `steps` control steps under a controller, without Python in the loop.
+        """Runs `steps` control steps under a controller, or under one policy per robot, without Python in the loop.
 
         Args:
-            controller: as in `control`.
+            controller: as in `control`; exactly one of `controller` and `policies` is required.
             steps: number of control steps.
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
                 one per robot. A reference without `params` uses the controller's robot; it continues when an episode
@@ -1568,18 +1569,44 @@ class Batch:
                 N·s.
             points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
             start_time: time of the first step, for references, s.
+            policies: networks from observations to actions, as in `episodes`; without `setpoints` and `privileged`.
 
         Returns:
             Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
             `draws` is a dict of arrays by term. Where an episode ends, the row after it depends on `autoreset`.
 
         Raises:
-            ValueError: an unknown record, a reference for a robot other than the controller's, or as `control` and
-                `step`.
-            TypeError: as `control`.
+            ValueError: an unknown record, a reference for a robot other than the controller's, or as `control`, `step`
+                and `episodes`.
+            TypeError: as `control`; both `controller` and `policies`, or neither.
             MemoryError: the records need more memory than is available.
             KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
                 all must be reset.
+        """
+    def episodes(
+        self, policies: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]], steps: int | None = None
+    ) -> dict[str, npt.NDArray[Any]]:
+        """Continues the episode of each robot to its end under its own policy, in Rust: what a search over policies needs.
+
+        A policy is a network with tanh between its layers, and actions limited to ±1; with one layer it is linear. All
+        have the same shape. Robots whose episodes end before others begin further episodes, which do not count: reset
+        all robots afterwards.
+
+        Args:
+            policies: (weights, biases) of each layer: the first layer is on the observation, the last gives the action.
+                Weights have the shape (num_envs, outputs, inputs), biases (num_envs, outputs); rounded to float32.
+            steps: most steps of a robot; None is `max_episode_steps`.
+
+        Returns:
+            Arrays by name, each of shape (num_envs,): `returns` (sums of the rewards), `lengths` (steps), `terminated`,
+            `truncated`, and `success` (whether the episode is a success if it ends there).
+
+        Raises:
+            ValueError: a wrong shape, a number that is not within ±1e9, an episode that is over, or a task with a stage
+                in Python.
+            TypeError: `policies` is not a list of pairs of arrays.
+            MemoryError: the weights need more memory than is available.
+            KeyboardInterrupt: Ctrl-C; all robots must then be reset.
         """
     def snapshot(self, index: int) -> bytes:
         """The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

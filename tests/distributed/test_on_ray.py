@@ -24,7 +24,7 @@ from ballbot_rs.control.onnx_policy import OnnxPolicy  # noqa: E402
 from ballbot_rs.envs.registration import task_of  # noqa: E402
 from ballbot_rs.envs.vector_env import BallbotVectorEnv  # noqa: E402
 from ballbot_rs.training import config as config_module  # noqa: E402
-from ballbot_rs.training import run_folder, train  # noqa: E402
+from ballbot_rs.training import run_folder, seeds, train  # noqa: E402
 from ballbot_rs.training.export import export  # noqa: E402
 from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner  # noqa: E402
 from ballbot_rs.training.on_ray.fragments import Rollouts  # noqa: E402
@@ -129,7 +129,7 @@ def test_workers_have_different_seeds(session):
         seeds = made.env_runner_group.foreach_env_runner(
             lambda runner: runner.env.np_random_seed, local_env_runner=False
         )
-    base = train.first_seed(3)
+    base = seeds.first_seed(3)
     assert sorted(seed for each in seeds for seed in each) == list(range(base, base + 8))
 
 
@@ -140,7 +140,7 @@ def test_a_worker_sends_the_rollouts_of_its_policy(session):
     metrics = runner.get_metrics()
 
     env = BallbotVectorEnv(8, task=task_of(session.config.env_id), num_threads=1, **session.config.env)
-    base = train.first_seed(3)
+    base = seeds.first_seed(3)
     expected = Rollouts(env, base, np.random.default_rng(base))
     collected = [expected.collect(runner.module.distribution, 32) for _ in range(3)]
     fragments = [fragment for more, _ in collected for fragment in more]

@@ -3,7 +3,9 @@
 
 use ballbot_core::ModelKind;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, History, Observation, StepResults, Under, When};
+use ballbot_core::batch::{
+    Autoreset, BalanceConfig, Batch, Episode, Event, History, Layer, Networks, Observation, StepResults, Under, When,
+};
 use ballbot_core::control::{Controller, Lqr, Pid, PidGains, controller_kinds};
 use ballbot_core::kinematics::TorqueMap;
 use ballbot_core::perception::{DepthOptions, Instruments, LidarOptions, ScanOptions};
@@ -151,6 +153,30 @@ fn steps_under_a_controller_allocate_nothing() {
         let config = BalanceConfig { control_dt: Pid::PAPER_CONTROL_DT, max_episode_steps: steps, ..config };
         let pid = Pid::new(&config.params, config.control_dt, &PidGains::default(), TorqueMap::Consistent).unwrap();
         assert_eq!(allocations(&config, Some(&pid)), 0, "{model} under PID");
+    }
+}
+
+#[test]
+fn steps_under_networks_allocate_nothing() {
+    for model in [ModelKind::Planar, ModelKind::Spatial, ModelKind::Contact] {
+        let mut batch = Batch::new(&endless(model), ENVS, Autoreset::SameStep, Some(1), 1).unwrap();
+        let inputs = batch.observation_len();
+        let numbers = vec![0.01; ENVS * 32 * inputs];
+        let layer = |inputs, outputs| Layer {
+            inputs,
+            outputs,
+            weights: &numbers[..ENVS * outputs * inputs],
+            biases: &numbers[..ENVS * outputs],
+        };
+        let networks = Networks::new(ENVS, &[layer(inputs, 32), layer(32, ACTION_LEN)]).unwrap();
+        let mut episodes = [Episode::default(); ENVS];
+        batch.reset(None, &mut vec![0.0; ENVS * inputs]).unwrap();
+        let [few, many] = [1, STEPS].map(|steps| {
+            let before = ALLOCATIONS.get();
+            batch.episodes(&networks, steps, &mut episodes).unwrap();
+            ALLOCATIONS.get() - before
+        });
+        assert_eq!(few, many, "{model}");
     }
 }
 

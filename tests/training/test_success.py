@@ -87,7 +87,7 @@ def test_mistakes_are_named(values, message):
 def test_the_steps_of_the_command_line_are_exact():
     loaded, text = config.load("balance")
     assert loaded.max_timesteps > loaded.total_timesteps
-    fixed = config.parse(config.with_values(text, train.steps_alone(loaded, 4096)), "balance")
+    fixed = config.parse(config.with_values(text, config.steps_alone(loaded, 4096)), "balance")
     assert (fixed.total_timesteps, fixed.max_timesteps) == (4096, 4096)
 
 

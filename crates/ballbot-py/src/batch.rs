@@ -7,22 +7,24 @@ use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
 use crate::infos::StepInfos;
+use crate::networks::networks;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
 use crate::params::{PyParams, or_paper};
 use crate::perception::perceived;
-use crate::rollout::{CONTACT_PARTS, ClosedLoop, Stepped, Targets, record_names};
+use crate::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
 use crate::sensors::readings;
 use crate::signals::interruptible;
 use crate::stage::PyStage;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::PyTerrain;
-use ballbot_core::batch::{Autoreset, Batch, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
+use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequest, StepBuffers, Under, task_kind};
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
 use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyList, PyTuple};
@@ -926,10 +928,10 @@ impl PyBatch {
         Ok(actions)
     }
 
-    /// Runs `steps` control steps under a controller, without Python in the loop.
+    /// Runs `steps` control steps under a controller, or under one policy per robot, without Python in the loop.
     ///
     /// Args:
-    ///     controller: as in `control`.
+    ///     controller: as in `control`; exactly one of `controller` and `policies` is required.
     ///     steps: number of control steps.
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
     ///         one per robot. A reference without `params` uses the controller's robot; it continues when an episode
@@ -944,54 +946,64 @@ impl PyBatch {
     ///         N·s.
     ///     points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
     ///     start_time: time of the first step, for references, s.
+    ///     policies: networks from observations to actions, as in `episodes`; without `setpoints` and `privileged`.
     ///
     /// Returns:
     ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
     ///     `draws` is a dict of arrays by term. Where an episode ends, the row after it depends on `autoreset`.
     ///
     /// Raises:
-    ///     ValueError: an unknown record, a reference for a robot other than the controller's, or as `control` and
-    ///         `step`.
-    ///     TypeError: as `control`.
+    ///     ValueError: an unknown record, a reference for a robot other than the controller's, or as `control`, `step`
+    ///         and `episodes`.
+    ///     TypeError: as `control`; both `controller` and `policies`, or neither.
     ///     MemoryError: the records need more memory than is available.
     ///     KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
     ///         all must be reset.
     #[pyo3(
         signature = (
-            controller, steps, setpoints=None, record=vec!["states".to_owned()], *, privileged=false, impulses=None,
-            points=None, start_time=0.0
+            controller=None, steps=None, setpoints=None, record=vec!["states".to_owned()], *, privileged=false,
+            impulses=None, points=None, start_time=0.0, policies=None
         ),
         text_signature =
-            "($self, controller, steps, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0)"
+            "($self, controller=None, steps=None, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0, policies=None)"
     )]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn rollout<'py>(
         &self,
         py: Python<'py>,
-        controller: &PyController,
-        #[pyo3(from_py_with = whole)] steps: i64,
+        controller: Option<&PyController>,
+        #[pyo3(from_py_with = optional_whole)] steps: Option<i64>,
         setpoints: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = record_names)] record: Vec<String>,
         privileged: bool,
         impulses: Option<&Bound<'py, PyAny>>,
         points: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = real)] start_time: f64,
+        policies: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let steps = steps.ok_or_else(|| PyTypeError::new_err("rollout() requires steps"))?;
         let steps = count("steps", steps, 0)?;
         let mut inner = self.inner.write()?;
         let Inner { batch, outcomes, final_observations, .. } = &mut *inner;
-        let law = controller.law.read()?;
-        let law = law.as_ref();
         let n = batch.len();
-        let targets = Targets::extracted(controller, law, n, setpoints)?;
+        let law = controller.map(|controller| controller.law.read()).transpose()?;
+        let driver = match (controller, &law, policies) {
+            (Some(controller), Some(law), None) => {
+                let targets = Targets::extracted(controller, law.as_ref(), n, setpoints)?;
+                Driver::Controller { law: law.as_ref(), targets, privileged }
+            }
+            (None, _, Some(policies)) if setpoints.is_none() && !privileged => Driver::Policies(networks(policies, n)?),
+            _ => {
+                let message = "rollout() takes either controller, with setpoints and privileged, or policies";
+                return Err(PyTypeError::new_err(message));
+            }
+        };
         let impulses = impulses
             .map(|value| finite_elements("impulses", value, &[None, Some(n), Some(3)], steps.saturating_mul(3 * n)));
         let points = points.map(|value| finite_elements("points", value, &[Some(n), Some(3)], 3 * n));
         let closed_loop = ClosedLoop {
-            controller: law,
-            targets,
-            privileged,
+            driver,
             impulses: impulses.transpose()?.unwrap_or_default(),
             points: points.transpose()?.unwrap_or_default(),
             start_time: ballbot_core::check_finite("start_time", &[start_time])
@@ -1000,6 +1012,48 @@ impl PyBatch {
         };
         let result = Stepped { batch, outcomes, final_observations }.rollout(py, &closed_loop, steps, &record);
         self.or_raised(result)
+    }
+
+    /// Continues the episode of each robot to its end under its own policy, in Rust: what a search over policies needs.
+    ///
+    /// A policy is a network with tanh between its layers, and actions limited to ±1; with one layer it is linear. All
+    /// have the same shape. Robots whose episodes end before others begin further episodes, which do not count: reset
+    /// all robots afterwards.
+    ///
+    /// Args:
+    ///     policies: (weights, biases) of each layer: the first layer is on the observation, the last gives the action.
+    ///         Weights have the shape (num_envs, outputs, inputs), biases (num_envs, outputs); rounded to float32.
+    ///     steps: most steps of a robot; None is `max_episode_steps`.
+    ///
+    /// Returns:
+    ///     Arrays by name, each of shape (num_envs,): `returns` (sums of the rewards), `lengths` (steps), `terminated`,
+    ///     `truncated`, and `success` (whether the episode is a success if it ends there).
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, a number that is not within ±1e9, an episode that is over, or a task with a stage
+    ///         in Python.
+    ///     TypeError: `policies` is not a list of pairs of arrays.
+    ///     MemoryError: the weights need more memory than is available.
+    ///     KeyboardInterrupt: Ctrl-C; all robots must then be reset.
+    #[pyo3(signature = (policies, steps=None))]
+    fn episodes<'py>(
+        &self,
+        py: Python<'py>,
+        policies: &Bound<'py, PyAny>,
+        #[pyo3(from_py_with = optional_whole)] steps: Option<i64>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        let batch = &mut self.inner.write()?.batch;
+        let steps = steps.map_or(Ok(batch.max_episode_steps()), |steps| count("steps", steps, 0))?;
+        let networks = networks(policies, batch.len())?;
+        let mut episodes = vec![Episode::default(); batch.len()];
+        interruptible(py, || batch.episodes(&networks, steps, &mut episodes))?;
+        let dict = PyDict::new(py);
+        dict.set_item("returns", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.total)))?;
+        dict.set_item("lengths", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.steps as i64)))?;
+        dict.set_item("terminated", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.terminated)))?;
+        dict.set_item("truncated", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.truncated)))?;
+        dict.set_item("success", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.success)))?;
+        Ok(dict)
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

@@ -14,6 +14,7 @@ mod exclusive;
 mod fields;
 mod infos;
 mod models;
+mod networks;
 mod numbers;
 mod options;
 mod params;

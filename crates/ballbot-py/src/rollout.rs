@@ -6,7 +6,7 @@ use crate::errors::to_python;
 use crate::events::draw_records;
 use crate::reference::References;
 use crate::signals::interruptible;
-use ballbot_core::batch::{Batch, Outcome, StepBuffers, Under};
+use ballbot_core::batch::{Batch, Networks, Outcome, StepBuffers, Under};
 use ballbot_core::control::{Controller, Setpoint};
 use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, Error, State, try_zeros};
@@ -225,11 +225,15 @@ impl Targets {
     }
 }
 
-/// A controller on all robots of a batch, and the impulses on the robots.
+/// What gives the actions of all robots of a batch.
+pub(crate) enum Driver<'a> {
+    Controller { law: &'a dyn Controller, targets: Targets, privileged: bool },
+    Policies(Networks),
+}
+
+/// A driver on all robots of a batch, and the impulses on the robots.
 pub(crate) struct ClosedLoop<'a> {
-    pub(crate) controller: &'a dyn Controller,
-    pub(crate) targets: Targets,
-    pub(crate) privileged: bool,
+    pub(crate) driver: Driver<'a>,
     /// Impulses on each robot before each of the first steps, N·s.
     pub(crate) impulses: Vec<f64>,
     /// Points of application on each body, body frame, m; if empty, its CoM.
@@ -244,12 +248,13 @@ impl ClosedLoop<'_> {
         if pushes > steps {
             return Err(Error::Length { name: "impulses".into(), found: pushes, expected: steps });
         }
-        match &self.targets {
-            Targets::References(references) => {
+        match &self.driver {
+            Driver::Controller { targets: Targets::References(references), .. } => {
                 let last = steps.saturating_sub(1) as f64 * batch.control_dt();
                 references.check([self.start_time, self.start_time + last])
             }
-            _ => Ok(()),
+            Driver::Controller { .. } => Ok(()),
+            Driver::Policies(networks) => batch.check_networks(networks),
         }
     }
 
@@ -275,7 +280,7 @@ pub(crate) struct Stepped<'a> {
 }
 
 impl Stepped<'_> {
-    /// Runs `steps` control steps under a controller and returns the records by name.
+    /// Runs `steps` control steps and returns the records by name.
     pub(crate) fn rollout<'py>(
         mut self,
         py: Python<'py>,
@@ -322,25 +327,17 @@ impl Stepped<'_> {
         for i in 0..n {
             self.batch.observation(i, &mut observations[i * width..][..width]).map_err(to_python)?;
         }
-        let mut moving = match closed_loop.targets {
-            Targets::References(_) => vec![Setpoint::default(); n],
+        let mut moving = match closed_loop.driver {
+            Driver::Controller { targets: Targets::References(_), .. } => vec![Setpoint::default(); n],
             _ => Vec::new(),
         };
         interruptible(py, || {
             for step in 0..=steps {
                 if step > 0 {
                     closed_loop.push(self.batch, step - 1)?;
-                    let setpoints = match &closed_loop.targets {
-                        Targets::Task => None,
-                        Targets::Same(setpoints) => Some(setpoints.as_slice()),
-                        Targets::References(references) => {
-                            let time = closed_loop.start_time + (step - 1) as f64 * self.batch.control_dt();
-                            references.write(time, &mut moving);
-                            Some(moving.as_slice())
-                        }
-                    };
-                    let under =
-                        Under { controller: closed_loop.controller, setpoints, privileged: closed_loop.privileged };
+                    if let Driver::Policies(networks) = &closed_loop.driver {
+                        networks.act(&observations, &mut actions)?;
+                    }
                     let mut buffers = StepBuffers {
                         observations: &mut observations,
                         rewards: &mut rewards,
@@ -349,7 +346,22 @@ impl Stepped<'_> {
                         final_observations: self.final_observations,
                         outcomes: self.outcomes,
                     };
-                    self.batch.step_under(&under, &mut actions, &mut buffers)?;
+                    match &closed_loop.driver {
+                        Driver::Policies(_) => self.batch.step(&actions, &mut buffers)?,
+                        Driver::Controller { law, targets, privileged } => {
+                            let setpoints = match targets {
+                                Targets::Task => None,
+                                Targets::Same(setpoints) => Some(setpoints.as_slice()),
+                                Targets::References(references) => {
+                                    let time = closed_loop.start_time + (step - 1) as f64 * self.batch.control_dt();
+                                    references.write(time, &mut moving);
+                                    Some(moving.as_slice())
+                                }
+                            };
+                            let under = Under { controller: *law, setpoints, privileged: *privileged };
+                            self.batch.step_under(&under, &mut actions, &mut buffers)?;
+                        }
+                    }
                 }
                 let last = Last { actions: &actions, observations: &observations, outcomes: self.outcomes };
                 write_records(self.batch, &last, step, records, recorded);

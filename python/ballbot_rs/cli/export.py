@@ -10,6 +10,7 @@ from ballbot_rs import _files
 from ballbot_rs._extras import require
 from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import settings
+from ballbot_rs.control import policy_file
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
 
@@ -70,6 +71,7 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.estimator:
         _export_estimator(arguments)
         return
+    arguments.policy = policy_file.in_run(arguments.policy)
     target = arguments.output
     if target is None:
         source = arguments.policy

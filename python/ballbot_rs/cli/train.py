@@ -19,6 +19,8 @@ from ballbot_rs.cli import report, settings
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
+from ballbot_rs.training import config as config_module
+from ballbot_rs.training import evolution, run_folder
 from ballbot_rs.training.on_ray.settings import MAX_WORKERS, Ray
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ MAX_TIMESTEPS = 10**12
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("train", help="train a policy with Stable-Baselines3")
+    command = commands.add_parser("train", help="train a policy with Stable-Baselines3 or by evolution")
     shared.add_task(command)
     shared.add_robot(
         command,
@@ -44,6 +46,12 @@ def add_to(commands: Any) -> None:
         "--config",
         type=Path,
         help="TOML file to use instead of the task's own, or a variant of it, as recover of balance",
+    )
+    command.add_argument(
+        "--algorithm",
+        type=str.upper,
+        choices=(evolution.ALGORITHM,),
+        help="CMA: search a linear policy by evolution instead of the configuration's algorithm; needs no PyTorch",
     )
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
     command.add_argument(
@@ -86,9 +94,6 @@ def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
         ValueError: another task is requested, or the configuration is damaged.
         FileNotFoundError: the folder has no run.
     """
-    from ballbot_rs.training import config as config_module
-    from ballbot_rs.training import run_folder
-
     run_folder.read_record(folder)
     config = config_module.parse(run_folder.read_config_text(folder), str(folder / run_folder.CONFIG))
     task = task_of(config.env_id)
@@ -99,14 +104,10 @@ def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
-    with require("training", "train"):
-        from ballbot_rs.training import config as config_module
-        from ballbot_rs.training import run_folder, train
-    learn = _loop(arguments)
     started = time.perf_counter()
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
-        fixed = ("config", "run", "seed", "overwrite")
+        fixed = ("config", "algorithm", "run", "seed", "overwrite")
         given = [name for name in fixed if getattr(arguments, name) is not None]
         if given:
             raise ValueError(f"--resume continues a run as it was configured: --{given[0]} cannot be combined with it")
@@ -115,18 +116,17 @@ def run(arguments: argparse.Namespace) -> None:
         folder = arguments.resume
         config = _config_of_run(folder, arguments.task)
         policy = _interruptible(
-            task_of(config.env_id),
-            folder,
-            lambda: train.resume(
-                folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell, learn=learn
-            ),
+            task_of(config.env_id), folder, lambda: _resume(config, folder, arguments, progress_bar)
         )
     else:
         task = arguments.task or DEFAULT_TASK
         config, text = config_module.load(task, arguments.config, arguments.robot)
+        if arguments.algorithm not in (None, config.algorithm):
+            text = evolution.adapted(text)
+            config = config_module.parse(text, "the configuration")
         values = values_of(arguments, task, config.env)
         if arguments.timesteps is not None:
-            values |= train.steps_alone(config, arguments.timesteps)
+            values |= config_module.steps_alone(config, arguments.timesteps)
         if values:
             text = config_module.with_values(text, values)
             config = config_module.parse(text, "the configuration")
@@ -134,21 +134,8 @@ def run(arguments: argparse.Namespace) -> None:
         stamp = time.strftime("%Y%m%d-%H%M%S")
         folder = arguments.run or Path("runs") / f"{task}-seed-{seed}-{stamp}"
         # Checkpoints of an earlier run do not belong to this run.
-        train.check_folder(folder, bool(arguments.overwrite))
-        policy = _interruptible(
-            task,
-            folder,
-            lambda: train.train(
-                config,
-                text,
-                folder,
-                seed=seed,
-                overwrite=bool(arguments.overwrite),
-                progress_bar=progress_bar,
-                tell=_tell if progress_bar else lambda _: None,
-                learn=learn,
-            ),
-        )
+        run_folder.check(folder, bool(arguments.overwrite))
+        policy = _interruptible(task, folder, lambda: _train(config, text, folder, seed, arguments, progress_bar))
     seconds = time.perf_counter() - started
     results = []
     if arguments.episodes > 0:
@@ -181,6 +168,41 @@ def run(arguments: argparse.Namespace) -> None:
     failure = run_folder.failure(record)
     if failure is not None:
         raise RuntimeError(f"the training has failed: {failure}")
+
+
+def _train(
+    config: "TrainConfig", text: str, folder: Path, seed: int, arguments: argparse.Namespace, progress_bar: bool
+) -> Path:
+    """A new run, with the algorithm of its configuration."""
+    if config.algorithm == evolution.ALGORITHM:
+        if arguments.on is not None:
+            raise ValueError(f"--on {arguments.on}: algorithm = {config.algorithm} runs on one machine")
+        with bar("evolving", not progress_bar) as progress:
+            return evolution.train(
+                config, text, folder, seed=seed, overwrite=bool(arguments.overwrite), progress=progress
+            )
+    with require("training", "train"):
+        from ballbot_rs.training import train
+    return train.train(
+        config,
+        text,
+        folder,
+        seed=seed,
+        overwrite=bool(arguments.overwrite),
+        progress_bar=progress_bar,
+        tell=_tell if progress_bar else lambda _: None,
+        learn=_loop(arguments),
+    )
+
+
+def _resume(config: "TrainConfig", folder: Path, arguments: argparse.Namespace, progress_bar: bool) -> Path:
+    if config.algorithm == evolution.ALGORITHM:
+        raise ValueError(f"{folder}: a run of evolution keeps no checkpoints: begin it again with --overwrite")
+    with require("training", "train"):
+        from ballbot_rs.training import train
+    return train.resume(
+        folder, timesteps=arguments.timesteps, progress_bar=progress_bar, tell=_tell, learn=_loop(arguments)
+    )
 
 
 def _loop(arguments: argparse.Namespace) -> "Learn | None":
@@ -221,8 +243,6 @@ def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) 
 
 def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
     """Does the work; if anything ends it early, prints what has been saved and how to continue."""
-    from ballbot_rs.training import run_folder
-
     try:
         with _interrupts.patient():
             return work()

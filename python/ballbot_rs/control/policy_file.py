@@ -1,17 +1,27 @@
 """The training environment as policy files describe it."""
 
+import platform
 import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
+from ballbot_rs import __version__
 from ballbot_rs._core import ACTUATORS, ROBOTS, SENSORS, TASKS
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 from ballbot_rs.envs.own.stage import imported, split
 from ballbot_rs.envs.registration import description_of, env_id_of, task_of
 
+#: The best policy in the folder of a run whose policies are ONNX files.
+BEST_OF_RUN: Final = "best_model.onnx"
+
 #: Options of policies from before 0.2.0: these had no scaling, and this torque per unit of action.
 BEFORE_SCALING: Final = {"scale_observations": False, "max_wheel_torque": 1.0}
+
+
+def in_run(path: Path) -> Path:
+    """The ONNX policy in a run's folder, if it has one; else the path itself."""
+    return path / BEST_OF_RUN if (path / BEST_OF_RUN).is_file() else path
 
 
 def task_in(file: Path, env_id: str, task: str | None) -> str:
@@ -40,6 +50,27 @@ def observation_layout(task: str) -> list[list[Any]]:
     """Name, unit, bound, value at rest and typical magnitude of each row of an observation, as in JSON."""
     fields = ("name", "unit", "bound", "rest", "typical")
     return [[row[field] for field in fields] for row in description_of(task)["observation"]]
+
+
+def metadata(task: str, options: Mapping[str, Any], algorithm: str, versions: Mapping[str, str]) -> dict[str, Any]:
+    """The metadata of an ONNX policy.
+
+    Args:
+        task: name of the task.
+        options: all options of the environment that the policy was trained in.
+        algorithm: name of what trained it.
+        versions: of further libraries.
+    """
+    return {
+        "env_id": env_id_of(task),
+        "env_options": dict(options),
+        # The environment scales observations where `scale_observations` is set; the network does not scale them.
+        "observation": observation_layout(task),
+        "max_wheel_torque": options["max_wheel_torque"],
+        "control_dt": options["control_dt"],
+        "algorithm": algorithm,
+        "versions": {"ballbot_rs": __version__, **versions, "python": platform.python_version()},
+    }
 
 
 def fits(layout: Any, task: str) -> bool:

@@ -17,6 +17,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, Controller, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import without_curriculum
@@ -118,7 +119,7 @@ def find(
         )
     if name in NAMES:
         return ResolvedController(name, make_law=lambda params, control_dt: _no_torque)  # noqa: ARG005
-    path = Path(name)
+    path = policy_file.in_run(Path(name))
     if path.suffix == ".onnx":
         if not trusted:
             _check_size(path)

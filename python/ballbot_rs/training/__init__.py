@@ -1,1 +1,1 @@
-"""Training of policies with Stable-Baselines3: configuration, the run and its files, evaluation."""
+"""Training of policies with Stable-Baselines3 or by evolution: configuration, the run and its files, evaluation."""

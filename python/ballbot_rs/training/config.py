@@ -15,7 +15,8 @@ from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
-ALGORITHMS = ("PPO", "SAC")
+#: Of Stable-Baselines3, and CMA-ES (`training.evolution`).
+ALGORITHMS = ("PPO", "SAC", "CMA")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -354,3 +355,9 @@ def with_values(text: str, values: Mapping[str, Any]) -> str:
                 raise ValueError(f"{name} = {value!r}: {part} is not a table")
         inner[last] = value
     return _toml.dumps(table)
+
+
+def steps_alone(config: TrainConfig, timesteps: int) -> dict[str, int]:
+    """Values of a configuration with exactly this number of steps."""
+    most = {} if config.max_timesteps is None else {"max_timesteps": timesteps}
+    return {"total_timesteps": timesteps, **most}

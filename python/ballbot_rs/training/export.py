@@ -4,7 +4,6 @@ import contextlib
 import io
 import json
 import logging
-import platform
 import warnings
 from collections.abc import Mapping
 from pathlib import Path
@@ -16,11 +15,10 @@ import stable_baselines3
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from ballbot_rs import __version__, _files
+from ballbot_rs import _files
 from ballbot_rs._extras import require
-from ballbot_rs.control import sb3_policy
+from ballbot_rs.control import policy_file, sb3_policy
 from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
-from ballbot_rs.control.policy_file import observation_layout
 from ballbot_rs.envs.registration import task_of
 
 #: Tolerance of exported actions relative to their source, and number of observations in the check.
@@ -118,22 +116,12 @@ def _silent(*names: str) -> Any:
 
 
 def _metadata(found: dict[str, Any], task: str) -> dict[str, Any]:
-    return {
-        "env_id": found["env_id"],
-        "env_options": found["env_options"],
-        # The environment scales observations where `scale_observations` is set; the network does not scale them.
-        "observation": observation_layout(task),
-        "max_wheel_torque": found["env_options"]["max_wheel_torque"],
-        "control_dt": found["env_options"]["control_dt"],
-        "algorithm": found["algorithm"],
-        "versions": {
-            "ballbot_rs": __version__,
-            "trained_with_ballbot_rs": found["ballbot_rs"],
-            "stable_baselines3": stable_baselines3.__version__,
-            "torch": str(torch.__version__),
-            "python": platform.python_version(),
-        },
+    versions = {
+        "trained_with_ballbot_rs": found["ballbot_rs"],
+        "stable_baselines3": stable_baselines3.__version__,
+        "torch": str(torch.__version__),
     }
+    return policy_file.metadata(task, found["env_options"], found["algorithm"], versions)
 
 
 def _with_metadata(proto: Any, metadata: dict[str, Any]) -> bytes:

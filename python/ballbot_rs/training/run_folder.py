@@ -4,6 +4,8 @@ import contextlib
 import dataclasses
 import io
 import json
+import platform
+import shutil
 import zipfile
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -12,7 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs import _files
+from ballbot_rs import __version__, _files
+from ballbot_rs.training.origin import now, origin
 
 Array = npt.NDArray[np.float64]
 
@@ -90,6 +93,60 @@ def held(folder: Path) -> Iterator[None]:
         lock.release()
 
 
+def check(folder: Path, overwrite: bool) -> None:
+    """Rejects a folder in which a run must not begin.
+
+    Raises:
+        FileExistsError: it has an earlier run that must not be overwritten, or other files.
+        OSError: it cannot be read.
+    """
+    if not folder.exists():
+        return
+    if all(path.name == LOCK or _files.is_remains(path) for path in folder.iterdir()):
+        return
+    if not (folder / RECORD).is_file():
+        raise FileExistsError(
+            f"{folder} is not a training run, so it is not overwritten: name another folder with --run"
+        )
+    if not overwrite:
+        raise FileExistsError(
+            f"{folder} holds an earlier run: continue it with --resume, delete it with --overwrite, or name another "
+            "folder with --run"
+        )
+
+
+def begin(folder: Path, text: str, seed: int, *, overwrite: bool, versions: Mapping[str, str]) -> None:
+    """Begins a run in a folder that this process holds.
+
+    Args:
+        folder: the run.
+        text: of its configuration.
+        seed: of the run.
+        overwrite: whether to delete an earlier run.
+        versions: of the libraries that train.
+
+    Raises:
+        FileExistsError: as `check`.
+        OSError: a file cannot be written.
+    """
+    # Another process may have begun a run in the meantime.
+    check(folder, overwrite)
+    _empty(folder)
+    known = {"ballbot_rs": __version__, **versions, "python": platform.python_version()}
+    # The record comes first: a folder with it is a run, which may be overwritten.
+    write_record(folder, {"seed": seed, "versions": known, **origin()})
+    _files.write(folder / CONFIG, text)
+
+
+def _empty(folder: Path) -> None:
+    """Deletes an earlier run, its record last: until then the folder counts as a run that may be overwritten."""
+    for path in folder.iterdir():
+        if path.is_dir() and not path.is_symlink():
+            shutil.rmtree(path)
+        elif path.name not in (RECORD, LOCK):
+            path.unlink()
+
+
 def read_record(folder: Path) -> dict[str, Any]:
     """The record of a run: its seed, its origin, and the software versions.
 
@@ -127,6 +184,14 @@ def write_record(folder: Path, record: Mapping[str, Any]) -> None:
         OSError: the file cannot be written.
     """
     _files.write(folder / RECORD, json.dumps(record, indent=2) + "\n")
+
+
+def add_time(folder: Path, timesteps: int, seconds: float) -> None:
+    """Records when learning ended, the number of steps and the duration; a resumed run adds to the time."""
+    record = read_record(folder)
+    before = record.get("seconds", 0.0)
+    taken = (before if isinstance(before, float) else 0.0) + seconds
+    write_record(folder, {**record, "finished": now(), "timesteps": timesteps, "seconds": taken})
 
 
 def read_evaluations(folder: Path) -> Evaluations | None:

@@ -2,12 +2,10 @@
 
 import dataclasses
 import math
-import platform
-import shutil
 import time
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any, Protocol
+from typing import Any, Final, Protocol
 
 import gymnasium
 import stable_baselines3
@@ -15,7 +13,6 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
-import ballbot_rs
 from ballbot_rs import _files
 from ballbot_rs.control import policy_size, sb3_policy
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
@@ -28,19 +25,14 @@ from ballbot_rs.training import run_folder, run_state, teacher
 from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, KeepBest, ProgressBar
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
-from ballbot_rs.training.origin import now, origin
 from ballbot_rs.training.scaled_rewards import ScaledRewards
+from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed
 
-#: Seeds of environments: each run has its own range, evaluations use its end, and `compare` stays below all of them.
-SEEDS_PER_RUN = 10_000_000
-EVALUATION_SEEDS = 9_000_000
-#: Number of nominal robots with which the best policy is tested.
-JUDGED = 100
-
-
-def first_seed(seed: int) -> int:
-    """The first seed of a run's environments."""
-    return SEEDS_PER_RUN * (seed + 1)
+VERSIONS: Final = {
+    "gymnasium": gymnasium.__version__,
+    "stable_baselines3": stable_baselines3.__version__,
+    "torch": str(torch.__version__),
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -106,7 +98,7 @@ def train(
     """
     if not 0 <= seed < 2**32:
         raise ValueError(f"seed = {seed} is out of range: it must be from 0 to 2**32 - 1")
-    check_folder(folder, overwrite)
+    run_folder.check(folder, overwrite)
     torch.set_num_threads(config.torch_threads)
     if learn is not None:
         learn.check(config)
@@ -115,12 +107,7 @@ def train(
     if config.teacher is not None:
         teacher.laws_of(model, config.teacher)
     with run_folder.held(folder):
-        # Another process may have begun a run in the meantime.
-        check_folder(folder, overwrite)
-        _empty(folder)
-        # The record comes first: a folder with it is a run, which may be overwritten.
-        _write_record(folder, seed)
-        _files.write(folder / run_folder.CONFIG, text)
+        run_folder.begin(folder, text, seed, overwrite=overwrite, versions=VERSIONS)
         keep_best = _keep_best(config, folder, seed, stops)
         if config.teacher is not None:
             teacher.fit(model, config.teacher, seed, tell)
@@ -172,7 +159,7 @@ def _resume(
     source = str(folder / run_folder.CONFIG)
     config = config_module.parse(text, source)
     if timesteps is not None:
-        text = config_module.with_values(text, steps_alone(config, timesteps))
+        text = config_module.with_values(text, config_module.steps_alone(config, timesteps))
         config = config_module.parse(text, source)
     if config.algorithm == "SAC":
         raise ValueError("a SAC run cannot be resumed: its replay buffer is not kept")
@@ -217,43 +204,6 @@ def _give_state(model: BaseAlgorithm, checkpoint: Path, keep_best: KeepBest, tel
         tell(f"the run continues, but not bit for bit as without the interruption: {error}")
         return False
     return True
-
-
-def steps_alone(config: TrainConfig, timesteps: int) -> dict[str, int]:
-    """Values of a configuration with exactly this number of steps."""
-    most = {} if config.max_timesteps is None else {"max_timesteps": timesteps}
-    return {"total_timesteps": timesteps, **most}
-
-
-def check_folder(folder: Path, overwrite: bool) -> None:
-    """Rejects a folder in which a run must not begin.
-
-    Raises:
-        FileExistsError: it has an earlier run that must not be overwritten, or other files.
-        OSError: it cannot be read.
-    """
-    if not folder.exists():
-        return
-    if all(path.name == run_folder.LOCK or _files.is_remains(path) for path in folder.iterdir()):
-        return
-    if not (folder / run_folder.RECORD).is_file():
-        raise FileExistsError(
-            f"{folder} is not a training run, so it is not overwritten: name another folder with --run"
-        )
-    if not overwrite:
-        raise FileExistsError(
-            f"{folder} holds an earlier run: continue it with --resume, delete it with --overwrite, or name another "
-            "folder with --run"
-        )
-
-
-def _empty(folder: Path) -> None:
-    """Deletes an earlier run, its record last: until then the folder counts as a run that may be overwritten."""
-    for path in folder.iterdir():
-        if path.is_dir() and not path.is_symlink():
-            shutil.rmtree(path)
-        elif path.name not in (run_folder.RECORD, run_folder.LOCK):
-            path.unlink()
 
 
 def _environment(config: TrainConfig) -> VecEnv:
@@ -406,7 +356,7 @@ def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
             # After any other end the run can be resumed from here.
             if not diverged:
                 session.checkpoints.keep(model, is_due=ended)
-            _add_time(folder, model.num_timesteps, time.perf_counter() - started)
+            run_folder.add_time(folder, model.num_timesteps, time.perf_counter() - started)
     # The last policy is often the best one.
     session.keep_best.evaluate(model)
     sb3_policy.write(model, folder / run_folder.FINAL)
@@ -416,26 +366,3 @@ def _learn(session: Session, folder: Path, learn: Learn | None) -> Path:
         reached = session.keep_best.success_of_best()
         run_folder.write_record(folder, {**record, "success": reached, "required_success": float(required)})
     return folder / run_folder.BEST
-
-
-def _write_record(folder: Path, seed: int) -> None:
-    record = {
-        "seed": seed,
-        "versions": {
-            "ballbot_rs": ballbot_rs.__version__,
-            "gymnasium": gymnasium.__version__,
-            "stable_baselines3": stable_baselines3.__version__,
-            "torch": str(torch.__version__),
-            "python": platform.python_version(),
-        },
-        **origin(),
-    }
-    run_folder.write_record(folder, record)
-
-
-def _add_time(folder: Path, timesteps: int, seconds: float) -> None:
-    """Records when learning ended, the number of steps and the duration; a resumed run adds to the time."""
-    record = run_folder.read_record(folder)
-    before = record.get("seconds", 0.0)
-    taken = (before if isinstance(before, float) else 0.0) + seconds
-    run_folder.write_record(folder, {**record, "finished": now(), "timesteps": timesteps, "seconds": taken})

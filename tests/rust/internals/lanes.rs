@@ -88,6 +88,19 @@ fn exponential_equals_std() {
 }
 
 #[test]
+fn hyperbolic_tangent_equals_std() {
+    let mut arguments = magnitudes();
+    arguments.extend(magnitudes().iter().map(|x| -x));
+    let found: Vec<f64> = arguments.iter().map(|&x| tanh(x)).collect();
+    for (x, f) in arguments.iter().zip(&found) {
+        assert!((x.tanh() - f).abs() <= 2e-14, "tanh({x}) = {f}");
+    }
+    for wide in wide!(arguments, |x| tanh(x)) {
+        assert_eq!(bits(&wide), bits(&found));
+    }
+}
+
+#[test]
 fn arctangent_equals_std() {
     let mut points: Vec<(f64, f64)> = Vec::new();
     for k in 0..=40_000 {

@@ -28,6 +28,14 @@ pub fn exp_of_negative<L: Lane>(x: L) -> L {
     series
 }
 
+/// Hyperbolic tangent, error 2e-14.
+#[inline(always)]
+pub fn tanh<L: Lane>(x: L) -> L {
+    let falling = exp_of_negative(x.abs() * 2.0);
+    let magnitude = (-falling + 1.0) / (falling + 1.0);
+    L::select(x.lt(x.zero()), -magnitude, magnitude)
+}
+
 /// Angle of the point (x, y) from the x axis for y ≥ 0, in [0, π], error 1e-15; zero for (0, 0).
 #[inline(always)]
 pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {

@@ -25,7 +25,7 @@ pub use dispatch::{Kernel, run_eight, run_eight_at, run_one};
 pub use group::Group;
 pub use heading::Heading;
 pub use mat3::Mat3;
-pub use math::{atan2_positive, exp_of_negative, floor, sin_cos, sin_cos_of_step, wrapped_angle};
+pub use math::{atan2_positive, exp_of_negative, floor, sin_cos, sin_cos_of_step, tanh, wrapped_angle};
 pub use memory::Memory;
 pub use normal::Draws;
 pub use philox::philox;

@@ -69,7 +69,7 @@ pub struct Batch {
     pub(super) width: usize,
     pub(super) autoreset: Autoreset,
     /// Threads of a step, including the caller's.
-    threads: usize,
+    pub(super) threads: usize,
     /// Worker threads.
     pub(super) helpers: WorkerThreads,
     /// The stage of the caller, if there is one.
@@ -508,10 +508,12 @@ impl Batch {
         if self.autoreset == Autoreset::NextStep && !self.chunks.iter().any(|chunk| chunk.begun()) {
             return Err(Error::Inconsistent("step before the first reset".into()));
         }
-        if self.autoreset != Autoreset::NextStep
-            && let Some((chunk, i)) =
-                self.chunks.iter().enumerate().find_map(|(c, chunk)| Some((c, chunk.first_over()?)))
-        {
+        if self.autoreset == Autoreset::NextStep { Ok(()) } else { self.check_episodes() }
+    }
+
+    /// Checks that every environment is in an episode.
+    pub(super) fn check_episodes(&self) -> Result<()> {
+        if let Some((chunk, i)) = self.chunks.iter().enumerate().find_map(|(c, chunk)| Some((c, chunk.first_over()?))) {
             let i = chunk * self.width + i;
             return Err(Error::Inconsistent(format!(
                 "the episode of environment {i} is over (or has not begun): reset it before it is stepped"

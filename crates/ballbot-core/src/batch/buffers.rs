@@ -104,8 +104,12 @@ pub struct StepResults {
 impl StepResults {
     /// Zeros, in the lengths that the batch writes.
     pub fn new(batch: &Batch) -> Self {
-        let n = batch.len();
-        let rows = vec![0.0; n * batch.observation_len()];
+        Self::of(batch.len(), batch.observation_len())
+    }
+
+    /// Zeros for `n` environments with observations of `width`.
+    pub(super) fn of(n: usize, width: usize) -> Self {
+        let rows = vec![0.0; n * width];
         Self {
             observations: rows.clone(),
             rewards: vec![0.0; n],

@@ -12,10 +12,12 @@ mod closed_loop;
 mod config;
 mod drawn_law;
 mod env;
+mod episodes;
 mod events;
 mod external_motion;
 mod history;
 mod levels;
+mod networks;
 mod observation_source;
 mod pieces;
 mod registry;
@@ -30,12 +32,14 @@ pub use buffers::{Outcome, StepBuffers, StepResults};
 pub use closed_loop::Under;
 pub use config::{BalanceConfig, EnvConfig, SCALAR_OPTIONS};
 pub use drawn_law::Design;
+pub use episodes::Episode;
 pub use events::{
     Direction, Distribution, Event, Operation, Value, When, event_sets, events_from_toml, events_to_toml, load_events,
 };
 pub use external_motion::Outside;
 pub use history::History;
 pub use levels::Levels;
+pub use networks::{Layer, Networks};
 pub use observation_source::Observation;
 pub use registry::{TaskConfig, TaskKind, register_task, task_kind, task_kinds};
 pub use reset::ResetRequest;

@@ -15,7 +15,7 @@ def short(controller: str) -> str:
     if controller in NAMES:
         return str(CONTROLLERS[controller]["label"]) if controller in CONTROLLERS else "no torque"
     path = Path(controller)
-    return path.resolve().parent.name if path.name in ("best_model.zip", "final_model.zip") else path.name
+    return path.resolve().parent.name if path.stem in ("best_model", "final_model") else path.name
 
 
 def title(controller: str, model: str, inches: float, *more: str) -> str:

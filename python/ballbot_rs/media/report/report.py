@@ -63,7 +63,7 @@ def write(
     learned = curve.read(folder)
     record = run_folder.read_record(folder)
     task = task_of(config_module.parse(learned.config, str(folder)).env_id)
-    policy = find(str(folder / run_folder.BEST), task=task)
+    policy = find(str(folder.resolve()), task=task)
     show = progress or (lambda _: no_progress)
     described = origin.rows(record, folder, task)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}."), page.pairs(described)]

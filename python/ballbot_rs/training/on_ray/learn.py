@@ -25,7 +25,8 @@ from ballbot_rs.training.on_ray.connector import TrainBatch
 from ballbot_rs.training.on_ray.env_runner import BatchEnvRunner, setup
 from ballbot_rs.training.on_ray.module import Learner, PolicyModule
 from ballbot_rs.training.on_ray.settings import Ray
-from ballbot_rs.training.train import EVALUATION_SEEDS, Session, first_seed
+from ballbot_rs.training.seeds import EVALUATION_SEEDS, first_seed
+from ballbot_rs.training.train import Session
 
 #: Consecutive rounds without a step, a second apart, after which the wait for workers ends.
 MAX_IDLE = 60

@@ -1,0 +1,297 @@
+"""Evolution of small policies with CMA-ES: each robot of a generation has its own policy, and is stepped in Rust.
+
+Needs neither torch nor Stable-Baselines3.
+"""
+
+import dataclasses
+import itertools
+import time
+from collections.abc import Iterator, Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _toml
+from ballbot_rs._checks import check_bounded, check_count, check_options
+from ballbot_rs._extras import require
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.control import network_file, policy_file, policy_size
+from ballbot_rs.envs._batch_env import new_batch, resolved_options, without_curriculum
+from ballbot_rs.envs.registration import task_of
+from ballbot_rs.training import run_folder
+from ballbot_rs.training.config import TrainConfig
+from ballbot_rs.training.run_folder import Evaluations
+from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed
+
+Array = npt.NDArray[np.float64]
+
+#: The name in a configuration.
+ALGORITHM: Final = "CMA"
+#: Steps after which a run ends once its best policy succeeds often enough, and after which it ends in any case.
+TIMESTEPS: Final = {"total_timesteps": 20_000_000, "max_timesteps": 100_000_000}
+#: Keys of the configuration of another algorithm that hold for evolution, too.
+_SHARED: Final = ("env_id", "num_threads", "env")
+#: Steps of trials for each step of an evaluation.
+_TRIALS_PER_JUDGED: Final = 2
+#: Fraction of the robots that survive their trials from which the mean policy is evaluated.
+_SURVIVING: Final = 0.25
+#: Time between two writings of the best policy, s.
+_WRITE_SECONDS: Final = 5.0
+
+
+@dataclasses.dataclass(frozen=True)
+class Settings:
+    """The table `algorithm_arguments` of a configuration."""
+
+    #: Policies of a generation of the first search; each further search has twice as many.
+    population: int = 24
+    #: Starts from which each policy of a generation is tried; they are the same for all.
+    starts: int = 4
+    #: Initial standard deviation of the sums of a layer, for inputs of 1.
+    sigma: float = 0.4
+    #: Length of the first trials as a fraction of an episode; it grows while most robots survive.
+    first_trial: float = 0.15
+    #: Steps after which the first search is given up for another; each further search has twice as many.
+    search_steps: int = 10_000_000
+
+    def __post_init__(self) -> None:
+        for name, least in (("population", 4), ("starts", 1), ("search_steps", 1)):
+            if check_count(name, getattr(self, name)) < least:
+                raise ValueError(f"{name} = {getattr(self, name)}, it must be at least {least}")
+        check_bounded("sigma", self.sigma, 1e-6, 1e3)
+        check_bounded("first_trial", self.first_trial, 1e-3, 1.0)
+
+    @classmethod
+    def of(cls, config: TrainConfig) -> "Settings":
+        """The settings of a configuration.
+
+        Raises:
+            ValueError: an unknown name, or a number out of range.
+        """
+        try:
+            check_options(
+                "algorithm_arguments", config.algorithm_arguments, [one.name for one in dataclasses.fields(cls)]
+            )
+            return cls(**config.algorithm_arguments)
+        except (TypeError, ValueError) as error:
+            raise ValueError(f"algorithm_arguments: {error}") from error
+
+
+def adapted(text: str) -> str:
+    """The configuration of another algorithm with CMA-ES in its place: the same task and the same required success."""
+    table = _toml.loads(text)
+    kept: dict[str, Any] = {name: table[name] for name in _SHARED if name in table}
+    success = table.get("evaluation", {}).get("success")
+    evaluation = {"episodes": JUDGED} if success is None else {"episodes": JUDGED, "success": success}
+    return _toml.dumps({**kept, "algorithm": ALGORITHM, **TIMESTEPS, "evaluation": evaluation})
+
+
+class Shape:
+    """The shape of a policy: a vector of numbers is the weights and biases of its layers.
+
+    Args:
+        widths: of the observation, of each hidden layer, and of the action.
+    """
+
+    def __init__(self, widths: Sequence[int]) -> None:
+        self._layers = list(itertools.pairwise(widths))
+        #: Length of the vector.
+        self.size = sum(outputs * (inputs + 1) for inputs, outputs in self._layers)
+
+    def network(self, numbers: Array) -> list[tuple[Array, Array]]:
+        """Weights (n, outputs, inputs) and biases (n, outputs) of each layer, from numbers (n, `size`)."""
+        found, rest = [], numbers
+        for inputs, outputs in self._layers:
+            layer, rest = np.split(rest, [outputs * (inputs + 1)], axis=1)
+            layer = layer.reshape(-1, outputs, inputs + 1) / np.sqrt(inputs)
+            found.append((layer[..., 1:], layer[..., 0]))
+        return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Judged:
+    """A policy with its episodes of nominal robots, each array of shape (episodes,)."""
+
+    numbers: Array
+    #: Steps of the run before them.
+    timesteps: int
+    returns: Array
+    lengths: Array
+    successes: Array
+
+    @property
+    def rank(self) -> tuple[float, float]:
+        """The higher, the better the policy."""
+        return float(self.successes.mean()), float(self.returns.mean())
+
+
+class Evolution:
+    """The search of a run.
+
+    Args:
+        config: its configuration.
+        seed: of the run.
+
+    Raises:
+        ValueError: the configuration is invalid for the environment or for CMA-ES.
+        ModuleNotFoundError: cmaes is missing.
+    """
+
+    def __init__(self, config: TrainConfig, seed: int) -> None:
+        with require("evolution", "evolution"):
+            import cmaes
+        self._cmaes = cmaes
+        self._config, self._seed = config, seed
+        self._settings = Settings.of(config)
+        self._task = task_of(config.env_id)
+        one = new_batch(1, task=self._task, num_threads=1, options=config.env)
+        self._options = resolved_options(one, config.env)
+        nominal = {name: value for name, value in without_curriculum(config.env).items() if name != "events"}
+        self._nominal = new_batch(
+            config.evaluation.episodes, task=self._task, num_threads=config.num_threads, options=nominal
+        )
+        if self._nominal.stage is not None:
+            raise ValueError(f"{self._task} has a part in Python: evolution steps robots in Rust only")
+        unknown = set(config.policy) - {"net_arch"}
+        policy_size.check_net_arch(config.policy, self._nominal.observation_len)
+        hidden = config.policy.get("net_arch", [])
+        if unknown or not isinstance(hidden, list) or not all(isinstance(width, int) for width in hidden):
+            raise ValueError(f"policy = {config.policy}: evolution accepts only net_arch, a list of widths of layers")
+        self._shape = Shape([self._nominal.observation_len, *hidden, 3])
+        #: Steps of all robots, evaluations included.
+        self.timesteps = 0
+        self.judged: list[Judged] = []
+        self.best: Judged | None = None
+
+    @property
+    def is_over(self) -> bool:
+        """Whether the run has reached its aim, or its largest number of steps."""
+        if self.best is None:
+            return False
+        success, required = self.best.rank[0], self._config.evaluation.success
+        reached = self.timesteps >= self._config.total_timesteps and success >= (required or 0.0)
+        return success == 1.0 or reached or self.timesteps >= self._config.most_timesteps
+
+    def run(self) -> Iterator[Judged]:
+        """Searches until `is_over`; gives each evaluation."""
+        for search in itertools.count():
+            yield from self._search(search)
+            if self.is_over:
+                return
+
+    def _search(self, search: int) -> Iterator[Judged]:
+        """A search from zero weights, until the run is over or the search is given up."""
+        settings, starts = self._settings, self._settings.starts
+        population = settings.population << search
+        rng = np.random.default_rng((self._seed, search))
+        optimizer = self._cmaes.SepCMA(
+            mean=np.zeros(self._shape.size),
+            sigma=settings.sigma,
+            seed=int(rng.integers(2**32)),
+            population_size=population,
+        )
+        robots = new_batch(
+            population * starts, task=self._task, num_threads=self._config.num_threads, options=self._config.env
+        )
+        episode = robots.max_episode_steps
+        trial = max(round(settings.first_trial * episode), 1)
+        end, due = self.timesteps + (settings.search_steps << search), 0
+        while self.timesteps < end and not optimizer.should_stop():
+            candidates = np.array([optimizer.ask() for _ in range(population)])
+            seeds = first_seed(self._seed) + rng.integers(EVALUATION_SEEDS, size=starts)
+            robots.reset(seeds=np.tile(seeds, population).tolist())
+            found = robots.episodes(self._shape.network(np.repeat(candidates, starts, axis=0)), trial)
+            self.timesteps += int(found["lengths"].sum())
+            costs = -found["returns"].reshape(population, starts).mean(axis=1)
+            optimizer.tell(list(zip(candidates, costs.tolist(), strict=True)))
+            surviving = 1.0 - found["terminated"].mean()
+            if surviving >= 0.5:
+                trial = min(round(1.5 * trial) + 1, episode)
+            is_last = self.timesteps >= self._config.most_timesteps
+            if (self.timesteps >= due and surviving >= _SURVIVING) or is_last:
+                judged = self._judge(optimizer.mean)
+                steps = _TRIALS_PER_JUDGED * int(judged.lengths.sum())
+                due = self.timesteps + max(steps, self._config.evaluation.every_timesteps)
+                yield judged
+                if self.is_over:
+                    return
+
+    def _judge(self, numbers: Array) -> Judged:
+        first, count = first_seed(self._seed) + EVALUATION_SEEDS, self._nominal.num_envs
+        self._nominal.reset(seeds=list(range(first, first + count)))
+        found = self._nominal.episodes(self._shape.network(np.tile(numbers, (count, 1))))
+        judged = Judged(
+            numbers.copy(),
+            self.timesteps,
+            found["returns"],
+            found["lengths"].astype(float),
+            found["success"].astype(float),
+        )
+        self.timesteps += int(found["lengths"].sum())
+        if self.best is None or judged.rank > self.best.rank:
+            self.best = judged
+        self.judged.append(judged)
+        return judged
+
+    def write(self, folder: Path) -> None:
+        """Writes the best policy and all evaluations into a run.
+
+        Raises:
+            OSError: a file cannot be written.
+        """
+        if self.best is None:
+            return
+        described = policy_file.metadata(self._task, self._options, ALGORITHM, {"cmaes": metadata.version("cmaes")})
+        network = [(weights[0], biases[0]) for weights, biases in self._shape.network(self.best.numbers[None])]
+        network_file.write(folder / policy_file.BEST_OF_RUN, network, described)
+        columns = zip(*((j.timesteps, j.returns, j.lengths, j.successes) for j in self.judged), strict=True)
+        Evaluations(*(np.array(column, dtype=float) for column in columns)).save(folder)
+
+
+def train(
+    config: TrainConfig,
+    text: str,
+    folder: Path,
+    *,
+    seed: int = 0,
+    overwrite: bool = False,
+    progress: Progress = no_progress,
+) -> Path:
+    """Searches a policy that succeeds, and returns its file.
+
+    Args:
+        config: the configuration.
+        text: its TOML text, kept in the folder.
+        folder: the run folder; must not exist yet or be empty.
+        seed: of the search and of its environments.
+        overwrite: whether to delete an earlier run in `folder`.
+        progress: called with the number of steps done and the steps after which a run usually ends.
+
+    Raises:
+        FileExistsError: the folder has an earlier run.
+        ValueError: the configuration does not fit the environment or CMA-ES, or another process trains in the folder.
+        ModuleNotFoundError: cmaes or onnx is missing.
+        OSError: a file cannot be written.
+    """
+    run_folder.check(folder, overwrite)
+    evolution = Evolution(config, seed)
+    with run_folder.held(folder):
+        run_folder.begin(folder, text, seed, overwrite=overwrite, versions={"cmaes": metadata.version("cmaes")})
+        started = written = time.perf_counter()
+        try:
+            for _ in evolution.run():
+                progress(evolution.timesteps, max(config.total_timesteps, evolution.timesteps))
+                if time.perf_counter() - written > _WRITE_SECONDS:
+                    evolution.write(folder)
+                    written = time.perf_counter()
+        finally:
+            run_folder.add_time(folder, evolution.timesteps, time.perf_counter() - started)
+            evolution.write(folder)
+        if evolution.best is not None and config.evaluation.success is not None:
+            record = run_folder.read_record(folder)
+            reached, required = evolution.best.rank[0], float(config.evaluation.success)
+            run_folder.write_record(folder, {**record, "success": reached, "required_success": required})
+    return folder / policy_file.BEST_OF_RUN
