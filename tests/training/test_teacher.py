@@ -153,6 +153,24 @@ class TestFit:
         with pytest.raises(ValueError, match="follows_position = 1 must be true or false"):
             dataclasses.replace(FIT, follows_position=1)
 
+    def test_a_controller_that_does_not_follow_the_motion_follows_the_command(self):
+        model = new_model("velocity")
+        batch = teacher._batch(model)
+        batch.reset()
+        (law,) = teacher.laws_of(model, FIT)
+        chosen = teacher._setpoints(batch, law, dataclasses.replace(FIT, follows_motion=False))
+        # A robot at the setpoint stays there on a circle with the commanded speed and rate.
+        x, y, rate = batch.command().T
+        yaw = chosen["yaw"]
+        np.testing.assert_allclose(chosen["velocity"][:, 0], np.cos(yaw) * x - np.sin(yaw) * y)
+        np.testing.assert_allclose(np.linalg.norm(chosen["velocity"], axis=1), np.hypot(x, y))
+        for lower, higher in (("velocity", "acceleration"), ("acceleration", "jerk"), ("jerk", "snap")):
+            turned = np.stack([-chosen[lower][:, 1], chosen[lower][:, 0]], axis=1)
+            np.testing.assert_allclose(chosen[higher], rate[:, None] * turned)
+        np.testing.assert_array_equal(chosen["yaw_rate"], rate)
+        with pytest.raises(ValueError, match="follows_motion = False: the task path commands no velocity"):
+            teacher.laws_of(new_model("path"), dataclasses.replace(FIT, follows_motion=False))
+
     def test_labels_are_of_each_robot_as_events_have_sampled_it(self):
         events = [{"term": "body_com_offset", "range": [-0.005, 0.005]}]
         for drawn in (True, False):

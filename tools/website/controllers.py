@@ -1,6 +1,6 @@
 """A page for each controller of the core, from its table of options."""
 
-from ballbot_rs import ControllerInfo, _short, controllers
+from ballbot_rs import ControllerInfo, controllers
 
 
 def pages() -> dict[str, str]:
@@ -40,9 +40,7 @@ def _traction(info: ControllerInfo) -> str:
 
 def _page(info: ControllerInfo) -> str:
     name = info.name
-    rows = [
-        _row(f"`{option}`", of.unit, of.shown_default, of.limit, of.doc) for option, of in info.options.items()
-    ]
+    rows = [_row(f"`{option}`", of.unit, of.shown_default, of.limit, of.doc) for option, of in info.options.items()]
     parts = ", ".join(f"`{part}`" for part in info.setpoint_parts) or "nothing"
     table = [_row("option", "unit", "default", "limit", "what"), _row("---", "---", "---", "---", "---"), *rows, ""]
     return f"""# {name}

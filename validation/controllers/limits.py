@@ -31,9 +31,9 @@ the maps do not hold, and all torques are scaled down together to the friction l
 steps of $T$: where such a step is above 0.1 m/s, as with 512 ticks at 500 Hz, one tick counts as slip, and the limits
 are the upright robot's.
 
-The friction of the wheel joints does not reach the ball. All laws are designed for the robot without it, and it is added
-to the torques at the very end, within the largest torque: $b\,\omega_i + c\,\omega_i/\sqrt{\omega_i^2 + \omega_0^2}$
-at the wheel's present speed $\omega_i$, with `wheel_viscous_friction` $b$, `wheel_coulomb_friction` $c$ and $\omega_0$
+The friction of the wheel joints does not reach the ball. All laws are designed for the robot without it, and it is
+added to the torques at the very end, within the largest torque: $b\,\omega_i + c\,\omega_i/\sqrt{\omega_i^2 +
+\omega_0^2}$ at the wheel's present speed $\omega_i$, with `wheel_viscous_friction` $b$, `wheel_coulomb_friction` $c$ and $\omega_0$
 = 1 rad/s: at rest, where dry friction acts in either direction, nothing is added.
 
 The rows limit the wheels only; the ball is assumed to grip the floor. On a `Batch` the largest torque of an action is a

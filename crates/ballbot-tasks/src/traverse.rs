@@ -182,7 +182,7 @@ impl Task for Traverse {
             Metric::new(
                 "share",
                 "",
-                "how far the ball went in the commanded direction, over the distance of the smoothed command",
+                "distance of the ball in the commanded direction, over the smoothed command's",
             ),
             memory[TRAVELLED] / memory[COMMANDED],
         );

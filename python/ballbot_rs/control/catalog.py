@@ -49,8 +49,7 @@ class ControllerInfo:
 
     def _repr_html_(self) -> str:
         rows = [
-            (name, option.shown_default, option.unit, option.limit, option.doc)
-            for name, option in self.options.items()
+            (name, option.shown_default, option.unit, option.limit, option.doc) for name, option in self.options.items()
         ]
         table = _short.table(rows, ("option", "default", "unit", "limit", ""))
         follows = html.escape(f"{self.summary} It follows {', '.join(self.setpoint_parts)}.")

@@ -193,8 +193,9 @@ class CommonOptions(TypedDict, total=False):
     max_wheel_torque: float | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
-    #: Number of the last observations that are given together. (>= 1 and <= 1000)
-    history: int
+    #: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest
+    #: first. docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    history: int | Sequence[int]
     #: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode that leaves
     #: it is truncated. docs/terrain.md. (a Terrain, the name of a kind, or a dict with `kind`, `seed` and parameters)
     terrain: "Terrain | str | Mapping[str, Any] | None"

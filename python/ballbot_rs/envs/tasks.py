@@ -96,7 +96,8 @@ class BalanceEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -289,7 +290,8 @@ class VelocityEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -490,7 +492,8 @@ class GoalEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -701,7 +704,8 @@ class PathEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -888,7 +892,8 @@ class PushEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1065,12 +1070,12 @@ class TerrainEnv(BallbotEnv):
     ## Metrics
     Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
 
-    | metric           | unit  | what                                                                                        |
-    | ---------------- | ----- | ------------------------------------------------------------------------------------------- |
-    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity                                      |
-    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                                |
-    | `share`          |       | how far the ball went in the commanded direction, over the distance of the smoothed command |
-    | `level`          |       | level of the tile of the terrain, from 0 on                                                 |
+    | metric           | unit  | what                                                                         |
+    | ---------------- | ----- | ---------------------------------------------------------------------------- |
+    | `velocity_error` | m/s   | root mean square of the settled errors of the velocity                       |
+    | `yaw_rate_error` | rad/s | root mean square of the settled errors of the heading's rate                 |
+    | `share`          |       | distance of the ball in the commanded direction, over the smoothed command's |
+    | `level`          |       | level of the tile of the terrain, from 0 on                                  |
 
     ## Info
     The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
@@ -1090,7 +1095,8 @@ class TerrainEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)
@@ -1273,7 +1279,8 @@ class OpenBallBotEnv(BallbotEnv):
       (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
-    - `history`: Number of the last observations that are given together. (default 1; >= 1 and <= 1000)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
       that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
       `seed` and parameters)

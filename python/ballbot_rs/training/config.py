@@ -52,8 +52,8 @@ class Teacher:
     #: Whether the law follows the position that the task commands; else the position error is zero for each robot. The
     #: law's response to a position error cannot be learned from observations without it.
     follows_position: bool = True
-    #: Whether the law follows the task's motion, a velocity smoothed over time, or what observations show: the commanded
-    #: velocity and rate of the heading themselves.
+    #: Whether the law follows the task's motion, a velocity smoothed over time; else what observations show, the
+    #: commanded velocity and rate of the heading themselves.
     follows_motion: bool = True
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
