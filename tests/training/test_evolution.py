@@ -152,8 +152,8 @@ def test_a_search_that_is_stuck_begins_again_with_more_policies(monkeypatch):
 
 
 @pytest.mark.slow("a training")
-@pytest.mark.parametrize("robot", ["paper", "kugle", "rezero", "asroballet"])
-def test_linear_policies_balance_every_robot(tmp_path, robot):
+@pytest.mark.parametrize("robot", ["paper", "kugle"])
+def test_linear_policies_balance(tmp_path, robot):
     text = config.with_values(evolution.adapted(config.default_text("balance")), {"env.params": robot})
     _, record, _ = trained(tmp_path / "run", text)
     assert record["success"] == 1.0

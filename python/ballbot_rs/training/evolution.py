@@ -49,9 +49,9 @@ class Settings:
     #: Policies of a generation of the first search; each further search has twice as many.
     population: int = 24
     #: Starts from which each policy of a generation is tried; they are the same for all.
-    starts: int = 4
+    starts: int = 2
     #: Initial standard deviation of the sums of a layer, for inputs of 1.
-    sigma: float = 0.4
+    sigma: float = 0.8
     #: Length of the first trials as a fraction of an episode; it grows while most robots survive.
     first_trial: float = 0.15
     #: Steps after which the first search is given up for another; each further search has twice as many.
