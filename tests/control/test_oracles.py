@@ -22,7 +22,8 @@ HALF = 1.0 / 12.0
 
 
 def sampled(params: bb.Params, control_dt: float) -> tuple[Array, Array]:
-    linear = bb.LinearModel(params)
+    """A and B of the robot that laws are designed for: the friction of the joints is compensated."""
+    linear = bb.LinearModel(params.replace(wheel_viscous_friction=0.0, wheel_coulomb_friction=0.0))
     a, b = np.asarray(linear.A), np.asarray(linear.B)
     found = control.c2d(control.ss(a, b, np.eye(10), np.zeros((10, 3))), control_dt, "zoh")
     return found.A, found.B
@@ -33,8 +34,11 @@ def costs(options: dict[str, float]) -> tuple[Array, Array]:
     return np.diag([options[name] ** -2 for name in names]), np.eye(3) * options["torque"] ** -2
 
 
-def defaults(law: str) -> dict[str, float]:
-    return {name: option.default for name, option in bb.controllers()[law].options.items()}
+def defaults(law: str, params: bb.Params) -> dict[str, float]:
+    return {
+        name: option.default * (params.scale(option.unit) if option.scaled else 1.0)
+        for name, option in bb.controllers()[law].options.items()
+    }
 
 
 @pytest.mark.parametrize("control_dt", [0.002, 0.01, 0.02])
@@ -42,7 +46,7 @@ def defaults(law: str) -> dict[str, float]:
 def test_the_regulator_matches_python_control(robot: str, control_dt: float):
     params = bb.Params.preset(robot)
     lqr = bb.Lqr(params, control_dt)
-    gain, cost, _ = control.dlqr(*sampled(params, control_dt), *costs(defaults("lqr")))
+    gain, cost, _ = control.dlqr(*sampled(params, control_dt), *costs(defaults("lqr", params)))
     np.testing.assert_allclose(lqr.gain, gain, rtol=0.0, atol=1e-9 * np.abs(gain).max())
     np.testing.assert_allclose(lqr.riccati_solution, cost, rtol=0.0, atol=1e-9 * np.abs(cost).max())
 
@@ -50,7 +54,7 @@ def test_the_regulator_matches_python_control(robot: str, control_dt: float):
 @pytest.mark.parametrize("robot", ROBOTS)
 def test_the_regulator_with_an_integral_matches_python_control(robot: str):
     params, control_dt = bb.Params.preset(robot), 0.01
-    options = defaults("lqi")
+    options = defaults("lqi", params)
     a, b = sampled(params, control_dt)
     q, r = costs(options)
     # z⁺ = z + T (x, y).
@@ -66,7 +70,7 @@ def surface() -> tuple[Callable[[float, float], float], float, float]:
     """Φ(e/E, ė/Ė) of the law, from its torques without any limit or setpoint, and the ranges E (rad) and Ė (rad/s)."""
     params = bb.Params.paper().replace(max_wheel_torque=1e3)
     law = bb.make_controller("fuzzy_mamdani", params, 0.01, max_lean=0.0, traction=False, max_torque=1e3)
-    options, turning = defaults("fuzzy_mamdani"), np.asarray(bb.LinearModel(params).B)[8]
+    options, turning = defaults("fuzzy_mamdani", params), np.asarray(bb.LinearModel(params).B)[8]
     toppling = bb.Scale.of(params).toppling_rate
     frequency = options["lean_bandwidth"] * toppling
     largest = (toppling**2 + frequency**2) * options["range"]
