@@ -179,11 +179,7 @@ impl Task for Traverse {
     fn measure(&self, memory: &[f64], control_dt: f64, metrics: &mut impl Metrics) {
         self.velocity().measure(memory, control_dt, metrics);
         metrics.metric(
-            Metric::new(
-                "share",
-                "",
-                "distance of the ball in the commanded direction, over the smoothed command's",
-            ),
+            Metric::new("share", "", "distance of the ball in the commanded direction, over the smoothed command's"),
             memory[TRAVELLED] / memory[COMMANDED],
         );
         metrics.metric(Metric::new("level", "", "level of the tile of the terrain, from 0 on"), memory[LEVEL]);

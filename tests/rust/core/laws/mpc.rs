@@ -14,9 +14,13 @@ use nalgebra::{DMatrix, DVector, Vector2, Vector3};
 use std::hint::black_box;
 use std::time::Instant;
 
+/// Weight of torques that keeps the torques of all robots within their limits, N·m.
+const TORQUE: f64 = 0.2;
+
 /// A stage as long as the sampling time.
 fn short() -> MpcOptions {
-    MpcOptions { horizon: 1e-3, max_lean: 1e6, max_speed: 1e6, iterations: 2000.0, ..MpcOptions::default() }
+    let wide = MpcOptions { max_lean: 1e6, max_speed: 1e6, torque: TORQUE, ..MpcOptions::default() };
+    MpcOptions { horizon: 1e-3, iterations: 2000.0, ..wide }
 }
 
 #[test]
@@ -24,7 +28,7 @@ fn without_a_limit_the_torques_match_the_regulator() {
     for (name, params) in presets() {
         let limits = LimitOptions { max_torque: None, traction: Some(1.0) };
         let mut mpc = Mpc::with_options(&params, CONTROL_DT, &short(), &limits).unwrap();
-        let weights = LqrWeights { max_lean: 1e6, max_speed: 1e6, ..LqrWeights::default() };
+        let weights = LqrWeights { max_lean: 1e6, max_speed: 1e6, torque: TORQUE, ..LqrWeights::default() };
         let mut lqr = Lqr::with_weights(&params, CONTROL_DT, &weights, &limits).unwrap();
         for (number, state) in scattered_states(&params)[..4].iter().enumerate() {
             let setpoint = Setpoint { velocity: Vector2::new(0.01, 0.0), ..Setpoint::default() };
