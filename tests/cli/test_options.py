@@ -258,7 +258,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
     "info": [({}, {"--json": ""})],
 }
 #: What needs a cluster: tests/distributed has it.
-ELSEWHERE = {"train": {"--on"}}
+ELSEWHERE = {"train": {"--on", "--algorithm"}}
 #: How an error names an argument that has no dashes or is the value itself.
 NAMED = {
     "policy": "RUN",

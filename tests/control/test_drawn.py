@@ -59,7 +59,6 @@ def test_it_is_the_controller_of_the_sampled_robot(name):
         ("lqr", [{"term": "floor_tilt", "range": [0.02, 0.03]}], 0.1, 2e-3),
         ("lqr", [OFFSET, {"term": "floor_tilt", "range": [0.02, 0.03]}], 0.1, 2e-3),
         ("lqr", [{"term": "wheel_viscous_friction", "range": [2e-3, 2e-3]}], 0.0, 2e-3),
-        ("lqr", [{"term": "wheel_coulomb_friction", "range": [0.02, 0.02]}], 0.0, 0.03),
     ],
 )
 def test_it_holds_the_place(name, events, nominal, drawn):

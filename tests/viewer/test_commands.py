@@ -168,7 +168,8 @@ def test_a_change_while_a_command_turns_around_does_not_jump(change):
         assert np.linalg.norm((command(session) - before)[:2]) <= ACCELERATION * dt * (1.0 + 1e-9)
         before = command(session)
         assert session.robots.states[0].tilt < math.radians(15.0)
-    np.testing.assert_array_equal(before, [-0.5, 0.0, -1.0])
+    limits = session.commanding
+    np.testing.assert_array_equal(before, [-limits.max_speed, 0.0, -limits.max_yaw_rate])
 
 
 def test_manual_goals_persist_through_a_fall_and_a_change():

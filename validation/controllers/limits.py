@@ -32,10 +32,14 @@ steps of $T$: where such a step is above 0.1 m/s, as with 512 ticks at 500 Hz, o
 are the upright robot's.
 
 The friction of the wheel joints does not reach the ball. All laws are designed for the robot without it, and it is
-added to the torques at the very end, within the largest torque: $b\,\omega_i + c\,\omega_i/(\omega_i^2 +
-\omega_0^2)^{1/2}$ at the wheel's present speed $\omega_i$, with `wheel_viscous_friction` $b$,
-`wheel_coulomb_friction` $c$ and $\omega_0$ = 1 rad/s: at rest, where dry friction acts in either direction, nothing is
-added.
+added to the torques at the very end, within the largest torque, at the present speed $\omega_i$ of each wheel:
+
+```math
+b\,\omega_i + c\,\frac{\omega_i}{\sqrt{\omega_i^2 + \omega_0^2}},
+```
+
+with `wheel_viscous_friction` $b$, `wheel_coulomb_friction` $c$ and $\omega_0$ = 1 rad/s. At rest, where dry friction
+acts in either direction, nothing is added.
 
 The rows limit the wheels only; the ball is assumed to grip the floor. On a `Batch` the largest torque of an action is a
 limit, too. By default it is 0.9 of what the wheels of the upright robot transmit, less than a leaning robot can use.

@@ -49,9 +49,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--algorithm",
-        type=str.upper,
-        choices=(evolution.ALGORITHM,),
-        help="CMA: search a linear policy by evolution instead of the configuration's algorithm; needs no PyTorch",
+        choices=(evolution.ALGORITHM.lower(),),
+        help="cma: search a linear policy by evolution instead of the configuration's algorithm; needs no PyTorch",
     )
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
     command.add_argument(
@@ -121,7 +120,7 @@ def run(arguments: argparse.Namespace) -> None:
     else:
         task = arguments.task or DEFAULT_TASK
         config, text = config_module.load(task, arguments.config, arguments.robot)
-        if arguments.algorithm not in (None, config.algorithm):
+        if arguments.algorithm not in (None, config.algorithm.lower()):
             text = evolution.adapted(text)
             config = config_module.parse(text, "the configuration")
         values = values_of(arguments, task, config.env)

@@ -4,7 +4,7 @@ use super::limits::within;
 use crate::Constants;
 use ballbot_base::lanes::Lane;
 use ballbot_base::params::Params;
-use ballbot_base::wheels::Wheels;
+use ballbot_base::wheels::{WHEELS, Wheels};
 
 /// Speed of a wheel below which less than 0.7 of its dry friction is compensated, rad/s: at rest, where friction may act
 /// either way, nothing is.
@@ -34,14 +34,15 @@ impl JointFriction {
 
     /// Torques with the friction of wheels at `speeds` (rad/s) added, within ±`most` (N·m); NaN passes through.
     #[inline(always)]
-    pub(crate) fn compensated<L: Lane>(&self, torques: Wheels<L>, speeds: &Wheels<L>, most: f64) -> Wheels<L> {
+    pub(crate) fn compensated<L: Lane>(&self, mut torques: Wheels<L>, speeds: &Wheels<L>, most: f64) -> Wheels<L> {
         if self.viscous == 0.0 && self.dry == 0.0 {
             return torques;
         }
-        Wheels::from_fn(|i| {
-            let (torque, speed) = (torques[i], speeds[i]);
+        for i in 0..WHEELS {
+            let speed = speeds[i];
             let size = speed.mul_add(speed, speed.splat(DRY_WIDTH * DRY_WIDTH)).sqrt();
-            within(torque + speed * self.viscous + speed / size * self.dry, speed.splat(most))
-        })
+            torques[i] = within(torques[i] + speed * self.viscous + speed / size * self.dry, speed.splat(most));
+        }
+        torques
     }
 }

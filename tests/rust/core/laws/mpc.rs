@@ -138,7 +138,7 @@ fn the_optimum_matches_an_interior_point_method() {
     for (name, params) in presets() {
         for horizon in [1e-3, 3.0] {
             // Other robots have larger loads per torque, and with them larger curvatures.
-            let iterations = if name == "paper" { 2000.0 } else { 10_000.0 };
+            let iterations = if name == "paper" { 2000.0 } else { 40_000.0 };
             let options = MpcOptions { horizon, iterations, ..short() };
             let limits = LimitOptions { max_torque: None, traction: Some(0.9) };
             let mpc = Mpc::with_options(&params, CONTROL_DT, &options, &limits).unwrap();

@@ -45,7 +45,7 @@ fn a_long_push_equals_equal_impulses_by_hand() {
         let mut sampled = started(&config_of(std::slice::from_ref(&event)), N, Autoreset::Disabled, SEED);
         let mut by_hand = started(&config_of(&[]), N, Autoreset::Disabled, SEED);
         for k in 0..20 {
-            // A push goes on after its robot is saved and restored.
+            // A push continues after its robot is saved and restored.
             if k == STEP + 2 {
                 let saved = sampled.snapshots();
                 sampled = started(&config_of(std::slice::from_ref(&event)), N, Autoreset::Disabled, 5);
