@@ -59,13 +59,17 @@ def _options_of(name: str, what: str, options: Iterable[Any]) -> str:
     return "\n".join(lines) + "\n\n"
 
 
+_SCALED = {option["name"] for task in TASKS.values() for option in task["options"] if option["scaled"]}
+
+
 def _typed(options: Iterable[Any]) -> list[str]:
     """Description and type of each option."""
     lines = []
     for option in options:
         lines += _comment(_described(option["doc"], option["unit"], option["limit"]))
         kind = "npt.ArrayLike" if isinstance(option["default"], list) else "float"
-        kind += " | None" if option["scaled"] else ""
+        # The types of one name in several tasks must be equal.
+        kind += " | None" if option["name"] in _SCALED else ""
         lines.append(f"    {option['name']}: {kind}")
     return lines
 

@@ -399,7 +399,7 @@ class TerrainOptions(CommonOptions, total=False):
     #: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (m/s, >= 0 and <= 10)
     speed_range: npt.ArrayLike | None
     #: Shortest and longest time from one command to the next, uniform. (s, > 0 and <= 1e9)
-    command_seconds: npt.ArrayLike
+    command_seconds: npt.ArrayLike | None
     #: The motion that a controller tracks follows the command with three poles at minus this value. (1/s, > 0 and <=
     #: 1000)
     smoothing: float | None
@@ -434,7 +434,7 @@ class OpenBallBotOptions(CommonOptions, total=False):
     """Options of the task `openballbot`."""
 
     #: Speed in the direction of travel that a classical controller is to keep. (m/s, >= 0 and <= 10)
-    speed: float
+    speed: float | None
     #: Acceleration to that speed. (m/s², > 0 and <= 1e6)
     acceleration: float
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below

@@ -61,7 +61,7 @@ fn uneven() -> Params {
 fn the_friction_of_the_joints_is_compensated() {
     let (viscous, dry) = (2e-3, 0.02);
     let robot = Params::paper();
-    let rough = Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..robot.clone() };
+    let rough = Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..Params::paper() };
     for kind in controller_kinds().into_iter().filter(|kind| kind.name != "mppi") {
         let limits = LimitOptions { max_torque: Some(0.3), ..kind.limits };
         let make = |params: &Params| (kind.make)(params, CONTROL_DT, &limits, &[]).unwrap();
@@ -70,7 +70,8 @@ fn the_friction_of_the_joints_is_compensated() {
             let mut state = State::tilted(&robot, Vector2::new(tilt, -tilt), 0.1);
             state.wheel_speeds = Wheels([speed, -0.5 * speed, 0.1 * speed]);
             let setpoint = Setpoint::default();
-            (plain.reset(), compensating.reset());
+            plain.reset();
+            compensating.reset();
             let (expected, found) =
                 (plain.wheel_torques(&state, &setpoint), compensating.wheel_torques(&state, &setpoint));
             for i in 0..3 {
