@@ -134,7 +134,8 @@ def _topic(one: Shipped, folder: "Path") -> Topic:
     )
     taught = config.parse(config.default_text(one.recipe.task, one.recipe.variant), one.file).teacher
     if taught is not None:
-        text += f" At step 0 the policy is already fitted to `{taught.controller}`; PPO continues from there."
+        laws = " or ".join(f"`{law}`" for law in taught.laws)
+        text += f" At step 0 the policy is already fitted to {laws}; PPO continues from there."
     return Topic(name, one.title, text, lambda: _run(one, str(folder / one.file)))
 
 
