@@ -64,6 +64,7 @@ OPTIONS: dict[str, list[Any]] = {
     # Of `push`, a range of impulses.
     "push": [With([0.5, 0.6], push_seconds=[0.1, 0.1])],
     "push_seconds": [[0.1, 0.1]],
+    "push_duration": [With(0.05, push_seconds=[0.1, 0.1])],
     "command_seconds": [[0.05, 0.1]],
     "path_kinds": [[0.0, 1.0, 0.0, 0.0]],
     # How near is near enough: as far as any robot gets.

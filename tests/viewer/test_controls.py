@@ -142,10 +142,17 @@ def test_the_panel_is_next_to_the_scene_and_the_robot_in_it(opened):
 def test_every_text_can_be_read(opened):
     view, page, _ = opened
     assert page.evaluate("document.title") == "ballbot"
-    query(view, lambda session: session.notices.append("a message that is longer than one line of the panel is " * 3))
     query(view, lambda session: setattr(session, "paused", True))
-    # It wraps.
-    page.wait_for("document.querySelector('.ballbot-status [role=alert]')?.getBoundingClientRect().height > 30")
+    message = "a message that is longer than one line of the panel is " * 3
+    wraps = "document.querySelector('.ballbot-status [role=alert]')?.getBoundingClientRect().height > 30"
+
+    def is_shown():
+        # A busy browser may draw nothing for as long as a message is shown.
+        query(view, lambda session: session.notices.append(message))
+        time.sleep(1.0)
+        return page.evaluate(f"Boolean({wraps})")
+
+    wait_until(is_shown)
     for tab in ("Run", "Robot", "Parameters", "Plots", "Record", "View"):
         open_tab(page, tab)
         # Tabs and buttons fade in; what is still faint then is named below.

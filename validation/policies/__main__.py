@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation import page
 from validation.page import Chapter
-from validation.policies import shipped
+from validation.policies import robots, shipped
 from validation.policies.training import train_all
 from validation.topic import Findings, Topic
 
@@ -21,23 +21,31 @@ ballbot view --controller assets/policies/velocity.onnx
 ballbot evaluate --controller assets/policies/path.onnx --controller lqr --episodes 200 --engine mujoco
 ```
 
+A [controller](controllers.md) needs no training and is the better choice where the table says so: a policy earns its
+place by more than a tie. `ballbot train TASK --robot ROBOT` trains a policy of [any task for any
+robot](#all-tasks-on-all-robots).
+
+{better}
+
 `make policies` trains three seeds per policy with the configurations in `python/ballbot_rs/training/configs/`, ships
-the policy of seed 0, writes everything below except the text, and fails if a claim does not hold. An evaluation has 200
-episodes (50 in MuJoCo), with the starts and commands of seeds 1000 and up, which no training uses. Policies are trained
-on `contact`; `rigid` is the same robot in rapier, MuJoCo a model of the same parameters in another engine, with the
-contact frames turned as in [verification](verification.md). The limits of the claims were set before the policies were
-trained. In brackets: 95 % intervals, Wilson's for fractions, and for means a bootstrap over episodes. Metrics are means
-over the episodes that ran to their end.
+the policy of seed 0, writes everything on this page except the text, and fails if a claim does not hold. An evaluation
+has 200 episodes (50 in MuJoCo), with the starts and commands of seeds 1000 and up, which no training uses. Policies are
+trained on `contact`; `rigid` is the same robot in rapier, MuJoCo a model of the same parameters in another engine, with
+the contact frames turned as in [verification](verification.md). The limits of the claims were set before the policies
+were trained. In brackets: 95 % intervals, Wilson's for fractions, and for means a bootstrap over episodes. Metrics are
+means over the episodes that ran to their end.
 """
 
 
 def main() -> int:
     """The command `python -m validation.policies`."""
-    train_all(shipped.recipes())
+    train_all([*shipped.recipes(), *robots.recipes()])
     _export()
-    return page.write(
-        "policies", "validation.policies", __doc__, [Chapter("The policies", "", shipped.topics(FOLDER))], _head
-    )
+    chapters = [
+        Chapter("The policies", "", shipped.topics(FOLDER)),
+        Chapter("Any robot", "", [robots.topic()]),
+    ]
+    return page.write("policies", "validation.policies", __doc__, chapters, _head)
 
 
 def _export() -> None:
@@ -49,7 +57,13 @@ def _export() -> None:
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
-    return f"{_HEAD}\n{page.contents('policy', found)}"
+    lines = [
+        [f"[{topic.title}](#{page.anchor(topic.title)})", one.what, one.ours, f"{one.where}: {one.printed}", one.why]
+        for topic, findings in found
+        for one in findings.compared
+    ]
+    better = page.table(["policy", "measure, `contact`", "policy", "best law", "better"], lines)
+    return f"{_HEAD.format(better=better)}\n{page.contents('policy', found)}"
 
 
 if __name__ == "__main__":

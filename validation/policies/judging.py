@@ -26,6 +26,9 @@ class Judge(NamedTuple):
     episodes: int = EPISODES
 
 
+#: What policies are compared with.
+LAWS = ("lqr", "lqr_pi", "cascade_pid")
+
 CONTACT = Judge("`contact`")
 RIGID = Judge("`rigid`", {"model": "rigid"})
 MUJOCO = Judge("MuJoCo", engine="mujoco", episodes=IN_MUJOCO)
@@ -43,6 +46,8 @@ class Cell(NamedTuple):
     task: str
     controller: str
     judge: Judge
+    #: Whether the options are the defaults for the judge's robot, not for the paper's robot.
+    is_default: bool = False
 
 
 def results(cells: Sequence[Cell]) -> list[bb.Result]:
@@ -60,6 +65,6 @@ def _result(cell: Cell) -> bb.Result:
         episodes=cell.judge.episodes,
         seed=FIRST_SEED,
         num_threads=1,
-        env_options={**episodes_of(cell.task), **cell.judge.options},
+        env_options={**({} if cell.is_default else episodes_of(cell.task)), **cell.judge.options},
         engine=cell.judge.engine,
     )

@@ -8,10 +8,10 @@ from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.training import config
 from validation.claim import Claim
 from validation.page import table
-from validation.policies.judging import CONTACT, MUJOCO, RIGID, Cell, Judge, results
-from validation.policies.tables import head, measure, row
+from validation.policies.judging import CONTACT, LAWS, MUJOCO, RIGID, Cell, Judge, results
+from validation.policies.tables import head, interval, measure, row
 from validation.policies.training import Recipe
-from validation.topic import Findings, Topic
+from validation.topic import Comparison, Findings, Topic
 
 if TYPE_CHECKING:
     from pathlib import Path
@@ -20,6 +20,9 @@ if TYPE_CHECKING:
 
 #: Training seeds of each policy; the policy of the first is shipped.
 SEEDS = (0, 1, 2)
+
+#: Variants of the default policies, where these are not of the task's own configuration.
+DEFAULTS = {"balance": "still", "push": "recover"}
 
 JUDGES = (CONTACT, RIGID, MUJOCO)
 
@@ -48,7 +51,7 @@ class Shipped(NamedTuple):
     def file(self) -> str:
         """Its file in assets/policies."""
         # The name of a task alone means the default policy.
-        variant = None if self.recipe.variant == "still" else self.recipe.variant
+        variant = None if self.recipe.variant == DEFAULTS.get(self.recipe.task) else self.recipe.variant
         return "-".join(filter(None, (self.recipe.task, variant))) + ".onnx"
 
 
@@ -108,7 +111,7 @@ SHIPPED = (
     ),
     Shipped(
         "Push",
-        Recipe("push"),
+        Recipe("push", "recover"),
         [],
         {"S3-at-once": ("push withstood, worst of 24 directions", 0.8 * _CAPTURE_IMPULSE, "N·s")},
     ),
@@ -140,7 +143,7 @@ def _topic(one: Shipped, folder: "Path") -> Topic:
 
 
 def _run(one: Shipped, policy: str) -> Findings:
-    task, controllers = one.recipe.task, {"policy": policy, "`lqr`": "lqr", "`cascade_pid`": "cascade_pid"}
+    task, controllers = one.recipe.task, {"policy": policy, **{f"`{law}`": law for law in LAWS}}
     others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in JUDGES}
     cells = {
         (judge.name, label): Cell(task, source, judge)
@@ -152,12 +155,40 @@ def _run(one: Shipped, policy: str) -> Findings:
         cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
+    compared = []
     for scenario, (what, least, unit) in one.least.items():
-        (outcome,) = bb.run_scenarios([policy], [scenario])
+        outcomes = bb.run_scenarios(list(controllers.values()), [scenario])
+        scores = {label: outcome.score for label, outcome in zip(controllers, outcomes, strict=True)}
         # Shortfall relative to the requirement.
-        claims.append(Claim(f"{what}, missing", max(least - outcome.score, 0.0), 0.0, 1e-9, unit, absolute=True))
+        shortfall = max(least - scores["policy"], 0.0)
+        claims.append(Claim(f"{what}, missing", shortfall, 0.0, 1e-9, unit, absolute=True))
+        compared.append(_score(f"{what}, {unit}", scores))
+    if not compared:
+        own = [limit for limit in one.limits if limit.judge is CONTACT]
+        compared.append(_metric(own[0], {label: found[CONTACT.name, label] for label in controllers}))
     lines = [row(judge, label, result) for (judge, label), result in found.items()]
-    return Findings(claims, lambda fig: _curves(fig, one), table(head(task), lines))
+    return Findings(claims, lambda fig: _curves(fig, one), table(head(task), lines), compared=tuple(compared))
+
+
+def _score(what: str, scores: Mapping[str, float]) -> Comparison:
+    """The policy and the best law in a scenario, the more the better."""
+    best = max((label for label in scores if label != "policy"), key=lambda label: scores[label])
+    ours, theirs = scores["policy"], scores[best]
+    better = "tie" if ours == theirs else "policy" if ours > theirs else "law"
+    return Comparison(what, best, f"{theirs:.4g}", f"{ours:.4g}", better)
+
+
+def _metric(limit: Limit, found: Mapping[str, bb.Result]) -> Comparison:
+    """The policy and the best law in a task, the less the better; a tie if their intervals overlap."""
+    best = min((label for label in found if label != "policy"), key=lambda label: measure(found[label], limit.name))
+    ours, theirs = (interval(found[label], limit.name) for label in ("policy", best))
+    better = "policy" if ours[1] < theirs[0] else "law" if theirs[1] < ours[0] else "tie"
+    texts = [
+        f"{measure(found[label], limit.name):.3g} ({low:.3g} … {high:.3g})"
+        for label, (low, high) in ((best, theirs), ("policy", ours))
+    ]
+    what = limit.what.removesuffix(f", {limit.judge.name}")
+    return Comparison(f"{what}, {limit.unit}".removesuffix(", "), best, *texts, better)
 
 
 def _claim(limit: Limit, result: bb.Result) -> Claim:

@@ -22,11 +22,14 @@ class Recipe(NamedTuple):
     variant: str | None = None
     events: str | None = None
     seed: int = 0
+    #: Name of a robot; None is the configuration's.
+    robot: str | None = None
 
     @property
     def name(self) -> str:
         """Name of its folder."""
-        return "-".join(str(part) for part in (self.task, self.variant, self.events, f"seed-{self.seed}") if part)
+        parts = (self.task, self.variant, self.events, self.robot, f"seed-{self.seed}")
+        return "-".join(str(part) for part in parts if part)
 
     @property
     def folder(self) -> Path:
@@ -48,7 +51,10 @@ def _text(recipe: Recipe) -> str:
     values: dict[str, object] = {"num_threads": 1}
     if recipe.events is not None:
         values["env.events"] = recipe.events
-    return config.with_values(config.default_text(recipe.task, recipe.variant), values)
+    if recipe.robot is not None:
+        values["env.params"] = recipe.robot
+    variant = None if recipe.variant is None else Path(recipe.variant)
+    return config.with_values(config.load(recipe.task, variant, recipe.robot)[1], values)
 
 
 def _is_done(recipe: Recipe) -> bool:

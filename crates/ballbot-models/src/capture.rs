@@ -9,22 +9,23 @@ use std::f64::consts::TAU;
 const DIRECTIONS: usize = 72;
 
 /// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the upright
-/// robot is within the lean that it can hold in the worst direction. At this lean no wheel slips, with the loads of the
-/// upright robot, and no motor exceeds its limit. Derived in `docs/scenarios.md`.
+/// robot is within [`holdable_lean`]. Derived in `docs/scenarios.md`.
 pub fn capture_impulse(params: &Params) -> f64 {
     let level = params.on_level_floor();
     let linear = LinearModel::new(&level);
-    let map = LoadMap::new(&level);
-    let lean = (0..DIRECTIONS)
-        .map(|k| {
-            let angle = TAU * k as f64 / DIRECTIONS as f64;
-            holdable(&level, &map, &holding_torques(&linear, angle))
-        })
-        .fold(f64::INFINITY, f64::min);
     let upright = level.to_balance_frame();
     let model = SpatialModel::new(&level, WheelSpin::Absolute, BallSpin::Free);
     let jump = model.velocity_jump(&upright, &Vector3::x(), &level.body_com());
-    lean * linear.toppling_squared().sqrt() / jump.fixed_rows::<3>(2).norm()
+    holdable_lean(&level, &linear) * linear.toppling_squared().sqrt() / jump.fixed_rows::<3>(2).norm()
+}
+
+/// Largest lean, rad, that a robot on a level floor can hold in the worst direction: no wheel slips, with the loads of the
+/// upright robot, and no motor exceeds its limit.
+pub(super) fn holdable_lean(level: &Params, linear: &LinearModel) -> f64 {
+    let map = LoadMap::new(level);
+    (0..DIRECTIONS)
+        .map(|k| holdable(level, &map, &holding_torques(linear, TAU * k as f64 / DIRECTIONS as f64)))
+        .fold(f64::INFINITY, f64::min)
 }
 
 /// Torques of the wheels that hold a lean towards `azimuth`, over the lean, N·m/rad.

@@ -1,7 +1,7 @@
 //! The size of a robot relative to the robot of the paper.
 
 use super::LinearModel;
-use super::capture::holding_torques;
+use super::capture::{holdable_lean, holding_torques};
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use std::f64::consts::TAU;
@@ -9,6 +9,9 @@ use std::sync::OnceLock;
 
 /// Number of directions of the lean in which torques are compared.
 const DIRECTIONS: usize = 72;
+
+/// Least scale of a lean: a robot without traction could not command any.
+const LEAST_LEAN: f64 = 0.05;
 
 /// Factors from a quantity of the paper's robot to the same quantity of a dynamically similar robot (Froude scaling).
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -19,6 +22,8 @@ pub struct Scale {
     pub acceleration: f64,
     /// Of wheel torques: the largest torque of a wheel that holds a small lean, over the lean.
     pub torque: f64,
+    /// Of leans: the lean that traction and motors can hold, at least [`LEAST_LEAN`].
+    pub lean: f64,
 }
 
 impl Scale {
@@ -31,10 +36,11 @@ impl Scale {
             time: own.time / paper.time,
             acceleration: own.acceleration / paper.acceleration,
             torque: own.torque / paper.torque,
+            lean: (own.lean / paper.lean).max(LEAST_LEAN),
         }
     }
 
-    /// 1/λ (s), gravity (m/s²), and the torque that holds a lean (N·m/rad).
+    /// 1/λ (s), gravity (m/s²), the torque that holds a lean (N·m/rad), and the lean that the robot can hold (rad).
     fn absolute(params: &Params) -> Self {
         let level = params.on_level_floor();
         let linear = LinearModel::new(&level);
@@ -43,6 +49,7 @@ impl Scale {
             time: linear.toppling_squared().sqrt().recip(),
             acceleration: level.gravity,
             torque: (0..DIRECTIONS).map(torque).fold(0.0, f64::max),
+            lean: holdable_lean(&level, &linear),
         }
     }
 
@@ -54,7 +61,8 @@ impl Scale {
     /// The factor of a quantity with a unit; `None` for units that no option of a task or controller has.
     pub fn factor(&self, unit: &str) -> Option<f64> {
         Some(match unit {
-            "" | "rad" => 1.0,
+            "" => 1.0,
+            "rad" => self.lean,
             "s" => self.time,
             "1/s" | "rad/s" => self.time.recip(),
             "m/s²" => self.acceleration,

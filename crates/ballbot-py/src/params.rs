@@ -173,8 +173,9 @@ impl PyParams {
     }
 
     /// Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-    /// "m/s²", "m/s³", "rad", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque
-    /// that holds a lean (Froude scaling; `docs/conventions.md`). Raises ValueError for another unit.
+    /// "m/s²", "m/s³", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque that
+    /// holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
+    /// hold. Raises ValueError for another unit.
     fn scale(&self, unit: &str) -> PyResult<f64> {
         let factor = Scale::of(&self.0).factor(unit);
         factor.ok_or_else(|| InvalidInputError::new_err(format!("unit = '{unit}' has no scale: expected {UNITS}")))

@@ -55,6 +55,9 @@ class Teacher:
     #: Whether the law follows the task's motion, a velocity smoothed over time; else what observations show, the
     #: commanded velocity and rate of the heading themselves.
     follows_motion: bool = True
+    #: Whether a round continues the episodes of the last round; else each round resets all robots, and visits nothing
+    #: later in an episode than its steps.
+    continues: bool = False
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
@@ -85,7 +88,7 @@ class Teacher:
                         f"teacher.options.{name} = {options!r}: expected a table of options of one of "
                         f"{', '.join(names)}"
                     )
-        for name in ("drawn", "follows_position", "follows_motion"):
+        for name in ("drawn", "follows_position", "follows_motion", "continues"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}

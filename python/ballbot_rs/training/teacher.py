@@ -17,6 +17,7 @@ from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import TASKS, Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
@@ -108,8 +109,11 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
+    last = None
     for done in range(teacher.rounds):
-        seen, targets = _visited(model, environment, batch, law, teacher, rng, max(1.0 - done / LAW_ROUNDS, 0.0))
+        first = last if teacher.continues and last is not None else environment.reset()
+        share = max(1.0 - done / LAW_ROUNDS, 0.0)
+        seen, targets, last = _visited(model, environment, first, batch, law, teacher, rng, share)
         observations.append(seen)
         labels.append(targets)
         for group in optimizer.param_groups:
@@ -146,17 +150,17 @@ def _set(model: PPO, values: dict[str, Any]) -> None:
 def _visited(
     model: PPO,
     environment: VecEnv,
+    observations: VecEnvObs,
     batch: Batch,
     law: Controller,
     teacher: Teacher,
     rng: np.random.Generator,
     share: float,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
-    """Observations of a round, and the law's actions there; the law drives a fraction of the robots."""
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], VecEnvObs]:
+    """Observations of a round, the law's actions there, and the last observations; the law drives some of the robots."""
     n = environment.num_envs
     # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
-    observations = environment.reset()
     assert isinstance(observations, np.ndarray)
     seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
     targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
@@ -169,7 +173,7 @@ def _visited(
         noisy = driven + spread * rng.standard_normal((n, 3))
         observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
         assert isinstance(observations, np.ndarray)
-    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3)
+    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), observations
 
 
 def _regress(

@@ -41,7 +41,7 @@ ballbot_base::fields! {
         /// Damping ratio of the heading.
         pub yaw_damping: f64 = 1.0, "", Limit::from(1e-3).to(1e3);
         /// The largest lean that deviations of position and velocity may command.
-        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6), scaled;
         /// The largest speed that a deviation of the position may command.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
         /// Rate at which the lean in equilibrium is estimated, which a slope, a force and a wrong center of mass

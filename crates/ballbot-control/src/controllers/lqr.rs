@@ -40,7 +40,7 @@ ballbot_base::fields! {
         pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6), scaled;
         /// Not a cost: the largest lean that deviations of position and velocity may command; it leaves torque to the
         /// balance.
-        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6);
+        pub max_lean: f64 = 0.174_532_925_199_432_95, "rad", Limit::from(1e-6).to(1e6), scaled;
         /// Not a cost: the largest speed that a deviation of the position may command.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
     }

@@ -40,6 +40,8 @@ fn a_robot_of_another_size_has_the_froude_scale() {
         ] {
             close(scale.factor(unit).unwrap(), size.powf(power));
         }
+        // The loads of the wheels are from a linear system.
+        assert!((scale.factor("rad").unwrap() - 1.0).abs() < 1e-9);
     }
     let moon = Params { gravity: 1.62, ..Params::paper() };
     close(Scale::of(&moon).factor("m").unwrap(), 1.0);
@@ -48,8 +50,20 @@ fn a_robot_of_another_size_has_the_froude_scale() {
 }
 
 #[test]
+fn leans_follow_traction_and_motors() {
+    let lean = |params: &Params| Scale::of(params).factor("rad").unwrap();
+    let paper = Params::paper();
+    let slippery = Params { wheel_dynamic_friction: 0.5, wheel_static_friction: 0.5, ..paper.clone() };
+    assert!(lean(&slippery) > 0.3 && lean(&slippery) < 0.8, "{}", lean(&slippery));
+    let weak = Params { max_wheel_torque: 0.1, ..paper.clone() };
+    let weaker = Params { max_wheel_torque: 0.05, ..paper };
+    assert!((lean(&weak) - 2.0 * lean(&weaker)).abs() < 1e-12);
+    assert!((lean(&Params { max_wheel_torque: 1e-4, ..weak }) - 0.05).abs() < 1e-12);
+}
+
+#[test]
 fn the_defaults_of_the_paper_are_exact() {
-    let exact = Scale { time: 1.0, acceleration: 1.0, torque: 1.0 };
+    let exact = Scale { time: 1.0, acceleration: 1.0, torque: 1.0, lean: 1.0 };
     assert_eq!(Scale::of(&Params::paper()), exact);
     assert_eq!(config("velocity", &[]).get("command_seconds").unwrap(), [3.0, 8.0]);
 }

@@ -40,7 +40,7 @@ ballbot_base::fields! {
         /// Wheel torque.
         pub torque: f64 = 0.2, "N·m", Limit::from(1e-6).to(1e6), scaled;
         /// Not a cost: the largest lean that deviations of position and velocity may command.
-        pub max_lean: f64 = 0.226_892_802_759_262_85, "rad", Limit::from(1e-6).to(1e6);
+        pub max_lean: f64 = 0.226_892_802_759_262_85, "rad", Limit::from(1e-6).to(1e6), scaled;
         /// Not a cost: the largest speed that a deviation of the position may command.
         pub max_speed: f64 = 1.0, "m/s", Limit::from(1e-6).to(1e6);
         /// Violation of a limit at one stage: of a load or traction as a fraction of the wheel's load in equilibrium, of a

@@ -6,7 +6,7 @@ use super::covariance::{BIAS, SPIN, STATES, VELOCITY, dot};
 use super::gate::by_turning;
 use crate::sensor::Readings;
 use ballbot_base::lanes::{Lane, Vec3};
-use ballbot_base::wheels::{WHEELS, Wheels};
+use ballbot_base::wheels::{WHEELS, WheelMatrix, Wheels};
 
 /// Deviation of a mean rate from the mean of both ends of a step, as a fraction of their difference: motors and models
 /// do not accelerate evenly within a step.
@@ -19,6 +19,9 @@ impl Estimator {
     /// predictions of both attitude and wheel rates; `shared` is their covariance. The relative error of the rolling is
     /// constant, so averaging readings does not remove it: it is considered with its covariance, not estimated
     /// (Schmidt).
+    ///
+    /// Hard maneuvers spin the ball faster than its random walk. Only wheels measure the spin, so excluding all of them
+    /// would lose it for good: a surprise that a change of the spin explains adds the change to the spin's deviation.
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);
@@ -87,10 +90,24 @@ impl Estimator {
             let change = expected.wheel_rates[i] - belief.expected[i];
             s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
         }
+        let gate = o.slip_gate * o.slip_gate;
+        let spinning = Wheels([h[0][SPIN], h[1][SPIN], h[2][SPIN]]);
+        let surprising = any_beyond(&s, gate, innovation);
+        let mut spun = zero.lt(zero);
+        if L::any(surprising) {
+            let (change, unexplained) = explained(&s, spinning, innovation);
+            spun = surprising & !any_beyond(&s, gate, unexplained);
+            let variance = L::select(spun, change.squared(), zero);
+            belief.covariance.rows[SPIN][SPIN] += variance;
+            for i in 0..WHEELS {
+                g[i][SPIN] = variance.mul_add(spinning[i], g[i][SPIN]);
+                s[i] = s[i].plus(spinning, variance * spinning[i]);
+            }
+        }
         for i in 0..WHEELS {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
-            let surprise = (s[i][i] * (o.slip_gate * o.slip_gate)).lt(innovation[i].squared());
+            let surprise = !spun & (s[i][i] * gate).lt(innovation[i].squared());
             let slips = surprise | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
@@ -124,4 +141,19 @@ impl Estimator {
             [error[2].neg_mul_add(vy, vx) + error[VELOCITY], error[2].mul_add(vx, vy) + error[VELOCITY + 1]];
         belief.spin += error[SPIN];
     }
+}
+
+/// Whether an innovation is beyond the gate, in squared deviations.
+#[inline(always)]
+fn any_beyond<L: Lane>(s: &WheelMatrix<L>, gate: f64, innovation: Wheels<L>) -> L::Mask {
+    let beyond = |i: usize| (s[i][i] * gate).lt(innovation[i].squared());
+    beyond(0) | beyond(1) | beyond(2)
+}
+
+/// The number whose multiple of `column` explains the innovations best under their covariance, and what is left.
+#[inline(always)]
+fn explained<L: Lane>(s: &WheelMatrix<L>, column: Wheels<L>, innovation: Wheels<L>) -> (L, Wheels<L>) {
+    let weights = s.inverse().times(column);
+    let number = weights.dot(innovation) / weights.dot(column);
+    (number, innovation.plus(column, -number))
 }

@@ -2,7 +2,7 @@
 
 use super::options;
 use super::record::{Filter, Noise, Plan, Sensors, attitude_error, crooked, read};
-use ballbot_core::control::{Controller, Lqr, Setpoint};
+use ballbot_core::control::{Controller, Lqr, Setpoint, default_max_torque};
 use ballbot_core::sensor::estimator::EstimatorOptions;
 use ballbot_core::{Ballbot, ModelKind, Params, State, Wheels};
 use nalgebra::{Vector2, Vector3};
@@ -141,6 +141,30 @@ fn slipping_wheels_are_ignored() {
     assert!(slipped > 30, "only {slipped} steps with slip");
     assert!(velocity < 0.03 && position < 0.01, "gated: {velocity} m/s, {position} m off");
     assert!(velocity_open > 5.0 * velocity, "without gates: {velocity_open} m/s off");
+}
+
+/// Only wheels measure the spin: without them it would be lost for good.
+#[test]
+fn wheels_that_spin_the_ball_up_are_used() {
+    for name in Params::preset_names() {
+        let params = Params::preset(name).unwrap();
+        let mut plant = Plant::new(&params, &params, &options(), &Noise::default(), 3);
+        let mut lqr = Lqr::new(&params, DT).unwrap();
+        let burst = 0.7 * default_max_torque(&params);
+        let (mut error, mut spin) = (0.0_f64, 0.0_f64);
+        for k in 0..100 {
+            let mut torques = lqr.wheel_torques(&plant.robot.state(), &Setpoint::default());
+            for torque in &mut torques {
+                *torque += [burst, -burst, 0.0, 0.0, 0.0][k / 20];
+            }
+            plant.step(torques);
+            let true_spin = plant.robot.state().ball_angular_velocity.z;
+            spin = spin.max(true_spin);
+            error = error.max((true_spin - plant.estimate.ball_angular_velocity.z).abs());
+        }
+        println!("{name}: {spin:.1} rad/s, {error:.2} rad/s off");
+        assert!(spin > 2.0 && error < 3.0, "{name}: {spin} rad/s, {error} rad/s off");
+    }
 }
 
 #[test]
