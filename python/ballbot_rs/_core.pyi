@@ -351,8 +351,9 @@ class Params:
         """
     def scale(self, unit: str) -> float:
         """Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-        "m/s²", "m/s³", "rad", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque
-        that holds a lean (Froude scaling; `docs/conventions.md`). Raises ValueError for another unit.
+        "m/s²", "m/s³", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque that
+        holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
+        hold. Raises ValueError for another unit.
         """
     def holding_torques(self, yaw: float = 0.0) -> tuple[float, float, float]:
         """Motor torques that hold the robot still in `slope_lean` at the heading `yaw` (rad), N·m. Raises ValueError as
@@ -1017,7 +1018,8 @@ class Lqr(Controller):
             rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
             largest speed that deviations of position may command. Also `delay` (0 s), the time between a torque and its
             effect, a multiple of `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which
-            the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it.
+            the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it. The defaults of
+            `torque` and `max_lean` are for the paper's robot, and scaled for another (`docs/conventions.md`).
 
     Raises:
         ValueError: a number out of range, or a cost that is not symmetric and positive.
@@ -1041,7 +1043,7 @@ class Lqr(Controller):
         yaw: float = 0.5,  # rad, >= 1e-6 and <= 1e6
         yaw_rate: float = 2.0,  # rad/s, >= 1e-6 and <= 1e6
         torque: float | None = None,  # N·m, >= 1e-6 and <= 1e6
-        max_lean: float = 0.17453292519943295,  # rad, >= 1e-6 and <= 1e6
+        max_lean: float | None = None,  # rad, >= 1e-6 and <= 1e6
         max_speed: float = 1.0,  # m/s, >= 1e-6 and <= 1e6
         delay: float = 0.0,  # s, >= 0 and <= 10
         lean_observer: float = 0.0,  # 1/s, >= 0 and <= 1000

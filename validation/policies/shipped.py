@@ -183,12 +183,12 @@ def _metric(limit: Limit, found: Mapping[str, bb.Result]) -> Comparison:
     best = min((label for label in found if label != "policy"), key=lambda label: measure(found[label], limit.name))
     ours, theirs = (interval(found[label], limit.name) for label in ("policy", best))
     better = "policy" if ours[1] < theirs[0] else "law" if theirs[1] < ours[0] else "tie"
-    texts = [
+    law, policy = (
         f"{measure(found[label], limit.name):.3g} ({low:.3g} … {high:.3g})"
         for label, (low, high) in ((best, theirs), ("policy", ours))
-    ]
+    )
     what = limit.what.removesuffix(f", {limit.judge.name}")
-    return Comparison(f"{what}, {limit.unit}".removesuffix(", "), best, *texts, better)
+    return Comparison(f"{what}, {limit.unit}".removesuffix(", "), best, law, policy, better)
 
 
 def _claim(limit: Limit, result: bb.Result) -> Claim:

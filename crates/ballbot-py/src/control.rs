@@ -385,7 +385,8 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///         rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
 ///         largest speed that deviations of position may command. Also `delay` (0 s), the time between a torque and its
 ///         effect, a multiple of `control_dt` that is predicted over, and `lean_observer` (0 1/s), the rate at which
-///         the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it.
+///         the equilibrium lean is estimated; a slope, a force or a wrong center of mass changes it. The defaults of
+///         `torque` and `max_lean` are for the paper's robot, and scaled for another (`docs/conventions.md`).
 ///
 /// Raises:
 ///     ValueError: a number out of range, or a cost that is not symmetric and positive.

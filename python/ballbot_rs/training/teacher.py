@@ -157,7 +157,7 @@ def _visited(
     rng: np.random.Generator,
     share: float,
 ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], VecEnvObs]:
-    """Observations of a round, the law's actions there, and the last observations; the law drives some of the robots."""
+    """Observations of a round, the law's actions there, and the last observations; the law drives some robots."""
     n = environment.num_envs
     # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]

@@ -41,7 +41,7 @@ pub trait Chunk: Send + Sync {
     /// Writes the rows of [`crate::batch::RobotRows::truth`], or as the task observes them.
     fn robot_rows(&mut self, observed: bool, out: &mut [f32]);
 
-    /// Writes the rows of a stage into the newest observation; at the start of an episode, into all of them.
+    /// Writes the rows of a stage into the newest observation.
     fn put_rows(&mut self, i: usize, values: &[f64]);
 
     /// Steps since the start of the episode.
