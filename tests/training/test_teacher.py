@@ -177,8 +177,9 @@ class TestFit:
             model, other = (new_model(events=events) for _ in range(2))
             settings = dataclasses.replace(FIT, rounds=1, steps=1, drawn=drawn)
             (law,) = teacher.laws_of(model, settings)
-            rng = np.random.default_rng(0)
-            _, labels = teacher._visited(model, model.get_env(), teacher._batch(model), law, settings, rng, 1.0)
+            rng, environment = np.random.default_rng(0), model.get_env()
+            first = environment.reset()
+            labels = teacher._visited(model, environment, first, teacher._batch(model), law, settings, rng, 1.0)[1]
             batch = teacher._batch(other)
             other.get_env().reset()
             own = np.zeros((32, 3))
@@ -187,6 +188,18 @@ class TestFit:
                 controller = bb.Controller("lqr", params, max_torque=batch.max_wheel_torque)
                 own[i] = controller(batch.state(i), yaw=batch.state(i).yaw) / batch.max_wheel_torque
             np.testing.assert_allclose(labels, own, atol=1e-5)
+
+    @pytest.mark.parametrize(("continues", "expected"), [(False, 3), (True, 1)])
+    def test_rounds_reset_the_robots_or_continue(self, continues, expected, monkeypatch):
+        model = new_model()
+        settings = dataclasses.replace(FIT, rounds=3, steps=7, continues=continues)
+        resets = []
+        environment = model.get_env()
+        reset = environment.reset
+        monkeypatch.setattr(environment, "reset", lambda: resets.append(None) or reset())
+        (law,) = teacher.laws_of(model, settings)
+        teacher.fit_actor(model, law, settings, 0)
+        assert len(resets) == expected
 
     def test_of_several_controllers_the_best_is_chosen(self):
         several = dataclasses.replace(FIT, controller=["sliding_mode", "lqr"], options={"lqr": {"torque": 0.3}})

@@ -65,55 +65,52 @@ static inline void ballbot_inverse(ballbot_real s[3][3], ballbot_real inverse[3]
     }
 }
 
+/* How many innovations are beyond the gate. */
 static inline int ballbot_beyond_gate(ballbot_real s[3][3], const ballbot_real innovation[3])
 {
+    int count = 0;
     int i;
     for (i = 0; i < 3; i++) {
-        if (innovation[i] * innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * s[i][i]) {
-            return 1;
-        }
+        count += innovation[i] * innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * s[i][i];
     }
-    return 0;
+    return count;
 }
 
 /* Hard maneuvers spin the ball faster than its random walk. Only wheels measure the spin, so excluding all of them would
- * lose it for good: a surprise that a change of the spin explains adds the change to the spin's deviation. Returns
- * whether it did. */
-static inline int ballbot_spun(ballbot_estimator *e, ballbot_measurement *m)
+ * lose it for good: if all surprise, and a jump of the spin explains them, it is a jump of the spin, by generalized least
+ * squares. */
+static inline void ballbot_explain_by_spin(ballbot_estimator *e, ballbot_measurement *m)
 {
     const ballbot_real spinning[3] = {m->h[0][8], m->h[1][8], m->h[2][8]};
     ballbot_real inverse[3][3];
     ballbot_real weights[3];
     ballbot_real unexplained[3];
-    ballbot_real change;
-    int i, j;
-    if (!ballbot_beyond_gate(m->s, m->innovation)) {
-        return 0;
+    ballbot_real variance, jump;
+    int i;
+    if (ballbot_beyond_gate(m->s, m->innovation) < 3) {
+        return;
     }
     ballbot_inverse(m->s, inverse);
     ballbot_times(inverse, spinning, weights);
-    change = ballbot_dot(weights, m->innovation, 3) / ballbot_dot(weights, spinning, 3);
+    variance = 1 / ballbot_dot(weights, spinning, 3);
+    jump = ballbot_dot(weights, m->innovation, 3) * variance;
     for (i = 0; i < 3; i++) {
-        unexplained[i] = m->innovation[i] - change * spinning[i];
+        unexplained[i] = m->innovation[i] - jump * spinning[i];
     }
-    if (ballbot_beyond_gate(m->s, unexplained)) {
-        return 0;
+    if (ballbot_beyond_gate(m->s, unexplained) > 0) {
+        return;
     }
-    e->covariance[8][8] += change * change;
     for (i = 0; i < 3; i++) {
-        m->g[i][8] += change * change * spinning[i];
-        for (j = 0; j < 3; j++) {
-            m->s[i][j] += change * change * spinning[i] * spinning[j];
-        }
+        m->innovation[i] = unexplained[i];
     }
-    return 1;
+    e->spin += jump;
+    e->covariance[8][8] += variance;
 }
 
 /* Takes the wheels that slip out: those that surprise, and those that change faster than friction allows. */
 static inline void ballbot_gate(
     ballbot_estimator *e, const ballbot_real gyro[3], const ballbot_real wheel_rates[3], ballbot_measurement *m)
 {
-    const int spun = ballbot_spun(e, m);
     ballbot_real change_of_gyro[3];
     int i, j;
     for (i = 0; i < 3; i++) {
@@ -122,7 +119,7 @@ static inline void ballbot_gate(
     for (i = 0; i < 3; i++) {
         const ballbot_real turning = -ballbot_dot(BALLBOT_ESTIMATOR_WHEELS_OF_BALL[i], change_of_gyro, 3);
         const ballbot_real jump = ballbot_abs(wheel_rates[i] - e->wheel_rates[i] - turning);
-        e->slipping[i] = (!spun && m->innovation[i] * m->innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * m->s[i][i])
+        e->slipping[i] = m->innovation[i] * m->innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * m->s[i][i]
             || jump > BALLBOT_ESTIMATOR_LARGEST_CHANGE[i];
         if (!e->slipping[i]) {
             continue;
@@ -193,6 +190,7 @@ static inline void ballbot_correct(
         }
         m.s[i][i] += BALLBOT_ESTIMATOR_ENCODER_VARIANCE + BALLBOT_ESTIMATOR_UNEVEN * change * change;
     }
+    ballbot_explain_by_spin(e, &m);
     ballbot_gate(e, gyro, wheel_rates, &m);
     ballbot_apply(e, &m);
 }

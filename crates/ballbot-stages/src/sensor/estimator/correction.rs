@@ -21,7 +21,8 @@ impl Estimator {
     /// (Schmidt).
     ///
     /// Hard maneuvers spin the ball faster than its random walk. Only wheels measure the spin, so excluding all of them
-    /// would lose it for good: a surprise that a change of the spin explains adds the change to the spin's deviation.
+    /// would lose it for good: if all surprise, and a jump of the spin explains them, it is a jump of the spin, by
+    /// generalized least squares.
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);
@@ -91,23 +92,26 @@ impl Estimator {
             s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
         }
         let gate = o.slip_gate * o.slip_gate;
-        let spinning = Wheels([h[0][SPIN], h[1][SPIN], h[2][SPIN]]);
-        let surprising = any_beyond(&s, gate, innovation);
-        let mut spun = zero.lt(zero);
+        let beyond = beyond_gate(&s, gate, innovation);
+        let surprising = beyond[0] & beyond[1] & beyond[2];
         if L::any(surprising) {
-            let (change, unexplained) = explained(&s, spinning, innovation);
-            spun = surprising & !any_beyond(&s, gate, unexplained);
-            let variance = L::select(spun, change.squared(), zero);
-            belief.covariance.rows[SPIN][SPIN] += variance;
+            let spinning = Wheels([h[0][SPIN], h[1][SPIN], h[2][SPIN]]);
+            let weights = s.inverse().times(spinning);
+            let variance = like.splat(1.0) / weights.dot(spinning);
+            let jump = weights.dot(innovation) * variance;
+            let unexplained = innovation.plus(spinning, -jump);
+            let beyond = beyond_gate(&s, gate, unexplained);
+            let spun = surprising & !(beyond[0] | beyond[1] | beyond[2]);
             for i in 0..WHEELS {
-                g[i][SPIN] = variance.mul_add(spinning[i], g[i][SPIN]);
-                s[i] = s[i].plus(spinning, variance * spinning[i]);
+                innovation[i] = L::select(spun, unexplained[i], innovation[i]);
             }
+            belief.spin += L::select(spun, jump, zero);
+            belief.covariance.rows[SPIN][SPIN] += L::select(spun, variance, zero);
         }
         for i in 0..WHEELS {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
-            let surprise = !spun & (s[i][i] * gate).lt(innovation[i].squared());
+            let surprise = (s[i][i] * gate).lt(innovation[i].squared());
             let slips = surprise | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
@@ -143,17 +147,12 @@ impl Estimator {
     }
 }
 
-/// Whether an innovation is beyond the gate, in squared deviations.
+/// Which innovations are beyond the gate, in squared deviations.
 #[inline(always)]
-fn any_beyond<L: Lane>(s: &WheelMatrix<L>, gate: f64, innovation: Wheels<L>) -> L::Mask {
-    let beyond = |i: usize| (s[i][i] * gate).lt(innovation[i].squared());
-    beyond(0) | beyond(1) | beyond(2)
-}
-
-/// The number whose multiple of `column` explains the innovations best under their covariance, and what is left.
-#[inline(always)]
-fn explained<L: Lane>(s: &WheelMatrix<L>, column: Wheels<L>, innovation: Wheels<L>) -> (L, Wheels<L>) {
-    let weights = s.inverse().times(column);
-    let number = weights.dot(innovation) / weights.dot(column);
-    (number, innovation.plus(column, -number))
+fn beyond_gate<L: Lane>(s: &WheelMatrix<L>, gate: f64, innovation: Wheels<L>) -> [L::Mask; WHEELS] {
+    let mut beyond = [innovation[0].lt(innovation[0]); WHEELS];
+    for (i, beyond) in beyond.iter_mut().enumerate() {
+        *beyond = (s[i][i] * gate).lt(innovation[i].squared());
+    }
+    beyond
 }
