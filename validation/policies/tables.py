@@ -35,7 +35,8 @@ def interval(result: bb.Result, name: str) -> tuple[float, float]:
     """The 95 % interval of `measure`; NaN if there is none."""
     if name == "failures":
         low, high = result.success_interval
-        return 1.0 - high, 1.0 - low
+        # Without the rounding of 1 - 1.
+        return round(1.0 - high, 12), round(1.0 - low, 12)
     found = result.metric_intervals["goals_held" if name == "missed_goals" else name]
     if found is None:
         return math.nan, math.nan

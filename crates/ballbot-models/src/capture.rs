@@ -9,7 +9,7 @@ use std::f64::consts::TAU;
 const DIRECTIONS: usize = 72;
 
 /// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the upright
-/// robot is within [`holdable_lean`]. Derived in `docs/scenarios.md`.
+/// robot is within the lean that it can hold in the worst direction. Derived in `docs/scenarios.md`.
 pub fn capture_impulse(params: &Params) -> f64 {
     let level = params.on_level_floor();
     let linear = LinearModel::new(&level);

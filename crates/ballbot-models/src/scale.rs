@@ -22,7 +22,7 @@ pub struct Scale {
     pub acceleration: f64,
     /// Of wheel torques: the largest torque of a wheel that holds a small lean, over the lean.
     pub torque: f64,
-    /// Of leans: the lean that traction and motors can hold, at least [`LEAST_LEAN`].
+    /// Of leans: the lean that traction and motors can hold, at least 0.05.
     pub lean: f64,
 }
 
