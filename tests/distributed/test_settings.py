@@ -47,8 +47,8 @@ def test_defaults_match_stable_baselines3():
 
 def test_a_decaying_learning_rate_resumes_at_its_value():
     config = shipped("path")
-    assert settings.arguments(config)["lr"] == [[0, 1e-3], [4_000_000, 0.0]]
-    assert settings.arguments(config, 3_000_000)["lr"] == [[0, 0.25e-3], [1_000_000, 0.0]]
+    assert settings.arguments(config)["lr"] == [[0, 3e-5], [204_800, 0.0]]
+    assert settings.arguments(config, 153_600)["lr"] == [[0, pytest.approx(0.75e-5)], [51_200, 0.0]]
 
 
 @pytest.mark.parametrize("task", ["balance", "velocity", "goal", "path", "push", "terrain", "openballbot"])
