@@ -12,13 +12,13 @@ from validation.topic import Findings, Topic
 
 TASKS = ("balance", "velocity", "goal", "path", "push")
 
-#: What the success of a policy may be below the success of the best law.
-MARGIN = 0.03
+#: What the success of a policy may be below the success of the best law, with the rounding of 1 - 0.97.
+MARGIN = 0.03 + 1e-9
 
 _TEXT = """
 Seed 0 of `ballbot train TASK --robot ROBOT`, with no other option, and the best of `lqr`, `lqr_pi` and `cascade_pid` in
-the same episodes: the success of the policy, the success of the law, and the steps of PPO and seconds of the training,
-fit included, on one core of two that were busy.
+the same episodes: the success of the policy, the success of the law, and the steps and seconds of PPO after the fit,
+which takes 30 to 50 s. Each training ran on one core of two that were busy.
 """
 
 

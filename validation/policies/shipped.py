@@ -43,6 +43,7 @@ class Shipped(NamedTuple):
 
     title: str
     recipe: Recipe
+    #: The first decides whether the policy or a law is better.
     limits: Sequence[Limit]
     #: Scenarios with a claim on the worst direction, with the least tilt (deg) or impulse (N·s).
     least: Mapping[str, tuple[str, float, str]] = {}
@@ -97,8 +98,8 @@ SHIPPED = (
         "Goal",
         Recipe("goal"),
         [
-            *_in_engines("goals not held", "missed_goals", 0.01, ""),
             *_in_engines("time to a goal relative to the fastest flat move", "time_ratio", 1.5, ""),
+            *_in_engines("goals not held", "missed_goals", 0.01, ""),
         ],
     ),
     Shipped(
