@@ -14,7 +14,7 @@ from validation.controllers import TOPICS, law_figure, laws, limits, responses
 
 @pytest.mark.slow("repeats a page")
 def test_the_default_regulator_matches_the_page():
-    assert [topic.name for topic in TOPICS] == ["limits", "matrix", "tunings", "presets"]
+    assert [topic.name for topic in TOPICS] == ["choice", "limits", "matrix", "tunings", "presets"]
     # Every third direction.
     scenario = dataclasses.replace(load()["S2-rest"], directions=8)
     default, without = (

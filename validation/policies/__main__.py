@@ -21,8 +21,8 @@ ballbot view --controller assets/policies/velocity.onnx
 ballbot evaluate --controller assets/policies/path.onnx --controller lqr --episodes 200 --engine mujoco
 ```
 
-A [controller](controllers.md) needs no training and is the better choice where the table says so: a policy earns its
-place by more than a tie. `ballbot train TASK --robot ROBOT` trains a policy of [any task for any
+A [controller](controllers.md) needs no training and is the better choice where the table names the law: a policy earns
+its place by more than a tie. `ballbot train TASK --robot ROBOT` trains a policy of [any task for any
 robot](#all-tasks-on-all-robots).
 
 {better}
