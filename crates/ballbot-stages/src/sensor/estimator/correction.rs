@@ -108,11 +108,11 @@ impl Estimator {
             belief.spin += L::select(spun, jump, zero);
             belief.covariance.rows[SPIN][SPIN] += L::select(spun, variance, zero);
         }
+        let surprising = beyond_gate(&s, gate, innovation);
         for i in 0..WHEELS {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
-            let surprise = (s[i][i] * gate).lt(innovation[i].squared());
-            let slips = surprise | self.jump.exceeded(i, change, turning);
+            let slips = surprising[i] | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
             of_rolling[i] = L::select(slips, zero, of_rolling[i]);
