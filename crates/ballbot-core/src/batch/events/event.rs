@@ -1,8 +1,11 @@
 //! Configuration of an event: the same keys in Rust, Python and TOML.
 
+use super::setup::Table;
 use super::value::Value;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::names;
+use ballbot_base::params::Params;
+use ballbot_models::Scale;
 use std::str::FromStr;
 
 /// The term that applies an impulse to the body; all other terms are numbers of the robot.
@@ -40,6 +43,9 @@ pub enum Operation {
     Add,
     /// It multiplies the value.
     Scale,
+    /// It is added to the value; the range is for the paper's robot, and is scaled to the robot: lengths with the height of
+    /// the CoM, all else as [`ballbot_models::Scale`] has it.
+    AddScaled,
 }
 
 /// Distribution of draws.
@@ -84,7 +90,7 @@ const KEYS: [&str; 13] = [
 
 impl Operation {
     /// All of them.
-    pub const ALL: [Self; 3] = [Self::Abs, Self::Add, Self::Scale];
+    pub const ALL: [Self; 4] = [Self::Abs, Self::Add, Self::Scale, Self::AddScaled];
 
     /// The name by which it is chosen.
     pub fn name(self) -> &'static str {
@@ -92,6 +98,7 @@ impl Operation {
             Self::Abs => "abs",
             Self::Add => "add",
             Self::Scale => "scale",
+            Self::AddScaled => "add_scaled",
         }
     }
 }
@@ -173,6 +180,29 @@ impl Event {
             height: None,
             duration: 0.0,
         }
+    }
+
+    /// The event on a robot: [`Operation::Add`] in place of [`Operation::AddScaled`].
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for an unknown term, or a term whose unit does not scale.
+    pub(super) fn on_robot(&self, place: usize, params: &Params) -> Result<Self> {
+        // The plan rejects pushes.
+        if self.operation != Operation::AddScaled || self.term == PUSH {
+            return Ok(self.clone());
+        }
+        let invalid = |reason: &dyn std::fmt::Display| invalid_event(place, &self.term, reason);
+        let (table, index) = Table::find(&self.term, &[PUSH]).map_err(|e| invalid(&e))?;
+        let unit = table.fields()[index].unit;
+        let factor = match unit {
+            "m" => Some(params.body_com_height / Params::paper().body_com_height),
+            _ => Scale::of(params).factor(unit),
+        };
+        let factor = factor.ok_or_else(|| {
+            invalid(&format!("op = 'add_scaled' has no scale for the unit '{unit}': expected 'add' or 'scale'"))
+        })?;
+        let range = self.range.iter().map(|pair| pair.map(|value| value * factor)).collect();
+        Ok(Self { operation: Operation::Add, range, ..self.clone() })
     }
 
     /// The term's name, with the id where one is given: `term:id`; `push:task` for the pushes of a task.

@@ -65,11 +65,11 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Plans events, which may be invalid.
+    /// Plans events, which may be invalid, for environments of a robot.
     ///
     /// # Errors
     /// [`crate::Error::Inconsistent`] with index and term of an event that is invalid for any robot.
-    pub fn new(events: &[Event], sim_dt: f64, control_dt: f64) -> Result<Self> {
+    pub fn new(events: &[Event], params: &Params, sim_dt: f64, control_dt: f64) -> Result<Self> {
         check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
             n <= MAX_EVENTS as f64
         })?;
@@ -84,6 +84,7 @@ impl Plan {
         };
         let mut text = String::new();
         for (place, event) in events.iter().enumerate() {
+            let event = &event.on_robot(place, params)?;
             let planned = Planned::new(event, plan.width, sim_dt, control_dt);
             let planned = planned.map_err(|e| invalid_event(place, &event.term, &e))?;
             if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.id == planned.id) {
@@ -295,7 +296,7 @@ impl Planned {
     fn changed(&self, value: f64, draw: f64) -> f64 {
         match self.event.operation {
             Operation::Abs => draw,
-            Operation::Add => value + draw,
+            Operation::Add | Operation::AddScaled => value + draw,
             Operation::Scale => value * draw,
         }
     }
@@ -328,7 +329,7 @@ impl Planned {
     pub fn push(&self, draws: &[f64], nominal: &Params) -> (Vector3<f64>, Option<Vector3<f64>>) {
         let size = match self.event.operation {
             Operation::Scale => draws[0] * nominal.body_mass,
-            Operation::Abs | Operation::Add => draws[0],
+            Operation::Abs | Operation::Add | Operation::AddScaled => draws[0],
         };
         let impulse = Vector3::new(draws[1].cos(), draws[1].sin(), 0.0) * size;
         (impulse, (!draws[2].is_nan()).then(|| Vector3::z() * draws[2]))
@@ -453,7 +454,7 @@ fn check_direction(event: &Event) -> Result<()> {
     if event.term != PUSH {
         return Ok(());
     }
-    if event.operation == Operation::Add {
+    if matches!(event.operation, Operation::Add | Operation::AddScaled) {
         return Err(Error::Inconsistent(
             "op of a push is 'abs' (an impulse, N·s) or 'scale' (a change of velocity, m/s)".into(),
         ));

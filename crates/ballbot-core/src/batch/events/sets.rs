@@ -8,8 +8,11 @@ use std::fmt::Write;
 use std::path::Path;
 
 /// Name and text of each set.
-const SETS: [(&str, &str); 2] =
-    [("mild", include_str!("../../../events/mild.toml")), ("hard", include_str!("../../../events/hard.toml"))];
+const SETS: [(&str, &str); 3] = [
+    ("mild", include_str!("../../../events/mild.toml")),
+    ("hard", include_str!("../../../events/hard.toml")),
+    ("wide", include_str!("../../../events/wide.toml")),
+];
 
 /// Largest file of events, bytes.
 const MAX_SIZE: u64 = 1 << 20;
