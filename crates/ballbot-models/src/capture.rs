@@ -5,7 +5,7 @@ use ballbot_base::params::Params;
 use nalgebra::{Matrix3, Vector3};
 use std::f64::consts::TAU;
 
-/// Number of directions in which traction is tested.
+/// Number of directions of a lean that are compared.
 const DIRECTIONS: usize = 72;
 
 /// Largest horizontal impulse at the body's center of mass, N·s, after which the capture point ϑ + ϑ̇/λ of the upright
@@ -16,23 +16,31 @@ pub fn capture_impulse(params: &Params) -> f64 {
     let upright = level.to_balance_frame();
     let model = SpatialModel::new(&level, WheelSpin::Absolute, BallSpin::Free);
     let jump = model.velocity_jump(&upright, &Vector3::x(), &level.body_com());
-    holdable_lean(&level, &linear) * linear.toppling_squared().sqrt() / jump.fixed_rows::<3>(2).norm()
+    Hold::of(&level, &linear).lean * linear.toppling_squared().sqrt() / jump.fixed_rows::<3>(2).norm()
 }
 
-/// Largest lean, rad, that a robot on a level floor can hold in the worst direction: no wheel slips, with the loads of the
-/// upright robot, and no motor exceeds its limit.
-pub(super) fn holdable_lean(level: &Params, linear: &LinearModel) -> f64 {
-    let map = LoadMap::new(level);
-    (0..DIRECTIONS)
-        .map(|k| holdable(level, &map, &holding_torques(linear, TAU * k as f64 / DIRECTIONS as f64)))
-        .fold(f64::INFINITY, f64::min)
+/// How a robot on a level floor holds a small lean, in the worst direction.
+pub(super) struct Hold {
+    /// The largest torque of a wheel, over the lean, N·m/rad.
+    pub torque: f64,
+    /// The largest lean, rad: no wheel slips, with the loads of the upright robot, and no motor exceeds its limit.
+    pub lean: f64,
 }
 
-/// Torques of the wheels that hold a lean towards `azimuth`, over the lean, N·m/rad.
-pub(super) fn holding_torques(linear: &LinearModel, azimuth: f64) -> Vector3<f64> {
-    let turning: Matrix3<f64> = linear.b.fixed_view::<3, 3>(7, 0).into_owned();
-    let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
-    torques * (-linear.toppling_squared() * Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0))
+impl Hold {
+    pub fn of(level: &Params, linear: &LinearModel) -> Self {
+        let map = LoadMap::new(level);
+        let turning: Matrix3<f64> = linear.b.fixed_view::<3, 3>(7, 0).into_owned();
+        let torques = turning.try_inverse().expect("the wheels turn the body about every axis");
+        let mut worst = Self { torque: 0.0, lean: f64::INFINITY };
+        for k in 0..DIRECTIONS {
+            let azimuth = TAU * k as f64 / DIRECTIONS as f64;
+            let per_lean = torques * (-linear.toppling_squared() * Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0));
+            worst.torque = worst.torque.max(per_lean.amax());
+            worst.lean = worst.lean.min(holdable(level, &map, &per_lean));
+        }
+        worst
+    }
 }
 
 /// Lean at which a wheel slips or a motor is at its limit under the torques `per_lean` (N·m/rad) that hold it, rad.

@@ -1,14 +1,10 @@
 //! The size of a robot relative to the robot of the paper.
 
 use super::LinearModel;
-use super::capture::{holdable_lean, holding_torques};
+use super::capture::Hold;
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
-use std::f64::consts::TAU;
 use std::sync::OnceLock;
-
-/// Number of directions of the lean in which torques are compared.
-const DIRECTIONS: usize = 72;
 
 /// Least scale of a lean: a robot without traction could not command any.
 const LEAST_LEAN: f64 = 0.05;
@@ -24,6 +20,8 @@ pub struct Scale {
     pub torque: f64,
     /// Of leans: the lean that traction and motors can hold, at least 0.05.
     pub lean: f64,
+    /// Of wheel speeds: the scale of velocities over that of wheel radii.
+    pub wheel_speed: f64,
 }
 
 impl Scale {
@@ -37,19 +35,23 @@ impl Scale {
             acceleration: own.acceleration / paper.acceleration,
             torque: own.torque / paper.torque,
             lean: (own.lean / paper.lean).max(LEAST_LEAN),
+            wheel_speed: own.wheel_speed / paper.wheel_speed,
         }
     }
 
-    /// 1/λ (s), gravity (m/s²), the torque that holds a lean (N·m/rad), and the lean that the robot can hold (rad).
+    /// 1/λ (s), gravity (m/s²), the torque that holds a lean (N·m/rad), the lean that the robot can hold (rad), and
+    /// the speed of a wheel (rad/s) at the velocity that gravity gives in that time.
     fn absolute(params: &Params) -> Self {
         let level = params.on_level_floor();
         let linear = LinearModel::new(&level);
-        let torque = |k: usize| holding_torques(&linear, TAU * k as f64 / DIRECTIONS as f64).amax();
+        let hold = Hold::of(&level, &linear);
+        let time = linear.toppling_squared().sqrt().recip();
         Self {
-            time: linear.toppling_squared().sqrt().recip(),
+            time,
             acceleration: level.gravity,
-            torque: (0..DIRECTIONS).map(torque).fold(0.0, f64::max),
-            lean: holdable_lean(&level, &linear),
+            torque: hold.torque,
+            lean: hold.lean,
+            wheel_speed: level.gravity * time / level.wheel_radius,
         }
     }
 
@@ -70,6 +72,7 @@ impl Scale {
             "m/s" => self.acceleration * self.time,
             "m" => self.acceleration * self.time * self.time,
             "N·m" => self.torque,
+            "N·m/(rad/s)" => self.torque / self.wheel_speed,
             _ => return None,
         })
     }

@@ -10,7 +10,7 @@ use crate::infos::StepInfos;
 use crate::networks::networks;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
-use crate::params::{PyParams, or_paper};
+use crate::params::{PyParams, or_paper, several};
 use crate::perception::perceived;
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
 use crate::sensors::readings;
@@ -42,7 +42,8 @@ use std::sync::Arc;
 ///     num_threads: threads that step the robots, at most 256; None takes all cores.
 ///     seed: seed of the first environment.
 ///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
-///     options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
+///     options: `params` (`Params`, the name of a preset, or a list of them: eight neighbors have the same robot),
+///         `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
 ///         None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
 ///         in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
@@ -195,14 +196,23 @@ impl PyBatch {
         let num_envs = count("num_envs", num_envs, 1)?;
         let num_threads = num_threads.map(|n| count("num_threads", n, 1)).transpose()?;
         let mut config = task_kind(task).map_err(to_python)?.config();
+        let mut robots = Vec::new();
         for (name, value) in options.into_iter().flatten() {
-            configure(config.as_mut(), &name.extract::<String>()?, &value)?;
+            let name: String = name.extract()?;
+            match (name.as_str(), value.cast::<PyList>()) {
+                ("params", Ok(list)) => robots = several(list)?,
+                _ => configure(config.as_mut(), &name, &value)?,
+            }
+        }
+        match robots.first() {
+            Some(first) => config.set_params(first.clone()),
+            None => robots.push(config.params().clone()),
         }
         let stage = stage.map(PyStage::new).transpose()?;
         config.set_stage(stage.as_ref().map(PyStage::shared));
         let autoreset: Autoreset = autoreset.parse().map_err(to_python)?;
         let (config, batch) = interruptible(py, move || {
-            let batch = config.batch(num_envs, autoreset, num_threads, seed)?;
+            let batch = config.batch_of(&robots, num_envs, autoreset, num_threads, seed)?;
             Ok((config, batch))
         })?;
         let options = resolved(py, config.as_ref(), batch.task())?.unbind();
@@ -294,10 +304,28 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.substeps())
     }
 
-    /// Torque of an action of 1, N·m.
+    /// Torque of an action of 1, N·m; of the first robot, if there are several.
     #[getter]
     fn max_wheel_torque(&self) -> PyResult<f64> {
-        Ok(self.inner.read()?.batch.max_wheel_torque())
+        self.inner.read()?.batch.max_wheel_torque(0).map_err(to_python)
+    }
+
+    /// Torque of an action of 1 of each robot, shape (num_envs,), N·m.
+    #[getter]
+    fn action_torques<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py, f64>> {
+        let inner = self.inner.read()?;
+        let torques = (0..inner.batch.len()).map(|i| inner.batch.max_wheel_torque(i));
+        Ok(PyArray1::from_vec(py, torques.collect::<Result<_, _>>().map_err(to_python)?))
+    }
+
+    /// Gain from each row of an observation, less its value at rest, to the scaled row, shape (rows,); of the first robot,
+    /// if there are several. Ones without `scale_observations`.
+    #[getter]
+    fn observation_gains<'py>(&self, py: Python<'py>) -> PyResult<Array1<'py, f64>> {
+        let inner = self.inner.read()?;
+        let scaling = inner.batch.row_scaling(0).map_err(to_python)?;
+        let ones = || vec![1.0; inner.batch.task().rows.len()];
+        Ok(PyArray1::from_vec(py, scaling.map_or_else(ones, |scaling| scaling.gain.clone())))
     }
 
     /// Steps after which an episode is truncated.
@@ -773,7 +801,7 @@ impl PyBatch {
         Ok(dict.into_any())
     }
 
-    /// The ground; None is level.
+    /// The ground; None is level. Of the first robot, if there are several and the ground follows from the robot.
     #[getter]
     fn terrain(&self) -> PyResult<Option<PyTerrain>> {
         Ok(self.inner.read()?.batch.terrain().map(|terrain| PyTerrain(Arc::clone(terrain))))

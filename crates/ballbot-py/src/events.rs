@@ -157,7 +157,7 @@ pub(crate) fn draw_records<'py>(
 /// Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 ///
 /// Args:
-///     name_or_path: "mild", "hard", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
+///     name_or_path: "mild", "hard", "wide", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
 ///         such dicts, which are checked and completed.
 ///
 /// Raises:

@@ -7,11 +7,11 @@ use ballbot_core::models::Scale;
 use ballbot_core::{Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyCFunction, PyDict, PyTuple};
+use pyo3::types::{PyCFunction, PyDict, PyList, PyTuple};
 use std::path::PathBuf;
 
 /// Units of quantities that scale with the robot, for messages.
-const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m'";
+const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m', 'N·m/(rad/s)'";
 
 /// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
 ///
@@ -173,7 +173,7 @@ impl PyParams {
     }
 
     /// Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-    /// "m/s²", "m/s³", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque that
+    /// "m/s²", "m/s³", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling, torques with the torque that
     /// holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
     /// hold. Raises ValueError for another unit.
     fn scale(&self, unit: &str) -> PyResult<f64> {
@@ -259,4 +259,12 @@ pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
             params.get_type().name()?
         ))),
     }
+}
+
+/// A list of robots, each as [`or_paper`] takes it.
+pub(crate) fn several(robots: &Bound<'_, PyList>) -> PyResult<Vec<Params>> {
+    if robots.is_empty() {
+        return Err(InvalidInputError::new_err("params = []: there is no robot, expected at least one"));
+    }
+    robots.iter().map(|robot| or_paper(Some(&robot))).collect()
 }

@@ -104,7 +104,7 @@ static RECORDS: [Record; 15] = [
         at_start: false,
         source: Source::Row(|batch, last, i, out| {
             let row = &last.actions[i * ACTION_LEN..];
-            let scale = batch.max_wheel_torque();
+            let scale = batch.max_wheel_torque(i).unwrap_or(f64::NAN);
             out.iter_mut().zip(row).for_each(|(out, value)| *out = f64::from(*value).clamp(-1.0, 1.0) * scale);
         }),
     },

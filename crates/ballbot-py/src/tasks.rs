@@ -2,7 +2,7 @@
 
 use crate::errors::to_python;
 use ballbot_core::actuator::MotorOptions;
-use ballbot_core::batch::{Observation, SCALAR_OPTIONS, ScalarKind, task_kinds};
+use ballbot_core::batch::{Batch, Observation, SCALAR_OPTIONS, ScalarKind, task_kinds};
 use ballbot_core::control::controller_kinds;
 use ballbot_core::fields::{OptionDescription, describe_options};
 use ballbot_core::options::PublishedOptions;
@@ -157,5 +157,6 @@ pub(crate) fn add_to(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add("SENSOR_OPTIONS", options(py, &describe_options::<SensorOptions>())?)?;
     module.add("INSTRUMENTS", instruments(py)?)?;
     module.add("OBSERVATIONS", Observation::ALL.map(Observation::name))?;
+    module.add("SAME_ROBOT", Batch::SAME_ROBOT)?;
     module.add("SCALED_BOUND", SCALED_BOUND)
 }

@@ -14,13 +14,21 @@ pub struct Row {
     pub bound: f32,
     /// Its typical magnitude when the task is performed well; the scaled observation is in multiples of it.
     pub typical: f64,
+    /// Whether it is the speed of a wheel, which scales otherwise than the rates of the body.
+    pub is_wheel_speed: bool,
 }
 
 impl Row {
     /// A row from its parts.
     #[inline(always)]
     pub const fn new(name: &'static str, unit: &'static str, bound: f32, typical: f64) -> Self {
-        Self { name, unit, bound, typical }
+        Self { name, unit, bound, typical, is_wheel_speed: false }
+    }
+
+    /// The speed of a wheel from its parts, rad/s.
+    #[inline(always)]
+    pub const fn of_wheel(name: &'static str, bound: f32, typical: f64) -> Self {
+        Self { is_wheel_speed: true, ..Self::new(name, "rad/s", bound, typical) }
     }
 }
 

@@ -31,9 +31,9 @@ pub(super) fn body_rows<L: Lane>(sensed: &Sensed<'_, L>, rows: &mut impl Rows<L>
     rows.row(Row::new("body rate about body x", "rad/s", 20.0, 1.0), rate.x);
     rows.row(Row::new("body rate about body y", "rad/s", 20.0, 1.0), rate.y);
     rows.row(Row::new("body rate about body z", "rad/s", 20.0, 1.0), rate.z);
-    rows.row(Row::new("wheel speed 0", "rad/s", 200.0, 5.0), w0);
-    rows.row(Row::new("wheel speed 1", "rad/s", 200.0, 5.0), w1);
-    rows.row(Row::new("wheel speed 2", "rad/s", 200.0, 5.0), w2);
+    rows.row(Row::of_wheel("wheel speed 0", 200.0, 5.0), w0);
+    rows.row(Row::of_wheel("wheel speed 1", 200.0, 5.0), w1);
+    rows.row(Row::of_wheel("wheel speed 2", 200.0, 5.0), w2);
 }
 
 /// Velocity of the ball.

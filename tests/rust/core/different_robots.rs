@@ -1,8 +1,11 @@
 //! Robots that differ within a batch: each moves as in a batch of one with its parameters, to the last bit.
 
 use crate::run::{Run, actions};
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Outcome, ResetRequest};
-use ballbot_core::task::Balance;
+use ballbot_core::actuator::MotorOptions;
+use ballbot_core::batch::{
+    Autoreset, BalanceConfig, Batch, EnvConfig, Event, Observation, Operation, Outcome, ResetRequest,
+};
+use ballbot_core::task::{Balance, Velocity};
 use ballbot_core::{Ballbot, ModelKind, Params, State, attitude};
 use nalgebra::{Vector2, Vector3};
 
@@ -517,4 +520,65 @@ fn single_robots_equal_robots_in_lanes_through_a_change() {
             assert_eq!(run.batch.state(changed).unwrap(), robot.state(), "robot {changed}, step {k}");
         }
     }
+}
+
+/// Whatever follows from the robot: torques, scaling, options of the task, motors, events and the estimator.
+#[test]
+fn several_robots_are_as_each_alone() {
+    let kugle = Params::preset("kugle").unwrap();
+    let robots = [Params::paper(), kugle, Params::preset("rezero").unwrap()];
+    for model in [ModelKind::Contact, ModelKind::Rigid] {
+        let config = EnvConfig::<Velocity> {
+            model,
+            scale_by_robot: true,
+            max_episode_steps: 12,
+            observation: Observation::Sensors,
+            actuators: MotorOptions { lag: 0.01, ..MotorOptions::default() },
+            events: vec![Event { operation: Operation::Scale, ..Event::new("body_mass", [0.9, 1.1]) }],
+            ..EnvConfig::default()
+        };
+        // The second robot again after the third, in part.
+        let n = 4 * Batch::SAME_ROBOT - 3;
+        let mut run = Run::new(Batch::of_robots(&config, &robots, n, Autoreset::SameStep, Some(2), SEED).unwrap());
+        let together: Vec<_> = (0..30)
+            .map(|k| {
+                run.step(&actions(0, n, k, 0.6)).unwrap();
+                run.all_bits()
+            })
+            .collect();
+        for first in (0..n).step_by(Batch::SAME_ROBOT) {
+            let params = &robots[first / Batch::SAME_ROBOT % robots.len()];
+            let config = EnvConfig { params: params.clone(), ..config.clone() };
+            let used = (n - first).min(Batch::SAME_ROBOT);
+            let seed = SEED + first as u64;
+            let mut alone = Run::new(Batch::new(&config, used, Autoreset::SameStep, Some(1), seed).unwrap());
+            assert_eq!(run.batch.max_wheel_torque(first).unwrap().to_bits(), config.action_torque().to_bits());
+            assert_eq!(run.batch.nominal_params(first).unwrap(), params);
+            for k in 0..30 {
+                alone.step(&actions(first, used, k, 0.6)).unwrap();
+                for i in 0..used {
+                    assert!(
+                        together[k][first + i] == alone.bits(i),
+                        "{model}: robot {} differs in step {k}",
+                        first + i
+                    );
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn an_invalid_robot_among_several_is_named() {
+    let weak = Params { max_wheel_torque: 0.01, ..Params::paper() };
+    let of = |robots: &[Params], n| {
+        let config = config(ModelKind::Contact, &Params::paper());
+        Batch::of_robots(&config, robots, n, Autoreset::SameStep, Some(1), 0).map_err(|error| error.to_string())
+    };
+    let robots = [Params::paper(), weak];
+    let error = of(&robots, 9).err().unwrap();
+    assert!(error.starts_with("robot 1 of 2: max_wheel_torque = 0.5") && error.contains("0.01 N·m"), "{error}");
+    // Robots beyond the last environment do not matter.
+    assert!(of(&robots, 8).is_ok());
+    assert!(of(&[], 8).err().unwrap().contains("at least one"));
 }

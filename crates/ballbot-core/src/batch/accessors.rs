@@ -11,7 +11,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
-use ballbot_base::terrain::Terrain;
+use ballbot_base::terrain::{Ground, Terrain};
 use std::sync::Arc;
 
 impl Batch {
@@ -103,7 +103,7 @@ impl Batch {
 
     /// The terrain; `None` for level ground.
     pub fn terrain(&self) -> Option<&Arc<Terrain>> {
-        self.ground.as_ref().map(|ground| ground.terrain())
+        self.chunks[0].ground().map(Ground::terrain)
     }
 
     /// Level of the tile that the current episode of environment `index` began on; 0 for terrains without tiles.
@@ -125,7 +125,8 @@ impl Batch {
     pub fn on_ground(&self, index: usize, start: &State) -> Result<State> {
         let params = self.params(index)?;
         start.validate()?;
-        Ok(match &self.ground {
+        let (chunk, _) = self.locate(index)?;
+        Ok(match self.chunks[chunk].ground() {
             Some(ground) => ground.adapted(params, &Omniwheels::new(params), start),
             None => start.clone(),
         })

@@ -15,16 +15,18 @@ use crate::actuator::Actuator;
 use crate::perception::Perception;
 use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::Sensor;
-use crate::task::{ACTION_LEN, Task, TaskDescription};
+use crate::task::{ACTION_LEN, RowScaling, Task, TaskDescription};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::{Stop, Watch};
 use ballbot_base::lanes::EIGHT;
 use ballbot_base::memory::require_memory;
+use ballbot_base::params::Params;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::thread_pool::{WorkerThreads, thread_count};
 use ballbot_lanes::ContactLanes;
 use nalgebra::Vector3;
+use std::slice;
 use std::sync::{Arc, Mutex, PoisonError};
 
 /// Environments of one task that are stepped together, on the requested number of threads. Environment i is seeded with
@@ -55,11 +57,9 @@ pub struct Batch {
     control_dt: f64,
     substeps: usize,
     max_episode_steps: usize,
-    max_wheel_torque: f64,
     scaled: bool,
     pub(super) history: History,
     len: usize,
-    pub(super) ground: Option<Arc<Ground>>,
     pub(super) perception: Option<Arc<Perception>>,
     pub(super) plan: Option<Arc<Plan>>,
     /// Options of the stages before events.
@@ -98,7 +98,55 @@ fn check_count(num_envs: usize) -> Result<()> {
     Ok(())
 }
 
+/// What environments of the same robot share.
+struct Alike<T, A, S> {
+    config: Arc<EnvConfig<T>>,
+    step: Arc<TaskStep<T, S>>,
+    actuator: A,
+    plan: Option<Arc<Plan>>,
+    params: Arc<Params>,
+    ground: Option<Arc<Ground>>,
+}
+
+impl<T: Task, A: Actuator, S: Sensor> Alike<T, A, S> {
+    /// `config` is valid and has all options.
+    fn new(config: EnvConfig<T>, actuator: A, sensor: S) -> Result<Self> {
+        let config = Arc::new(config);
+        Ok(Self {
+            step: Arc::new(TaskStep::new(&actuator, sensor, &config.description(), &config)?),
+            actuator,
+            plan: config.plan()?,
+            params: Arc::new(config.params.clone()),
+            ground: config.ground()?,
+            config,
+        })
+    }
+
+    /// `used` environments that are stepped together.
+    fn chunk(&self, used: usize, seed: u64) -> Result<Box<dyn Chunk>> {
+        let Self { config, step, actuator, plan, params, ground } = self;
+        Ok(match config.model {
+            ModelKind::Contact => {
+                let mut robots = ContactLanes::new(params, config.sim_dt);
+                robots.set_ground(ground.as_ref());
+                Box::new(Environments::new(config, step, actuator.clone(), robots, plan.as_ref(), used, seed)?)
+            }
+            model => {
+                let mut robot = Ballbot::new(params, model, config.sim_dt)?;
+                if ground.is_some() {
+                    robot.set_ground(ground.as_ref())?;
+                }
+                let robot = Single::new(robot);
+                Box::new(Environments::new(config, step, actuator.clone(), robot, plan.as_ref(), used, seed)?)
+            }
+        })
+    }
+}
+
 impl Batch {
+    /// How many neighbors in a batch have the same robot, if robots are given to [`Batch::of_robots`].
+    pub const SAME_ROBOT: usize = EIGHT;
+
     /// `num_envs` environments on up to `num_threads` threads; `None` means one per core. There are never more threads
     /// than environments (groups of eight in the contact model), and fewer where waking a thread would not pay off.
     ///
@@ -113,10 +161,44 @@ impl Batch {
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
+        Self::of_robots(config, slice::from_ref(&config.params), num_envs, autoreset, num_threads, seed)
+    }
+
+    /// [`Batch::new`] with different robots in place of [`EnvConfig::params`], [`Batch::SAME_ROBOT`] neighbors of each: after
+    /// the last robot the first robot follows. Whatever options follow from a robot follow from its own robot.
+    ///
+    /// # Errors
+    /// As [`Batch::new`], for any robot; [`Error::Inconsistent`] if there is none.
+    pub fn of_robots<T: Task>(
+        config: &EnvConfig<T>,
+        robots: &[Params],
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Self> {
         check_count(num_envs)?;
-        let config = &config.resolved()?;
-        config.validate_resolved()?;
-        Self::build(config, &config.drive()?, &config.onboard()?, num_envs, autoreset, num_threads, seed)
+        if robots.is_empty() {
+            return Err(Error::Inconsistent("there is no robot, expected at least one".into()));
+        }
+        let alike = |params: &Params| {
+            let config = EnvConfig { params: params.clone(), ..config.clone() }.resolved()?;
+            config.validate_resolved()?;
+            let (actuator, sensor) = (config.drive()?, config.onboard()?);
+            Alike::new(config, actuator, sensor)
+        };
+        let used = num_envs.div_ceil(Self::SAME_ROBOT).min(robots.len());
+        let kinds = match &robots[..used] {
+            [robot] => vec![alike(robot)?],
+            robots => {
+                let numbered = |(i, robot)| {
+                    let of = |error| Error::Inconsistent(format!("robot {i} of {}: {error}", robots.len()));
+                    alike(robot).map_err(of)
+                };
+                robots.iter().enumerate().map(numbered).collect::<Result<_>>()?
+            }
+        };
+        Self::build(&kinds, num_envs, autoreset, num_threads, seed)
     }
 
     /// [`Batch::new`] with custom stages between action and torque, in place of [`EnvConfig::actuators`], and between
@@ -135,26 +217,23 @@ impl Batch {
         seed: u64,
     ) -> Result<Self> {
         check_count(num_envs)?;
-        let config = &config.resolved()?;
+        let config = config.resolved()?;
         config.validate_resolved()?;
-        Self::build(config, actuator, sensor, num_envs, autoreset, num_threads, seed)
+        let kind = Alike::new(config, actuator.clone(), sensor.clone())?;
+        Self::build(&[kind], num_envs, autoreset, num_threads, seed)
     }
 
-    /// Builds the batch from a valid configuration.
+    /// Builds the batch from valid configurations.
     fn build<T: Task, A: Actuator, S: Sensor>(
-        config: &EnvConfig<T>,
-        actuator: &A,
-        sensor: &S,
+        kinds: &[Alike<T, A, S>],
         num_envs: usize,
         autoreset: Autoreset,
         num_threads: Option<usize>,
         seed: u64,
     ) -> Result<Self> {
         let threads = thread_count(num_threads)?;
-        let config = Arc::new(config.clone());
+        let Alike { config, step, plan, .. } = &kinds[0];
         let description = config.description();
-        let step = Arc::new(TaskStep::new(actuator, sensor.clone(), &description, &config)?);
-        let plan = config.plan()?;
         let of_events = plan.as_ref().map_or(0, |plan| plan.bytes());
         let seen = step.perception.as_ref().map_or(0, |perception| perception.bytes());
         require_memory(
@@ -162,29 +241,12 @@ impl Batch {
             num_envs,
             config.model.bytes() + step.sizes().numbers() * size_of::<f64>() + step.observed_bytes() + of_events + seen,
         )?;
-        let params = Arc::new(config.params.clone());
-        let ground = config.ground()?;
         let width = if config.model == ModelKind::Contact { EIGHT } else { 1 };
         let mut watch = Watch::new();
         let chunk = |first: usize| -> Result<Box<dyn Chunk>> {
             watch.check()?;
-            let seed = seed.wrapping_add(first as u64);
             let used = (num_envs - first).min(width);
-            Ok(match config.model {
-                ModelKind::Contact => {
-                    let mut robots = ContactLanes::new(&params, config.sim_dt);
-                    robots.set_ground(ground.as_ref());
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robots, plan.as_ref(), used, seed)?)
-                }
-                model => {
-                    let mut robot = Ballbot::new(&params, model, config.sim_dt)?;
-                    if ground.is_some() {
-                        robot.set_ground(ground.as_ref())?;
-                    }
-                    let robot = Single::new(robot);
-                    Box::new(Environments::new(&config, &step, actuator.clone(), robot, plan.as_ref(), used, seed)?)
-                }
-            })
+            kinds[first / Self::SAME_ROBOT % kinds.len()].chunk(used, seed.wrapping_add(first as u64))
         };
         let chunks = (0..num_envs).step_by(width).map(chunk).collect::<Result<Vec<_>>>()?;
         let threads = threads.min(chunks.len());
@@ -202,13 +264,11 @@ impl Batch {
             control_dt: config.control_dt,
             substeps,
             max_episode_steps: config.max_episode_steps,
-            ground,
             perception: step.perception.clone(),
-            max_wheel_torque: config.action_torque(),
             scaled: config.scale_observations,
             history: config.history.clone(),
             len: num_envs,
-            plan,
+            plan: plan.clone(),
             stages: config.stages(),
             chunks,
             width,
@@ -275,9 +335,22 @@ impl Batch {
         self.max_episode_steps
     }
 
-    /// Torque of an action of 1, N·m.
-    pub fn max_wheel_torque(&self) -> f64 {
-        self.max_wheel_torque
+    /// Torque of an action of 1 of one environment, N·m.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn max_wheel_torque(&self, index: usize) -> Result<f64> {
+        let (chunk, _) = self.locate(index)?;
+        Ok(self.chunks[chunk].action_torque())
+    }
+
+    /// Scaling of the rows of an observation of one environment; `None` if they are not scaled.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn row_scaling(&self, index: usize) -> Result<Option<&RowScaling>> {
+        let (chunk, _) = self.locate(index)?;
+        Ok(self.chunks[chunk].scaling())
     }
 
     /// State of the robot of one environment.

@@ -11,7 +11,7 @@ use crate::control::default_max_torque;
 use crate::perception::{Instruments, Perception};
 use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
-use crate::task::{Balance, RewardScales, Task, TaskDescription};
+use crate::task::{Balance, RewardScales, Row, RowScaling, Task, TaskDescription};
 use ballbot_base::error::{Error, Result, check, positive};
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::model::same_geometry;
@@ -31,10 +31,14 @@ env_config! {
             /// Steps after which an episode is truncated.
             pub max_episode_steps: usize = T::MAX_EPISODE_STEPS, "", Limit::from(1.0);
             /// Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright
-            /// robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
+            /// robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+            /// `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot.
             pub max_wheel_torque: Option<f64> = None, "N·m", Limit::from(1e-9);
             /// Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
             pub scale_observations: bool = true, "", Limit::FINITE;
+            /// Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
+            /// robot by `Params.scale`: robots of all sizes then look alike to a policy.
+            pub scale_by_robot: bool = false, "", Limit::FINITE;
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.
         pub params: Params = Params::paper();
@@ -66,6 +70,9 @@ env_config! {
     }
 }
 
+/// Torque of an action of 1 on the paper's robot, from which it is scaled with [`EnvConfig::scale_by_robot`], N·m.
+const PAPER_ACTION: f64 = 0.2;
+
 /// [`EnvConfig`] of the balance task.
 pub type BalanceConfig = EnvConfig<Balance>;
 
@@ -87,13 +94,32 @@ impl<T: Task> EnvConfig<T> {
     /// The value of an option that is `None`.
     fn derived(&self, name: &str) -> f64 {
         match name {
+            "max_wheel_torque" if self.scale_by_robot => PAPER_ACTION * Scale::of(&self.params).torque,
             "max_wheel_torque" => default_max_torque(&self.params),
             other => unreachable!("{other} has a value"),
         }
     }
 
+    /// The scaling of the rows of an observation, if they are scaled.
+    pub(super) fn row_scaling(&self, description: &TaskDescription) -> Option<RowScaling> {
+        let TaskDescription { rows, scaling, .. } = description;
+        if !self.scale_observations || !self.scale_by_robot {
+            return self.scale_observations.then(|| scaling.clone());
+        }
+        let scale = Scale::of(&self.params);
+        let factor = |row: &Row| match row.unit {
+            _ if row.is_wheel_speed => scale.wheel_speed,
+            // The laws of motion scale with the size of a robot, but not its angles.
+            "rad" => 1.0,
+            unit => scale.factor(unit).unwrap_or(1.0),
+        };
+        let gain = rows.iter().zip(&scaling.gain).map(|(row, gain)| gain / factor(row)).collect();
+        Some(RowScaling { rest: scaling.rest.clone(), gain })
+    }
+
     /// All numbers that the future of an environment depends on, except its robot's parameters. An estimator is
-    /// designed for the robot before events and `set_params`, which a snapshot does not store otherwise.
+    /// designed for the robot before events and `set_params`, which a snapshot does not store otherwise; observations
+    /// may be scaled to it.
     pub(super) fn numbers(&self) -> Vec<f64> {
         let mut numbers = self.scalars().to_vec();
         numbers.extend(self.reward.values());
@@ -109,7 +135,7 @@ impl<T: Task> EnvConfig<T> {
         let estimated = self.observation == Observation::Sensors;
         numbers.push(f64::from(u8::from(estimated)));
         numbers.extend(self.sensors.iter().flat_map(|sensors| sensors.numbers()));
-        if estimated {
+        if estimated || self.scale_by_robot {
             numbers.extend(self.params.numbers());
         }
         numbers.extend(self.stage.iter().flat_map(|stage| &stage.0.layout().terms).map(|term| term.scale));
@@ -335,11 +361,10 @@ impl<T: Task> EnvConfig<T> {
             duration: pushes.duration,
             ..Event::new("push", pushes.impulse)
         });
-        if self.events.is_empty() && pushes.is_none() {
-            return Ok(None);
-        }
+        let senses = self.sensors.is_some() || self.observation == Observation::Sensors;
         let events: Vec<_> = self.events.iter().cloned().chain(pushes).collect();
-        Ok(Some(Arc::new(Plan::new(&events, self.sim_dt, self.control_dt)?)))
+        let plan = Plan::new(&events, &self.params, senses, self.sim_dt, self.control_dt)?;
+        Ok((!plan.events.is_empty()).then(|| Arc::new(plan)))
     }
 
     /// Checks that every robot that the events may produce from a valid robot can be run.

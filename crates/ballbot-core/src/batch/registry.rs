@@ -18,6 +18,7 @@ use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};
 use ballbot_base::terrain::Terrain;
 use std::marker::PhantomData;
+use std::slice;
 use std::sync::Arc;
 
 /// The options of [`EnvConfig`] that are not single numbers: getter, setter and type.
@@ -98,7 +99,22 @@ pub trait TaskConfig: Send {
     ///
     /// # Errors
     /// As [`Batch::new`].
-    fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch>;
+    fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {
+        self.batch_of(slice::from_ref(self.params()), num_envs, autoreset, num_threads, seed)
+    }
+
+    /// The environments of several robots, in place of [`TaskConfig::params`].
+    ///
+    /// # Errors
+    /// As [`Batch::of_robots`].
+    fn batch_of(
+        &self,
+        robots: &[Params],
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Batch>;
 }
 
 /// A task that is known by its name.
@@ -205,7 +221,14 @@ impl<T: Task> TaskConfig for EnvConfig<T> {
         self.reward.names().zip(self.reward.values()).collect()
     }
 
-    fn batch(&self, num_envs: usize, autoreset: Autoreset, num_threads: Option<usize>, seed: u64) -> Result<Batch> {
-        Batch::new(self, num_envs, autoreset, num_threads, seed)
+    fn batch_of(
+        &self,
+        robots: &[Params],
+        num_envs: usize,
+        autoreset: Autoreset,
+        num_threads: Option<usize>,
+        seed: u64,
+    ) -> Result<Batch> {
+        Batch::of_robots(self, robots, num_envs, autoreset, num_threads, seed)
     }
 }

@@ -421,9 +421,10 @@ impl Batch {
         let mut values = vec![0.0; staged.indices.len() * rows];
         let result = staged.stage.observe(&staged.robots(), &mut values);
         if result.is_ok() && rows > 0 {
-            let scaling = self.scale_observations().then_some(&self.description.scaling);
             let first = len - rows;
-            for (values, out) in values.chunks_exact(rows).zip(out.chunks_exact_mut(len)) {
+            let of_each = values.chunks_exact(rows).zip(out.chunks_exact_mut(len));
+            for ((values, out), index) in of_each.zip(&staged.indices) {
+                let scaling = self.chunks[index / self.width].scaling();
                 let numbers = saturated(&staged.stage.layout().rows, scaling, first, values);
                 out[first..].iter_mut().zip(numbers).for_each(|(out, number)| *out = number as f32);
             }

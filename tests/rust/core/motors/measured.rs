@@ -50,7 +50,7 @@ fn lqr(config: &BalanceConfig) -> Sampled<Lqr> {
 fn on(states: &[State], law: &Sampled<Lqr>, batch: &Batch) -> Vec<u32> {
     let mut law = law.clone();
     let torques = states.iter().flat_map(|state| law.wheel_torques(state, &Default::default()));
-    torques.map(|torque| ((torque / batch.max_wheel_torque()) as f32).to_bits()).collect()
+    torques.map(|torque| ((torque / batch.max_wheel_torque(0).unwrap()) as f32).to_bits()).collect()
 }
 
 fn estimates(batch: &Batch) -> Vec<State> {

@@ -24,6 +24,14 @@ fn rejected(event: Event, words: &[&str]) {
 }
 
 #[test]
+fn amounts_without_a_scale() {
+    let of = |term: &str| Event { operation: Operation::AddScaled, ..Event::new(term, [0.0, 0.1]) };
+    rejected(of("body_mass"), &["add_scaled", "the unit 'kg'"]);
+    rejected(of("color"), &["unknown term 'color'"]);
+    rejected(of("push"), &["op of a push is 'abs'"]);
+}
+
+#[test]
 fn invalid_numbers() {
     let nan = f64::NAN;
     rejected(Event::new("color", [0.0, 1.0]), &["unknown term 'color'", "body_mass", "push"]);

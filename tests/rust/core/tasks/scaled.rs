@@ -1,8 +1,10 @@
 //! Defaults of tasks that follow from the robot.
 
 use super::{config, run_of};
-use ballbot_core::Params;
+use ballbot_core::batch::{BalanceConfig, ResetRequest};
 use ballbot_core::models::Scale;
+use ballbot_core::{Params, State};
+use nalgebra::{Vector2, Vector3};
 
 /// The paper's robot in another size, of the same materials: lengths times `size`.
 fn similar(size: f64) -> Params {
@@ -19,6 +21,7 @@ fn similar(size: f64) -> Params {
         wheel_inertia: paper.wheel_inertia * inertia,
         wheel_radius: paper.wheel_radius * size,
         max_wheel_torque: paper.max_wheel_torque * size.powi(4),
+        friction_critical_velocity: paper.friction_critical_velocity * size.sqrt(),
         ..paper
     }
 }
@@ -62,7 +65,7 @@ fn leans_follow_traction_and_motors() {
 
 #[test]
 fn the_defaults_of_the_paper_are_exact() {
-    let exact = Scale { time: 1.0, acceleration: 1.0, torque: 1.0, lean: 1.0 };
+    let exact = Scale { time: 1.0, acceleration: 1.0, torque: 1.0, lean: 1.0, wheel_speed: 1.0 };
     assert_eq!(Scale::of(&Params::paper()), exact);
     assert_eq!(config("velocity", &[]).get("command_seconds").unwrap(), [3.0, 8.0]);
 }
@@ -86,6 +89,50 @@ fn options_follow_the_robot_unless_they_are_set() {
     let run = run_of(&*velocity, 8);
     let fastest = (0..8).map(|i| super::command(&run, i)[0].hypot(super::command(&run, i)[1])).fold(0.0, f64::max);
     assert!(fastest > 0.5 && fastest <= 1.0, "{fastest} m/s");
+}
+
+#[test]
+fn similar_robots_look_alike_to_a_policy() {
+    // Equal motions in units of the robot, with a control period to scale.
+    let rows = |size: f64| {
+        let mut balance = config("balance", &[("scale_observations", &[1.0]), ("scale_by_robot", &[1.0])]);
+        balance.set("sim_dt", &[2e-3 * size.sqrt()]).unwrap();
+        balance.set("control_dt", &[1e-2 * size.sqrt()]).unwrap();
+        let params = similar(size);
+        balance.set_params(params.clone());
+        let torque = 0.2 * size.powi(4);
+        balance.set("max_wheel_torque", &[torque]).unwrap();
+        let mut run = run_of(&*balance, 1);
+        let mut start = State::tilted(&params, Vector2::new(0.05, -0.03), 0.4);
+        start.body_angular_velocity = Vector3::new(0.3, -0.2, 0.1) / size.sqrt();
+        let mut rows = vec![0.0; run.batch.observation_len()];
+        run.batch
+            .reset_with(&ResetRequest { starts: Some(&[Some(start)]), ..ResetRequest::default() }, &mut rows)
+            .unwrap();
+        (0..30).for_each(|_| run.step(&[0.5, -0.3, 0.1]).unwrap());
+        run.batch.observation(0, &mut rows).unwrap();
+        rows
+    };
+    let paper = rows(1.0);
+    assert!(paper.iter().filter(|row| row.abs() > 1e-2).count() >= 12, "{paper:?}");
+    for size in [0.3, 4.0] {
+        for (i, (found, expected)) in rows(size).iter().zip(&paper).enumerate() {
+            assert!(
+                (found - expected).abs() < 1e-3 * expected.abs().max(0.1),
+                "row {i} at {size}: {found}, {expected}"
+            );
+        }
+    }
+}
+
+#[test]
+fn the_torque_of_an_action_holds_the_same_lean_on_any_robot() {
+    for (params, expected) in [(Params::paper(), 0.2), (similar(2.0), 3.2)] {
+        let scaled = BalanceConfig { params, scale_by_robot: true, ..BalanceConfig::default() };
+        assert!((scaled.action_torque() / expected - 1.0).abs() < 1e-12, "{}", scaled.action_torque());
+        let given = BalanceConfig { max_wheel_torque: Some(0.1), ..scaled };
+        assert_eq!(given.action_torque().to_bits(), 0.1_f64.to_bits());
+    }
 }
 
 #[test]

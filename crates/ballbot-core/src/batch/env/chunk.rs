@@ -7,16 +7,27 @@ use crate::batch::events::Stages;
 use crate::batch::stage::ChunkResults;
 use crate::control::Controller;
 use crate::sensor::Readings;
+use crate::task::RowScaling;
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
+use ballbot_base::terrain::Ground;
 use nalgebra::Vector3;
 
 /// Environments of any one task. Indices count within the chunk.
 pub trait Chunk: Send + Sync {
     /// How many environments there are.
     fn len(&self) -> usize;
+
+    /// Torque of an action of 1, N·m.
+    fn action_torque(&self) -> f64;
+
+    /// Scaling of the rows of an observation, if they are scaled.
+    fn scaling(&self) -> Option<&RowScaling>;
+
+    /// The ground; `None` for level ground.
+    fn ground(&self) -> Option<&Ground>;
 
     /// Steps all of them; the caller has checked actions and buffers.
     fn step(&mut self, autoreset: Autoreset, actions: &[f32], buffers: StepBuffers<'_>) {

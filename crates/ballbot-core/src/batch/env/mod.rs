@@ -29,13 +29,14 @@ use crate::batch::events::{Plan, Randomized, Setup, Source, Stages, key_of};
 use crate::batch::stage::ChunkResults;
 use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
-use crate::task::{ACTION_LEN, Task};
+use crate::task::{ACTION_LEN, RowScaling, Task};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
+use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
@@ -309,6 +310,18 @@ fn commands<C: Cell>(actions: &[f32]) -> Wheels<C> {
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A, S> {
     fn len(&self) -> usize {
         self.used
+    }
+
+    fn action_torque(&self) -> f64 {
+        self.action_torque
+    }
+
+    fn scaling(&self) -> Option<&RowScaling> {
+        self.step.scaling()
+    }
+
+    fn ground(&self) -> Option<&Ground> {
+        self.robots.ground()
     }
 
     fn advance(&mut self, autoreset: Autoreset, actions: &[f32]) {

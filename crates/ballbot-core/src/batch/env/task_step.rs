@@ -47,7 +47,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         Ok(Self {
             task: config.task.clone(),
             scales: config.reward.values().collect(),
-            scaling: config.scale_observations.then(|| description.scaling.clone()),
+            scaling: config.row_scaling(description),
             control_dt: config.control_dt,
             half_size: config
                 .terrain

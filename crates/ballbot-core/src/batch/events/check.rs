@@ -6,7 +6,7 @@
 //! wheels depend on five terms; it is sampled again when it occurs.
 
 use super::event::{When, invalid_event};
-use super::plan::{Plan, Target};
+use super::plan::{Plan, Planned, Target};
 use super::setup::Setup;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::Watch;
@@ -29,6 +29,7 @@ pub struct Tests<'a> {
 
 /// Smallest and largest draw of each number of one event, with its columns.
 struct Ranges {
+    /// Index of the event in the plan.
     place: usize,
     numbers: Vec<(Range<usize>, [f64; 2])>,
 }
@@ -61,7 +62,7 @@ impl Plan {
         for (place, event) in self.events.iter().enumerate() {
             match event.target {
                 Target::Push => {
-                    event.check_push(&nominal.params).map_err(|e| invalid_event(place, &event.event.term, &e))?;
+                    event.check_push(&nominal.params).map_err(|e| invalid_event(event.place, &event.event.term, &e))?;
                 }
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }
@@ -153,7 +154,7 @@ impl Trial<'_> {
 
     /// Checks that an event within the episode does not change the robot's shape.
     fn geometry(&mut self, ranges: &Ranges) -> Result<()> {
-        let event = &self.plan.events[ranges.place].event;
+        let Planned { event, place, .. } = &self.plan.events[ranges.place];
         if matches!(event.when, When::Startup | When::Reset) {
             return Ok(());
         }
@@ -162,7 +163,7 @@ impl Trial<'_> {
             self.plan.apply(self.nominal, &self.draws, &mut self.robot);
             if !same_geometry(&self.nominal.params, &self.robot.params) {
                 let reason = "the robot's shape does not change within an episode: its mode is 'startup' or 'reset'";
-                return Err(invalid_event(ranges.place, &event.term, &reason));
+                return Err(invalid_event(*place, &event.term, &reason));
             }
         }
         ranges.clear(&mut self.draws);
@@ -172,9 +173,16 @@ impl Trial<'_> {
     /// The error for the current draws of events.
     fn blame(&self, places: &[usize], error: &Error) -> Error {
         let [first, others @ ..] = places else { return Error::Inconsistent(error.to_string()) };
-        let term = |place: usize| self.plan.events[place].event.term.as_str();
-        let together: Vec<_> = others.iter().map(|&place| format!("events[{place}] ({})", term(place))).collect();
+        let of = |index: usize| (self.plan.events[index].place, self.plan.events[index].event.term.as_str());
+        let together: Vec<_> = others
+            .iter()
+            .map(|&index| {
+                let (place, term) = of(index);
+                format!("events[{place}] ({term})")
+            })
+            .collect();
         let with = if together.is_empty() { String::new() } else { format!("with {}, ", together.join(", ")) };
-        invalid_event(*first, term(*first), &format!("{with}its range contains an invalid robot: {error}"))
+        let (place, term) = of(*first);
+        invalid_event(place, term, &format!("{with}its range contains an invalid robot: {error}"))
     }
 }

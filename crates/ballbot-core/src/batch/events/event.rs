@@ -43,8 +43,8 @@ pub enum Operation {
     Add,
     /// It multiplies the value.
     Scale,
-    /// It is added to the value; the range is for the paper's robot, and is scaled to the robot: lengths with the height of
-    /// the CoM, all else as [`ballbot_models::Scale`] has it.
+    /// It is added to the value; the range is for the paper's robot, and is scaled to the robot that the environment was
+    /// made with: lengths with the height of the CoM, all else by [`ballbot_models::Scale`].
     AddScaled,
 }
 

@@ -33,6 +33,8 @@ pub enum Target {
 #[derive(Clone, Debug)]
 pub struct Planned {
     pub event: Event,
+    /// Its index in the list of events.
+    pub place: usize,
     pub target: Target,
     /// Key of its random numbers.
     id: u64,
@@ -65,11 +67,12 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Plans events, which may be invalid, for environments of a robot.
+    /// Plans events, which may be invalid, for environments of a robot. Optional events of sensors are left out unless it
+    /// `senses`.
     ///
     /// # Errors
     /// [`crate::Error::Inconsistent`] with index and term of an event that is invalid for any robot.
-    pub fn new(events: &[Event], params: &Params, sim_dt: f64, control_dt: f64) -> Result<Self> {
+    pub fn new(events: &[Event], params: &Params, senses: bool, sim_dt: f64, control_dt: f64) -> Result<Self> {
         check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
             n <= MAX_EVENTS as f64
         })?;
@@ -85,10 +88,13 @@ impl Plan {
         let mut text = String::new();
         for (place, event) in events.iter().enumerate() {
             let event = &event.on_robot(place, params)?;
-            let planned = Planned::new(event, plan.width, sim_dt, control_dt);
+            let planned = Planned::new(event, place, plan.width, sim_dt, control_dt);
             let planned = planned.map_err(|e| invalid_event(place, &event.term, &e))?;
-            if let Some((other, same)) = plan.events.iter().enumerate().find(|(_, p)| p.id == planned.id) {
-                let key = planned.id;
+            if !senses && event.optional && planned.changes_sensors() {
+                continue;
+            }
+            if let Some(same) = plan.events.iter().find(|p| p.id == planned.id) {
+                let (key, other) = (planned.id, same.place);
                 let reason = if same.event.term == event.term {
                     format!("events[{other}] is of the same term: give one of them another id (both have {key})")
                 } else {
@@ -165,7 +171,7 @@ impl Planned {
         self.first..self.first + self.width
     }
 
-    fn new(event: &Event, first: usize, sim_dt: f64, control_dt: f64) -> Result<Self> {
+    fn new(event: &Event, place: usize, first: usize, sim_dt: f64, control_dt: f64) -> Result<Self> {
         let (target, width, grain) = if event.term == PUSH {
             (Target::Push, PUSH_WIDTH, None)
         } else {
@@ -200,7 +206,7 @@ impl Planned {
             }
         }
         let steps = (event.duration / control_dt).round().max(1.0) as u32;
-        Ok(Self { event: event.clone(), target, id, ranges, grain, steps, first, width })
+        Ok(Self { event: event.clone(), place, target, id, ranges, grain, steps, first, width })
     }
 
     /// Whether it requires separate motors for each robot.
