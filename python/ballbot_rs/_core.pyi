@@ -25,6 +25,7 @@ __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
     "PARAMETERS",
     "ROBOTS",
+    "SAME_ROBOT",
     "SCALED_BOUND",
     "SENSORS",
     "SENSOR_OPTIONS",
@@ -147,6 +148,7 @@ INSTRUMENTS: dict[str, _Instrument]
 OBSERVATIONS: list[str]
 TASKS: dict[str, _Task]
 CONTROLLERS: dict[str, _Controller]
+SAME_ROBOT: int
 SCALED_BOUND: float
 
 _Array = npt.NDArray[np.float64]
@@ -351,7 +353,7 @@ class Params:
         """
     def scale(self, unit: str) -> float:
         """Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-        "m/s²", "m/s³", "rad/s" or "N·m". Times scale with the time constant of toppling, torques with the torque that
+        "m/s²", "m/s³", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling, torques with the torque that
         holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
         hold. Raises ValueError for another unit.
         """
@@ -885,7 +887,7 @@ def load_events(
     """Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 
     Args:
-        name_or_path: "mild", "hard", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
+        name_or_path: "mild", "hard", "wide", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
             such dicts, which are checked and completed.
 
     Raises:
@@ -1236,7 +1238,8 @@ class Batch:
         num_threads: threads that step the robots, at most 256; None takes all cores.
         seed: seed of the first environment.
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
-        options: `params` (`Params` or the name of a preset), `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
+        options: `params` (`Params`, the name of a preset, or a list of them: eight neighbors have the same robot),
+            `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
             None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
             in `INSTRUMENTS` (dicts of options; None means the robots have none), `level`, `observation`
@@ -1304,7 +1307,15 @@ class Batch:
         """Model steps in one control step."""
     @property
     def max_wheel_torque(self) -> float:
-        """Torque of an action of 1, N·m."""
+        """Torque of an action of 1, N·m; of the first robot, if there are several."""
+    @property
+    def action_torques(self) -> npt.NDArray[np.float64]:
+        """Torque of an action of 1 of each robot, shape (num_envs,), N·m."""
+    @property
+    def observation_gains(self) -> npt.NDArray[np.float64]:
+        """Gain from each row of an observation, less its value at rest, to the scaled row, shape (rows,); of the first robot,
+        if there are several. Ones without `scale_observations`.
+        """
     @property
     def max_episode_steps(self) -> int:
         """Steps after which an episode is truncated."""
@@ -1471,7 +1482,7 @@ class Batch:
     def contacts(self, index: int) -> Contacts: ...
     @property
     def terrain(self) -> Terrain | None:
-        """The ground; None is level."""
+        """The ground; None is level. Of the first robot, if there are several and the ground follows from the robot."""
     def on_ground(self, state: State, index: int = 0) -> State:
         """Moves a state on level ground of the robot of environment `index` to the same place on its ground, as starts are
         moved: the ball touches the ground and rolls with the same horizontal velocity, and the static lean there is

@@ -143,6 +143,36 @@ def test_steps_in_c_match_the_environment(history, tmp_path):
     assert largest > 3.0
 
 
+def test_a_scaled_policy_in_c_is_for_the_robot_that_is_named(tmp_path):
+    rng = np.random.default_rng(8)
+    constants = {"v": rng.normal(0.0, 0.05, (16, 3)), "c": rng.normal(0.0, 0.1, 3)}
+    nodes = [helper.make_node("Gemm", ["observation", "v", "c"], ["action"])]
+    options = {"scale_by_robot": True, "max_wheel_torque": None}
+    several = policy_of(tmp_path / "p.onnx", nodes, constants, params={"family": 3}, **options)
+    with pytest.raises(ValueError, match="trained on several robots: name the robot"):
+        policy_header(several)
+    policy = OnnxPolicy(several)
+    for robot in ("kugle", "rezero"):
+        folder = tmp_path / robot
+        folder.mkdir()
+        text = policy_header(several, params=robot)
+        assert f"Scaled to the robot '{robot}'." in text
+        in_c = CPolicy(folder, text)
+        scaled, plain = (
+            bb.BalanceEnv(params=robot, scale_by_robot=True, scale_observations=is_scaled)
+            for is_scaled in (True, False)
+        )
+        seen, rows, over = scaled.reset(seed=3)[0], plain.reset(seed=3)[0], False
+        in_c.reset()
+        while not over:
+            action = np.clip(policy.act(seen), -1.0, 1.0)
+            torques = scaled.max_wheel_torque * action
+            np.testing.assert_allclose(in_c.step(rows), torques, rtol=1e-5, atol=TOLERANCE * scaled.max_wheel_torque)
+            seen, rows, over = scaled.step(action)[0], *plain.step(action)[:3:2]
+    with pytest.raises(ValueError, match="drives the robot that it was trained on"):
+        policy_header(SHIPPED, params="kugle")
+
+
 def test_rows_are_saturated_and_nan_is_zero_as_in_the_environment(tmp_path):
     weights = np.zeros((16, 3))
     weights[[3, 6, 9], [0, 1, 2]] = 0.05

@@ -45,8 +45,10 @@ SCALED = ", scaled"
 
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
-    ("params", "Params | str | PathLike[str] | Mapping[str, Any]", "", f"{', '.join(ROBOTS)}, or FILE.toml",
-     "The robot: parameters, the name of a preset, or the path of a TOML file."),
+    ("params", "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any]", "",
+     f"{', '.join(ROBOTS)}, or FILE.toml",
+     "The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight "
+     "neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`."),
     ("model", "Model | str", "", ", ".join(MODELS), "Model of the robot."),
     *_SCALARS,
     ("history", "int | Sequence[int]", "", ">= 1 and <= 1000; ages: ascending from 0, at most 1000",

@@ -8,9 +8,11 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch, Controller
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Laws, parts_for
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.envs.family import has_several_robots
 
 Actions = npt.NDArray[np.float32]
 
@@ -26,7 +28,12 @@ class Actor(Protocol):
 
 
 def core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
-    """A controller as a law of the core; None if it is anything else."""
+    """A controller as a law of the core that fits all robots of a batch; None if it is anything else."""
+    return None if has_several_robots(batch) else _designed(controller, batch)
+
+
+def _designed(controller: ResolvedController, batch: Batch) -> Controller | None:
+    """A law of the core, designed for the first robot of a batch."""
     if controller.policy is not None:
         return None
     # A controller keeps the direction of its torques within this limit.
@@ -36,12 +43,18 @@ def core_law(controller: ResolvedController, batch: Batch) -> Controller | None:
 
 
 def make_actor(controller: ResolvedController, batch: Batch) -> Actor:
-    """A controller on all robots of a batch."""
-    law = core_law(controller, batch)
+    """A controller on all robots of a batch.
+
+    Raises:
+        ValueError: a law in Python on several robots.
+    """
+    law, several = _designed(controller, batch), has_several_robots(batch)
     if law is not None:
-        return CoreActor(controller.name, law, batch)
+        return CoreActor(controller.name, law, batch, drawn=several)
     if controller.policy is not None:
         return PolicyActor(controller.name, controller.policy)
+    if several:
+        raise InvalidInputError(f"{controller.name} is a law in Python: it runs on one robot, not on several")
     params = batch.nominal_params(0).replace(max_wheel_torque=batch.max_wheel_torque)
     return LawActor(controller.laws(batch.num_envs, params, batch.control_dt), batch)
 
@@ -52,15 +65,18 @@ def observes_estimates(batch: Batch) -> bool:
 
 
 class CoreActor:
-    """A law of the core; the batch keeps its memory of each robot."""
+    """A law of the core; the batch keeps its memory of each robot.
 
-    def __init__(self, name: str, law: Controller, batch: Batch) -> None:
-        self._name, self._law, self._batch = name, law, batch
+    With `drawn` it is designed for each robot, events included.
+    """
+
+    def __init__(self, name: str, law: Controller, batch: Batch, *, drawn: bool = False) -> None:
+        self._name, self._law, self._batch, self._drawn = name, law, batch, drawn
 
     def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:  # noqa: ARG002
         """As `Actor`."""
         parts = None if setpoint is None else parts_for(self._name, self._law.setpoint_parts, setpoint)
-        return self._batch.control(self._law, parts)
+        return self._batch.control(self._law, parts, drawn=self._drawn)
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:
         """As `Actor`."""

@@ -147,7 +147,7 @@ class ClosedLoop:
     def _recorded(self, name: str, step: Step, *, is_pushed: bool) -> Any:
         batch = self._batch
         if name == "torques":
-            return step.actions.astype(np.float64) * batch.max_wheel_torque
+            return step.actions.astype(np.float64) * batch.action_torques[:, None]
         if name == "success":
             return batch.endings()[0]
         if name == "metrics":

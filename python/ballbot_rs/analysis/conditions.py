@@ -6,8 +6,9 @@ from typing import Any
 
 import numpy as np
 
-from ballbot_rs._core import ROBOTS, Params
+from ballbot_rs._core import ROBOTS, SENSORS, Params, load_sensors
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.family import are_several, is_family
 from ballbot_rs.envs.registration import description_of
 
 #: Number of a changed robot's parameters that are listed.
@@ -35,8 +36,9 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
     resolved = _resolved(task, options)
     apart = ("model", "params", "actuators", "events", "control_dt")
     for name in sorted(options.keys() - apart):
-        if not _equal(resolved.get(name), defaults.get(name)):
-            found.append(f"{name} = {_of(options[name])}")
+        # None of an option means its default.
+        if options[name] is not None and not _equal(resolved.get(name), defaults.get(name)):
+            found.append(f"{name} = {_of(_sensors(options[name]) if name == 'sensors' else options[name])}")
     return found
 
 
@@ -75,7 +77,16 @@ def _of(value: Any) -> str:
     return f"{value:g}" if isinstance(value, float) else str(value)
 
 
+def _sensors(given: Any) -> Any:
+    """The name of sensors, if they have one."""
+    return next((name for name in SENSORS if given == load_sensors(name)), given)
+
+
 def _robot(given: Any) -> str:
+    if is_family(given):
+        return f"robots of the family, seed {given.get('seed', 0)}"
+    if are_several(given):
+        return f"{len(given)} robots"
     if not isinstance(given, (Params, Mapping)):
         return f"robot {given}"
     own = (given if isinstance(given, Params) else Params(**given)).to_dict()

@@ -14,6 +14,7 @@ from ballbot_rs.analysis.episodes import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import HOLD, recovery_times
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
+from ballbot_rs.envs.family import first_of
 
 #: Beyond this tilt (rad) the robot has fallen. The task's limit would decide half of the map.
 FALLEN = 1.0
@@ -81,9 +82,11 @@ def collect(
         raise ValueError(f"seconds = {seconds} is out of range: a robot must stay upright for {HOLD:g} s to recover")
     found = find(controller, task=task, env_options=env_options)
     # Episodes never end by time: robots that have fallen restart and are ignored from then on.
-    options = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
+    options: dict[str, Any] = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
     if options.get("events"):
         raise ValueError("a recovery map is for one robot: it does not accept events")
+    if "params" in options:
+        options["params"] = first_of(options["params"])
     batch = batch_for(
         found,
         rings * sectors,

@@ -16,6 +16,7 @@ from ballbot_rs.analysis.lying import lying_robot
 from ballbot_rs.analysis.pushes import Impulse
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.family import are_several
 
 Array = npt.NDArray[np.float64]
 
@@ -77,14 +78,17 @@ def batch_for(
     does not override the rate of a controller that has one. A time step that was not requested is shortened so that it
     divides the controller's period.
 
-    A feedback law has its own torque limit; unless the options name a limit, the batch has the limit of the motors.
+    A feedback law has its own torque limit; unless the options name a limit, the batch has the limit of the motors, or,
+    if it has several robots, the default of each.
 
     Raises:
         ValueError: options out of range, or a requested time step that does not divide the controller's period.
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
-        params = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
-        options = {**options, "max_wheel_torque": params.max_wheel_torque}
+        several = are_several(options.get("params"))
+        robot = None if several else new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
+        limit = None if robot is None else robot.max_wheel_torque
+        options = {**options, "max_wheel_torque": limit, "scale_by_robot": False}
 
     def batch(options: Mapping[str, Any]) -> Batch:
         return new_batch(num_envs, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed, options=options)

@@ -39,10 +39,11 @@ CONTROLLER_METAVAR = "NAME|PATH"
 CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, or FILE.py:NAME with your own"
 
 
-def add_task(command: Any) -> None:
-    """Adds the task, the first argument."""
-    known = f"{', '.join(sorted(TASKS))} (default: {DEFAULT_TASK})"
-    command.add_argument("task", nargs="?", type=task_name, metavar="TASK", help=known)
+def add_task(command: Any, *others: str) -> None:
+    """Adds the task, the first argument; `others` are accepted in place of one."""
+    known = f"{', '.join((*sorted(TASKS), *others))} (default: {DEFAULT_TASK})"
+    kind = lambda name: name if name in others else task_name(name)  # noqa: E731
+    command.add_argument("task", nargs="?", type=kind, metavar="TASK", help=known)
 
 
 #: Suffixes of policy files.

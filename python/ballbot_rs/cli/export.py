@@ -107,11 +107,14 @@ def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
 def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
     task = arguments.task
     if arguments.policy.suffix == ".onnx":
-        if options := shared.env_options(arguments):
+        options = shared.env_options(arguments)
+        robot = options.pop("params", None)
+        if options:
             raise ValueError(
                 f"{arguments.policy} has its own options of the environment: leave out {', '.join(options)}"
             )
-        text, metadata = policy_header(arguments.policy, task), OnnxPolicy(arguments.policy, task).metadata
+        params = None if robot is None else settings.params_of(robot)
+        text, metadata = policy_header(arguments.policy, task, params), OnnxPolicy(arguments.policy, task).metadata
     else:
         with _files.scratch_folder() as folder:
             file = folder / "policy.onnx"

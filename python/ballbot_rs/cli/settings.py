@@ -9,6 +9,7 @@ from typing import Any, Final
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import INSTRUMENTS, Params, load_actuators, load_sensors
 from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.family import are_several, is_family, is_list
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS
 from ballbot_rs.envs.registration import DEFAULT_TASK
 
@@ -25,6 +26,8 @@ def add_to(command: Any, what: str = f"an option of the environment, or a part o
 
 def params_of(robot: Any) -> Params:
     """The parameters that the option `params` of an environment names or holds."""
+    if are_several(robot):
+        raise ValueError("params: expected one robot, not several")
     return Params.preset(robot) if isinstance(robot, str) else Params(**robot)
 
 
@@ -47,9 +50,25 @@ def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:
     return values
 
 
+def _robot_table(robot: Any) -> dict[str, Any]:
+    """The parts of the option `params`: parameters, or the keys of a family."""
+    if is_family(robot):
+        return dict(robot)
+    if is_list(robot):
+        raise ValueError(f"{FLAG} params: a list of robots has no parts")
+    return params_of("paper" if robot is None else robot).to_dict()
+
+
+def _changed(head: str, table: dict[str, Any], part: str, value: Any) -> dict[str, Any]:
+    """The table of an option with another value of a part."""
+    if head != "params" or is_family(table):
+        return {**table, part: value}
+    return {part: value} if part == "family" else changed_robot(Params(**table), {part: value})
+
+
 #: Options that have parts, with a function for the table of an option that is given by name or in full.
 _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
-    "params": lambda robot: params_of("paper" if robot is None else robot).to_dict(),
+    "params": _robot_table,
     "actuators": lambda motors: dict(load_actuators(motors) if isinstance(motors, str) else motors or {}),
     "sensors": lambda sensors: dict(load_sensors(sensors) if isinstance(sensors, str) else sensors or {}),
     "terrain": lambda terrain: {"kind": terrain} if isinstance(terrain, str) else dict(terrain or {}),
@@ -77,10 +96,13 @@ def apply(
             if name in options:
                 raise ValueError(f"{FLAG} {name}={value}: {name} is also given by a separate argument")
             found[name] = value
-    for name, value in values.items():
+    # A family comes first, as it changes the parts.
+    for name, value in sorted(values.items(), key=lambda item: item[0] != "params.family"):
         head, dot, part = name.partition(".")
         if not dot:
             continue
+        if name == "params.family" and "params" in options:
+            raise ValueError(f"{FLAG} {name}={value}: a robot is also given by a separate argument")
         if head not in _TABLES:
             known = ", ".join(f"{one}.NAME" for one in _TABLES)
             raise ValueError(f"{FLAG} {name}={value}: '{head}' has no parts: expected one of {known}")
@@ -88,7 +110,7 @@ def apply(
             base = base() if callable(base) else base
             found[head] = base.get(head)
         table = _TABLES[head](found[head])
-        found[head] = changed_robot(Params(**table), {part: value}) if head == "params" else {**table, part: value}
+        found[head] = _changed(head, table, part, value)
     return found
 
 

@@ -27,6 +27,9 @@ if TYPE_CHECKING:
     from ballbot_rs.training.config import TrainConfig
     from ballbot_rs.training.train import Learn
 
+#: In place of a task: to balance any robot.
+ANY = "any"
+
 #: Most steps of a training run; at a hundred thousand per second they take a year.
 MAX_TIMESTEPS = 10**12
 
@@ -34,7 +37,7 @@ MAX_TIMESTEPS = 10**12
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("train", help="train a policy with Stable-Baselines3 or by evolution")
-    shared.add_task(command)
+    shared.add_task(command, ANY)
     shared.add_robot(
         command,
         otherwise="the configuration's, else",
@@ -104,6 +107,11 @@ def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
     started = time.perf_counter()
+    if arguments.task == ANY:
+        if arguments.config is not None:
+            raise ValueError(f"'{ANY}' names a configuration of {DEFAULT_TASK}: leave out --config")
+        arguments.task = DEFAULT_TASK
+        arguments.config = Path(ANY) if arguments.resume is None else None
     progress_bar = not (arguments.quiet or arguments.json)
     if arguments.resume is not None:
         fixed = ("config", "algorithm", "run", "seed", "overwrite")

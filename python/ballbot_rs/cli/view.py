@@ -16,9 +16,11 @@ from ballbot_rs._checks import check_options
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.family import are_several, first_of
 from ballbot_rs.viewer.session import DECIDED, MAX_ROBOTS, Session, is_any_left
 
 if TYPE_CHECKING:
@@ -126,6 +128,8 @@ def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | No
         return arguments.urdf[0].stem, Params(**chosen)
     if isinstance(chosen, str):
         return chosen, None
+    if are_several(chosen):
+        return "the first robot", settings.params_of(first_of(chosen))
     name = "policy" if arguments.robot is None else Path(arguments.robot).stem
     is_changed = any(text.startswith("params.") for text in arguments.set)
     return (f"{name} with --set" if is_changed else name), Params(**chosen)

@@ -1,9 +1,10 @@
 """A policy in an ONNX file: runs in onnxruntime, without torch and without pickled code."""
 
 import json
+from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -14,11 +15,11 @@ from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.spaces import observation_width
 
 #: Metadata of an exported policy, each a JSON text; the keys in its file begin with `PREFIX`.
-FIELDS = {
+FIELDS: Final[Mapping[str, type | tuple[type, ...]]] = {
     "env_id": str,
     "env_options": dict,
     "observation": list,
-    "max_wheel_torque": float,
+    "max_wheel_torque": (float, type(None)),
     "control_dt": float,
     "algorithm": str,
     "versions": dict,
@@ -122,7 +123,8 @@ def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
         except (KeyError, ValueError, RecursionError):
             raise ValueError(f"{file} does not name its {field}: it is not a policy of ballbot_rs") from None
         if not isinstance(read[field], kind):
-            raise ValueError(f"{file}: {field} is {read[field]!r}, not a {kind.__name__}")
+            known = " or ".join(one.__name__ for one in (kind if isinstance(kind, tuple) else (kind,)))
+            raise ValueError(f"{file}: {field} is {read[field]!r}, not a {known}")
     return read
 
 

@@ -66,6 +66,7 @@ def metadata(task: str, options: Mapping[str, Any], algorithm: str, versions: Ma
         "env_options": dict(options),
         # The environment scales observations where `scale_observations` is set; the network does not scale them.
         "observation": observation_layout(task),
+        # None with `scale_by_robot`: it follows from the robot.
         "max_wheel_torque": options["max_wheel_torque"],
         "control_dt": options["control_dt"],
         "algorithm": algorithm,

@@ -1,14 +1,17 @@
 """A policy as a C99 header."""
 
+from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs import __version__
-from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, TASKS
+from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, TASKS, Params
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
+from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.spaces import history_ages
 
 #: Rows of observations, by their names, from a `ballbot_view`, a `ballbot_state` and the last action.
@@ -24,31 +27,49 @@ _ROWS: Final = {
 _NUMBERS: Final = ("bound", "rest", "typical")
 
 
-def policy_header(path: str | PathLike[str], task: str | None = None) -> str:
+def policy_header(
+    path: str | PathLike[str],
+    task: str | None = None,
+    params: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
+) -> str:
     """The text of a C99 header with a policy.
 
     Args:
         path: an ONNX file that `ballbot export` wrote.
         task: the task that it was trained for; None is the task that the file names.
+        params: the robot that it is to drive, of which a policy with `scale_by_robot` needs the size; None is the
+            training robot.
 
     Raises:
         FileNotFoundError: there is no such file.
-        ValueError: it is not a policy for the task, or has an operator that cannot be written as C.
+        ValueError: it is not a policy for the task, or has an operator that cannot be written as C; a policy that was
+            trained on several robots needs `params`; a robot whose motors are too weak.
         ModuleNotFoundError: onnxruntime or onnx is not installed.
     """
     file = Path(fspath(path))
     policy = OnnxPolicy(file, task)
     options = policy.env_options
+    if params is not None:
+        if not options["scale_by_robot"] and not are_several(options.get("params")):
+            raise ValueError(f"{file} drives the robot that it was trained on: leave out params (--robot)")
+        options["params"] = params
+    if are_several(options.get("params")):
+        raise ValueError(f"{file} was trained on several robots: name the robot that it is to drive (--robot)")
     for part in (*INSTRUMENTS, "rows"):
         if options.get(part) is not None:
             raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
+    batch = new_batch(1, task=policy.task, num_threads=1, options=options)
+    options["max_wheel_torque"] = batch.max_wheel_torque
     rows = [dict(row) for row in TASKS[policy.task]["observation"]]
+    if options["scale_observations"]:
+        for row, gain in zip(rows, batch.observation_gains, strict=True):
+            row["typical"] = 1.0 / float(gain)
     try:
         weights, act = network(file.read_bytes(), len(rows) * len(history_ages(options["history"])))
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     observe = _observe(rows)
-    head = comment(_head(policy, rows, has_observe=bool(observe)))
+    head = comment(_head(policy, options, rows, has_observe=bool(observe)))
     viewed = (piece("state"), piece("view")) if observe else ()
     parts = (
         piece("real"),
@@ -102,8 +123,8 @@ def _observe(rows: list[dict[str, Any]]) -> str:
     return "\n".join(lines) + "\n"
 
 
-def _head(policy: OnnxPolicy, rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
-    options, known = policy.env_options, policy.metadata
+def _head(policy: OnnxPolicy, options: dict[str, Any], rows: list[dict[str, Any]], *, has_observe: bool) -> list[str]:
+    known = policy.metadata
     observed = ["    ballbot_policy_observe(&policy, &state, &setpoint, rows);"]
     scaled = (
         "less their value at rest, over their typical magnitude" if options["scale_observations"] else "as they are"
@@ -135,7 +156,7 @@ def _head(policy: OnnxPolicy, rows: list[dict[str, Any]], *, has_observe: bool) 
             for i, row in enumerate(rows)
         ),
         "",
-        f"Trained on the robot {_robot(options)}.",
+        f"{'Scaled to' if options['scale_by_robot'] else 'Trained on'} the robot {_robot(options)}.",
     ]
 
 

@@ -10,6 +10,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import Batch, Params, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs.envs.family import has_several_robots
 
 Array = npt.NDArray[np.float64]
 
@@ -61,6 +62,8 @@ class EngineBatch:
     """
 
     def __init__(self, batch: Batch, engine: str) -> None:
+        if batch.terrain is not None and has_several_robots(batch):
+            raise InvalidInputError(f"{engine} simulates several robots only on level ground")
         self._inner: Any = batch
         self._make = _maker(engine, batch.terrain)
         self.engine = engine
@@ -87,7 +90,7 @@ class EngineBatch:
         # The batch cannot be queried while it waits for the motion.
         self._renew()
         limits = np.array([[params.max_wheel_torque] for params, _ in self._robots])
-        torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.max_wheel_torque
+        torques = np.clip(np.asarray(actions, dtype=np.float64), -1.0, 1.0) * self._inner.action_torques[:, None]
         torques = np.clip(torques, -limits, limits)
         steps = self._inner.substeps
 

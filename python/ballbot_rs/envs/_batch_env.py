@@ -10,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed, real_array
-from ballbot_rs._core import Batch, Params, State
+from ballbot_rs._core import SAME_ROBOT, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs import family
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
 from ballbot_rs.envs.own.task import BARE, NO_TIME_LIMIT, Task
@@ -36,8 +37,9 @@ def new_batch(
         autoreset: see above.
         num_threads: see above.
         seed: see above.
-        options: of its environments. `params` may also be a dict of parameters, `max_episode_steps` None, and the
-            values of `FUNCTION_OPTIONS` functions.
+        options: of its environments. `params` may also be a dict of parameters, a family (a dict with the keys
+            `family`, the number of robots, and `seed`), or a list of robots, of which eight neighbors have the same;
+            `max_episode_steps` may be None, and the values of `FUNCTION_OPTIONS` functions.
         stage: the stage of a batch with the same task and options; None makes a new stage.
     """
     env_id_of(task)
@@ -48,7 +50,8 @@ def new_batch(
     given, functions = split(given)
     arguments = {} if own is None else {name: given.pop(name) for name in own.parameters() if name in given}
     made = None if own is None else own.made_by(**arguments)
-    core = _plain(given) if made is None else _of_own_task(made, _plain(given))
+    core = _plain(given, num_envs)
+    core = core if made is None else _of_own_task(made, core)
     name = task if made is None else BARE
     if stage is None and (made is not None or functions):
         stage = Stage(
@@ -72,14 +75,22 @@ def _of_own_task(made: Task, options: dict[str, Any]) -> dict[str, Any]:
     return options
 
 
-def _plain(options: Mapping[str, Any]) -> dict[str, Any]:
+def _plain(options: Mapping[str, Any], num_envs: int) -> dict[str, Any]:
     """Options in the form that the core takes."""
     plain = dict(options)
-    if isinstance(plain.get("params"), Mapping):
-        plain["params"] = Params(**plain["params"])
+    if "params" in plain:
+        plain["params"] = _robot_or_robots(plain["params"], num_envs)
     if "max_episode_steps" in plain and plain["max_episode_steps"] is None:
         plain["max_episode_steps"] = NO_TIME_LIMIT
     return plain
+
+
+def _robot_or_robots(params: Any, num_envs: int) -> Any:
+    if family.is_family(params):
+        return family.robots_of(params, num_envs)
+    if family.is_list(params):
+        return [_robot_or_robots(robot, 1) for robot in params]
+    return Params(**params) if isinstance(params, Mapping) else params
 
 
 def option_names(task: str) -> tuple[str, ...]:
@@ -103,10 +114,26 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     options: dict[str, Any] = {"model": batch.model, **batch.options}
     if options["max_episode_steps"] == NO_TIME_LIMIT:
         options["max_episode_steps"] = None
+    several = family.are_several(given.get("params"))
+    if (several or options["scale_by_robot"]) and given.get("max_wheel_torque") is None:
+        # It follows from each robot.
+        options["max_wheel_torque"] = None
     if "params" in given:
         params = given["params"]
-        options["params"] = params.to_dict() if isinstance(params, Params) else params
+        options["params"] = _as_json(params)
+        if several:
+            # They follow from each robot, too.
+            fitted = {option["name"] for option in description_of(batch.task)["options"] if option["scaled"]}
+            options = {name: value for name, value in options.items() if name not in fitted or name in given}
     return options if batch.stage is None else batch.stage.options(options)
+
+
+def _as_json(params: Any) -> Any:
+    if isinstance(params, Params):
+        return params.to_dict()
+    if isinstance(params, Mapping):
+        return dict(params)
+    return [_as_json(robot) for robot in params] if family.is_list(params) else params
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -146,8 +173,8 @@ class BatchAttributes:
 
     @property
     def max_wheel_torque(self) -> float:
-        """Torque of a wheel motor at an action of 1, N·m."""
-        return self._batch.max_wheel_torque
+        """Torque of a wheel motor at an action of 1, N·m; of the first of all robots."""
+        return float(self._batch.action_torques[self._index or 0])
 
     @property
     def observation_layout(self) -> dict[str, tuple[int, ...]]:
@@ -316,6 +343,12 @@ class BatchEnv(BatchAttributes):
             check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
+        robots, room = family.number_of(options.get("params")), family.room(num_envs)
+        if robots > room:
+            raise InvalidInputError(
+                f"params has {robots} robots, but num_envs = {num_envs} has room for {room}: "
+                f"{SAME_ROBOT} neighbors have the same robot"
+            )
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(

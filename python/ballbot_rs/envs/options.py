@@ -177,9 +177,9 @@ class Lidar(TypedDict, total=False):
 class CommonOptions(TypedDict, total=False):
     """Options of every task."""
 
-    #: The robot: parameters, the name of a preset, or the path of a TOML file. (paper, asroballet, kugle, rezero, or
-    #: FILE.toml)
-    params: "Params | str | PathLike[str] | Mapping[str, Any]"
+    #: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight neighbors,
+    #: are a list, or `{'family': COUNT, 'seed': SEED}`. (paper, asroballet, kugle, rezero, or FILE.toml)
+    params: "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any]"
     #: Model of the robot. (planar, spatial, contact, rigid)
     model: Model | str
     #: Time step of the model. (s, >= 1e-6 and <= 0.02)
@@ -189,10 +189,14 @@ class CommonOptions(TypedDict, total=False):
     #: Steps after which an episode is truncated; None: never. (>= 1)
     max_episode_steps: int | None
     #: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright robot:
-    #: an untrained policy then explores torques that balance a robot, not torques that throw it. (N·m, >= 1e-9)
+    #: an untrained policy then explores torques that balance a robot, not torques that throw it. With `scale_by_robot`
+    #: it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (N·m, >= 1e-9)
     max_wheel_torque: float | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
+    #: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
+    #: robot by `Params.scale`: robots of all sizes then look alike to a policy.
+    scale_by_robot: bool
     #: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest
     #: first. docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)
     history: int | Sequence[int]
@@ -226,7 +230,8 @@ class CommonOptions(TypedDict, total=False):
     #: Functions of further reasons for termination, by name; docs/own_tasks.md. (functions, or their names as
     #: module:function)
     terminations: "Mapping[str, Function | str] | None"
-    #: Random properties of the robots, and pushes; `docs/randomization.md`. (mild, hard, FILE.toml, or a list of dicts)
+    #: Random properties of the robots, and pushes; `docs/randomization.md`. (mild, hard, wide, FILE.toml, or a list of
+    #: dicts)
     events: str | PathLike[str] | Mapping[str, Any] | Sequence[Mapping[str, Any]] | None
 
 

@@ -85,17 +85,20 @@ class BalanceEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -121,7 +124,7 @@ class BalanceEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `setpoint`: Where the ball should be. (default (0, 0) m; >= -10000 and <= 10000)
     - `success_window`: The end of the episode over which success is judged. (default 2 s; >= 0 and <= 1e9)
@@ -279,17 +282,20 @@ class VelocityEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -315,7 +321,7 @@ class VelocityEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `speed`: Largest commanded speed; uniform over the disc, in the heading frame. (default 0.5 m/s, scaled; >= 0 and
       <= 10)
@@ -481,17 +487,20 @@ class GoalEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -517,7 +526,7 @@ class GoalEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `goal_distance`: Smallest and largest distance of a goal from the ball, uniform, in any direction. (default (0.5,
       2) m; >= 0 and <= 100)
@@ -693,17 +702,20 @@ class PathEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -729,7 +741,7 @@ class PathEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `path_speed`: Smallest and largest speed along the path, uniform. (default (0.2, 0.5) m/s, scaled; >= 0 and <= 10)
     - `path_size`: Smallest and largest half width of a path, uniform. (default (0.5, 1) m, scaled; >= 0.1 and <= 100)
@@ -881,17 +893,20 @@ class PushEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -917,7 +932,7 @@ class PushEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `push`: Smallest and largest impulse at the body's center of mass, uniform, in any direction: as fractions of the
       largest impulse that the nominal robot withstands within its traction. (default (0, 1); >= 0 and <= 10)
@@ -1084,17 +1099,20 @@ class TerrainEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1120,7 +1138,7 @@ class TerrainEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `speed_range`: Smallest and largest commanded speed, uniform, in any direction of the heading frame. (default
       (0.2, 0.5) m/s, scaled; >= 0 and <= 10)
@@ -1268,17 +1286,20 @@ class OpenBallBotEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. (default paper; paper,
-      asroballet, kugle, rezero, or FILE.toml)
+    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
+      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
+      FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 800; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
-      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it.
-      (default None; >= 1e-9)
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1304,7 +1325,7 @@ class OpenBallBotEnv(BallbotEnv):
       their names as module:function)
     - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
       functions, or their names as module:function)
-    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard,
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `speed`: Speed in the direction of travel that a classical controller is to keep. (default 0.5 m/s; >= 0 and <=
       10)

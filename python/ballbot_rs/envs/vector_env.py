@@ -223,6 +223,8 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
             return self._own_attributes[name]
         if name in self._OF_EACH:
             return tuple(getattr(self._batch, name)(i) for i in range(self.num_envs))
+        if name == "max_wheel_torque":
+            return tuple(self._batch.action_torques.tolist())
         if name in ("observation_space", "action_space"):
             name = f"single_{name}"
         return (getattr(self, name),) * self.num_envs

@@ -13,6 +13,7 @@ from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
 from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 
 #: Of Stable-Baselines3, and CMA-ES (`training.evolution`).
@@ -58,6 +59,9 @@ class Teacher:
     #: Whether a round continues the episodes of the last round; else each round resets all robots, and visits nothing
     #: later in an episode than its steps.
     continues: bool = False
+    #: Whether the fit uses the symmetries of three equal wheels 120 degrees apart: what is true of a robot is true of
+    #: the robot turned or mirrored. For robots without a preferred side, alone or on average.
+    symmetric: bool = False
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
@@ -88,7 +92,7 @@ class Teacher:
                         f"teacher.options.{name} = {options!r}: expected a table of options of one of "
                         f"{', '.join(names)}"
                     )
-        for name in ("drawn", "follows_position", "follows_motion", "continues"):
+        for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
@@ -197,6 +201,8 @@ class TrainConfig:
         """
         given = dict(self.algorithm_arguments)
         if self.horizon is not None and "gamma" not in given:
+            if are_several(self.env.get("params")):
+                raise ValueError("horizon follows from one robot: with several, give algorithm_arguments.gamma")
             batch = new_batch(1, task=task_of(self.env_id), num_threads=1, options=self.env)
             rate = math.sqrt(LinearModel(batch.nominal_params(0)).A[8, 3])
             given["gamma"] = max(1.0 - batch.control_dt * rate / self.horizon, 0.0)
@@ -205,6 +211,8 @@ class TrainConfig:
     def _fitted(self) -> dict[str, Any]:
         """`scaled` for the robot of the environment: torques by what its wheels transmit, all else by its units."""
         task = task_of(self.env_id)
+        if are_several(self.env.get("params")):
+            raise ValueError("scaled: options for one robot, not for several: leave it out, or set scale_by_robot")
         given = {name: value for name, value in self.env.items() if name == "params"}
         own, paper = (new_batch(1, task=task, num_threads=1, options=options) for options in (given, {}))
         robot = own.nominal_params(0)

@@ -20,6 +20,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.control import network_file, policy_file, policy_size
 from ballbot_rs.envs._batch_env import new_batch, resolved_options, without_curriculum
+from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import task_of
 from ballbot_rs.training import run_folder
 from ballbot_rs.training.config import TrainConfig
@@ -193,6 +194,8 @@ class Evolution:
             seed=int(rng.integers(2**32)),
             population_size=population,
         )
+        if are_several(self._config.env.get("params")):
+            raise ValueError("params: evolution tries each policy on one robot, not on several")
         robots = new_batch(
             population * starts, task=self._task, num_threads=self._config.num_threads, options=self._config.env
         )

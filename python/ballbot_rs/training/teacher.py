@@ -21,7 +21,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import TASKS, Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
+from ballbot_rs.envs.family import has_several_robots
+from ballbot_rs.envs.spaces import history_ages
 from ballbot_rs.training.config import Teacher
+from ballbot_rs.training.symmetry import symmetries
 
 #: In the first rounds the law drives some robots: a new policy visits little except falls.
 LAW_ROUNDS = 3
@@ -29,6 +32,10 @@ LAW_ROUNDS = 3
 #: Learning rate of the value function's fit; it is fast, as only the result matters.
 VALUE_RATE = 1e-3
 VALUE_EPOCHS = 10
+
+#: Azimuths of wheels with all symmetries, rad.
+WHEEL_AZIMUTHS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
+AZIMUTH_TOLERANCE = 1e-9
 
 #: Most steps of an episode whose return ranks the laws.
 RANKED_STEPS = 1000
@@ -54,13 +61,18 @@ def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
     """The laws, for the robot of a model's environments.
 
     Raises:
-        ValueError: an unknown law, an option that it does not have, or a task that it cannot perform.
+        ValueError: an unknown law, an option that it does not have, a task that it cannot perform, or robots without
+            the symmetries that the fit uses.
     """
     batch = _batch(model)
     if batch.stage is not None and batch.stage.task is not None:
         raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
     if not teacher.follows_motion and TASKS[batch.task]["geometry"] != "velocity":
         raise ValueError(f"teacher.follows_motion = False: the task {batch.task} commands no velocity")
+    if has_several_robots(batch) and not teacher.drawn:
+        raise ValueError("teacher.drawn = False: with several robots the law is designed for each, drawn = true")
+    if teacher.symmetric:
+        _symmetries(batch)
     try:
         robot = batch.nominal_params(0)
         return [Controller(name, robot, batch.control_dt, **options) for name, options in teacher.laws.items()]
@@ -106,6 +118,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     batch = _batch(model)
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
+    alike = _symmetries(batch) if teacher.symmetric else []
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
@@ -118,7 +131,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher))
+        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher, alike))
     return errors
 
 
@@ -182,19 +195,45 @@ def _regress(
     observations: npt.NDArray[np.float32],
     labels: npt.NDArray[np.float32],
     teacher: Teacher,
+    alike: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> float:
-    """Some epochs of least squares; the root mean square error in the last epoch."""
+    """Some epochs of least squares, each batch in a form that is `alike`; the root mean square error in the last."""
     seen, targets = torch.as_tensor(observations), torch.as_tensor(labels)
     total = 0.0
     for _ in range(teacher.epochs):
         total = 0.0
         for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
-            loss = torch.nn.functional.mse_loss(_actions(model, seen[chosen]), targets[chosen])
+            inputs, wanted = seen[chosen], targets[chosen]
+            if alike:
+                of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
+                inputs, wanted = inputs @ of_inputs, wanted @ of_wanted
+            loss = torch.nn.functional.mse_loss(_actions(model, inputs), wanted)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
     return float(np.sqrt(total / len(seen)))
+
+
+def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
+    """The symmetries of the robots on observations and actions."""
+    for i in range(batch.num_envs):
+        robot = batch.nominal_params(i)
+        apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
+        if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
+            raise ValueError(
+                f"teacher.symmetric = True: the wheels of robot {i} are not alike, 120 degrees apart from x on: "
+                f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
+            )
+    rows = tuple(row["name"] for row in TASKS[batch.task]["observation"])
+    ages = len(history_ages(batch.history))
+    if ages * len(rows) != batch.observation_len:
+        raise ValueError("teacher.symmetric = True: instruments and added rows have no symmetry")
+    try:
+        pairs = symmetries(rows, ages)
+    except ValueError as error:
+        raise ValueError(f"teacher.symmetric = True: {error}") from error
+    return [tuple(torch.as_tensor(matrix, dtype=torch.float32) for matrix in pair) for pair in pairs]  # type: ignore[misc]
 
 
 def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:

@@ -17,6 +17,7 @@ from ballbot_rs import _files
 from ballbot_rs.control import policy_size, sb3_policy
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
 from ballbot_rs.envs._batch_env import without_curriculum
+from ballbot_rs.envs.family import at_most
 from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.envs.spaces import observation_width
@@ -277,6 +278,9 @@ def _keep_best(
     config: TrainConfig, folder: Path, seed: int, stops: Callable[[int, float], bool] | None = None
 ) -> KeepBest:
     options = without_curriculum(config.env)
+    count = min(config.evaluation.episodes, 100)
+    if "params" in options:
+        options["params"] = at_most(options["params"], count)
     nominal = {name: value for name, value in options.items() if name != "events"}
     first = first_seed(seed) + EVALUATION_SEEDS
 
@@ -294,7 +298,7 @@ def _keep_best(
 
     return KeepBest(
         folder,
-        environments(min(config.evaluation.episodes, 100), options),
+        environments(count, options),
         environments(JUDGED, nominal),
         seed=first,
         episodes=config.evaluation.episodes,

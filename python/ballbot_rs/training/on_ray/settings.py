@@ -5,6 +5,7 @@ import socket
 from collections.abc import Mapping
 from typing import Any, Final
 
+from ballbot_rs.envs.family import are_several
 from ballbot_rs.training.config import TrainConfig
 
 #: Most workers of a training run; docs/ray.md shows where more do not help.
@@ -64,8 +65,10 @@ class Ray:
         """Number of robots of each worker.
 
         Raises:
-            ValueError: the robots cannot be divided evenly.
+            ValueError: the robots cannot be divided evenly, or differ.
         """
+        if self.workers > 1 and are_several(config.env.get("params")):
+            raise ValueError(f"workers = {self.workers}: each worker would have the same of several robots, expected 1")
         each, rest = divmod(config.num_envs, self.workers)
         if rest or each == 0:
             raise ValueError(

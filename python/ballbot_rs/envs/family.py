@@ -1,0 +1,181 @@
+"""Families of robots: ballbots of all sizes, sampled at random.
+
+The sizes include those of the robots that `ROBOTS` lists; torques and frictions are relative to what the size of the
+robot demands (`Params.scale`).
+"""
+
+import contextlib
+from collections.abc import Mapping, Sequence
+from typing import Any, Final
+
+import numpy as np
+
+from ballbot_rs._checks import check_count, check_options, check_seed
+from ballbot_rs._core import SAME_ROBOT, Batch, Params
+from ballbot_rs._errors import InvalidInputError
+
+#: Ranges of lengths, masses and ratios that are sampled log-uniformly.
+RANGES: Final[Mapping[str, tuple[float, float]]] = {
+    # m
+    "ball_radius": (0.08, 0.2),
+    # kg
+    "body_mass": (2.0, 25.0),
+    "ball_mass / body_mass": (0.08, 0.7),
+    # Of a solid ball to a thin shell.
+    "ball_inertia / (ball_mass ball_radius^2)": (0.5, 0.6667),
+    "body_com_height / ball_radius": (1.1, 5.0),
+    "gyration radius / body_com_height": (0.5, 2.8),
+    "body_inertia y / x": (0.9, 1.1),
+    "gyration radius about the mast / ball_radius": (0.5, 1.2),
+    "wheel_radius / ball_radius": (0.3, 0.55),
+    "wheel_mass / body_mass": (0.012, 0.06),
+    # With the inertia of the rotor of its motor.
+    "wheel_inertia / (body_mass wheel_radius^2)": (0.008, 0.1),
+    # rad
+    "wheel_zenith": (0.7, 0.87),
+    # N·m on the paper's robot.
+    "max_wheel_torque": (0.21, 1.0),
+    "friction": (0.8, 1.1),
+}
+
+#: Ranges that are sampled uniformly, as they include 0.
+LINEAR: Final[Mapping[str, tuple[float, float]]] = {
+    # N·m, and N·m/(rad/s), on the paper's robot.
+    "wheel_coulomb_friction": (0.0, 0.013),
+    "wheel_viscous_friction": (0.0, 0.001),
+    "body_com_offset / body_com_height": (-0.015, 0.015),
+}
+
+
+#: Most robots of a family: as many as a batch has environments.
+MOST_ROBOTS: Final = 2**20
+
+
+def sample_robots(count: int, seed: int = 0) -> list[Params]:
+    """Robots of the family of ballbots; robot i depends only on the seed and i.
+
+    Args:
+        count: number of robots.
+        seed: of the random numbers.
+
+    Raises:
+        ValueError: a number out of range.
+    """
+    check_count("count", count)
+    return [_robot(np.random.default_rng([check_seed(seed), i])) for i in range(count)]
+
+
+def robots_of(spec: Mapping[str, Any], num_envs: int) -> list[Params]:
+    """Robots of the value of an option `params` with the key `family`: their number, and a `seed`.
+
+    Raises:
+        ValueError: an unknown key, or a number out of range.
+        TypeError: as `sample_robots`.
+    """
+    check_options("params with a family", spec, ("family", "seed"))
+    # The others have no place.
+    return sample_robots(min(number_of(spec), room(num_envs)), spec.get("seed", 0))
+
+
+def room(num_envs: int) -> int:
+    """How many different robots a batch can have."""
+    return -(-num_envs // SAME_ROBOT)
+
+
+def is_family(params: Any) -> bool:
+    """Whether the value of an option `params` is a family."""
+    return isinstance(params, Mapping) and "family" in params
+
+
+def is_list(params: Any) -> bool:
+    """Whether the value of an option `params` is a list of robots."""
+    return isinstance(params, Sequence) and not isinstance(params, str)
+
+
+def number_of(params: Any) -> int:
+    """How many robots the value of an option `params` has.
+
+    Raises:
+        ValueError: a number of a family out of range.
+        TypeError: not a whole number.
+    """
+    if not is_family(params):
+        return len(params) if is_list(params) else 1
+    count = check_count("params.family", params["family"])
+    if not 1 <= count <= MOST_ROBOTS:
+        raise InvalidInputError(f"params.family = {count} is out of range: it must be from 1 to {MOST_ROBOTS}")
+    return count
+
+
+def are_several(params: Any) -> bool:
+    """Whether the value of an option `params` is of several robots."""
+    return number_of(params) != 1
+
+
+def at_most(params: Any, num_envs: int) -> Any:
+    """The value of an option `params`, of no more robots than a batch has room for."""
+    if is_family(params):
+        return {**params, "family": min(params["family"], room(num_envs))}
+    return params[: room(num_envs)] if is_list(params) else params
+
+
+def first_of(params: Any) -> Any:
+    """The value of an option `params`, of the first robot alone."""
+    if is_family(params):
+        return robots_of(params, 1)[0].to_dict()
+    return params[0] if is_list(params) else params
+
+
+def has_several_robots(batch: Batch) -> bool:
+    """Whether a batch was made with several robots."""
+    first = batch.nominal_params(0)
+    return any(batch.nominal_params(i) != first for i in range(SAME_ROBOT, batch.num_envs, SAME_ROBOT))
+
+
+def _robot(rng: np.random.Generator) -> Params:
+    """A sampled robot: the first that is valid."""
+    while True:
+        with contextlib.suppress(ValueError):
+            return _attempt(rng)
+
+
+def _attempt(rng: np.random.Generator) -> Params:
+    """A sampled robot.
+
+    Raises:
+        ValueError: the numbers make no robot.
+    """
+    r = {name: float(np.exp(rng.uniform(*np.log(bounds)))) for name, bounds in RANGES.items()}
+    r |= {name: float(rng.uniform(*bounds)) for name, bounds in LINEAR.items()}
+    along = float(rng.uniform(-np.pi, np.pi))
+    radius, mass = r["ball_radius"], r["body_mass"]
+    ball_mass = mass * r["ball_mass / body_mass"]
+    height = radius * r["body_com_height / ball_radius"]
+    wheel_radius = radius * r["wheel_radius / ball_radius"]
+    across = mass * (height * r["gyration radius / body_com_height"]) ** 2
+    upright = mass * (radius * r["gyration radius about the mast / ball_radius"]) ** 2
+    offset = height * r["body_com_offset / body_com_height"]
+    friction = r["friction"]
+    robot = Params(
+        ball_mass=ball_mass,
+        ball_inertia=ball_mass * radius**2 * r["ball_inertia / (ball_mass ball_radius^2)"],
+        ball_radius=radius,
+        body_mass=mass,
+        body_inertia=(across, across * r["body_inertia y / x"], upright),
+        body_com_height=height,
+        body_com_offset=(offset * np.cos(along), offset * np.sin(along)),
+        wheel_mass=mass * r["wheel_mass / body_mass"],
+        wheel_inertia=mass * wheel_radius**2 * r["wheel_inertia / (body_mass wheel_radius^2)"],
+        wheel_radius=wheel_radius,
+        wheel_zenith=r["wheel_zenith"],
+        wheel_static_friction=friction,
+        wheel_dynamic_friction=friction,
+        floor_static_friction=friction,
+        floor_dynamic_friction=friction,
+    )
+    torque = robot.scale("N·m")
+    return robot.replace(
+        max_wheel_torque=torque * r["max_wheel_torque"],
+        wheel_coulomb_friction=torque * r["wheel_coulomb_friction"],
+        wheel_viscous_friction=robot.scale("N·m/(rad/s)") * r["wheel_viscous_friction"],
+    )

@@ -1,0 +1,67 @@
+"""The symmetries of three wheels 120 degrees apart: turns by 120 degrees, and a mirror through the first wheel.
+
+Turned or mirrored torques turn or mirror the motion. Each pair of an observation and an action therefore gives six.
+"""
+
+import functools
+import re
+
+import numpy as np
+import numpy.typing as npt
+
+Matrix = npt.NDArray[np.float64]
+
+#: Names of the rows that are components of a vector, and of rows of wheels.
+_VECTOR = re.compile(r"(?P<quantity>.*?)(?P<frame>, body|, heading| about body) (?P<axis>[xyz])")
+_WHEEL = re.compile(r"(?P<quantity>wheel speed|last action, wheel) (?P<wheel>[012])")
+
+#: Turns the wheels: what wheel 0 does, wheel 1 does.
+_TURNED_WHEELS: Matrix = np.roll(np.eye(3), 1, axis=0)
+#: A mirror reverses all wheels, and exchanges the second and the third wheel.
+_MIRRORED_WHEELS: Matrix = -np.eye(3)[[0, 2, 1]]
+_HALF, _SINE = -0.5, np.sqrt(0.75)
+_TURNED: Matrix = np.array([[_HALF, -_SINE, 0.0], [_SINE, _HALF, 0.0], [0.0, 0.0, 1.0]])
+_MIRRORED: Matrix = np.diag([1.0, -1.0, 1.0])
+
+
+def symmetries(rows: tuple[str, ...], ages: int) -> list[tuple[Matrix, Matrix]]:
+    """Six pairs of matrices: a vector of observations times the first, with the action times the second, is also true.
+
+    Args:
+        rows: names of the rows of an observation.
+        ages: how many observations are given together.
+
+    Raises:
+        ValueError: a row that the symmetries of a robot do not map to rows.
+    """
+    turn = _on_rows(rows, _TURNED, _TURNED, _TURNED_WHEELS)
+    # Rates are axial vectors.
+    mirror = _on_rows(rows, _MIRRORED, -_MIRRORED, _MIRRORED_WHEELS)
+    found = []
+    for turns in range(3):
+        for is_mirrored in (False, True):
+            steps = [turn] * turns + [mirror] * is_mirrored
+            wheels = [_TURNED_WHEELS] * turns + [_MIRRORED_WHEELS] * is_mirrored
+            of_rows = functools.reduce(np.matmul, steps, np.eye(len(rows)))
+            of_wheels = functools.reduce(np.matmul, wheels, np.eye(3))
+            found.append((np.kron(np.eye(ages), of_rows).T, of_wheels.T))
+    return found
+
+
+def _on_rows(rows: tuple[str, ...], polar: Matrix, axial: Matrix, wheels: Matrix) -> Matrix:
+    """The matrix of a symmetry on the rows of an observation."""
+    matrix = np.zeros((len(rows), len(rows)))
+    for i, name in enumerate(rows):
+        if of_wheel := _WHEEL.fullmatch(name):
+            parts = [f"{of_wheel['quantity']} {wheel}" for wheel in range(3)]
+            weights = wheels[int(of_wheel["wheel"])]
+        elif vector := _VECTOR.fullmatch(name):
+            parts = [f"{vector['quantity']}{vector['frame']} {axis}" for axis in "xyz"]
+            of = axial if vector["frame"] == " about body" else polar
+            weights = of["xyz".index(vector["axis"])]
+        else:
+            raise ValueError(f"the row '{name}' is neither of a wheel nor of a vector, so it has no symmetry")
+        for part, weight in zip(parts, weights, strict=True):
+            if weight != 0.0:
+                matrix[i, rows.index(part)] = weight
+    return matrix

@@ -1,0 +1,142 @@
+"""Several robots in one batch, families of robots, and policies that fit any robot."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs._core import ROBOTS
+from ballbot_rs.cli import main
+from ballbot_rs.engines.engine_batch import EngineBatch
+from ballbot_rs.envs._batch_env import new_batch, resolved_options
+from ballbot_rs.envs.family import RANGES, sample_robots
+
+FAMILY = {"family": 5, "seed": 3}
+
+
+def test_a_robot_of_a_family_depends_only_on_the_seed_and_its_number():
+    few, many = sample_robots(2, 7), sample_robots(6, 7)
+    assert few == many[:2]
+    assert len({repr(robot) for robot in (*many, *sample_robots(6, 8))}) == 12
+
+
+def test_the_family_surrounds_the_robots_of_the_package():
+    family = sample_robots(400)
+    for unit in ("s", "m", "N·m"):
+        scales = [robot.scale(unit) for robot in family]
+        assert all(min(scales) < bb.Params.preset(name).scale(unit) < max(scales) for name in ROBOTS), unit
+    for name in ("ball_radius", "body_mass", "wheel_zenith"):
+        low, high = RANGES[name]
+        found = [getattr(robot, name) for robot in family]
+        assert low <= min(found) < low + 0.1 * (high - low)
+        assert high - 0.1 * (high - low) < max(found) <= high
+
+
+@pytest.mark.parametrize(
+    ("params", "error", "text"),
+    [
+        ({"family": 0}, ValueError, "params.family = 0"),
+        ({"family": 2**21}, ValueError, "params.family = 2097152 is out of range"),
+        ({"family": 3}, ValueError, "params has 3 robots, but num_envs = 16 has room for 2"),
+        ({"family": 2, "seed": -1}, ValueError, "seed"),
+        ({"family": 2, "sed": 1}, TypeError, "sed"),
+        ([], ValueError, "no robot"),
+        (["paper", "nobody"], ValueError, "nobody"),
+        (["paper", 3], TypeError, "int"),
+    ],
+)
+def test_invalid_robots_are_named(params, error, text):
+    with pytest.raises(error, match=text):
+        bb.BallbotVecEnv(16, params=params)
+
+
+def test_eight_neighbors_have_the_same_robot():
+    batch = new_batch(30, options={"params": ["paper", bb.Params.preset("kugle").to_dict(), "rezero"]})
+    robots = [bb.Params.preset(name) for name in ("paper", "kugle", "rezero")]
+    assert [batch.nominal_params(i) for i in range(30)] == [robots[i // 8 % 3] for i in range(30)]
+    own = [new_batch(1, options={"params": robot}).max_wheel_torque for robot in robots]
+    np.testing.assert_array_equal(batch.action_torques, [own[i // 8 % 3] for i in range(30)])
+    assert batch.max_wheel_torque == own[0]
+
+
+def test_options_of_a_family_name_no_number_that_follows_from_a_robot():
+    options = {"params": FAMILY, "scale_by_robot": True}
+    found = resolved_options(new_batch(16, task="velocity", options=options), options)
+    assert found["params"] == FAMILY
+    assert found["max_wheel_torque"] is None
+    assert "command_seconds" not in found
+    assert "speed" not in found
+    again = resolved_options(new_batch(1, task="velocity", options=found), found)
+    assert again == found
+    given = {**options, "speed": 0.2, "max_wheel_torque": 0.1}
+    found = resolved_options(new_batch(16, task="velocity", options=given), given)
+    assert (found["speed"], found["max_wheel_torque"]) == (0.2, 0.1)
+    several = {"params": ["paper", "kugle"]}
+    assert resolved_options(new_batch(16, options=several), several)["max_wheel_torque"] is None
+
+
+def test_each_robot_has_its_own_torque_in_every_front_end():
+    params = ["paper", "kugle"]
+    each = [new_batch(1, options={"params": robot}).max_wheel_torque for robot in params]
+    expected = [each[i // 8] for i in range(16)]
+    assert bb.BallbotVecEnv(16, params=params).get_attr("max_wheel_torque") == expected
+    assert list(bb.BalanceVectorEnv(16, params=params).get_attr("max_wheel_torque")) == expected
+
+
+def test_a_snapshot_of_another_robot_is_rejected():
+    batch = new_batch(16, options={"params": ["paper", "rezero"], "scale_by_robot": True, "max_wheel_torque": 0.2})
+    batch.reset()
+    batch.restore(1, batch.snapshot(0))
+    with pytest.raises(ValueError, match="snapshot"):
+        batch.restore(8, batch.snapshot(0))
+
+
+def test_laws_are_designed_for_each_robot():
+    options = {"params": {"family": 4, "seed": 11}}
+    result = bb.evaluate("lqr", episodes=32, env_options=options)
+    assert result.success_rate == 1.0
+    each = [bb.evaluate("lqr", episodes=8, env_options={"params": robot}) for robot in sample_robots(4, 11)]
+    assert result.torque_rms > 0.8 * np.sqrt(np.mean([np.square(one.torque_rms) for one in each]))
+    with pytest.raises(ValueError, match="law in Python: it runs on one robot"):
+        bb.evaluate(lambda state: 0.0 * state.wheel_speeds, episodes=16, env_options=options)
+    # The law of the first robot falls on others.
+    batch = new_batch(32, options=options, seed=1000)
+    batch.reset()
+    law = bb.Controller("lqr", batch.nominal_params(0), batch.control_dt)
+    found = batch.rollout(law, 300, record=["terminated"])
+    assert found["terminated"].any()
+
+
+def test_other_engines_drive_each_robot_with_its_own_torque():
+    pytest.importorskip("mujoco")
+    options = {"params": ["paper", "rezero"], "scale_by_robot": True}
+    batch = EngineBatch(new_batch(16, options=options), "mujoco")
+    batch.reset()
+    law = bb.Controller("lqr", bb.Params.paper(), batch.control_dt)
+    for _ in range(100):
+        _, _, terminated, _ = batch.step(batch.control(law, drawn=True))
+        assert not terminated.any()
+
+
+def test_the_command_line_takes_families(capsys):
+    arguments = ["evaluate", "--controller", "lqr", "--episodes", "16", "--set", "params.family=2", "--json"]
+    assert main([*arguments, "--set", "params.seed=5"]) == 0
+    assert '"success_rate": 1.0' in capsys.readouterr().out
+    assert main(["evaluate", "--controller", "lqr", "--set", "params.family=0"]) == 1
+    assert "params.family = 0" in capsys.readouterr().err
+    assert main([*arguments[:-1], "--robot", "kugle"]) == 1
+    assert "a robot is also given" in capsys.readouterr().err
+
+
+def test_scaled_observations_have_gains_of_the_robot():
+    plain, scaled = (new_batch(1, options={"params": "kugle", "scale_by_robot": on}) for on in (False, True))
+    robot = bb.Params.preset("kugle")
+    factors = plain.observation_gains / scaled.observation_gains
+    np.testing.assert_allclose(factors[:3], 1.0)
+    np.testing.assert_allclose(factors[3:6], robot.scale("rad/s"))
+    wheels = robot.scale("m/s") * bb.Params.paper().wheel_radius / robot.wheel_radius
+    np.testing.assert_allclose(factors[6:9], wheels)
+    np.testing.assert_allclose(factors[9:11], robot.scale("m"))
+    np.testing.assert_allclose(factors[11:13], robot.scale("m/s"))
+    np.testing.assert_allclose(factors[13:], 1.0)
+    assert scaled.max_wheel_torque == pytest.approx(0.2 * robot.scale("N·m"))
+    assert (new_batch(1, options={"scale_observations": False}).observation_gains == 1.0).all()
