@@ -11,6 +11,7 @@ from ballbot_rs.analysis.rollout import rollout
 from ballbot_rs.control.resolve import find
 from ballbot_rs.envs._batch_env import new_batch
 from tests.support.paths import ROOT
+from validation.policies import any_robot
 from validation.policies.judging import EPISODES, FIRST_SEED, episodes_of
 from validation.policies.shipped import SHIPPED
 
@@ -57,7 +58,20 @@ def test_every_task_on_level_ground_has_a_policy():
     on_level_ground = {name for name, task in bb._core.TASKS.items() if not task["has_terrain"]}
     assert {one.recipe.task for one in SHIPPED} == on_level_ground
     on_disk = {path.name for path in (ROOT / "assets" / "policies").glob("*.onnx")}
-    assert on_disk == {one.file for one in SHIPPED}
+    assert on_disk == {any_robot.FILE, *(one.file for one in SHIPPED)}
+
+
+def test_one_policy_balances_every_robot():
+    file = ROOT / "assets" / "policies" / any_robot.FILE
+    assert file.stat().st_size <= 20_000
+    for robot in bb.Params.preset_names():
+        options = {**episodes_of("balance"), "params": robot, "events": None}
+        found = bb.evaluate(file, episodes=64, env_options=options)
+        assert found.success_rate >= 0.98, robot
+    family = {**episodes_of("balance"), "params": {"family": 32, "seed": any_robot.SEED}, "events": None}
+    found = bb.evaluate(file, episodes=256, env_options=family)
+    assert found.survival_rate >= 0.98
+    assert found.success_rate >= 0.95
 
 
 def test_the_policy_of_balance_does_not_turn():

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation import page
 from validation.page import Chapter
-from validation.policies import robots, shipped
+from validation.policies import any_robot, robots, shipped
 from validation.policies.training import train_all
 from validation.topic import Findings, Topic
 
@@ -23,7 +23,7 @@ ballbot evaluate --controller assets/policies/path.onnx --controller lqr --episo
 
 A [controller](controllers.md) needs no training and is the better choice where the table names the law: a policy earns
 its place by more than a tie. `ballbot train TASK --robot ROBOT` trains a policy of [any task for any
-robot](#all-tasks-on-all-robots).
+robot](#all-tasks-on-all-robots), and [one policy](#one-policy-for-any-robot) balances any robot.
 
 {better}
 
@@ -39,11 +39,11 @@ means over the episodes that ran to their end.
 
 def main() -> int:
     """The command `python -m validation.policies`."""
-    train_all([*shipped.recipes(), *robots.recipes()])
+    train_all([*shipped.recipes(), any_robot.RECIPE, *robots.recipes()])
     _export()
     chapters = [
         Chapter("The policies", "", shipped.topics(FOLDER)),
-        Chapter("Any robot", "", [robots.topic()]),
+        Chapter("Any robot", "", [any_robot.topic(FOLDER), robots.topic()]),
     ]
     return page.write("policies", "validation.policies", __doc__, chapters, _head)
 
@@ -54,6 +54,7 @@ def _export() -> None:
 
     for one in shipped.SHIPPED:
         export(one.recipe.folder, FOLDER / one.file, one.recipe.task)
+    export(any_robot.RECIPE.folder, FOLDER / any_robot.FILE, any_robot.RECIPE.task)
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:

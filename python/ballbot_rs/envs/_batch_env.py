@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_count, check_options, check_seed, real_array
 from ballbot_rs._core import SAME_ROBOT, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs import family
+from ballbot_rs.envs.family import are_several, is_family, is_list, number_of, robots_of, room
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
 from ballbot_rs.envs.own.task import BARE, NO_TIME_LIMIT, Task
@@ -86,9 +86,9 @@ def _plain(options: Mapping[str, Any], num_envs: int) -> dict[str, Any]:
 
 
 def _robot_or_robots(params: Any, num_envs: int) -> Any:
-    if family.is_family(params):
-        return family.robots_of(params, num_envs)
-    if family.is_list(params):
+    if is_family(params):
+        return robots_of(params, num_envs)
+    if is_list(params):
         return [_robot_or_robots(robot, 1) for robot in params]
     return Params(**params) if isinstance(params, Mapping) else params
 
@@ -114,7 +114,7 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     options: dict[str, Any] = {"model": batch.model, **batch.options}
     if options["max_episode_steps"] == NO_TIME_LIMIT:
         options["max_episode_steps"] = None
-    several = family.are_several(given.get("params"))
+    several = are_several(given.get("params"))
     if (several or options["scale_by_robot"]) and given.get("max_wheel_torque") is None:
         # It follows from each robot.
         options["max_wheel_torque"] = None
@@ -133,7 +133,7 @@ def _as_json(params: Any) -> Any:
         return params.to_dict()
     if isinstance(params, Mapping):
         return dict(params)
-    return [_as_json(robot) for robot in params] if family.is_list(params) else params
+    return [_as_json(robot) for robot in params] if is_list(params) else params
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -343,10 +343,10 @@ class BatchEnv(BatchAttributes):
             check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
-        robots, room = family.number_of(options.get("params")), family.room(num_envs)
-        if robots > room:
+        robots, most = number_of(options.get("params")), room(num_envs)
+        if robots > most:
             raise InvalidInputError(
-                f"params has {robots} robots, but num_envs = {num_envs} has room for {room}: "
+                f"params has {robots} robots, but num_envs = {num_envs} has room for {most}: "
                 f"{SAME_ROBOT} neighbors have the same robot"
             )
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))

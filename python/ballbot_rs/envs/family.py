@@ -1,6 +1,6 @@
 """Families of robots: ballbots of all sizes, sampled at random.
 
-The sizes include those of the robots that `ROBOTS` lists; torques and frictions are relative to what the size of the
+Their sizes span the robots of `ROBOTS`; torques and frictions are relative to what the size of the
 robot demands (`Params.scale`).
 """
 

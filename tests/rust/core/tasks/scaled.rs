@@ -109,7 +109,10 @@ fn similar_robots_look_alike_to_a_policy() {
         run.batch
             .reset_with(&ResetRequest { starts: Some(&[Some(start)]), ..ResetRequest::default() }, &mut rows)
             .unwrap();
-        (0..30).for_each(|_| run.step(&[0.5, -0.3, 0.1]).unwrap());
+        for _ in 0..15 {
+            run.step(&[0.5, -0.3, 0.1]).unwrap();
+            assert!(!run.terminated[0]);
+        }
         run.batch.observation(0, &mut rows).unwrap();
         rows
     };

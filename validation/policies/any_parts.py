@@ -1,0 +1,79 @@
+"""What each part of the policy for any robot is worth: fits without one of them.
+
+`python -m validation.policies.any_parts` prints the table of docs/training.md, in some minutes of one core.
+"""
+
+import dataclasses
+import sys
+import tempfile
+import time
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any, Final
+
+import torch
+from stable_baselines3 import PPO
+
+import ballbot_rs as bb
+from ballbot_rs.training import config, teacher
+
+#: Training seeds; each has other robots.
+SEEDS: Final = (0, 1)
+
+#: Robots of a fit, a smaller one than the fit of the policy in the package.
+NUM_ENVS: Final = 512
+ROUNDS: Final = 12
+
+#: Changed options of the environment, and changed settings of the teacher.
+ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
+    "all parts": ({}, {}),
+    "newest observation only": ({"history": 1}, {}),
+    "one robot, the paper's": ({"params": "paper"}, {}),
+    "law of one robot of the family for all": ({}, {"drawn": False}),
+    "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}),
+    "no symmetries": ({}, {"symmetric": False}),
+}
+
+
+def fitted(arm: str, seed: int) -> PPO:
+    """The policy of an arm."""
+    options, settings = ARMS[arm]
+    whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
+    assert whole.teacher is not None
+    robots = {"params": {"family": NUM_ENVS // 8, "seed": seed}}
+    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **robots, **options})
+    fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
+    model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
+    (law,) = teacher.laws_of(model, fit)
+    teacher.fit_actor(model, law, fit, seed)
+    return model
+
+
+def evaluated(path: Path, params: Any, episodes: int) -> bb.Result:
+    """A policy on robots that it has not been fitted on."""
+    return bb.evaluate(
+        path, episodes=episodes, seed=1000, num_threads=1, env_options={"params": params, "events": None}
+    )
+
+
+def main() -> int:
+    """Prints the rows."""
+    torch.set_num_threads(1)
+    print("| | 128 robots of the family | paper | kugle | rezero | asroballet |\n|---|--:|--:|--:|--:|--:|")
+    with tempfile.TemporaryDirectory() as folder:
+        for arm in ARMS:
+            cells: list[list[float]] = []
+            begin = time.process_time()
+            for seed in SEEDS:
+                path = bb.save(fitted(arm, seed), Path(folder) / "policy.zip")
+                robots = [({"family": 128, "seed": 1000}, 1024), *((name, 100) for name in bb.Params.preset_names())]
+                cells.append([100 * evaluated(path, *robot).success_rate for robot in robots])
+            columns = zip(*cells, strict=True)
+            shown = " | ".join(", ".join(f"{value:.0f}" for value in column) for column in columns)
+            print(f"| {arm} | {shown} |", flush=True)
+            print(f"{arm}: {time.process_time() - begin:.0f} s", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
