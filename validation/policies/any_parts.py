@@ -29,7 +29,6 @@ ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
     "all parts": ({}, {}),
     "newest observation only": ({"history": 1}, {}),
     "one robot, the paper's": ({"params": "paper"}, {}),
-    "law of one robot of the family for all": ({}, {"drawn": False}),
     "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}),
     "no symmetries": ({}, {"symmetric": False}),
 }
