@@ -347,7 +347,7 @@ class BatchEnv(BatchAttributes):
         if robots > most:
             raise InvalidInputError(
                 f"params has {robots} robots, but num_envs = {num_envs} has room for {most}: "
-                f"{SAME_ROBOT} neighbors have the same robot"
+                f"{SAME_ROBOT} neighbors have the same robot, so it must be at least {SAME_ROBOT * (robots - 1) + 1}"
             )
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
