@@ -50,6 +50,7 @@ OPTIONS: dict[str, list[Any]] = {
     "max_wheel_torque": [0.1],
     "max_episode_steps": [7],
     "scale_observations": [False],
+    "scale_by_robot": [True],
     "history": [2],
     "terrain": ["wave", SLOPE],
     "actuators": [{"delay": 0.01}],
