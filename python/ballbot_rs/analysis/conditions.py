@@ -84,7 +84,7 @@ def _sensors(given: Any) -> Any:
 
 def _robot(given: Any) -> str:
     if is_family(given):
-        return f"eight episodes each of {given['family']} robots of the family, seed {given.get('seed', 0)}"
+        return f"eight episodes of each robot, of {given['family']} of the family, seed {given.get('seed', 0)}"
     if are_several(given):
         return f"{len(given)} robots"
     if not isinstance(given, (Params, Mapping)):

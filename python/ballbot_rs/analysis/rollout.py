@@ -85,9 +85,9 @@ def batch_for(
         ValueError: options out of range, or a requested time step that does not divide the controller's period.
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
-        several = are_several(options.get("params"))
-        robot = None if several else new_batch(1, task=task, num_threads=1, options=options).nominal_params(0)
-        limit = None if robot is None else robot.max_wheel_torque
+        limit = None
+        if not are_several(options.get("params")):
+            limit = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0).max_wheel_torque
         options = {**options, "max_wheel_torque": limit, "scale_by_robot": False}
 
     def batch(options: Mapping[str, Any]) -> Batch:

@@ -102,8 +102,8 @@ def number_of(params: Any) -> int:
     if not is_family(params):
         return len(params) if is_list(params) else 1
     count = check_count("params.family", params["family"])
-    if not 1 <= count <= MOST_ROBOTS:
-        raise InvalidInputError(f"params.family = {count} is out of range: it must be from 1 to {MOST_ROBOTS}")
+    if count > MOST_ROBOTS:
+        raise InvalidInputError(f"params.family = {count} is out of range: it must be at most {MOST_ROBOTS}")
     return count
 
 
@@ -126,10 +126,15 @@ def first_of(params: Any) -> Any:
     return params[0] if is_list(params) else params
 
 
+def robots_in(batch: Batch) -> list[Params]:
+    """The robot of each block of equal neighbors in a batch."""
+    return [batch.nominal_params(i) for i in range(0, batch.num_envs, SAME_ROBOT)]
+
+
 def has_several_robots(batch: Batch) -> bool:
     """Whether a batch was made with several robots."""
-    first = batch.nominal_params(0)
-    return any(batch.nominal_params(i) != first for i in range(SAME_ROBOT, batch.num_envs, SAME_ROBOT))
+    first, *others = robots_in(batch)
+    return any(robot != first for robot in others)
 
 
 def _robot(rng: np.random.Generator) -> Params:

@@ -21,7 +21,7 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import TASKS, Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
-from ballbot_rs.envs.family import has_several_robots
+from ballbot_rs.envs.family import has_several_robots, robots_in
 from ballbot_rs.envs.spaces import history_ages
 from ballbot_rs.training.config import Teacher
 from ballbot_rs.training.symmetry import symmetries
@@ -217,8 +217,7 @@ def _regress(
 
 def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """The symmetries of the robots on observations and actions."""
-    for i in range(batch.num_envs):
-        robot = batch.nominal_params(i)
+    for i, robot in enumerate(robots_in(batch)):
         apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
         if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
             raise ValueError(

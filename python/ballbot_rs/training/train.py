@@ -278,13 +278,12 @@ def _keep_best(
     config: TrainConfig, folder: Path, seed: int, stops: Callable[[int, float], bool] | None = None
 ) -> KeepBest:
     options = without_curriculum(config.env)
-    count = min(config.evaluation.episodes, 100)
-    if "params" in options:
-        options["params"] = at_most(options["params"], count)
     nominal = {name: value for name, value in options.items() if name != "events"}
     first = first_seed(seed) + EVALUATION_SEEDS
 
     def environments(count: int, options: dict[str, Any]) -> VecEnv:
+        if "params" in options:
+            options = {**options, "params": at_most(options["params"], count)}
         return VecMonitor(
             BallbotVecEnv(
                 count,
@@ -298,7 +297,7 @@ def _keep_best(
 
     return KeepBest(
         folder,
-        environments(count, options),
+        environments(min(config.evaluation.episodes, 100), options),
         environments(JUDGED, nominal),
         seed=first,
         episodes=config.evaluation.episodes,
