@@ -8,10 +8,12 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._core import TASKS
 from ballbot_rs.cli import main
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.resolve import find
 from ballbot_rs.training import config, evolution, run_folder
+from ballbot_rs.training.symmetry import linear_policies, symmetries
 
 #: Robots that start at rest: a policy of almost no torque keeps them upright for a while.
 EASY = """
@@ -74,7 +76,7 @@ def test_the_saved_policy_acts_as_the_searched_one(tmp_path, hidden):
     search.write(tmp_path)
     batch = bb.Batch(1, model="contact", max_episode_steps=210)
     batch.reset()
-    network = evolution.Shape([16, *hidden, 3]).network(search.best.numbers[None])
+    network = search._space.network(search.best.numbers[None])
     runs = batch.rollout(policies=network, steps=30, record=["observations", "actions"])
     actions = find(str(tmp_path)).policy(runs["observations"][:-1, 0].astype(np.float32))
     np.testing.assert_allclose(actions, runs["actions"][:, 0], rtol=0, atol=1e-5)
@@ -124,6 +126,12 @@ def test_a_policy_is_written_as_c(tmp_path, capsys):
         ("algorithm_arguments.starts", 0.5, "algorithm_arguments: starts = 0.5 is not a whole number"),
         ("algorithm_arguments.sigma", 0.0, "algorithm_arguments: sigma = 0.0 is out of range"),
         ("algorithm_arguments.n_steps", 8, "algorithm_arguments got an unexpected keyword argument 'n_steps'"),
+        ("algorithm_arguments.symmetric", 1, "algorithm_arguments: symmetric = 1 is not a boolean"),
+        (
+            "env.params",
+            ["paper", "kugle"],
+            "params: evolution tries each policy on one robot, not on several",
+        ),
         ("policy.net_arch", [0], "net_arch: a width of 0 is out of range"),
         ("policy.activation_fn", "relu", "evolution accepts only net_arch"),
     ],
@@ -139,20 +147,53 @@ def test_a_search_that_is_stuck_begins_again_with_more_policies(monkeypatch):
     arguments = {"population": 8, "search_steps": 1}
     text = config.with_values(EASY, {"env.reset_tilt": 0.3, "algorithm_arguments": arguments})
     search = evolution.Evolution(config.parse(text, "test"), 5)
-    made = search._cmaes.SepCMA
+    made = search._cmaes.CMA
 
     def noted(**arguments):
         populations.append(arguments["population_size"])
         return made(**arguments)
 
-    monkeypatch.setattr(search._cmaes, "SepCMA", noted)
+    monkeypatch.setattr(search._cmaes, "CMA", noted)
     for _ in search.run():
         pass
     assert populations[:2] == [8, 16]
 
 
+def space_of(**values):
+    return evolution.Evolution(config.parse(config.with_values(EASY, values), "test"), 5)._space
+
+
+def test_policies_are_symmetric_where_robots_are():
+    assert space_of().size == 9
+    assert space_of(**{"algorithm_arguments.symmetric": False}).size == 51
+    uneven = {"env.params": bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0)).to_dict()}
+    assert space_of(**uneven).size == 51
+    assert space_of(**{"policy.net_arch": [8]}).size == 16 * 8 + 8 + 8 * 3 + 3
+    wanted = {"algorithm_arguments.symmetric": True}
+    assert space_of(**wanted).size == 9
+    with pytest.raises(ValueError, match="symmetric = True: the wheels of robot 0 are not alike"):
+        space_of(**wanted, **uneven)
+    with pytest.raises(ValueError, match=r"symmetric = True: only linear policies are, net_arch = \[8\]"):
+        space_of(**wanted, **{"policy.net_arch": [8]})
+
+
+def test_coordinates_of_one_give_actions_of_one():
+    """Independent of how much each row of an observation varies, and of how rows depend on each other."""
+    names = tuple(row["name"] for row in TASKS["balance"]["observation"])
+    basis = linear_policies(symmetries(names, 1))
+    rng = np.random.default_rng(2)
+    seen = rng.standard_normal((2000, 16)) * np.geomspace(0.5, 2.0, 16)
+    space = evolution.Symmetric(basis).scaled(seen)
+    ((weights, biases),) = space.network(rng.standard_normal((500, 9)))
+    actions = np.einsum("poi,ni->pno", weights, seen) + biases[:, None]
+    assert np.sqrt(np.square(actions).mean()) == pytest.approx(1.0, rel=0.05)
+    # Robots at rest show nothing.
+    quiet = np.zeros_like(seen)
+    assert evolution.Symmetric(basis).scaled(quiet).network(np.eye(9))[0][0] == pytest.approx(basis)
+
+
 @pytest.mark.slow("a training")
-@pytest.mark.parametrize("robot", ["paper", "kugle"])
+@pytest.mark.parametrize("robot", bb.Params.preset_names())
 def test_linear_policies_balance(tmp_path, robot):
     text = config.with_values(evolution.adapted(config.default_text("balance")), {"env.params": robot})
     _, record, _ = trained(tmp_path / "run", text)

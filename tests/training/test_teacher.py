@@ -306,3 +306,41 @@ class TestMistakes:
         finally:
             registry.restore("me/Still-v0", None)
         assert not (tmp_path / "own").exists()
+
+
+def test_states_in_between_are_left_out():
+    def visited(every):
+        model, settings = new_model(), dataclasses.replace(FIT, steps=7, every=every)
+        environment, batch = model.get_env(), teacher._batch(model)
+        rng = np.random.default_rng(0)
+        law = teacher.laws_of(model, settings)[0]
+        return teacher._visited(model, environment, environment.reset(), batch, law, settings, rng, 0.5)
+
+    all_seen, all_labels, last = visited(1)
+    seen, labels, same = visited(3)
+    np.testing.assert_array_equal(seen.reshape(3, 32, -1), all_seen.reshape(7, 32, -1)[::3])
+    np.testing.assert_array_equal(labels.reshape(3, 32, -1), all_labels.reshape(7, 32, -1)[::3])
+    np.testing.assert_array_equal(last, same)
+
+
+def test_errors_of_slow_robots_count_more():
+    batch = teacher._batch(new_model(params=["paper", "rezero"]))
+    found = teacher._weights(batch, 2.0)
+    assert found.mean() == pytest.approx(1.0)
+    slower = bb.Params.preset("rezero").scale("s")
+    assert found[8] / found[0] == pytest.approx(slower**2)
+    assert torch.equal(teacher._weights(batch, 0.0), torch.ones(32))
+
+    def error_on_rezero(slow_weight):
+        model = new_model(params=["paper", "rezero"])
+        settings = dataclasses.replace(FIT, drawn=True, slow_weight=slow_weight, rounds=2, epochs=10)
+        law = teacher.laws_of(model, settings)[0]
+        teacher.fit_actor(model, law, settings, 0)
+        environment, own = model.get_env(), teacher._batch(model)
+        observations = environment.reset()
+        wanted = teacher._actions_of(law, own, settings)
+        with torch.no_grad():
+            errors = teacher._actions(model, torch.as_tensor(observations)).numpy() - wanted
+        return np.square(errors[np.arange(32) // 8 % 2 == 1]).mean()
+
+    assert error_on_rezero(8.0) < error_on_rezero(0.0)

@@ -9,13 +9,14 @@ import time
 from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import check_bounded, check_count, check_options
+from ballbot_rs._core import Batch
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.control import network_file, policy_file, policy_size
@@ -26,6 +27,7 @@ from ballbot_rs.training import run_folder
 from ballbot_rs.training.config import TrainConfig
 from ballbot_rs.training.run_folder import Evaluations
 from ballbot_rs.training.seeds import EVALUATION_SEEDS, JUDGED, first_seed
+from ballbot_rs.training.symmetry import linear_policies, of_batch
 
 Array = npt.NDArray[np.float64]
 
@@ -39,6 +41,10 @@ _SHARED: Final = ("env_id", "num_threads", "env")
 _TRIALS_PER_JUDGED: Final = 2
 #: Fraction of the robots that survive their trials from which the mean policy is evaluated.
 _SURVIVING: Final = 0.25
+#: Variation of combinations of observations, as a fraction of the largest, below which they are noise.
+_LEAST_VARIATION: Final = 0.03
+#: The largest variation of robots that stay at rest.
+_AT_REST: Final = 1e-5
 #: Time between two writings of the best policy, s.
 _WRITE_SECONDS: Final = 5.0
 
@@ -48,21 +54,29 @@ class Settings:
     """The table `algorithm_arguments` of a configuration."""
 
     #: Policies of a generation of the first search; each further search has twice as many.
-    population: int = 24
+    population: int = 16
     #: Starts from which each policy of a generation is tried; they are the same for all.
-    starts: int = 2
-    #: Initial standard deviation of the sums of a layer, for inputs of 1.
-    sigma: float = 0.8
+    starts: int = 4
+    #: Initial standard deviation of the sums of a layer, for inputs of 1 or, if `symmetric`, those of random policies.
+    sigma: float = 0.5
+    #: Cost per step of numbers of a policy whose mean square is 1. Without it actions tend to switch between -1 and 1.
+    decay: float = 1e-3
     #: Length of the first trials as a fraction of an episode; it grows while most robots survive.
     first_trial: float = 0.15
     #: Steps after which the first search is given up for another; each further search has twice as many.
-    search_steps: int = 10_000_000
+    search_steps: int = 3_000_000
+    #: Whether only linear policies that turn and mirror with the robot are searched, for robots with three equal wheels
+    #: 120 degrees apart; None: where there are such policies.
+    symmetric: bool | None = None
 
     def __post_init__(self) -> None:
+        if self.symmetric is not None and not isinstance(self.symmetric, bool):
+            raise TypeError(f"symmetric = {self.symmetric!r} is not a boolean")
         for name, least in (("population", 4), ("starts", 1), ("search_steps", 1)):
             if check_count(name, getattr(self, name)) < least:
                 raise ValueError(f"{name} = {getattr(self, name)}, it must be at least {least}")
         check_bounded("sigma", self.sigma, 1e-6, 1e3)
+        check_bounded("decay", self.decay, 0.0, 1.0)
         check_bounded("first_trial", self.first_trial, 1e-3, 1.0)
 
     @classmethod
@@ -90,8 +104,21 @@ def adapted(text: str) -> str:
     return _toml.dumps({**kept, "algorithm": ALGORITHM, **TIMESTEPS, "evaluation": evaluation})
 
 
-class Shape:
-    """The shape of a policy: a vector of numbers is the weights and biases of its layers.
+Layers = list[tuple[Array, Array]]
+
+
+class Space(Protocol):
+    """Policies to search, each of them a vector of numbers."""
+
+    #: Length of the vector.
+    size: int
+
+    def network(self, numbers: Array) -> Layers:
+        """Weights (n, outputs, inputs) and biases (n, outputs) of each layer, from numbers (n, `size`)."""
+
+
+class Networks:
+    """All networks of one shape: the numbers are the weights and biases of their layers.
 
     Args:
         widths: of the observation, of each hidden layer, and of the action.
@@ -99,17 +126,47 @@ class Shape:
 
     def __init__(self, widths: Sequence[int]) -> None:
         self._layers = list(itertools.pairwise(widths))
-        #: Length of the vector.
         self.size = sum(outputs * (inputs + 1) for inputs, outputs in self._layers)
 
-    def network(self, numbers: Array) -> list[tuple[Array, Array]]:
-        """Weights (n, outputs, inputs) and biases (n, outputs) of each layer, from numbers (n, `size`)."""
+    def network(self, numbers: Array) -> Layers:
+        """As `Space.network`."""
         found, rest = [], numbers
         for inputs, outputs in self._layers:
             layer, rest = np.split(rest, [outputs * (inputs + 1)], axis=1)
             layer = layer.reshape(-1, outputs, inputs + 1) / np.sqrt(inputs)
             found.append((layer[..., 1:], layer[..., 0]))
         return found
+
+
+class Symmetric:
+    """Linear policies that turn and mirror with the robot: the numbers are their coordinates.
+
+    Args:
+        basis: policies that span the space, of shape (`size`, 3, observations).
+    """
+
+    def __init__(self, basis: Array) -> None:
+        self._basis = basis
+        self.size = len(basis)
+
+    def network(self, numbers: Array) -> Layers:
+        """As `Space.network`."""
+        return [(np.tensordot(numbers, self._basis, axes=1), np.zeros((len(numbers), 3)))]
+
+    def scaled(self, observations: Array) -> "Symmetric":
+        """The same policies in other coordinates: random coordinates of 1 give independent actions of about 1.
+
+        Args:
+            observations: typical ones, of shape (n, observations). Combinations of them that hardly vary count as if
+                they varied by `_LEAST_VARIATION` of the largest; if none varies, the coordinates stay.
+        """
+        actions = np.tensordot(observations, self._basis, axes=(1, 2)).reshape(-1, self.size, 3)
+        values, vectors = np.linalg.eigh(np.einsum("nio,njo->ij", actions, actions) / (3 * len(observations)))
+        if values[-1] < _AT_REST**2:
+            return self
+        values = np.maximum(values, _LEAST_VARIATION**2 * values[-1])
+        scale = (vectors / np.sqrt(self.size * values)) @ vectors.T
+        return Symmetric(np.tensordot(scale, self._basis, axes=1))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -148,6 +205,8 @@ class Evolution:
         self._config, self._seed = config, seed
         self._settings = Settings.of(config)
         self._task = task_of(config.env_id)
+        if are_several(config.env.get("params")):
+            raise ValueError("params: evolution tries each policy on one robot, not on several")
         one = new_batch(1, task=self._task, num_threads=1, options=config.env)
         self._options = resolved_options(one, config.env)
         nominal = {name: value for name, value in without_curriculum(config.env).items() if name != "events"}
@@ -161,11 +220,44 @@ class Evolution:
         hidden = config.policy.get("net_arch", [])
         if unknown or not isinstance(hidden, list) or not all(isinstance(width, int) for width in hidden):
             raise ValueError(f"policy = {config.policy}: evolution accepts only net_arch, a list of widths of layers")
-        self._shape = Shape([self._nominal.observation_len, *hidden, 3])
         #: Steps of all robots, evaluations included.
         self.timesteps = 0
+        self._space = self._symmetric(hidden) or Networks([self._nominal.observation_len, *hidden, 3])
         self.judged: list[Judged] = []
         self.best: Judged | None = None
+
+    def _symmetric(self, hidden: list[int]) -> Symmetric | None:
+        """The symmetric policies, unless others are searched."""
+        wanted = self._settings.symmetric
+        try:
+            if hidden:
+                raise ValueError(f"only linear policies are, net_arch = {hidden}")
+            space = Symmetric(linear_policies(of_batch(self._nominal)))
+        except ValueError as error:
+            if wanted:
+                raise ValueError(f"algorithm_arguments: symmetric = True: {error}") from error
+            return None
+        if wanted is False:
+            return None
+        robots = self._robots(self._settings.population)
+        # Sums of `sigma` for inputs of 1.
+        spread = self._settings.sigma * np.sqrt(3.0 / space.size)
+        random = spread * np.random.default_rng(self._seed).standard_normal((self._settings.population, space.size))
+        robots.reset(seeds=[first_seed(self._seed) + i for i in range(robots.num_envs)])
+        steps = self._first_trial(robots)
+        policies = space.network(np.repeat(random, self._settings.starts, axis=0))
+        observations = robots.rollout(policies=policies, steps=steps, record=["observations"])["observations"]
+        self.timesteps += steps * robots.num_envs
+        return space.scaled(observations.reshape(-1, robots.observation_len).astype(float))
+
+    def _robots(self, population: int) -> Batch:
+        """A robot for each start of each policy of a generation."""
+        count = population * self._settings.starts
+        return new_batch(count, task=self._task, num_threads=self._config.num_threads, options=self._config.env)
+
+    def _first_trial(self, robots: Batch) -> int:
+        """Steps of the first trials."""
+        return max(round(self._settings.first_trial * robots.max_episode_steps), 1)
 
     @property
     def is_over(self) -> bool:
@@ -188,27 +280,25 @@ class Evolution:
         settings, starts = self._settings, self._settings.starts
         population = settings.population << search
         rng = np.random.default_rng((self._seed, search))
-        optimizer = self._cmaes.SepCMA(
-            mean=np.zeros(self._shape.size),
+        # The symmetric policies are few enough for a full covariance.
+        method = self._cmaes.CMA if isinstance(self._space, Symmetric) else self._cmaes.SepCMA
+        optimizer = method(
+            mean=np.zeros(self._space.size),
             sigma=settings.sigma,
             seed=int(rng.integers(2**32)),
             population_size=population,
         )
-        if are_several(self._config.env.get("params")):
-            raise ValueError("params: evolution tries each policy on one robot, not on several")
-        robots = new_batch(
-            population * starts, task=self._task, num_threads=self._config.num_threads, options=self._config.env
-        )
-        episode = robots.max_episode_steps
-        trial = max(round(settings.first_trial * episode), 1)
+        robots = self._robots(population)
+        episode, trial = robots.max_episode_steps, self._first_trial(robots)
         end, due = self.timesteps + (settings.search_steps << search), 0
         while self.timesteps < end and not optimizer.should_stop():
             candidates = np.array([optimizer.ask() for _ in range(population)])
             seeds = first_seed(self._seed) + rng.integers(EVALUATION_SEEDS, size=starts)
             robots.reset(seeds=np.tile(seeds, population).tolist())
-            found = robots.episodes(self._shape.network(np.repeat(candidates, starts, axis=0)), trial)
+            found = robots.episodes(self._space.network(np.repeat(candidates, starts, axis=0)), trial)
             self.timesteps += int(found["lengths"].sum())
             costs = -found["returns"].reshape(population, starts).mean(axis=1)
+            costs += settings.decay * trial * np.square(candidates).mean(axis=1)
             optimizer.tell(list(zip(candidates, costs.tolist(), strict=True)))
             surviving = 1.0 - found["terminated"].mean()
             if surviving >= 0.5:
@@ -225,7 +315,7 @@ class Evolution:
     def _judge(self, numbers: Array) -> Judged:
         first, count = first_seed(self._seed) + EVALUATION_SEEDS, self._nominal.num_envs
         self._nominal.reset(seeds=list(range(first, first + count)))
-        found = self._nominal.episodes(self._shape.network(np.tile(numbers, (count, 1))))
+        found = self._nominal.episodes(self._space.network(np.tile(numbers, (count, 1))))
         judged = Judged(
             numbers.copy(),
             self.timesteps,
@@ -248,7 +338,7 @@ class Evolution:
         if self.best is None:
             return
         described = policy_file.metadata(self._task, self._options, ALGORITHM, {"cmaes": metadata.version("cmaes")})
-        network = [(weights[0], biases[0]) for weights, biases in self._shape.network(self.best.numbers[None])]
+        network = [(weights[0], biases[0]) for weights, biases in self._space.network(self.best.numbers[None])]
         network_file.write(folder / policy_file.BEST_OF_RUN, network, described)
         columns = zip(*((j.timesteps, j.returns, j.lengths, j.successes) for j in self.judged), strict=True)
         Evaluations(*(np.array(column, dtype=float) for column in columns)).save(folder)

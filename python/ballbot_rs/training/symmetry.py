@@ -5,15 +5,30 @@ Turned or mirrored torques turn or mirror the motion. Each pair of an observatio
 
 import functools
 import re
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._core import TASKS, Batch
+from ballbot_rs.envs.family import robots_in
+from ballbot_rs.envs.spaces import history_ages
+
 Matrix = npt.NDArray[np.float64]
+
+#: Azimuths of wheels with all symmetries, rad.
+WHEEL_AZIMUTHS: Final = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
+AZIMUTH_TOLERANCE: Final = 1e-9
+
+#: Length below which the rest of a vector is rounding.
+_DEPENDENT: Final = 1e-6
 
 #: Names of the rows that are components of a vector, and of rows of wheels.
 _VECTOR = re.compile(r"(?P<quantity>.*?)(?P<frame>, body|, heading| about body) (?P<axis>[xyz])")
 _WHEEL = re.compile(r"(?P<quantity>wheel speed|last action, wheel) (?P<wheel>[012])")
+#: Rows that a mirror reverses, and rows that no symmetry changes.
+_TURNS: Final = ("commanded rate of the heading", "error of the heading's rate")
+_SCALARS: Final = ("distance of the goal",)
 
 #: Turns the wheels: what wheel 0 does, wheel 1 does.
 _TURNED_WHEELS: Matrix = np.roll(np.eye(3), 1, axis=0)
@@ -48,10 +63,50 @@ def symmetries(rows: tuple[str, ...], ages: int) -> list[tuple[Matrix, Matrix]]:
     return found
 
 
+def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
+    """The `symmetries` of the robots of a batch and its observations.
+
+    Raises:
+        ValueError: robots whose wheels are not alike, or rows without symmetry.
+    """
+    for i, robot in enumerate(robots_in(batch)):
+        apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
+        if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
+            raise ValueError(
+                f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
+                f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
+            )
+    rows = tuple(row["name"] for row in TASKS[batch.task]["observation"])
+    ages = len(history_ages(batch.history))
+    if ages * len(rows) != batch.observation_len:
+        raise ValueError("instruments and added rows have no symmetry")
+    return symmetries(rows, ages)
+
+
+def linear_policies(pairs: list[tuple[Matrix, Matrix]]) -> Matrix:
+    """All linear policies that turn and mirror with the robot: an orthonormal basis, of shape (n, 3, observations).
+
+    Args:
+        pairs: of `symmetries`.
+    """
+    # The mean over a group projects on what each of its symmetries leaves unchanged.
+    projection = np.mean([np.kron(of_wheels, of_rows) for of_rows, of_wheels in pairs], axis=0)
+    basis: list[Matrix] = []
+    for column in projection.T:
+        rest = column - sum((other * (other @ column) for other in basis), np.zeros(len(column)))
+        if (length := np.linalg.norm(rest)) > _DEPENDENT:
+            basis.append(rest / length)
+    return np.reshape(basis, (-1, 3, len(pairs[0][0])))
+
+
 def _on_rows(rows: tuple[str, ...], polar: Matrix, axial: Matrix, wheels: Matrix) -> Matrix:
     """The matrix of a symmetry on the rows of an observation."""
     matrix = np.zeros((len(rows), len(rows)))
     for i, name in enumerate(rows):
+        if name in _TURNS or name in _SCALARS:
+            # The vertical component of an axial vector, or no vector.
+            matrix[i, i] = axial[2, 2] if name in _TURNS else 1.0
+            continue
         if of_wheel := _WHEEL.fullmatch(name):
             parts = [f"{of_wheel['quantity']} {wheel}" for wheel in range(3)]
             weights = wheels[int(of_wheel["wheel"])]

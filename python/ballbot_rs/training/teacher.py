@@ -8,7 +8,7 @@ With `drawn` the law is designed for each robot as events have sampled it, which
 """
 
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -21,10 +21,9 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import TASKS, Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
-from ballbot_rs.envs.family import has_several_robots, robots_in
-from ballbot_rs.envs.spaces import history_ages
+from ballbot_rs.envs.family import has_several_robots
+from ballbot_rs.training import symmetry
 from ballbot_rs.training.config import Teacher
-from ballbot_rs.training.symmetry import symmetries
 
 #: In the first rounds the law drives some robots: a new policy visits little except falls.
 LAW_ROUNDS = 3
@@ -32,10 +31,6 @@ LAW_ROUNDS = 3
 #: Learning rate of the value function's fit; it is fast, as only the result matters.
 VALUE_RATE = 1e-3
 VALUE_EPOCHS = 10
-
-#: Azimuths of wheels with all symmetries, rad.
-WHEEL_AZIMUTHS = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
-AZIMUTH_TOLERANCE = 1e-9
 
 #: Most steps of an episode whose return ranks the laws.
 RANKED_STEPS = 1000
@@ -119,6 +114,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     alike = _symmetries(batch) if teacher.symmetric else []
+    weights = _weights(batch, teacher.slow_weight)
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
@@ -131,7 +127,12 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher, alike))
+        fitted = _Fitted(
+            torch.as_tensor(np.concatenate(observations)),
+            torch.as_tensor(np.concatenate(labels)),
+            weights.repeat(sum(map(len, labels)) // len(weights)),
+        )
+        errors.append(_regress(model, optimizer, fitted, teacher, alike))
     return errors
 
 
@@ -175,61 +176,65 @@ def _visited(
     # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
     assert isinstance(observations, np.ndarray)
-    seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
-    targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
+    seen: list[npt.NDArray[np.float32]] = []
+    targets: list[npt.NDArray[np.float32]] = []
     for step in range(teacher.steps):
-        seen[step] = observations
-        targets[step] = _actions_of(law, batch, teacher)
+        of_law = _actions_of(law, batch, teacher)
+        if step % teacher.every == 0:
+            seen.append(observations.copy())
+            targets.append(of_law)
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
-        driven = np.where(rng.random((n, 1)) < share, targets[step], own)
+        driven = np.where(rng.random((n, 1)) < share, of_law, own)
         noisy = driven + spread * rng.standard_normal((n, 3))
         observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
         assert isinstance(observations, np.ndarray)
-    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), observations
+    return np.concatenate(seen), np.concatenate(targets), observations
+
+
+class _Fitted(NamedTuple):
+    """All states so far, with the law's actions there and the weights of their errors."""
+
+    observations: torch.Tensor
+    labels: torch.Tensor
+    weights: torch.Tensor
 
 
 def _regress(
     model: PPO,
     optimizer: torch.optim.Optimizer,
-    observations: npt.NDArray[np.float32],
-    labels: npt.NDArray[np.float32],
+    fitted: _Fitted,
     teacher: Teacher,
     alike: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> float:
     """Some epochs of least squares, each batch in a form that is `alike`; the root mean square error in the last."""
-    seen, targets = torch.as_tensor(observations), torch.as_tensor(labels)
     total = 0.0
     for _ in range(teacher.epochs):
         total = 0.0
-        for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
-            inputs, wanted = seen[chosen], targets[chosen]
+        for chosen in torch.split(torch.randperm(len(fitted.labels)), teacher.batch_size):
+            inputs, wanted = fitted.observations[chosen], fitted.labels[chosen]
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
                 inputs, wanted = inputs @ of_inputs, wanted @ of_wanted
-            loss = torch.nn.functional.mse_loss(_actions(model, inputs), wanted)
+            errors = torch.nn.functional.mse_loss(_actions(model, inputs), wanted, reduction="none").mean(dim=1)
+            loss = (fitted.weights[chosen] * errors).mean()
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
-    return float(np.sqrt(total / len(seen)))
+    return float(np.sqrt(total / len(fitted.labels)))
+
+
+def _weights(batch: Batch, power: float) -> torch.Tensor:
+    """Weights of the errors of each robot, of mean 1."""
+    times = np.array([batch.nominal_params(i).scale("s") for i in range(batch.num_envs)]) ** power
+    return torch.as_tensor(times / times.mean(), dtype=torch.float32)
 
 
 def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
     """The symmetries of the robots on observations and actions."""
-    for i, robot in enumerate(robots_in(batch)):
-        apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
-        if any(robot.wheel_zenith_offsets) or np.abs(apart).max() > AZIMUTH_TOLERANCE:
-            raise ValueError(
-                f"teacher.symmetric = True: the wheels of robot {i} are not alike, 120 degrees apart from x on: "
-                f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
-            )
-    rows = tuple(row["name"] for row in TASKS[batch.task]["observation"])
-    ages = len(history_ages(batch.history))
-    if ages * len(rows) != batch.observation_len:
-        raise ValueError("teacher.symmetric = True: instruments and added rows have no symmetry")
     try:
-        pairs = symmetries(rows, ages)
+        pairs = symmetry.of_batch(batch)
     except ValueError as error:
         raise ValueError(f"teacher.symmetric = True: {error}") from error
     return [tuple(torch.as_tensor(matrix, dtype=torch.float32) for matrix in pair) for pair in pairs]  # type: ignore[misc]
