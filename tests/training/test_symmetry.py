@@ -62,7 +62,7 @@ def test_linear_policies_turn_and_mirror_with_the_robot(task):
         np.testing.assert_allclose(seen @ of_rows @ basis.mT, seen @ basis.mT @ of_wheels, atol=1e-12)
     flat = basis.reshape(len(basis), -1)
     np.testing.assert_allclose(flat @ flat.T, np.eye(len(basis)), atol=1e-12)
-    # There are no others: each pair says that the rest of a policy is zero.
+    # There are no others: the pairs make the rest of a policy zero.
     n = basis.shape[2]
     conditions = [np.kron(np.eye(3), of_rows) - np.kron(of_wheels.T, np.eye(n)) for of_rows, of_wheels in pairs]
     assert len(basis) == 3 * n - np.linalg.matrix_rank(np.vstack(conditions))

@@ -58,14 +58,15 @@ def evaluated(path: Path, params: Any, episodes: int) -> bb.Result:
 def main() -> int:
     """Prints the rows."""
     torch.set_num_threads(1)
-    print("| | 128 robots of the family | paper | kugle | rezero | asroballet |\n|---|--:|--:|--:|--:|--:|")
+    presets = bb.Params.preset_names()
+    print(f"| | 128 robots of the family | {' | '.join(presets)} |\n|---|--:{'|--:' * len(presets)}|")
     with tempfile.TemporaryDirectory() as folder:
         for arm in ARMS:
             cells: list[list[float]] = []
             begin = time.process_time()
             for seed in SEEDS:
                 path = bb.save(fitted(arm, seed), Path(folder) / "policy.zip")
-                robots = [({"family": 128, "seed": 1000}, 1024), *((name, 100) for name in bb.Params.preset_names())]
+                robots = [({"family": 128, "seed": 1000}, 1024), *((name, 100) for name in presets)]
                 cells.append([100 * evaluated(path, *robot).success_rate for robot in robots])
             columns = zip(*cells, strict=True)
             shown = " | ".join(", ".join(f"{value:.0f}" for value in column) for column in columns)

@@ -66,17 +66,12 @@ class Teacher:
     rounds: int = 15
     #: Control steps of all environments in a round.
     steps: int = 200
-    #: Steps between two states that the fit keeps: those in between are much the same.
-    every: int = 1
     #: Of a round's fit; the learning rate falls linearly over the rounds.
     epochs: int = 6
     batch_size: int = 1024
     learning_rate: float = 1e-3
     #: Standard deviation of the noise added to the actions of half of the robots.
     noise: float = 0.1
-    #: Power of a robot's time scale (`Params.scale("s")`) with which its errors count, in a batch of several robots:
-    #: slow robots fall from smaller errors.
-    slow_weight: float = 0.0
     #: Rollouts of PPO from which only the value function learns.
     value_rollouts: int = 40
 
@@ -100,12 +95,11 @@ class Teacher:
         for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
-        least = {"rounds": 1, "steps": 1, "every": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
+        least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
         for name, bound in least.items():
             _check_whole(f"teacher.{name}", getattr(self, name), bound)
         _check_number("teacher.learning_rate", self.learning_rate, "1e-9", "1")
         _check_number("teacher.noise", self.noise, "0", "1")
-        _check_number("teacher.slow_weight", self.slow_weight, "0", "10")
 
     @property
     def laws(self) -> dict[str, dict[str, Any]]:
@@ -244,11 +238,10 @@ class TrainConfig:
     def _check_teacher(self, teacher: Teacher) -> None:
         if self.algorithm != "PPO":
             raise ValueError(f"teacher: {self.algorithm} has none, only PPO")
-        taught = teacher.rounds * -(-teacher.steps // teacher.every) * self.num_envs
+        taught = teacher.rounds * teacher.steps * self.num_envs
         if taught > MAX_TAUGHT:
             raise ValueError(
-                f"teacher.rounds * teacher.steps / teacher.every * num_envs = {taught} is out of range: "
-                f"it must be at most {MAX_TAUGHT}"
+                f"teacher.rounds * teacher.steps * num_envs = {taught} is out of range: it must be at most {MAX_TAUGHT}"
             )
 
 

@@ -57,7 +57,8 @@ class Settings:
     population: int = 16
     #: Starts from which each policy of a generation is tried; they are the same for all.
     starts: int = 4
-    #: Initial standard deviation of the sums of a layer, for inputs of 1 or, if `symmetric`, those of random policies.
+    #: Initial standard deviation of the sums of a layer, for inputs of 1 or, if `symmetric`, for observations of random
+    #: policies.
     sigma: float = 0.5
     #: Cost per step of numbers of a policy whose mean square is 1. Without it actions tend to switch between -1 and 1.
     decay: float = 1e-3

@@ -8,7 +8,7 @@ With `drawn` the law is designed for each robot as events have sampled it, which
 """
 
 from collections.abc import Callable
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -114,7 +114,6 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     alike = _symmetries(batch) if teacher.symmetric else []
-    weights = _weights(batch, teacher.slow_weight)
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
@@ -127,12 +126,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        fitted = _Fitted(
-            torch.as_tensor(np.concatenate(observations)),
-            torch.as_tensor(np.concatenate(labels)),
-            weights.repeat(sum(map(len, labels)) // len(weights)),
-        )
-        errors.append(_regress(model, optimizer, fitted, teacher, alike))
+        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher, alike))
     return errors
 
 
@@ -176,59 +170,44 @@ def _visited(
     # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
     assert isinstance(observations, np.ndarray)
-    seen: list[npt.NDArray[np.float32]] = []
-    targets: list[npt.NDArray[np.float32]] = []
+    seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
+    targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
     for step in range(teacher.steps):
-        of_law = _actions_of(law, batch, teacher)
-        if step % teacher.every == 0:
-            seen.append(observations.copy())
-            targets.append(of_law)
+        seen[step] = observations
+        targets[step] = _actions_of(law, batch, teacher)
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
-        driven = np.where(rng.random((n, 1)) < share, of_law, own)
+        driven = np.where(rng.random((n, 1)) < share, targets[step], own)
         noisy = driven + spread * rng.standard_normal((n, 3))
         observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
         assert isinstance(observations, np.ndarray)
-    return np.concatenate(seen), np.concatenate(targets), observations
-
-
-class _Fitted(NamedTuple):
-    """All states so far, with the law's actions there and the weights of their errors."""
-
-    observations: torch.Tensor
-    labels: torch.Tensor
-    weights: torch.Tensor
+    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), observations
 
 
 def _regress(
     model: PPO,
     optimizer: torch.optim.Optimizer,
-    fitted: _Fitted,
+    observations: npt.NDArray[np.float32],
+    labels: npt.NDArray[np.float32],
     teacher: Teacher,
     alike: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> float:
     """Some epochs of least squares, each batch in a form that is `alike`; the root mean square error in the last."""
+    seen, targets = torch.as_tensor(observations), torch.as_tensor(labels)
     total = 0.0
     for _ in range(teacher.epochs):
         total = 0.0
-        for chosen in torch.split(torch.randperm(len(fitted.labels)), teacher.batch_size):
-            inputs, wanted = fitted.observations[chosen], fitted.labels[chosen]
+        for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
+            inputs, wanted = seen[chosen], targets[chosen]
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
                 inputs, wanted = inputs @ of_inputs, wanted @ of_wanted
-            errors = torch.nn.functional.mse_loss(_actions(model, inputs), wanted, reduction="none").mean(dim=1)
-            loss = (fitted.weights[chosen] * errors).mean()
+            loss = torch.nn.functional.mse_loss(_actions(model, inputs), wanted)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
-    return float(np.sqrt(total / len(fitted.labels)))
-
-
-def _weights(batch: Batch, power: float) -> torch.Tensor:
-    """Weights of the errors of each robot, of mean 1."""
-    times = np.array([batch.nominal_params(i).scale("s") for i in range(batch.num_envs)]) ** power
-    return torch.as_tensor(times / times.mean(), dtype=torch.float32)
+    return float(np.sqrt(total / len(seen)))
 
 
 def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
