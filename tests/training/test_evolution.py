@@ -168,6 +168,9 @@ def test_policies_are_symmetric_where_robots_are():
     assert space_of(**{"algorithm_arguments.symmetric": False}).size == 51
     uneven = {"env.params": bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0)).to_dict()}
     assert space_of(**uneven).size == 51
+    leaning = {"env.params": bb.Params.paper().replace(body_com_offset=(0.003, 0.0)).to_dict()}
+    assert space_of(**leaning).size == 51
+    assert space_of(**leaning, **{"algorithm_arguments.symmetric": True}).size == 9
     assert space_of(**{"policy.net_arch": [8]}).size == 16 * 8 + 8 + 8 * 3 + 3
     wanted = {"algorithm_arguments.symmetric": True}
     assert space_of(**wanted).size == 9

@@ -67,7 +67,7 @@ class Settings:
     #: Steps after which the first search is given up for another; each further search has twice as many.
     search_steps: int = 3_000_000
     #: Whether only linear policies that turn and mirror with the robot are searched, for robots with three equal wheels
-    #: 120 degrees apart; None: where there are such policies.
+    #: 120 degrees apart; None: where there are such policies and the center of mass is above the ball's center.
     symmetric: bool | None = None
 
     def __post_init__(self) -> None:
@@ -230,6 +230,10 @@ class Evolution:
     def _symmetric(self, hidden: list[int]) -> Symmetric | None:
         """The symmetric policies, unless others are searched."""
         wanted = self._settings.symmetric
+        # A robot whose center of mass is off the mast needs biases, which no symmetry allows.
+        leans = any(self._nominal.nominal_params(0).body_com_offset)
+        if wanted is False or (wanted is None and leans):
+            return None
         try:
             if hidden:
                 raise ValueError(f"only linear policies are, net_arch = {hidden}")
@@ -237,8 +241,6 @@ class Evolution:
         except ValueError as error:
             if wanted:
                 raise ValueError(f"algorithm_arguments: symmetric = True: {error}") from error
-            return None
-        if wanted is False:
             return None
         robots = self._robots(self._settings.population)
         # Sums of `sigma` for inputs of 1.
