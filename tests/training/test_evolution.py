@@ -176,6 +176,10 @@ def test_policies_are_symmetric_where_robots_are():
     assert space_of(**wanted).size == 9
     with pytest.raises(ValueError, match="symmetric = True: the wheels of robot 0 are not alike"):
         space_of(**wanted, **uneven)
+    assert space_of(**{"env.history": 5}).size == 9 * 5
+    assert space_of(**{"env.history": 50}).size == 3 * (16 * 50 + 1)
+    with pytest.raises(ValueError, match="symmetric = True: an observation has 800 rows, it may have 200"):
+        space_of(**wanted, **{"env.history": 50})
     with pytest.raises(ValueError, match=r"symmetric = True: only linear policies are, net_arch = \[8\]"):
         space_of(**wanted, **{"policy.net_arch": [8]})
 

@@ -43,6 +43,8 @@ _TRIALS_PER_JUDGED: Final = 2
 _SURVIVING: Final = 0.25
 #: Variation of combinations of observations, as a fraction of the largest, below which they are noise.
 _LEAST_VARIATION: Final = 0.03
+#: Rows of an observation above which a full covariance takes longer than the robots.
+_MOST_ROWS: Final = 200
 #: The largest variation of robots that stay at rest.
 _AT_REST: Final = 1e-5
 #: Time between two writings of the best policy, s.
@@ -67,7 +69,8 @@ class Settings:
     #: Steps after which the first search is given up for another; each further search has twice as many.
     search_steps: int = 3_000_000
     #: Whether only linear policies that turn and mirror with the robot are searched, for robots with three equal wheels
-    #: 120 degrees apart; None: where there are such policies and the center of mass is above the ball's center.
+    #: 120 degrees apart; None: where there are such policies, of at most 200 rows, and the center of mass is above the
+    #: center of the ball.
     symmetric: bool | None = None
 
     def __post_init__(self) -> None:
@@ -237,6 +240,8 @@ class Evolution:
         try:
             if hidden:
                 raise ValueError(f"only linear policies are, net_arch = {hidden}")
+            if (rows := self._nominal.observation_len) > _MOST_ROWS:
+                raise ValueError(f"an observation has {rows} rows, it may have {_MOST_ROWS}: give a shorter history")
             space = Symmetric(linear_policies(of_batch(self._nominal)))
         except ValueError as error:
             if wanted:
