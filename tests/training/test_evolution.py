@@ -127,11 +127,7 @@ def test_a_policy_is_written_as_c(tmp_path, capsys):
         ("algorithm_arguments.sigma", 0.0, "algorithm_arguments: sigma = 0.0 is out of range"),
         ("algorithm_arguments.n_steps", 8, "algorithm_arguments got an unexpected keyword argument 'n_steps'"),
         ("algorithm_arguments.symmetric", 1, "algorithm_arguments: symmetric = 1 is not a boolean"),
-        (
-            "env.params",
-            ["paper", "kugle"],
-            "params: evolution tries each policy on one robot, not on several",
-        ),
+        ("env.params", ["paper", "kugle"], "params: evolution tries each policy on one robot, not on several"),
         ("policy.net_arch", [0], "net_arch: a width of 0 is out of range"),
         ("policy.activation_fn", "relu", "evolution accepts only net_arch"),
     ],

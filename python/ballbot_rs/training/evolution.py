@@ -9,7 +9,7 @@ import time
 from collections.abc import Iterator, Sequence
 from importlib import metadata
 from pathlib import Path
-from typing import Any, Final, Protocol
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -111,16 +111,6 @@ def adapted(text: str) -> str:
 Layers = list[tuple[Array, Array]]
 
 
-class Space(Protocol):
-    """Policies to search, each of them a vector of numbers."""
-
-    #: Length of the vector.
-    size: int
-
-    def network(self, numbers: Array) -> Layers:
-        """Weights (n, outputs, inputs) and biases (n, outputs) of each layer, from numbers (n, `size`)."""
-
-
 class Networks:
     """All networks of one shape: the numbers are the weights and biases of their layers.
 
@@ -130,10 +120,11 @@ class Networks:
 
     def __init__(self, widths: Sequence[int]) -> None:
         self._layers = list(itertools.pairwise(widths))
+        #: Length of the vector of numbers.
         self.size = sum(outputs * (inputs + 1) for inputs, outputs in self._layers)
 
     def network(self, numbers: Array) -> Layers:
-        """As `Space.network`."""
+        """Weights (n, outputs, inputs) and biases (n, outputs) of each layer, from numbers (n, `size`)."""
         found, rest = [], numbers
         for inputs, outputs in self._layers:
             layer, rest = np.split(rest, [outputs * (inputs + 1)], axis=1)
@@ -154,7 +145,7 @@ class Symmetric:
         self.size = len(basis)
 
     def network(self, numbers: Array) -> Layers:
-        """As `Space.network`."""
+        """As `Networks.network`."""
         return [(np.tensordot(numbers, self._basis, axes=1), np.zeros((len(numbers), 3)))]
 
     def scaled(self, observations: Array) -> "Symmetric":
@@ -171,6 +162,19 @@ class Symmetric:
         values = np.maximum(values, _LEAST_VARIATION**2 * values[-1])
         scale = (vectors / np.sqrt(self.size * values)) @ vectors.T
         return Symmetric(np.tensordot(scale, self._basis, axes=1))
+
+
+def _symmetric_basis(batch: Batch, hidden: list[int]) -> Array:
+    """The basis of the symmetric policies for the robot of a batch.
+
+    Raises:
+        ValueError: there are none, or too many for a full covariance.
+    """
+    if hidden:
+        raise ValueError(f"only linear policies are, net_arch = {hidden}")
+    if (rows := batch.observation_len) > _MOST_ROWS:
+        raise ValueError(f"an observation has {rows} rows, it may have {_MOST_ROWS}: give a shorter history")
+    return linear_policies(of_batch(batch))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -226,27 +230,25 @@ class Evolution:
             raise ValueError(f"policy = {config.policy}: evolution accepts only net_arch, a list of widths of layers")
         #: Steps of all robots, evaluations included.
         self.timesteps = 0
-        self._space = self._symmetric(hidden) or Networks([self._nominal.observation_len, *hidden, 3])
+        self._space = self._space_of(hidden)
         self.judged: list[Judged] = []
         self.best: Judged | None = None
 
-    def _symmetric(self, hidden: list[int]) -> Symmetric | None:
-        """The symmetric policies, unless others are searched."""
+    def _space_of(self, hidden: list[int]) -> Networks | Symmetric:
+        """The policies to search, with hidden layers of the given widths."""
         wanted = self._settings.symmetric
         # A robot whose center of mass is off the mast needs biases, which no symmetry allows.
         leans = any(self._nominal.nominal_params(0).body_com_offset)
-        if wanted is False or (wanted is None and leans):
-            return None
-        try:
-            if hidden:
-                raise ValueError(f"only linear policies are, net_arch = {hidden}")
-            if (rows := self._nominal.observation_len) > _MOST_ROWS:
-                raise ValueError(f"an observation has {rows} rows, it may have {_MOST_ROWS}: give a shorter history")
-            space = Symmetric(linear_policies(of_batch(self._nominal)))
-        except ValueError as error:
-            if wanted:
-                raise ValueError(f"algorithm_arguments: symmetric = True: {error}") from error
-            return None
+        if wanted or (wanted is None and not leans):
+            try:
+                return Symmetric(_symmetric_basis(self._nominal, hidden))
+            except ValueError as error:
+                if wanted:
+                    raise ValueError(f"algorithm_arguments: symmetric = True: {error}") from error
+        return Networks([self._nominal.observation_len, *hidden, 3])
+
+    def _scaled(self, space: Symmetric) -> Symmetric:
+        """The policies in coordinates that are scaled with the observations of random ones."""
         robots = self._robots(self._settings.population)
         # Sums of `sigma` for inputs of 1.
         spread = self._settings.sigma * np.sqrt(3.0 / space.size)
@@ -278,6 +280,8 @@ class Evolution:
 
     def run(self) -> Iterator[Judged]:
         """Searches until `is_over`; gives each evaluation."""
+        if isinstance(self._space, Symmetric):
+            self._space = self._scaled(self._space)
         for search in itertools.count():
             yield from self._search(search)
             if self.is_over:
