@@ -6,10 +6,14 @@ use crate::state::{Contacts, State};
 use crate::terrain::Ground;
 use crate::wheels::Wheels;
 use nalgebra::Vector3;
+use std::any::Any;
 use std::sync::Arc;
 
 /// A simulated robot. Implementations trust their input; `Ballbot` checks it.
 pub trait Model: Send + Sync {
+    /// The model, for code of one kind of model.
+    fn as_any(&self) -> &dyn Any;
+
     /// The robot's parameters.
     fn params(&self) -> &Params;
 

@@ -15,11 +15,11 @@ mod modes;
 mod search;
 
 pub use conditions::{Conditions, Solution};
+pub use modes::Modes;
 
 use super::types::{PerRow, select3};
 use ballbot_base::lanes::{Lane, Value};
 use ballbot_base::wheels::Wheels;
-use modes::Modes;
 use search::search;
 
 /// Largest fraction of the friction bound in a step after which a robot is taken to grip again.

@@ -15,6 +15,7 @@ use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
+use std::any::Any;
 use std::sync::Arc;
 
 /// A ballbot on the ground, with unilateral contacts and friction.
@@ -56,6 +57,10 @@ impl ContactMotion {
 }
 
 impl Model for ContactMotion {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
     fn params(&self) -> &Params {
         &self.params
     }

@@ -96,6 +96,32 @@ impl<T: Cell> ContactState<T> {
 }
 
 impl<T: Cell> ContactState<T> {
+    /// Replaces pose and velocities: the inverse of [`ContactState::lane_state`].
+    #[inline(always)]
+    pub fn set_lane_state<L: Lane<Cell = T>, V: Value<L>>(&mut self, c: &Constants<V>, state: &LaneState<L>) {
+        let like = state.ball_position.x;
+        let (com, axes) = (c.com(like), c.principal_axes(like));
+        let attitude = state.body_quaternion.times(axes);
+        let rate = axes.rotation().apply_transposed(state.body_angular_velocity);
+        let rotation = attitude.rotation();
+        let mut spins = state.wheel_speeds;
+        for (i, spin) in spins.iter_mut().enumerate() {
+            *spin -= c.u(i, like).dot(rate);
+        }
+        state.ball_position.store(&mut self.ball_position);
+        state.ball_quaternion.store(&mut self.ball_quaternion);
+        (state.body_position + rotation.apply(com)).store(&mut self.body_position);
+        attitude.store(&mut self.body_quaternion);
+        state.wheel_angles.store(&mut self.wheel_angles);
+        self.set_velocities(&Velocities {
+            ball: state.ball_velocity,
+            ball_rate: state.ball_angular_velocity,
+            body: state.body_velocity + rotation.apply(rate.cross(com)),
+            body_rate: rate,
+            spins,
+        });
+    }
+
     /// Encoder rates of the wheels.
     #[inline(always)]
     pub fn wheel_speeds<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> Wheels<L> {

@@ -53,6 +53,8 @@ pub use ballbot_base::{
 #[doc(inline)]
 pub use ballbot_control as control;
 #[doc(inline)]
+pub use ballbot_gradients as gradients;
+#[doc(inline)]
 pub use ballbot_models as models;
 #[cfg(feature = "render")]
 #[doc(inline)]

@@ -1,5 +1,6 @@
 //! A simulated robot with any model of the ladder; its input is checked and divergence is reported.
 
+mod derivatives;
 mod standing;
 
 use crate::models::{PlanarMotion, SpatialMotion};
@@ -228,19 +229,7 @@ impl Ballbot {
     /// [`Error::Diverged`] within 64 steps of when the state has left its bounds, and then until a reset;
     /// [`Error::Interrupted`] in [`crate::stoppable`]; the robot stays at the time it has reached.
     pub fn step(&mut self, wheel_torques: impl Into<Wheels<f64>>, steps: usize) -> Result<()> {
-        let wheel_torques = wheel_torques.into();
-        let limit = self.params().max_wheel_torque;
-        for (i, &torque) in wheel_torques.iter().enumerate() {
-            check(
-                format_args!("wheel_torques[{i}]"),
-                torque,
-                format_args!("within ±max_wheel_torque = {limit} N·m"),
-                |torque| torque.abs() <= limit,
-            )?;
-        }
-        if let Some((time, reason)) = &self.diverged {
-            return Err(Error::Diverged { time: *time, reason: reason.clone() });
-        }
+        let wheel_torques = self.checked(wheel_torques.into())?;
         let mut left = steps;
         let mut watch = Watch::new();
         loop {
@@ -257,6 +246,23 @@ impl Ballbot {
             if left == 0 {
                 return Ok(());
             }
+        }
+    }
+
+    /// Torques that the robot can have next.
+    fn checked(&self, wheel_torques: Wheels<f64>) -> Result<Wheels<f64>> {
+        let limit = self.params().max_wheel_torque;
+        for (i, &torque) in wheel_torques.iter().enumerate() {
+            check(
+                format_args!("wheel_torques[{i}]"),
+                torque,
+                format_args!("within ±max_wheel_torque = {limit} N·m"),
+                |torque| torque.abs() <= limit,
+            )?;
+        }
+        match &self.diverged {
+            Some((time, reason)) => Err(Error::Diverged { time: *time, reason: reason.clone() }),
+            None => Ok(wheel_torques),
         }
     }
 

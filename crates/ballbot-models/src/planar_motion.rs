@@ -15,6 +15,7 @@ use ballbot_base::state::{Contacts, State, attitude, rolling_rate};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::any::Any;
 use std::sync::Arc;
 
 /// Coordinates (x, θ_y), (y, θ_x), yaw and ball spin angle; their rates; wheel angles; ball quaternion.
@@ -132,6 +133,10 @@ impl PlanarMotion {
 }
 
 impl Model for PlanarMotion {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
     fn params(&self) -> &Params {
         &self.params
     }

@@ -11,6 +11,7 @@ use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
 use nalgebra::{Quaternion, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::any::Any;
 use std::sync::Arc;
 
 /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
@@ -91,6 +92,10 @@ impl SpatialMotion {
 }
 
 impl Model for SpatialMotion {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
     fn params(&self) -> &Params {
         &self.params
     }

@@ -13,6 +13,7 @@ mod events;
 mod exclusive;
 mod fields;
 mod infos;
+mod jacobian;
 mod models;
 mod networks;
 mod numbers;
@@ -56,6 +57,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<state::PyContacts>()?;
     module.add_class::<terrain::PyTerrain>()?;
     module.add_class::<robot::PyBallbot>()?;
+    module.add_class::<jacobian::PyJacobian>()?;
     module.add_class::<models::PyLinearModel>()?;
     module.add_class::<models::PySpatialModel>()?;
     module.add_class::<models::PyPlanarModel>()?;

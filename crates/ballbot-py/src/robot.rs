@@ -3,6 +3,7 @@
 use crate::convert::{numbers, vector};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
+use crate::jacobian::{self, PyJacobian};
 use crate::numbers::{count, real, whole};
 use crate::params::{PyParams, or_paper};
 use crate::signals::interruptible;
@@ -125,6 +126,34 @@ impl PyBallbot {
             return py.detach(|| call(|| robot.step(torques, steps)));
         }
         interruptible(py, || robot.step(torques, steps))
+    }
+
+    /// Derivatives of the next `steps` time steps under constant motor torques (three, N·m), through contact and slip, with
+    /// respect to the state, the torques, and `parameters` of `params`: names, each for all its elements, or of one element,
+    /// as `body_com_offset[0]`. The robot does not move. Model "contact" only.
+    ///
+    /// With the modes of the contacts fixed, a step is smooth, and its derivatives are exact. Where a contact changes its
+    /// mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
+    ///
+    /// Raises:
+    ///     ValueError: an unknown parameter, or `roller_count`, a whole number; fewer than one step; torques as in `step`; a
+    ///         model without derivatives; derivatives that are not finite.
+    ///     DivergedError: the state leaves the simulation's bounds.
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    fn jacobian(
+        &self,
+        py: Python<'_>,
+        wheel_torques: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = whole)] steps: i64,
+        parameters: Vec<String>,
+    ) -> PyResult<PyJacobian> {
+        let steps = count("steps", steps, 1)?;
+        let torques = numbers::<3>("wheel_torques", wheel_torques)?;
+        let parameters = jacobian::parameters(&parameters)?;
+        let robot = self.0.read()?;
+        let robot = &*robot;
+        let jacobian = py.detach(|| call(|| robot.jacobian(torques, steps, &parameters)))?;
+        Ok(PyJacobian { jacobian, parameters, params: robot.params().clone() })
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).

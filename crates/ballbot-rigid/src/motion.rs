@@ -20,6 +20,7 @@ use ballbot_base::wheels::{WHEELS, Wheels};
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::any::Any;
 use std::sync::Arc;
 
 /// A ballbot of rigid bodies on the ground.
@@ -191,6 +192,10 @@ impl RigidMotion {
 }
 
 impl Model for RigidMotion {
+    fn as_any(&self) -> &dyn Any {
+        self
+    }
+
     fn params(&self) -> &Params {
         &self.params
     }

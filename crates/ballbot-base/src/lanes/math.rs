@@ -9,6 +9,8 @@ pub fn floor<L: Lane>(x: L) -> L {
     // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
     const ROUND: f64 = 6_755_399_441_055_744.0;
     let rounded = (x + ROUND) - ROUND;
+    // A whole number has no derivative.
+    let rounded = x.zero().with_value(rounded);
     L::select(x.lt(rounded), rounded - 1.0, rounded)
 }
 
@@ -58,7 +60,7 @@ pub fn atan2_positive<L: Lane>(y: L, x: L) -> L {
 pub fn wrapped_angle<L: Lane>(angle: L) -> L {
     // Adding and subtracting 1.5 · 2⁵² rounds to a whole number.
     const ROUND: f64 = 6_755_399_441_055_744.0;
-    let turns = (angle * (1.0 / TAU) + ROUND) - ROUND;
+    let turns = angle.zero().with_value((angle * (1.0 / TAU) + ROUND) - ROUND);
     turns.mul_add_all(-TAU, angle)
 }
 

@@ -6,6 +6,7 @@
 
 mod cells;
 mod dispatch;
+mod dual;
 mod group;
 mod halves;
 mod heading;
@@ -21,7 +22,8 @@ mod wide;
 
 pub use crate::lane_struct;
 pub use cells::{Cell, EIGHT, Eight};
-pub use dispatch::{Kernel, run_eight, run_eight_at, run_one};
+pub use dispatch::{Kernel, run_directions, run_eight, run_eight_at, run_one};
+pub use dual::{Dual, DualCell};
 pub use group::Group;
 pub use heading::Heading;
 pub use mat3::Mat3;
@@ -104,6 +106,13 @@ pub trait Lane:
     /// Runs rarely needed code with the same instructions but separate from the surrounding code, which thus keeps its
     /// registers.
     fn rarely<R>(token: Self::Token, rare: impl FnOnce() -> R) -> R;
+
+    /// The number `value` with the derivative of `self`: how a number computed without derivatives, or by rounding, gets
+    /// the derivative that it has. Equal to `value` in lanes without derivatives.
+    #[inline(always)]
+    fn with_value(self, value: Self) -> Self {
+        value
+    }
 
     /// Fused multiply-add self · factor + term with the same factor for all robots, rounded once.
     #[inline(always)]

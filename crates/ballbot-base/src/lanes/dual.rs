@@ -1,0 +1,237 @@
+//! Numbers with derivatives: forward differentiation of code over lanes.
+//!
+//! A [`Dual`] is a number of one robot and its derivatives along several directions, side by side in the lanes of a
+//! vector register. Code over [`Lane`] computes with it what it computes with `f64`, to the last bit, and the
+//! derivatives follow by the chain rule. Where a function has a kink, the derivative is the one of the branch taken.
+
+use super::{Cell, Lane};
+use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
+
+/// A number with derivatives along as many directions as `L` has lanes.
+#[derive(Clone, Copy, Debug)]
+pub struct Dual<L> {
+    /// The number.
+    pub value: f64,
+    /// Its derivatives.
+    pub derivatives: L,
+}
+
+/// Storage of a [`Dual`].
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct DualCell<C> {
+    /// The number.
+    pub value: f64,
+    /// Its derivative along each direction.
+    pub derivatives: C,
+}
+
+/// One robot; `get` and `set` are of its number, and a number that is set has no derivatives.
+impl<C: Cell> Cell for DualCell<C> {
+    const WIDTH: usize = 1;
+
+    #[inline(always)]
+    fn get(&self, _: usize) -> f64 {
+        self.value
+    }
+
+    #[inline(always)]
+    fn set(&mut self, _: usize, value: f64) {
+        *self = Self { value, derivatives: C::default() };
+    }
+}
+
+impl<L: Lane> Dual<L> {
+    /// `value`, a function of the number whose slope there is `factor`.
+    #[inline(always)]
+    fn chained(self, value: f64, factor: f64) -> Self {
+        Self { value, derivatives: self.derivatives * factor }
+    }
+}
+
+impl<L: Lane> Add for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(mut self, other: Self) -> Self {
+        self += other;
+        self
+    }
+}
+
+impl<L: Lane> AddAssign for Dual<L> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        self.value += other.value;
+        self.derivatives += other.derivatives;
+    }
+}
+
+impl<L: Lane> Sub for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(mut self, other: Self) -> Self {
+        self -= other;
+        self
+    }
+}
+
+impl<L: Lane> SubAssign for Dual<L> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        self.value -= other.value;
+        self.derivatives -= other.derivatives;
+    }
+}
+
+impl<L: Lane> Mul for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, other: Self) -> Self {
+        let derivatives = other.derivatives.mul_add_all(self.value, self.derivatives * other.value);
+        Self { value: self.value * other.value, derivatives }
+    }
+}
+
+impl<L: Lane> Div for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn div(self, other: Self) -> Self {
+        let (quotient, inverse) = (self.value / other.value, 1.0 / other.value);
+        let derivatives = other.derivatives.mul_add_all(-quotient * inverse, self.derivatives * inverse);
+        Self { value: quotient, derivatives }
+    }
+}
+
+impl<L: Lane> Neg for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        Self { value: -self.value, derivatives: -self.derivatives }
+    }
+}
+
+impl<L: Lane> Add<f64> for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn add(self, other: f64) -> Self {
+        Self { value: self.value + other, ..self }
+    }
+}
+
+impl<L: Lane> Sub<f64> for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: f64) -> Self {
+        Self { value: self.value - other, ..self }
+    }
+}
+
+impl<L: Lane> Mul<f64> for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, other: f64) -> Self {
+        self.chained(self.value * other, other)
+    }
+}
+
+impl<L: Lane> Div<f64> for Dual<L> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn div(self, other: f64) -> Self {
+        self.chained(self.value / other, 1.0 / other)
+    }
+}
+
+impl<L: Lane> Lane for Dual<L> {
+    type Mask = bool;
+    type Cell = DualCell<L::Cell>;
+    type Token = L::Token;
+
+    #[inline(always)]
+    fn load(token: L::Token, cell: &Self::Cell) -> Self {
+        Self { value: cell.value, derivatives: L::load(token, &cell.derivatives) }
+    }
+
+    #[inline(always)]
+    fn from_f64(token: L::Token, value: f64) -> Self {
+        Self { value, derivatives: L::from_f64(token, 0.0) }
+    }
+
+    #[inline(always)]
+    fn store(self, cell: &mut Self::Cell) {
+        cell.value = self.value;
+        self.derivatives.store(&mut cell.derivatives);
+    }
+
+    #[inline(always)]
+    fn splat(self, value: f64) -> Self {
+        Self { value, derivatives: self.derivatives.zero() }
+    }
+
+    #[inline(always)]
+    fn mul_add(self, factor: Self, term: Self) -> Self {
+        let of_self = self.derivatives.mul_add_all(factor.value, term.derivatives);
+        let derivatives = factor.derivatives.mul_add_all(self.value, of_self);
+        Self { value: self.value.mul_add(factor.value, term.value), derivatives }
+    }
+
+    /// At zero the derivative is zero: the square root of a sum of squares has a kink there.
+    #[inline(always)]
+    fn sqrt(self) -> Self {
+        let root = self.value.sqrt();
+        self.chained(root, if root > 0.0 { 0.5 / root } else { 0.0 })
+    }
+
+    #[inline(always)]
+    fn abs(self) -> Self {
+        if self.value < 0.0 { -self } else { Self { value: self.value.abs(), ..self } }
+    }
+
+    #[inline(always)]
+    fn max(self, other: Self) -> Self {
+        if self.value > other.value { self } else { other }
+    }
+
+    #[inline(always)]
+    fn min(self, other: Self) -> Self {
+        if self.value < other.value { self } else { other }
+    }
+
+    #[inline(always)]
+    fn lt(self, other: Self) -> bool {
+        self.value < other.value
+    }
+
+    #[inline(always)]
+    fn le(self, other: Self) -> bool {
+        self.value <= other.value
+    }
+
+    #[inline(always)]
+    fn select(mask: bool, yes: Self, no: Self) -> Self {
+        if mask { yes } else { no }
+    }
+
+    #[inline(always)]
+    fn any(mask: bool) -> bool {
+        mask
+    }
+
+    #[inline(always)]
+    fn rarely<R>(token: L::Token, rare: impl FnOnce() -> R) -> R {
+        L::rarely(token, rare)
+    }
+
+    #[inline(always)]
+    fn with_value(self, value: Self) -> Self {
+        Self { value: value.value, ..self }
+    }
+}

@@ -1,0 +1,298 @@
+//! Derivatives of the model `contact`.
+
+use crate::Jacobian;
+use crate::coordinates::{COORDINATES, FORCES, along, coordinates};
+use crate::parameters::Parameter;
+use ballbot_base::error::{Error, Result};
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Value, Wide, run_directions};
+use ballbot_base::params::Params;
+use ballbot_base::state::unit_quaternion;
+use ballbot_base::terrain::Ground;
+use ballbot_base::wheels::{WHEELS, Wheels};
+use ballbot_contact::{Constants, ContactState, Footing, SolvedStep, advance};
+use nalgebra::DMatrix;
+use std::sync::Arc;
+
+/// Contact forces of the last step on which the losses of a step depend: floor and normal forces.
+const LOADS: usize = 6;
+
+/// Derivatives of `steps` steps of a robot from `state` under constant torques.
+///
+/// # Errors
+/// Those of [`Parameter::slopes`]; [`Error::Diverged`] if the robot diverges in these steps, and
+/// [`Error::Inconsistent`] if a derivative is not finite.
+pub fn differentiate(
+    params: &Params,
+    constants: &Constants<f64>,
+    state: &ContactState<f64>,
+    ground: Option<&Arc<Ground>>,
+    torques: Wheels<f64>,
+    steps: usize,
+    parameters: &[Parameter],
+) -> Result<Jacobian> {
+    let sim_dt = constants.sim_dt;
+    let slopes: Result<Vec<_>> = parameters.iter().map(|parameter| parameter.slopes(params, sim_dt)).collect();
+    let states = COORDINATES + if params.has_losses() { LOADS } else { 0 };
+    let (solved, jacobian) = followed(constants, state, ground, torques, steps)?;
+    let [a, b, p] = [states, WHEELS, parameters.len()].map(|columns| DMatrix::zeros(states, columns));
+    let [c, d, q] = [states, WHEELS, parameters.len()].map(|columns| DMatrix::zeros(FORCES, columns));
+    let mut jacobian = Jacobian { a, b, p, c, d, q, ..jacobian };
+    run_directions(Passes {
+        problem: Problem { constants, state, ground, torques, solved: &solved, slopes: slopes? },
+        jacobian: &mut jacobian,
+    });
+    let Jacobian { a, b, p, c, d, q, .. } = &jacobian;
+    if [a, b, p, c, d, q].into_iter().flatten().all(|number| number.is_finite()) {
+        return Ok(jacobian);
+    }
+    Err(Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive")))
+}
+
+/// The motion without derivatives, and its steps.
+fn followed(
+    c: &Constants<f64>,
+    state: &ContactState<f64>,
+    ground: Option<&Arc<Ground>>,
+    torques: Wheels<f64>,
+    steps: usize,
+) -> Result<(Vec<SolvedStep>, Jacobian)> {
+    let mut state = state.clone();
+    let mut footing = ground.map(Footing::new);
+    let (mut margin, mut modes_changed) = (f64::INFINITY, false);
+    let mut solved: Vec<SolvedStep> = Vec::new();
+    for _ in 0..steps {
+        let time = state.steps * c.sim_dt;
+        let step = SolvedStep::new(c, &state, ground, torques).ok_or_else(|| {
+            Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
+        })?;
+        advance(c, &mut state, footing.as_mut(), torques, 1);
+        if state.diverged > 0.0 {
+            return Err(Error::Diverged { time, reason: "the next state is not finite".into() });
+        }
+        if !step.led_to(&state) {
+            return Err(Error::Inconsistent(format!(
+                "at t = {time} s the bot touches the floor or the ball its body: these contacts are solved by iteration and \
+                 have no derivatives"
+            )));
+        }
+        margin = margin.min(step.margin);
+        modes_changed |= solved.last().is_some_and(|before| !step.has_modes_of(before));
+        solved.push(step);
+    }
+    let none = || DMatrix::zeros(0, 0);
+    let jacobian = Jacobian {
+        a: none(),
+        b: none(),
+        p: none(),
+        c: none(),
+        d: none(),
+        q: none(),
+        next: state.read(c).into(),
+        contacts: state.contacts(c, ground.map(AsRef::as_ref)),
+        modes_changed,
+        margin,
+    };
+    Ok((solved, jacobian))
+}
+
+/// What is differentiated.
+struct Problem<'a> {
+    constants: &'a Constants<f64>,
+    state: &'a ContactState<f64>,
+    ground: Option<&'a Arc<Ground>>,
+    torques: Wheels<f64>,
+    solved: &'a [SolvedStep],
+    /// Derivatives of the constants with respect to each parameter.
+    slopes: Vec<Constants<f64>>,
+}
+
+struct Passes<'a, 'b> {
+    problem: Problem<'a>,
+    jacobian: &'b mut Jacobian,
+}
+
+impl Kernel for Passes<'_, '_> {
+    #[inline(always)]
+    fn run<S: Registers>(self, simd: S) {
+        passes::<Wide<S>>(simd, &self.problem, self.jacobian);
+    }
+
+    fn run_one_by_one(self) {
+        passes::<f64>(Scalar, &self.problem, self.jacobian);
+    }
+}
+
+/// What changes along a direction.
+#[derive(Clone, Copy)]
+enum Direction {
+    /// A coordinate of the state.
+    State(usize),
+    /// A force of the last step: of the floor, x, y and normal, or of a wheel.
+    Load(usize),
+    Torque(usize),
+    Parameter(usize),
+}
+
+impl Problem<'_> {
+    /// The directions that need a pass, parameters last.
+    fn directions(&self, [states, torques, parameters]: [usize; 3]) -> Vec<Direction> {
+        let coordinates = (0..COORDINATES).filter(|i| !self.is_shortcut(*i)).map(Direction::State);
+        coordinates
+            .chain((COORDINATES..states).map(|i| Direction::Load(i - COORDINATES)))
+            .chain((0..torques).map(Direction::Torque))
+            .chain((0..parameters).map(Direction::Parameter))
+            .collect()
+    }
+
+    /// Whether the column of a coordinate follows without a pass.
+    fn is_shortcut(&self, coordinate: usize) -> bool {
+        match coordinate {
+            // Level ground is the same everywhere.
+            0 | 1 => self.ground.is_none(),
+            // The attitude of the ball acts on nothing, and so do the angles of round wheels.
+            3..6 => true,
+            12..15 => !self.has_ripple(),
+            _ => false,
+        }
+    }
+
+    fn has_ripple(&self) -> bool {
+        self.constants.ripple_amplitude > 0.0
+    }
+}
+
+/// Differentiates along all directions.
+#[inline(always)]
+fn passes<L: Lane>(token: L::Token, problem: &Problem<'_>, jacobian: &mut Jacobian) {
+    let directions = problem.directions(jacobian.columns());
+    for some in directions.chunks(L::Cell::WIDTH) {
+        let Moved { value, state, forces } = pass::<L>(token, problem, some);
+        for (lane, direction) in some.iter().enumerate() {
+            let change = state.map(|cell| cell.derivatives.get(lane));
+            let forces = forces.map(|cell| cell.derivatives.get(lane));
+            write(jacobian, *direction, &coordinates(&value, &change), &forces);
+        }
+    }
+    take_shortcuts(jacobian, problem);
+}
+
+/// Writes a column.
+fn write(jacobian: &mut Jacobian, direction: Direction, state: &[f64; COORDINATES], forces: &[f64; FORCES]) {
+    let Jacobian { a, b, p, c, d, q, .. } = jacobian;
+    let (of_state, of_forces, column) = match direction {
+        Direction::State(i) => (a, c, i),
+        Direction::Load(i) => (a, c, COORDINATES + i),
+        Direction::Torque(i) => (b, d, i),
+        Direction::Parameter(i) => (p, q, i),
+    };
+    let loads = forces[2 * WHEELS..].iter().chain(&forces[..WHEELS]);
+    for (place, value) in of_state.column_mut(column).iter_mut().zip(state.iter().chain(loads)) {
+        *place = *value;
+    }
+    of_forces.column_mut(column).copy_from_slice(forces);
+}
+
+/// Writes the columns that need no pass.
+fn take_shortcuts(jacobian: &mut Jacobian, problem: &Problem<'_>) {
+    let start = problem.state.ball_quaternion;
+    let start = unit_quaternion("ball_quaternion", start).unwrap_or_default();
+    let turned = (jacobian.next.ball_quaternion * start.inverse()).to_rotation_matrix();
+    let Jacobian { a, c, .. } = jacobian;
+    for i in (0..COORDINATES).filter(|i| problem.is_shortcut(*i)) {
+        match i {
+            0 | 1 => {
+                // Ball and body moved together.
+                let (of_state, of_forces) = (-a.column(i + 6), -c.column(i + 6));
+                a.set_column(i, &of_state);
+                c.set_column(i, &of_forces);
+                a[(i, i)] += 1.0;
+                a[(i + 6, i)] += 1.0;
+            }
+            3..6 => (0..3).for_each(|row| a[(3 + row, i)] = turned[(row, i - 3)]),
+            _ => a[(i, i)] = 1.0,
+        }
+    }
+}
+
+/// The end of a motion.
+struct Moved<C> {
+    value: LaneState<f64>,
+    state: LaneState<DualCell<C>>,
+    forces: [DualCell<C>; FORCES],
+}
+
+/// The motion with derivatives along some directions.
+#[inline(always)]
+fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<L::Cell> {
+    let cell = |value: &f64| DualCell { value: *value, derivatives: L::Cell::default() };
+    let start = problem.state.read(problem.constants);
+    let mut seeds = start.map(cell);
+    let mut state = problem.state.map(cell);
+    let mut torques = problem.torques.map(|torque| cell(&torque));
+    for (lane, direction) in directions.iter().enumerate() {
+        match *direction {
+            Direction::State(i) => {
+                seeds.zip_mut(&along(&start, i), |cell, slope| cell.derivatives.set(lane, *slope));
+            }
+            Direction::Load(i) => {
+                // Normal, x and y.
+                let impulse = match i {
+                    0 => &mut state.floor_impulse[1],
+                    1 => &mut state.floor_impulse[2],
+                    2 => &mut state.floor_impulse[0],
+                    wheel => &mut state.normal_impulses[wheel - 3],
+                };
+                impulse.derivatives.set(lane, problem.constants.sim_dt);
+            }
+            Direction::Torque(i) => torques[i].derivatives.set(lane, 1.0),
+            Direction::Parameter(_) => {}
+        }
+    }
+    // Bodies of all kinds have the same derivatives.
+    let constants = Constants { general: 1.0, ..problem.constants.clone() };
+    if !directions.iter().any(|direction| matches!(direction, Direction::Parameter(_))) {
+        return if problem.has_ripple() {
+            moved::<L, f64, true>(&constants, token, problem, (seeds, state, torques))
+        } else {
+            moved::<L, f64, false>(&constants, token, problem, (seeds, state, torques))
+        };
+    }
+    let mut constants = constants.map(cell);
+    for (lane, direction) in directions.iter().enumerate() {
+        if let Direction::Parameter(i) = *direction {
+            constants.zip_mut(&problem.slopes[i], |cell, slope| cell.derivatives.set(lane, *slope));
+        }
+    }
+    moved::<L, Own<Dual<L>>, true>(&constants.owned::<Dual<L>>(token), token, problem, (seeds, state, torques))
+}
+
+/// Memory of a robot with derivatives.
+type Seeds<C> = (LaneState<DualCell<C>>, ContactState<DualCell<C>>, Wheels<DualCell<C>>);
+
+/// The motion of a robot whose state, memory and torques have derivatives.
+#[inline(always)]
+fn moved<L: Lane, V: Value<Dual<L>>, const RIPPLE: bool>(
+    c: &Constants<V>,
+    token: L::Token,
+    problem: &Problem<'_>,
+    (mut public, mut state, torques): Seeds<L::Cell>,
+) -> Moved<L::Cell> {
+    state.set_lane_state(c, &public.load::<Dual<L>>(token));
+    // The motion starts from the bits of the robot's memory.
+    state.zip_mut(problem.state, |cell, value| cell.value = *value);
+    let mut footing = problem.ground.map(Footing::new);
+    for step in problem.solved {
+        step.advance::<L, V, RIPPLE>(c, token, &mut state, footing.as_mut(), &torques);
+    }
+    public.store(&state.lane_state::<Dual<L>, V>(token, c));
+    let impulses = state.impulses::<Dual<L>>(token);
+    let rate = problem.constants.sim_dt.recip();
+    let [z, x, y] = impulses.floor;
+    let ([n0, n1, n2], [d0, d1, d2]) = (impulses.normals.0, impulses.drives.0);
+    let mut forces = [DualCell::default(); FORCES];
+    for (cell, force) in forces.iter_mut().zip([n0, n1, n2, -d0, -d1, -d2, x, y, z]) {
+        (force * rate).store(cell);
+    }
+    Moved { value: public.map(|cell| cell.value), state: public, forces }
+}
