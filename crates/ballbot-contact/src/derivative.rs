@@ -25,6 +25,9 @@ const ROWS: usize = PerRow::<f64>::LEN;
 /// Number of contacts and gaps with modes.
 const MODES: usize = 3 * WHEELS + 2;
 
+/// The mode of each contact and gap.
+pub type Kinds = [i8; MODES];
+
 /// A step whose modes are known.
 pub struct SolvedStep {
     /// Impulses of the contacts, in the frame of the ground.
@@ -32,7 +35,7 @@ pub struct SolvedStep {
     modes: Modes<f64>,
     /// −F_λ⁻¹.
     inverse: SMatrix<f64, ROWS, ROWS>,
-    kinds: [i8; MODES],
+    kinds: Kinds,
     /// Distance from other modes: the smallest change of an impulse, as a fraction of the impulse of a wheel's static
     /// load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
     pub margin: f64,
@@ -108,6 +111,11 @@ impl SolvedStep {
         }
         let (kinds, margin) = kinds(c, &start, &trial, &friction, &joint_friction, static_impulse);
         Some(Self { impulses, modes, inverse: slope.try_inverse()?, kinds, margin })
+    }
+
+    /// The mode of each contact.
+    pub fn kinds(&self) -> Kinds {
+        self.kinds
     }
 
     /// Whether all contacts have the modes of another step.
@@ -237,7 +245,7 @@ fn kinds(
     friction: &Friction<f64>,
     joint_friction: &JointFriction<f64>,
     static_impulse: f64,
-) -> ([i8; MODES], f64) {
+) -> (Kinds, f64) {
     let (mut kinds, mut margin) = ([0; MODES], f64::INFINITY);
     let mut next = 0;
     let mut add = |kind: i8, distance: f64| {

@@ -34,7 +34,7 @@ mod types;
 pub use body_contacts::Near;
 pub use constants::{Constants, InLanes, LaneConstants};
 pub use delassus::Delassus;
-pub use derivative::SolvedStep;
+pub use derivative::{Kinds, SolvedStep};
 pub use footing::Footing;
 pub use friction::{Friction, JointFriction};
 pub use motion::ContactMotion;

@@ -4,6 +4,7 @@ use crate::Jacobian;
 use crate::coordinates::{COORDINATES, FORCES, along, coordinates};
 use crate::parameters::Parameter;
 use ballbot_base::error::{Error, Result};
+use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Value, Wide, run_directions};
 use ballbot_base::params::Params;
@@ -15,85 +16,136 @@ use nalgebra::DMatrix;
 use std::sync::Arc;
 
 /// Contact forces of the last step on which the losses of a step depend: floor and normal forces.
-const LOADS: usize = 6;
+pub(crate) const LOADS: usize = 6;
 
-/// Derivatives of `steps` steps of a robot from `state` under constant torques.
-///
-/// # Errors
-/// Those of [`Parameter::slopes`]; [`Error::Diverged`] if the robot diverges in these steps, and
-/// [`Error::Inconsistent`] if a derivative is not finite.
-pub fn differentiate(
-    params: &Params,
-    constants: &Constants<f64>,
-    state: &ContactState<f64>,
-    ground: Option<&Arc<Ground>>,
-    torques: Wheels<f64>,
-    steps: usize,
-    parameters: &[Parameter],
-) -> Result<Jacobian> {
-    let sim_dt = constants.sim_dt;
-    let slopes: Result<Vec<_>> = parameters.iter().map(|parameter| parameter.slopes(params, sim_dt)).collect();
-    let states = COORDINATES + if params.has_losses() { LOADS } else { 0 };
-    let (solved, jacobian) = followed(constants, state, ground, torques, steps)?;
-    let [a, b, p] = [states, WHEELS, parameters.len()].map(|columns| DMatrix::zeros(states, columns));
-    let [c, d, q] = [states, WHEELS, parameters.len()].map(|columns| DMatrix::zeros(FORCES, columns));
-    let mut jacobian = Jacobian { a, b, p, c, d, q, ..jacobian };
-    run_directions(Passes {
-        problem: Problem { constants, state, ground, torques, solved: &solved, slopes: slopes? },
-        jacobian: &mut jacobian,
-    });
-    let Jacobian { a, b, p, c, d, q, .. } = &jacobian;
-    if [a, b, p, c, d, q].into_iter().flatten().all(|number| number.is_finite()) {
-        return Ok(jacobian);
-    }
-    Err(Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive")))
+/// Steps that are differentiated at once; longer motions are joined by the chain rule.
+const MOST_STEPS: usize = 64;
+
+/// A moving robot, whose motion is differentiated.
+pub struct Differentiated {
+    constants: Constants<f64>,
+    state: ContactState<f64>,
+    ground: Option<Arc<Ground>>,
+    /// Derivatives of the constants with respect to each parameter.
+    slopes: Vec<Constants<f64>>,
+    states: usize,
 }
 
-/// The motion without derivatives, and its steps.
-fn followed(
-    c: &Constants<f64>,
-    state: &ContactState<f64>,
-    ground: Option<&Arc<Ground>>,
-    torques: Wheels<f64>,
-    steps: usize,
-) -> Result<(Vec<SolvedStep>, Jacobian)> {
-    let mut state = state.clone();
-    let mut footing = ground.map(Footing::new);
-    let (mut margin, mut modes_changed) = (f64::INFINITY, false);
-    let mut solved: Vec<SolvedStep> = Vec::new();
-    for _ in 0..steps {
-        let time = state.steps * c.sim_dt;
-        let step = SolvedStep::new(c, &state, ground, torques).ok_or_else(|| {
-            Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
-        })?;
-        advance(c, &mut state, footing.as_mut(), torques, 1);
-        if state.diverged > 0.0 {
-            return Err(Error::Diverged { time, reason: "the next state is not finite".into() });
-        }
-        if !step.led_to(&state) {
-            return Err(Error::Inconsistent(format!(
-                "at t = {time} s the bot touches the floor or the ball its body: these contacts are solved by iteration and \
-                 have no derivatives"
-            )));
-        }
-        margin = margin.min(step.margin);
-        modes_changed |= solved.last().is_some_and(|before| !step.has_modes_of(before));
-        solved.push(step);
+impl Differentiated {
+    /// A robot in a state of its solver. `with_loads` adds the contact forces of the last step to the states, on which
+    /// losses depend.
+    ///
+    /// # Errors
+    /// Those of [`Parameter::slopes`].
+    pub fn new(
+        params: &Params,
+        constants: &Constants<f64>,
+        state: ContactState<f64>,
+        ground: Option<&Arc<Ground>>,
+        parameters: &[Parameter],
+        with_loads: bool,
+    ) -> Result<Self> {
+        let slopes = parameters.iter().map(|parameter| parameter.slopes(params, constants.sim_dt));
+        Ok(Self {
+            constants: constants.clone(),
+            state,
+            ground: ground.cloned(),
+            slopes: slopes.collect::<Result<_>>()?,
+            states: COORDINATES + if with_loads { LOADS } else { 0 },
+        })
     }
-    let none = || DMatrix::zeros(0, 0);
-    let jacobian = Jacobian {
-        a: none(),
-        b: none(),
-        p: none(),
-        c: none(),
-        d: none(),
-        q: none(),
-        next: state.read(c).into(),
-        contacts: state.contacts(c, ground.map(AsRef::as_ref)),
-        modes_changed,
-        margin,
-    };
-    Ok((solved, jacobian))
+
+    /// Advances the robot by `steps` time steps, at least one, under constant motor torques, N·m.
+    ///
+    /// # Errors
+    /// [`Error::Diverged`] if the robot diverges; [`Error::Inconsistent`] if its bot touches the floor or its ball the
+    /// body, or a derivative is not finite; [`Error::Interrupted`] in [`ballbot_base::stoppable`].
+    pub fn advance(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
+        let mut watch = Watch::new();
+        let mut whole: Option<Jacobian> = None;
+        let mut left = steps;
+        while left > 0 {
+            watch.check()?;
+            let some = left.min(MOST_STEPS);
+            let part = self.advance_some(torques, some)?;
+            whole = Some(match whole {
+                Some(before) => before.followed_by(part),
+                None => part,
+            });
+            left -= some;
+        }
+        let whole =
+            whole.ok_or_else(|| Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() })?;
+        if whole.is_finite() {
+            return Ok(whole);
+        }
+        Err(Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive")))
+    }
+
+    fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
+        let (solved, end, mut jacobian) = self.followed(torques, steps)?;
+        let (states, parameters) = (self.states, self.slopes.len());
+        let [a, b, p] = [states, WHEELS, parameters].map(|columns| DMatrix::zeros(states, columns));
+        let [c, d, q] = [states, WHEELS, parameters].map(|columns| DMatrix::zeros(FORCES, columns));
+        jacobian = Jacobian { a, b, p, c, d, q, ..jacobian };
+        run_directions(Passes {
+            problem: Problem {
+                constants: &self.constants,
+                state: &self.state,
+                ground: self.ground.as_ref(),
+                torques,
+                solved: &solved,
+                slopes: &self.slopes,
+            },
+            jacobian: &mut jacobian,
+        });
+        self.state = end;
+        Ok(jacobian)
+    }
+
+    /// The motion without derivatives: its steps, its end, and a Jacobian without matrices.
+    fn followed(&self, torques: Wheels<f64>, steps: usize) -> Result<(Vec<SolvedStep>, ContactState<f64>, Jacobian)> {
+        let (c, ground) = (&self.constants, self.ground.as_ref());
+        let mut state = self.state.clone();
+        let mut footing = ground.map(Footing::new);
+        let (mut margin, mut modes_changed) = (f64::INFINITY, false);
+        let mut solved: Vec<SolvedStep> = Vec::with_capacity(steps);
+        for _ in 0..steps {
+            let time = state.steps * c.sim_dt;
+            let step = SolvedStep::new(c, &state, ground, torques).ok_or_else(|| {
+                Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
+            })?;
+            advance(c, &mut state, footing.as_mut(), torques, 1);
+            if state.diverged > 0.0 {
+                return Err(Error::Diverged { time, reason: "the next state is not finite".into() });
+            }
+            if !step.led_to(&state) {
+                return Err(Error::Inconsistent(format!(
+                    "at t = {time} s the bot touches the floor or the ball its body: these contacts are solved by \
+                     iteration and have no derivatives"
+                )));
+            }
+            margin = margin.min(step.margin);
+            modes_changed |= solved.last().is_some_and(|before| !step.has_modes_of(before));
+            solved.push(step);
+        }
+        let none = || DMatrix::zeros(0, 0);
+        let kinds = [&solved[0], &solved[steps - 1]].map(SolvedStep::kinds);
+        let jacobian = Jacobian {
+            a: none(),
+            b: none(),
+            p: none(),
+            c: none(),
+            d: none(),
+            q: none(),
+            next: state.read(c).into(),
+            contacts: state.contacts(c, ground.map(AsRef::as_ref)),
+            modes_changed,
+            margin,
+            kinds,
+        };
+        Ok((solved, state, jacobian))
+    }
 }
 
 /// What is differentiated.
@@ -103,8 +155,7 @@ struct Problem<'a> {
     ground: Option<&'a Arc<Ground>>,
     torques: Wheels<f64>,
     solved: &'a [SolvedStep],
-    /// Derivatives of the constants with respect to each parameter.
-    slopes: Vec<Constants<f64>>,
+    slopes: &'a [Constants<f64>],
 }
 
 struct Passes<'a, 'b> {

@@ -11,12 +11,15 @@ mod contact;
 mod coordinates;
 mod parameters;
 
-pub use contact::differentiate;
-pub use coordinates::force_names;
-use coordinates::{coordinate_names, load_names};
+pub use contact::Differentiated;
+use contact::LOADS;
+use coordinates::{COORDINATES, coordinate_names, load_names};
+pub use coordinates::{FORCES, force_names};
 pub use parameters::Parameter;
 
 use ballbot_base::state::{Contacts, State};
+use ballbot_base::wheels::WHEELS;
+use ballbot_contact::Kinds;
 use nalgebra::DMatrix;
 
 /// Derivatives of a motion under constant torques.
@@ -43,8 +46,16 @@ pub struct Jacobian {
     pub contacts: Contacts,
     /// Whether a contact changed its mode from one step to another.
     pub modes_changed: bool,
-    /// Smallest distance of a step from other modes: see [`ballbot_contact::StepModes::margin`].
+    /// Smallest distance of a step from other modes: see [`ballbot_contact::SolvedStep::margin`].
     pub margin: f64,
+    /// Modes of the contacts in the first and the last step.
+    kinds: [Kinds; 2],
+}
+
+/// Memory of a [`Jacobian`] with respect to a number of parameters, bytes; of a robot with or without losses.
+pub fn bytes_of(parameters: usize, with_loads: bool) -> usize {
+    let states = COORDINATES + if with_loads { LOADS } else { 0 };
+    size_of::<Jacobian>() + (states + FORCES) * (states + WHEELS + parameters) * size_of::<f64>()
 }
 
 impl Jacobian {
@@ -58,8 +69,30 @@ impl Jacobian {
         names
     }
 
+    /// The derivatives of this motion and the next, under the same torques.
+    fn followed_by(&self, next: Self) -> Self {
+        Self {
+            a: &next.a * &self.a,
+            b: &next.a * &self.b + next.b,
+            p: &next.a * &self.p + next.p,
+            c: &next.c * &self.a,
+            d: &next.c * &self.b + next.d,
+            q: &next.c * &self.p + next.q,
+            modes_changed: self.modes_changed || next.modes_changed || self.kinds[1] != next.kinds[0],
+            margin: self.margin.min(next.margin),
+            kinds: [self.kinds[0], next.kinds[1]],
+            next: next.next,
+            contacts: next.contacts,
+        }
+    }
+
+    fn is_finite(&self) -> bool {
+        let Self { a, b, p, c, d, q, .. } = self;
+        [a, b, p, c, d, q].into_iter().flatten().all(|number| number.is_finite())
+    }
+
     /// Numbers of states, torques and parameters.
-    fn columns(&self) -> [usize; 3] {
+    pub fn columns(&self) -> [usize; 3] {
         [self.a.ncols(), self.b.ncols(), self.p.ncols()]
     }
 }

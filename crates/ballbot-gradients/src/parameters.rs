@@ -4,7 +4,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 use ballbot_contact::{Constants, PrincipalAxes};
-use nalgebra::{Matrix3, Rotation3, UnitQuaternion};
+use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
 
 /// Weights of a central difference of eighth order at one to four steps.
@@ -55,18 +55,16 @@ impl Parameter {
     /// [`Error::Inconsistent`] where the principal axes of the body have no derivative.
     pub(crate) fn slopes(&self, params: &Params, sim_dt: f64) -> Result<Constants<f64>> {
         let axes = PrincipalAxes::new(params);
-        self.check_axes(params, &axes)?;
-        let step = self.step(params);
-        let mut slopes = Constants::<f64>::default();
-        for (k, weight) in WEIGHTS.iter().enumerate() {
-            for sign in [1.0, -1.0] {
+        let mut slopes = if ["body_inertia", "body_products_of_inertia"].contains(&self.name()) {
+            let turning = self.turning(params, &axes)?;
+            difference(turning.step(&axes), |amount| Constants::in_axes(params, sim_dt, &turning.axes(&axes, amount)))
+        } else {
+            difference(self.step(params), |amount| {
                 let mut changed = params.clone();
-                changed.values_mut(self.field)[self.element] += sign * (k + 1) as f64 * step;
-                let there = Constants::in_axes(&changed, sim_dt, &aligned(&changed, &axes));
-                slopes.zip_mut(&there, |slope, value| *slope += sign * weight * value);
-            }
-        }
-        slopes.zip_mut(&slopes.clone(), |slope, sum| *slope = sum / step);
+                changed.values_mut(self.field)[self.element] += amount;
+                Constants::in_axes(&changed, sim_dt, &axes)
+            })
+        };
         // What a parameter turns on or off.
         for switch in [&mut slopes.general, &mut slopes.loss_share, &mut slopes.has_losses_or_ripple] {
             *switch = 0.0;
@@ -74,37 +72,79 @@ impl Parameter {
         Ok(slopes)
     }
 
+    fn name(&self) -> &'static str {
+        Params::FIELDS[self.field].name
+    }
+
+    /// Change of the principal axes per change of a moment or product of inertia.
+    fn turning(&self, params: &Params, axes: &PrincipalAxes) -> Result<Turning> {
+        let mut change = Params { body_inertia: [0.0; 3], body_products_of_inertia: [0.0; 3], ..params.clone() };
+        change.values_mut(self.field)[self.element] = 1.0;
+        let rotation = axes.rotation().to_rotation_matrix();
+        let change = rotation.transpose() * change.body_inertia_matrix() * rotation;
+        let moments = axes.moments;
+        let largest = moments.into_iter().fold(0.0, f64::max);
+        let mut rate = Vector3::zeros();
+        for (axis, i, j) in [(0, 1, 2), (1, 2, 0), (2, 0, 1)] {
+            let apart = moments[i] - moments[j];
+            if change[(i, j)].abs() <= f64::EPSILON {
+                continue;
+            }
+            if apart.abs() < DISTINCT * largest {
+                return Err(Error::Inconsistent(format!(
+                    "two principal moments of inertia of the body are equal, {} and {} kg·m², so its principal axes have no \
+                     derivative with respect to {self}",
+                    moments[i], moments[j]
+                )));
+            }
+            rate[axis] = change[(i, j)] / apart;
+        }
+        Ok(Turning { rate, moments: change.diagonal() })
+    }
+
+    /// Step of a difference along the parameter.
     fn step(&self, params: &Params) -> f64 {
         let field = &Params::FIELDS[self.field];
         let value = params.values(self.field)[self.element];
-        let inertia = params.body_inertia.iter().copied().fold(f64::INFINITY, f64::min);
         match field.name {
             name if field.required || ["gravity", "friction_critical_velocity"].contains(&name) => STEP * value,
             "body_com_offset" => STEP * params.body_com_height,
-            "body_products_of_inertia" => STEP * inertia,
             _ if field.unit == "rad" => STEP,
             _ => LINEAR_STEP * value.max(1.0),
         }
     }
+}
 
-    /// Checks that the principal axes of the body have a derivative, if they depend on the parameter.
-    fn check_axes(&self, params: &Params, axes: &PrincipalAxes) -> Result<()> {
-        let name = Params::FIELDS[self.field].name;
-        if name != "body_products_of_inertia" && !(name == "body_inertia" && axes.turned()) {
-            return Ok(());
-        }
-        let mut moments = axes.moments;
-        moments.sort_by(f64::total_cmp);
-        let [least, middle, most] = moments;
-        if (middle - least).min(most - middle) > DISTINCT * most {
-            return Ok(());
-        }
-        Err(Error::Inconsistent(format!(
-            "two principal moments of inertia of the body are equal within {DISTINCT} ({:?} kg·m²), so its principal axes \
-             have no derivative with respect to {name}",
-            params.body_inertia
-        )))
+/// Change of the principal axes of a body, per unit of a parameter.
+struct Turning {
+    /// Rotation vector, principal frame.
+    rate: Vector3<f64>,
+    moments: Vector3<f64>,
+}
+
+impl Turning {
+    fn step(&self, axes: &PrincipalAxes) -> f64 {
+        let growth = self.moments.iter().zip(axes.moments).map(|(change, moment)| (change / moment).abs());
+        STEP / growth.fold(self.rate.norm(), f64::max)
     }
+
+    fn axes(&self, axes: &PrincipalAxes, amount: f64) -> PrincipalAxes {
+        let rotation = axes.rotation() * UnitQuaternion::from_scaled_axis(self.rate * amount);
+        let moments = [0, 1, 2].map(|i| self.moments[i].mul_add(amount, axes.moments[i]));
+        PrincipalAxes { rotation: Some(rotation), moments }
+    }
+}
+
+/// Derivative of constants at zero.
+fn difference(step: f64, constants: impl Fn(f64) -> Constants<f64>) -> Constants<f64> {
+    let mut sum = Constants::<f64>::default();
+    for (k, weight) in WEIGHTS.iter().enumerate() {
+        for side in [1.0, -1.0] {
+            let there = constants(side * (k + 1) as f64 * step);
+            sum.zip_mut(&there, |sum, value| *sum = (side * weight).mul_add(*value, *sum));
+        }
+    }
+    sum.map(|sum| sum / step)
 }
 
 impl fmt::Display for Parameter {
@@ -112,31 +152,4 @@ impl fmt::Display for Parameter {
         let field = &Params::FIELDS[self.field];
         if field.len == 1 { f.write_str(field.name) } else { write!(f, "{}[{}]", field.name, self.element) }
     }
-}
-
-/// The principal axes of `params` in the order and with the signs of nearby `axes`.
-fn aligned(params: &Params, axes: &PrincipalAxes) -> PrincipalAxes {
-    if !axes.turned() && params.body_products_of_inertia == [0.0; 3] {
-        return PrincipalAxes { rotation: None, moments: params.body_inertia };
-    }
-    let inertia = params.body_inertia_matrix();
-    let found = inertia.symmetric_eigen().eigenvectors;
-    let near = axes.rotation().to_rotation_matrix().into_inner();
-    let columns = [0, 1, 2].map(|i| {
-        let wanted = near.column(i);
-        let cosine = |column: usize| found.column(column).dot(&wanted);
-        let best = [0, 1, 2].into_iter().max_by(|a, b| cosine(*a).abs().total_cmp(&cosine(*b).abs())).unwrap_or(i);
-        found.column(best) * cosine(best).signum()
-    });
-    let matrix = Matrix3::from_columns(&columns);
-    let rotation = UnitQuaternion::from_rotation_matrix(&Rotation3::from_matrix_unchecked(matrix));
-    // A quaternion and its negative are the same rotation.
-    let before = axes.rotation();
-    let rotation = if rotation.coords.dot(&before.coords) < 0.0 {
-        UnitQuaternion::new_unchecked(-rotation.into_inner())
-    } else {
-        rotation
-    };
-    let moments = [0, 1, 2].map(|i| columns[i].dot(&(inertia * columns[i])));
-    PrincipalAxes { rotation: Some(rotation), moments }
 }

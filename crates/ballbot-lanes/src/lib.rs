@@ -64,6 +64,11 @@ impl ContactLanes {
         self.footing.as_ref().map(|footing| &*footing.ground)
     }
 
+    /// The ground, shared with others.
+    pub fn shared_ground(&self) -> Option<&Arc<Ground>> {
+        self.footing.as_ref().map(|footing| &footing.ground)
+    }
+
     /// Constants of robot `i`.
     pub fn constants(&self, i: usize) -> Cow<'_, Constants<f64>> {
         self.constants.lane(i)

@@ -7,6 +7,7 @@ use crate::events::draws;
 use crate::exclusive::Exclusive;
 use crate::fields::field_dict;
 use crate::infos::StepInfos;
+use crate::jacobian::{self, PyJacobians};
 use crate::networks::networks;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
@@ -1082,6 +1083,32 @@ impl PyBatch {
         dict.set_item("truncated", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.truncated)))?;
         dict.set_item("success", PyArray1::from_iter(py, episodes.iter().map(|episode| episode.success)))?;
         Ok(dict)
+    }
+
+    /// Derivatives of the next `steps` time steps of the model for each robot under constant motor torques (shape
+    /// (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. The robots do not move. A robot whose bot
+    /// touches the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or
+    /// roller friction, the contact forces of the last step are states of all.
+    ///
+    /// Raises:
+    ///     ValueError: torques that are not finite; an unknown parameter, or `roller_count`; fewer than one step; a model
+    ///         without derivatives.
+    ///     MemoryError: too many robots.
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    fn jacobians(
+        &self,
+        py: Python<'_>,
+        wheel_torques: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = whole)] steps: i64,
+        parameters: Vec<String>,
+    ) -> PyResult<PyJacobians> {
+        let steps = count("steps", steps, 1)?;
+        let mut inner = self.inner.write()?;
+        let torques = jacobian::torques(wheel_torques, Some(inner.batch.len()))?;
+        let parameters = jacobian::parameters(&parameters)?;
+        let batch = &mut inner.batch;
+        let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
+        Ok(PyJacobians::new(jacobians, parameters))
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

@@ -1,11 +1,12 @@
-//! `Jacobian`.
+//! `Jacobian` and `Jacobians`.
 
-use crate::convert::matrix;
+use crate::convert::{ANY_COUNT, elements, finite_elements, matrix};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
-use ballbot_core::Params;
-use ballbot_core::gradients::{Jacobian, Parameter, force_names};
-use numpy::PyArray2;
+use ballbot_core::gradients::{FORCES, Jacobian, Parameter, force_names};
+use ballbot_core::{Params, WHEELS, Wheels, try_zeros};
+use nalgebra::{DMatrix, DVector};
+use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::PyTuple;
 
@@ -25,6 +26,12 @@ pub(crate) struct PyJacobian {
     pub(crate) jacobian: Jacobian,
     pub(crate) parameters: Vec<Parameter>,
     pub(crate) params: Params,
+}
+
+/// Torques of robots or motions, shape (n, 3).
+pub(crate) fn torques(value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Vec<Wheels<f64>>> {
+    let numbers: Vec<f64> = elements("wheel_torques", value, &[n, Some(WHEELS)], ANY_COUNT)?;
+    Ok(numbers.chunks_exact(WHEELS).map(|torques| Wheels([torques[0], torques[1], torques[2]])).collect())
 }
 
 /// The parameters of names.
@@ -139,3 +146,220 @@ impl PyJacobian {
         )
     }
 }
+
+/// Derivatives of several motions: of the robots of a batch, `Batch.jacobians`, or along the motion of one robot,
+/// `Ballbot.jacobians`, as `MotionJacobians`. As `Jacobian`, with one more axis in front; attributes are fresh arrays.
+#[pyclass(name = "Jacobians", module = "ballbot_rs", frozen, subclass)]
+pub(crate) struct PyJacobians {
+    jacobians: Vec<Option<Jacobian>>,
+    parameters: Vec<Parameter>,
+    states: Vec<String>,
+}
+
+impl PyJacobians {
+    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>) -> Self {
+        let states = jacobians.iter().flatten().next().map(Jacobian::state_names).unwrap_or_default();
+        Self { jacobians, parameters, states }
+    }
+
+    fn stacked<'py>(
+        &self,
+        py: Python<'py>,
+        [rows, columns]: [usize; 2],
+        of: impl Fn(&Jacobian) -> &DMatrix<f64>,
+    ) -> PyResult<Bound<'py, PyArray3<f64>>> {
+        let shape = [self.jacobians.len(), rows, columns];
+        let mut numbers = try_zeros("the derivatives", &shape).map_err(to_python)?;
+        for (part, jacobian) in numbers.chunks_exact_mut((rows * columns).max(1)).zip(&self.jacobians) {
+            if let Some(jacobian) = jacobian {
+                // By columns in memory, by rows in the array.
+                let matrix = of(jacobian);
+                for (i, row) in part.chunks_exact_mut(columns).enumerate() {
+                    row.iter_mut().enumerate().for_each(|(j, number)| *number = matrix[(i, j)]);
+                }
+            }
+        }
+        PyArray1::from_vec(py, numbers).reshape(shape)
+    }
+
+    fn one_each<'py, T: numpy::Element + Copy>(
+        &self,
+        py: Python<'py>,
+        without: T,
+        of: impl Fn(&Jacobian) -> T,
+    ) -> Bound<'py, PyArray1<T>> {
+        PyArray1::from_iter(py, self.jacobians.iter().map(|jacobian| jacobian.as_ref().map_or(without, &of)))
+    }
+}
+
+type Stack<'py> = PyResult<Bound<'py, PyArray3<f64>>>;
+
+#[pymethods]
+impl PyJacobians {
+    /// The states after each motion by the states before, shape (N, n, n).
+    #[getter(A)]
+    fn a<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        let n = self.states.len();
+        self.stacked(py, [n, n], |jacobian| &jacobian.a)
+    }
+
+    /// The states by the torques, shape (N, n, 3).
+    #[getter(B)]
+    fn b<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        self.stacked(py, [self.states.len(), WHEELS], |jacobian| &jacobian.b)
+    }
+
+    /// The states by the parameters, shape (N, n, k).
+    #[getter(P)]
+    fn p<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        self.stacked(py, [self.states.len(), self.parameters.len()], |jacobian| &jacobian.p)
+    }
+
+    /// The contact forces by the states before, shape (N, 9, n).
+    #[getter(C)]
+    fn c<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        self.stacked(py, [FORCES, self.states.len()], |jacobian| &jacobian.c)
+    }
+
+    /// The contact forces by the torques, shape (N, 9, 3).
+    #[getter(D)]
+    fn d<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        self.stacked(py, [FORCES, WHEELS], |jacobian| &jacobian.d)
+    }
+
+    /// The contact forces by the parameters, shape (N, 9, k).
+    #[getter(Q)]
+    fn q<'py>(&self, py: Python<'py>) -> Stack<'py> {
+        self.stacked(py, [FORCES, self.parameters.len()], |jacobian| &jacobian.q)
+    }
+
+    /// Names of the n states, as `Jacobian.states`.
+    #[getter]
+    fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, &self.states)
+    }
+
+    /// Names of the k parameters.
+    #[getter]
+    fn parameters<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, self.parameters.iter().map(ToString::to_string))
+    }
+
+    /// Names of the nine contact forces.
+    #[getter]
+    fn forces<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
+        PyTuple::new(py, force_names())
+    }
+
+    /// Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor or that have diverged, have
+    /// zeros.
+    #[getter]
+    fn valid<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.one_each(py, false, |_| true)
+    }
+
+    /// As `Jacobian.modes_changed`, shape (N,).
+    #[getter]
+    fn modes_changed<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.one_each(py, false, |jacobian| jacobian.modes_changed)
+    }
+
+    /// As `Jacobian.margin`, shape (N,); 0 without derivatives.
+    #[getter]
+    fn margin<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<f64>> {
+        self.one_each(py, 0.0, |jacobian| jacobian.margin)
+    }
+
+    /// As `Jacobian.one_sided`, shape (N,).
+    #[getter]
+    fn one_sided<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
+        self.one_each(py, true, |jacobian| jacobian.margin < ON_A_KINK)
+    }
+
+    fn __len__(&self) -> usize {
+        self.jacobians.len()
+    }
+
+    fn __reduce__(&self) -> PyResult<()> {
+        not_pickled("Jacobians", "pickle the arrays")
+    }
+
+    fn __repr__(&self) -> String {
+        let (n, k) = (self.states.len(), self.parameters.len());
+        format!("<Jacobians: {} motions, {n} states, 3 torques, {k} parameters>", self.jacobians.len())
+    }
+}
+
+/// Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
+/// products with vectors are those of the whole: forward (`jvp`) and reverse (`vjp`).
+#[pyclass(name = "MotionJacobians", module = "ballbot_rs", frozen, extends = PyJacobians)]
+pub(crate) struct PyMotionJacobians {
+    #[pyo3(get)]
+    length: usize,
+}
+
+impl PyMotionJacobians {
+    pub(crate) fn new(py: Python<'_>, jacobians: Vec<Jacobian>, parameters: Vec<Parameter>) -> PyResult<Py<Self>> {
+        let length = jacobians.len();
+        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters);
+        Py::new(py, PyClassInitializer::from(all).add_subclass(Self { length }))
+    }
+}
+
+/// An optional vector or matrix of numbers; zeros for `None`.
+fn optional(name: &str, value: Option<&Bound<'_, PyAny>>, shape: &[usize]) -> PyResult<Vec<f64>> {
+    let expected: Vec<_> = shape.iter().copied().map(Some).collect();
+    match value {
+        Some(value) => finite_elements(name, value, &expected, ANY_COUNT),
+        None => try_zeros(name, shape).map_err(to_python),
+    }
+}
+
+#[pymethods]
+impl PyMotionJacobians {
+    /// Change of the state after each motion, shape (T, n), from a change of the first state (n,), of the torques (T, 3) and
+    /// of the parameters (k,); None is no change.
+    #[pyo3(signature = (state=None, torques=None, parameters=None))]
+    fn jvp<'py>(
+        slf: PyRef<'py, Self>,
+        state: Option<&Bound<'py, PyAny>>,
+        torques: Option<&Bound<'py, PyAny>>,
+        parameters: Option<&Bound<'py, PyAny>>,
+    ) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        let (py, all) = (slf.py(), slf.as_super());
+        let (n, k) = (all.states.len(), all.parameters.len());
+        let mut state = DVector::from(optional("state", state, &[n])?);
+        let torques = optional("torques", torques, &[slf.length, WHEELS])?;
+        let parameters = DVector::from(optional("parameters", parameters, &[k])?);
+        let mut out = DMatrix::zeros(slf.length, n);
+        for (t, jacobian) in all.jacobians.iter().flatten().enumerate() {
+            let torque = DVector::from_column_slice(&torques[t * WHEELS..][..WHEELS]);
+            state = &jacobian.a * state + &jacobian.b * torque + &jacobian.p * &parameters;
+            out.row_mut(t).tr_copy_from(&state);
+        }
+        Ok(matrix(py, &out))
+    }
+
+    /// Derivatives of a number with respect to the first state (n,), the torques (T, 3) and the parameters (k,), from its
+    /// derivatives with respect to the state after each motion, shape (T, n). Attitudes are rotation vectors, as in
+    /// `states`.
+    fn vjp<'py>(slf: PyRef<'py, Self>, states: &Bound<'py, PyAny>) -> PyResult<Products<'py>> {
+        let (py, all) = (slf.py(), slf.as_super());
+        let (n, k) = (all.states.len(), all.parameters.len());
+        let by_states = finite_elements("states", states, &[Some(slf.length), Some(n)], ANY_COUNT)?;
+        let (mut state, mut parameters) = (DVector::zeros(n), DVector::zeros(k));
+        let mut torques = DMatrix::zeros(slf.length, WHEELS);
+        for (t, jacobian) in all.jacobians.iter().enumerate().rev() {
+            let Some(jacobian) = jacobian else { continue };
+            state += DVector::from_column_slice(&by_states[t * n..][..n]);
+            torques.row_mut(t).tr_copy_from(&jacobian.b.tr_mul(&state));
+            parameters += jacobian.p.tr_mul(&state);
+            state = jacobian.a.tr_mul(&state);
+        }
+        let vector = |vector: DVector<f64>| PyArray1::from_slice(py, vector.as_slice());
+        Ok((vector(state), matrix(py, &torques), vector(parameters)))
+    }
+}
+
+/// Derivatives with respect to state, torques and parameters.
+type Products<'py> = (Bound<'py, PyArray1<f64>>, Matrix<'py>, Bound<'py, PyArray1<f64>>);

@@ -58,6 +58,8 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<terrain::PyTerrain>()?;
     module.add_class::<robot::PyBallbot>()?;
     module.add_class::<jacobian::PyJacobian>()?;
+    module.add_class::<jacobian::PyJacobians>()?;
+    module.add_class::<jacobian::PyMotionJacobians>()?;
     module.add_class::<models::PyLinearModel>()?;
     module.add_class::<models::PySpatialModel>()?;
     module.add_class::<models::PyPlanarModel>()?;

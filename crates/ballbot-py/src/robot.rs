@@ -3,7 +3,7 @@
 use crate::convert::{numbers, vector};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
-use crate::jacobian::{self, PyJacobian};
+use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
 use crate::numbers::{count, real, whole};
 use crate::params::{PyParams, or_paper};
 use crate::signals::interruptible;
@@ -152,8 +152,31 @@ impl PyBallbot {
         let parameters = jacobian::parameters(&parameters)?;
         let robot = self.0.read()?;
         let robot = &*robot;
-        let jacobian = py.detach(|| call(|| robot.jacobian(torques, steps, &parameters)))?;
+        let jacobian = interruptible(py, || robot.jacobian(torques, steps, &parameters))?;
         Ok(PyJacobian { jacobian, parameters, params: robot.params().clone() })
+    }
+
+    /// `jacobian` of successive motions, each of `steps` time steps under its torques (shape (T, 3), N·m), each from where
+    /// the one before has ended. The robot does not move.
+    ///
+    /// Raises:
+    ///     ValueError, DivergedError: as `jacobian`.
+    ///     MemoryError: too many motions.
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    fn jacobians(
+        &self,
+        py: Python<'_>,
+        wheel_torques: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = whole)] steps: i64,
+        parameters: Vec<String>,
+    ) -> PyResult<Py<PyMotionJacobians>> {
+        let steps = count("steps", steps, 1)?;
+        let torques = jacobian::torques(wheel_torques, None)?;
+        let parameters = jacobian::parameters(&parameters)?;
+        let robot = self.0.read()?;
+        let robot = &*robot;
+        let jacobians = interruptible(py, || robot.jacobians(&torques, steps, &parameters))?;
+        PyMotionJacobians::new(py, jacobians, parameters)
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).

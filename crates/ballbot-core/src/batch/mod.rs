@@ -10,6 +10,7 @@ mod batch;
 mod buffers;
 mod closed_loop;
 mod config;
+mod derivatives;
 mod drawn_law;
 mod env;
 mod episodes;

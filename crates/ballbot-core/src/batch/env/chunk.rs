@@ -13,6 +13,7 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
+use ballbot_gradients::{Differentiated, Parameter};
 use nalgebra::Vector3;
 
 /// Environments of any one task. Indices count within the chunk.
@@ -124,6 +125,12 @@ pub trait Chunk: Send + Sync {
 
     /// Contact forces of the last model step.
     fn contacts(&self, i: usize) -> Contacts;
+
+    /// A robot, as it moves next, for derivatives.
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::jacobian`].
+    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated>;
 
     /// Last readings of the sensors, if the robot has any; before its first episode, readings of the robot at rest.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;

@@ -38,6 +38,7 @@ use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
+use ballbot_gradients::{Differentiated, Parameter};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -494,6 +495,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn contacts(&self, i: usize) -> Contacts {
         self.robots.contacts(i)
+    }
+
+    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
+        self.robots.differentiated(i, parameters, with_loads)
     }
 
     fn readings(&self, i: usize) -> Option<Readings<f64>> {

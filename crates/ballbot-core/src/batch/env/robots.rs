@@ -19,6 +19,7 @@ use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
+use ballbot_gradients::{Differentiated, Parameter};
 use ballbot_lanes::ContactLanes;
 use nalgebra::Vector3;
 
@@ -87,6 +88,12 @@ pub trait Robots: Send + Sync {
 
     /// Contact forces of the last step of robot `i`.
     fn contacts(&self, i: usize) -> Contacts;
+
+    /// As [`Ballbot::jacobian`]: robot `i`, as it moves next.
+    ///
+    /// # Errors
+    /// As [`Ballbot::jacobian`].
+    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated>;
 
     /// Parameters of robot `i`.
     fn params(&self, i: usize) -> &Params;
@@ -210,6 +217,10 @@ impl Robots for Single {
         self.robot.contacts()
     }
 
+    fn differentiated(&self, _: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
+        self.robot.differentiated(parameters, with_loads)
+    }
+
     fn params(&self, _: usize) -> &Params {
         self.robot.params()
     }
@@ -312,6 +323,11 @@ impl Robots for ContactLanes {
 
     fn contacts(&self, i: usize) -> Contacts {
         self.lane(i).contacts(&self.constants(i), self.ground())
+    }
+
+    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
+        let (params, constants) = (self.lane_params(i), self.constants(i));
+        Differentiated::new(params, &constants, self.lane(i), self.shared_ground(), parameters, with_loads)
     }
 
     fn params(&self, i: usize) -> &Params {
