@@ -34,8 +34,11 @@ __all__ = [
     "Batch",
     "Contacts",
     "Controller",
+    "Jacobian",
+    "Jacobians",
     "LinearModel",
     "Lqr",
+    "MotionJacobians",
     "Params",
     "Pid",
     "PlanarModel",
@@ -690,6 +693,31 @@ class Ballbot:
             DivergedError: the state has left the simulation's bounds.
             KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robot has come.
         """
+    def jacobian(
+        self, wheel_torques: npt.ArrayLike, steps: int = 1, parameters: Sequence[str] | None = None
+    ) -> Jacobian:
+        """Derivatives of the next `steps` time steps under constant motor torques (three, N·m), through contact and slip, with
+        respect to the state, the torques, and `parameters` of `params`: names, each for all its elements, or of one element,
+        as `body_com_offset[0]`. The robot does not move. Model "contact" only.
+
+        With the modes of the contacts fixed, a step is smooth, and its derivatives are exact. Where a contact changes its
+        mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
+
+        Raises:
+            ValueError: an unknown parameter, or `roller_count`, a whole number; fewer than one step; torques as in `step`; a
+                model without derivatives; derivatives that are not finite.
+            DivergedError: the state leaves the simulation's bounds.
+        """
+    def jacobians(
+        self, wheel_torques: npt.ArrayLike, steps: int = 1, parameters: Sequence[str] | None = None
+    ) -> MotionJacobians:
+        """`jacobian` of successive motions, each of `steps` time steps under its torques (shape (T, 3), N·m), each from where
+        the one before has ended. The robot does not move.
+
+        Raises:
+            ValueError, DivergedError: as `jacobian`.
+            MemoryError: too many motions.
+        """
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).
 
@@ -738,6 +766,135 @@ class Ballbot:
     def __getnewargs__(self) -> tuple[Params, str, float]: ...
     def __getstate__(self) -> bytes: ...
     def __setstate__(self, snapshot: bytes) -> None: ...
+
+@final
+class Jacobian:
+    """Derivatives of a motion under constant motor torques: `Ballbot.jacobian`. Attributes are fresh float64 arrays.
+
+    With the state x, the torques u (N·m), the parameters p, and the contact forces y (N) of the last step:
+    dx' = A dx + B du + P dp and dy = C dx + D du + Q dp, in SI units. `states`, `parameters` and `forces` name the rows and
+    columns. A change of an attitude is a rotation vector, rad: of the ball in the inertial frame, of the body in the body
+    frame, as their angular velocities; the other coordinates are the numbers of `State`.
+    """
+
+    @property
+    def A(self) -> _Array:
+        """The state after the motion by the state before, shape (n, n)."""
+    @property
+    def B(self) -> _Array:
+        """The state by the torques, shape (n, 3)."""
+    @property
+    def P(self) -> _Array:
+        """The state by the parameters, shape (n, k)."""
+    @property
+    def C(self) -> _Array:
+        """The contact forces by the state before, shape (9, n)."""
+    @property
+    def D(self) -> _Array:
+        """The contact forces by the torques, shape (9, 3)."""
+    @property
+    def Q(self) -> _Array:
+        """The contact forces by the parameters, shape (9, k)."""
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the n states: 30, and for robots with rolling, spinning or roller friction 6 contact forces of the last
+        step, on which these losses depend.
+        """
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the k parameters; an element of an array as `body_com_offset[0]`."""
+    @property
+    def forces(self) -> tuple[str, ...]:
+        """Names of the nine contact forces: `Contacts.wheel_normal_forces`, `wheel_tractions` and `floor_force`."""
+    @property
+    def state(self) -> State:
+        """The state after the motion."""
+    @property
+    def contacts(self) -> Contacts:
+        """The contacts of the last step."""
+    @property
+    def modes_changed(self) -> bool:
+        """Whether a contact changed its mode during the motion: opened, closed, gripped or slipped. The derivatives are of the
+        modes taken.
+        """
+    @property
+    def margin(self) -> float:
+        """Distance of the nearest step from other modes: the smallest change of an impulse, as a fraction of the impulse of a
+        wheel's static load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
+        """
+    @property
+    def one_sided(self) -> bool:
+        """Whether a step is on a kink of the motion, with a `margin` below 1e-9, so that the derivatives hold on one side."""
+
+@disjoint_base
+class Jacobians:
+    """Derivatives of several motions: of the robots of a batch, `Batch.jacobians`, or along the motion of one robot,
+    `Ballbot.jacobians`, as `MotionJacobians`. As `Jacobian`, with one more axis in front; attributes are fresh arrays.
+    """
+
+    @property
+    def A(self) -> _Array:
+        """The states after each motion by the states before, shape (N, n, n)."""
+    @property
+    def B(self) -> _Array:
+        """The states by the torques, shape (N, n, 3)."""
+    @property
+    def P(self) -> _Array:
+        """The states by the parameters, shape (N, n, k)."""
+    @property
+    def C(self) -> _Array:
+        """The contact forces by the states before, shape (N, 9, n)."""
+    @property
+    def D(self) -> _Array:
+        """The contact forces by the torques, shape (N, 9, 3)."""
+    @property
+    def Q(self) -> _Array:
+        """The contact forces by the parameters, shape (N, 9, k)."""
+    @property
+    def states(self) -> tuple[str, ...]:
+        """Names of the n states, as `Jacobian.states`."""
+    @property
+    def parameters(self) -> tuple[str, ...]:
+        """Names of the k parameters."""
+    @property
+    def forces(self) -> tuple[str, ...]:
+        """Names of the nine contact forces."""
+    @property
+    def valid(self) -> npt.NDArray[np.bool_]:
+        """Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor or that have diverged, have
+        zeros.
+        """
+    @property
+    def modes_changed(self) -> npt.NDArray[np.bool_]:
+        """As `Jacobian.modes_changed`, shape (N,)."""
+    @property
+    def margin(self) -> _Array:
+        """As `Jacobian.margin`, shape (N,); 0 without derivatives."""
+    @property
+    def one_sided(self) -> npt.NDArray[np.bool_]:
+        """As `Jacobian.one_sided`, shape (N,)."""
+    def __len__(self) -> int: ...
+
+@final
+class MotionJacobians(Jacobians):
+    """Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
+    products with vectors are those of the whole: forward (`jvp`) and reverse (`vjp`).
+    """
+
+    def jvp(
+        self,
+        state: npt.ArrayLike | None = None,
+        torques: npt.ArrayLike | None = None,
+        parameters: npt.ArrayLike | None = None,
+    ) -> _Array:
+        """Change of the state after each motion, shape (T, n), from a change of the first state (n,), of the torques (T, 3) and
+        of the parameters (k,); None is no change.
+        """
+    def vjp(self, states: npt.ArrayLike) -> tuple[_Array, _Array, _Array]:
+        """Derivatives of a number with respect to the first state (n,), the torques (T, 3) and the parameters (k,), from its
+        derivatives with respect to the state after each motion, shape (T, n). Attitudes are rotation vectors, as in
+        `states`.
+        """
 
 @final
 class SpatialModel:
@@ -1620,6 +1777,19 @@ class Batch:
             TypeError: `policies` is not a list of pairs of arrays.
             MemoryError: the weights need more memory than is available.
             KeyboardInterrupt: Ctrl-C; all robots must then be reset.
+        """
+    def jacobians(
+        self, wheel_torques: npt.ArrayLike, steps: int = 1, parameters: Sequence[str] | None = None
+    ) -> Jacobians:
+        """Derivatives of the next `steps` time steps of the model for each robot under constant motor torques (shape
+        (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. The robots do not move. A robot whose bot
+        touches the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or
+        roller friction, the contact forces of the last step are states of all.
+
+        Raises:
+            ValueError: torques that are not finite; an unknown parameter, or `roller_count`; fewer than one step; a model
+                without derivatives.
+            MemoryError: too many robots.
         """
     def snapshot(self, index: int) -> bytes:
         """The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

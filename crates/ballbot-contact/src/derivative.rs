@@ -36,6 +36,8 @@ pub struct SolvedStep {
     /// −F_λ⁻¹.
     inverse: SMatrix<f64, ROWS, ROWS>,
     kinds: Kinds,
+    /// The robot after the step, unless the bot touches the floor, or the ball its body.
+    after: ContactState<f64>,
     /// Distance from other modes: the smallest change of an impulse, as a fraction of the impulse of a wheel's static
     /// load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
     pub margin: f64,
@@ -63,8 +65,9 @@ impl SolvedStep {
         torques: Wheels<f64>,
     ) -> Option<Self> {
         let mut actions = Actions::level(c.gravity_dt, torques);
-        if let Some(ground) = ground {
-            Footing::new(ground).enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
+        let mut footing = ground.map(Footing::new);
+        if let Some(footing) = &mut footing {
+            footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
         }
         brake::<f64, f64>(c, Scalar, &mut state);
         let start = Start::<f64>::new::<true, f64>(c, Scalar, &state);
@@ -110,7 +113,13 @@ impl SolvedStep {
             });
         }
         let (kinds, margin) = kinds(c, &start, &trial, &friction, &joint_friction, static_impulse);
-        Some(Self { impulses, modes, inverse: slope.try_inverse()?, kinds, margin })
+        let mut velocities = free;
+        start.rows.apply::<true, true, f64>(c, &impulses, &mut velocities);
+        finish::<f64, f64>(c, Scalar, &mut state, &start, (&velocities, &impulses), 0.0);
+        if let Some(footing) = &footing {
+            footing.leave::<f64>(Scalar, &mut state);
+        }
+        Some(Self { impulses, modes, inverse: slope.try_inverse()?, kinds, after: state, margin })
     }
 
     /// The mode of each contact.
@@ -123,11 +132,13 @@ impl SolvedStep {
         self.kinds == other.kinds
     }
 
-    /// Whether a state after the step has the impulses of this solution: otherwise the bot touched the floor, or the
-    /// ball its body.
+    /// Whether the step led to a state: otherwise the bot touched the floor, or the ball its body.
     pub fn led_to(&self, state: &ContactState<f64>) -> bool {
-        let PerRow { normals, drives, .. } = self.impulses;
-        normals == state.normal_impulses && drives == state.drive_impulses
+        let Self { after, .. } = self;
+        state.bot_on_floor == 0.0
+            && after.ball_velocity == state.ball_velocity
+            && after.body_velocity == state.body_velocity
+            && after.body_rate == state.body_rate
     }
 
     /// Advances a robot by this step, with derivatives.

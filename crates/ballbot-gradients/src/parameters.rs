@@ -135,14 +135,14 @@ impl Turning {
     }
 }
 
-/// Derivative of constants at zero.
+/// Derivative of constants at zero; exactly zero for those that do not change.
 fn difference(step: f64, constants: impl Fn(f64) -> Constants<f64>) -> Constants<f64> {
     let mut sum = Constants::<f64>::default();
     for (k, weight) in WEIGHTS.iter().enumerate() {
-        for side in [1.0, -1.0] {
-            let there = constants(side * (k + 1) as f64 * step);
-            sum.zip_mut(&there, |sum, value| *sum = (side * weight).mul_add(*value, *sum));
-        }
+        let offset = (k + 1) as f64 * step;
+        let mut change = constants(offset);
+        change.zip_mut(&constants(-offset), |change, value| *change -= value);
+        sum.zip_mut(&change, |sum, change| *sum = weight.mul_add(*change, *sum));
     }
     sum.map(|sum| sum / step)
 }

@@ -1094,18 +1094,18 @@ impl PyBatch {
     ///     ValueError: torques that are not finite; an unknown parameter, or `roller_count`; fewer than one step; a model
     ///         without derivatives.
     ///     MemoryError: too many robots.
-    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobians(
         &self,
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Vec<String>,
+        parameters: Option<Vec<String>>,
     ) -> PyResult<PyJacobians> {
         let steps = count("steps", steps, 1)?;
         let mut inner = self.inner.write()?;
         let torques = jacobian::torques(wheel_torques, Some(inner.batch.len()))?;
-        let parameters = jacobian::parameters(&parameters)?;
+        let parameters = jacobian::parameters(parameters.as_deref())?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
         Ok(PyJacobians::new(jacobians, parameters))

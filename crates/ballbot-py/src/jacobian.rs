@@ -28,16 +28,19 @@ pub(crate) struct PyJacobian {
     pub(crate) params: Params,
 }
 
+/// Largest number of motions whose derivatives are computed at once: 10 GB.
+const MOST_MOTIONS: usize = 1 << 20;
+
 /// Torques of robots or motions, shape (n, 3).
 pub(crate) fn torques(value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Vec<Wheels<f64>>> {
-    let numbers: Vec<f64> = elements("wheel_torques", value, &[n, Some(WHEELS)], ANY_COUNT)?;
+    let numbers: Vec<f64> = elements("wheel_torques", value, &[n, Some(WHEELS)], WHEELS * MOST_MOTIONS)?;
     Ok(numbers.chunks_exact(WHEELS).map(|torques| Wheels([torques[0], torques[1], torques[2]])).collect())
 }
 
 /// The parameters of names.
-pub(crate) fn parameters(names: &[String]) -> PyResult<Vec<Parameter>> {
+pub(crate) fn parameters(names: Option<&[String]>) -> PyResult<Vec<Parameter>> {
     let mut found = Vec::new();
-    for name in names {
+    for name in names.unwrap_or_default() {
         found.extend(Parameter::named(name).map_err(to_python)?);
     }
     Ok(found)
@@ -293,16 +296,12 @@ impl PyJacobians {
 /// Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
 /// products with vectors are those of the whole: forward (`jvp`) and reverse (`vjp`).
 #[pyclass(name = "MotionJacobians", module = "ballbot_rs", frozen, extends = PyJacobians)]
-pub(crate) struct PyMotionJacobians {
-    #[pyo3(get)]
-    length: usize,
-}
+pub(crate) struct PyMotionJacobians;
 
 impl PyMotionJacobians {
     pub(crate) fn new(py: Python<'_>, jacobians: Vec<Jacobian>, parameters: Vec<Parameter>) -> PyResult<Py<Self>> {
-        let length = jacobians.len();
         let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters);
-        Py::new(py, PyClassInitializer::from(all).add_subclass(Self { length }))
+        Py::new(py, PyClassInitializer::from(all).add_subclass(Self))
     }
 }
 
@@ -329,9 +328,10 @@ impl PyMotionJacobians {
         let (py, all) = (slf.py(), slf.as_super());
         let (n, k) = (all.states.len(), all.parameters.len());
         let mut state = DVector::from(optional("state", state, &[n])?);
-        let torques = optional("torques", torques, &[slf.length, WHEELS])?;
+        let motions = all.jacobians.len();
+        let torques = optional("torques", torques, &[motions, WHEELS])?;
         let parameters = DVector::from(optional("parameters", parameters, &[k])?);
-        let mut out = DMatrix::zeros(slf.length, n);
+        let mut out = DMatrix::zeros(motions, n);
         for (t, jacobian) in all.jacobians.iter().flatten().enumerate() {
             let torque = DVector::from_column_slice(&torques[t * WHEELS..][..WHEELS]);
             state = &jacobian.a * state + &jacobian.b * torque + &jacobian.p * &parameters;
@@ -346,9 +346,10 @@ impl PyMotionJacobians {
     fn vjp<'py>(slf: PyRef<'py, Self>, states: &Bound<'py, PyAny>) -> PyResult<Products<'py>> {
         let (py, all) = (slf.py(), slf.as_super());
         let (n, k) = (all.states.len(), all.parameters.len());
-        let by_states = finite_elements("states", states, &[Some(slf.length), Some(n)], ANY_COUNT)?;
+        let motions = all.jacobians.len();
+        let by_states = finite_elements("states", states, &[Some(motions), Some(n)], ANY_COUNT)?;
         let (mut state, mut parameters) = (DVector::zeros(n), DVector::zeros(k));
-        let mut torques = DMatrix::zeros(slf.length, WHEELS);
+        let mut torques = DMatrix::zeros(motions, WHEELS);
         for (t, jacobian) in all.jacobians.iter().enumerate().rev() {
             let Some(jacobian) = jacobian else { continue };
             state += DVector::from_column_slice(&by_states[t * n..][..n]);

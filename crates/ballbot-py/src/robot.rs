@@ -139,17 +139,17 @@ impl PyBallbot {
     ///     ValueError: an unknown parameter, or `roller_count`, a whole number; fewer than one step; torques as in `step`; a
     ///         model without derivatives; derivatives that are not finite.
     ///     DivergedError: the state leaves the simulation's bounds.
-    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobian(
         &self,
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Vec<String>,
+        parameters: Option<Vec<String>>,
     ) -> PyResult<PyJacobian> {
         let steps = count("steps", steps, 1)?;
         let torques = numbers::<3>("wheel_torques", wheel_torques)?;
-        let parameters = jacobian::parameters(&parameters)?;
+        let parameters = jacobian::parameters(parameters.as_deref())?;
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobian = interruptible(py, || robot.jacobian(torques, steps, &parameters))?;
@@ -162,17 +162,17 @@ impl PyBallbot {
     /// Raises:
     ///     ValueError, DivergedError: as `jacobian`.
     ///     MemoryError: too many motions.
-    #[pyo3(signature = (wheel_torques, steps=1, parameters=Vec::new()))]
+    #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobians(
         &self,
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Vec<String>,
+        parameters: Option<Vec<String>>,
     ) -> PyResult<Py<PyMotionJacobians>> {
         let steps = count("steps", steps, 1)?;
         let torques = jacobian::torques(wheel_torques, None)?;
-        let parameters = jacobian::parameters(&parameters)?;
+        let parameters = jacobian::parameters(parameters.as_deref())?;
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobians = interruptible(py, || robot.jacobians(&torques, steps, &parameters))?;
