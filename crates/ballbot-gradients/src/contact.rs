@@ -138,6 +138,7 @@ impl Differentiated {
             c: none(),
             d: none(),
             q: none(),
+            start: self.state.read(c).into(),
             next: state.read(c).into(),
             contacts: state.contacts(c, ground.map(AsRef::as_ref)),
             modes_changed,

@@ -10,12 +10,14 @@
 mod contact;
 mod coordinates;
 mod parameters;
+mod rolling;
 
 pub use contact::Differentiated;
 use contact::LOADS;
 use coordinates::{COORDINATES, coordinate_names, load_names};
 pub use coordinates::{FORCES, force_names};
 pub use parameters::Parameter;
+pub use rolling::{ROLLING, RollingJacobian};
 
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::wheels::WHEELS;
@@ -40,6 +42,8 @@ pub struct Jacobian {
     pub d: DMatrix<f64>,
     /// Q: the contact forces by the parameters.
     pub q: DMatrix<f64>,
+    /// The state before the motion.
+    pub start: State,
     /// The state after the motion.
     pub next: State,
     /// The contacts of its last step.
@@ -81,6 +85,7 @@ impl Jacobian {
             modes_changed: self.modes_changed || next.modes_changed || self.kinds[1] != next.kinds[0],
             margin: self.margin.min(next.margin),
             kinds: [self.kinds[0], next.kinds[1]],
+            start: self.start.clone(),
             next: next.next,
             contacts: next.contacts,
         }

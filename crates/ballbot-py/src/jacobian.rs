@@ -3,7 +3,7 @@
 use crate::convert::{ANY_COUNT, elements, finite_elements, matrix};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
-use ballbot_core::gradients::{FORCES, Jacobian, Parameter, force_names};
+use ballbot_core::gradients::{FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names};
 use ballbot_core::{Params, WHEELS, Wheels, try_zeros};
 use nalgebra::{DMatrix, DVector};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -133,6 +133,19 @@ impl PyJacobian {
     #[getter]
     fn one_sided(&self) -> bool {
         self.jacobian.margin < ON_A_KINK
+    }
+
+    /// Names of the coordinates of `rolling`: of `states` without the attitude of the ball and the wheel angles, on which
+    /// nothing depends, and without what follows from rolling.
+    #[classattr]
+    const ROLLING: [&'static str; 11] = ROLLING;
+
+    /// A (11, 11), B (11, 3) and P (11, k) for changes of the state with which the ball still rolls on a plane floor, and the
+    /// wheels on the ball; in the coordinates `ROLLING`, for the design of controllers. Such changes open and close no gap,
+    /// so the derivatives hold for a robot in balance on both sides.
+    fn rolling<'py>(&self, py: Python<'py>) -> (Matrix<'py>, Matrix<'py>, Matrix<'py>) {
+        let RollingJacobian { a, b, p } = self.jacobian.rolling(&self.params);
+        (matrix(py, &a), matrix(py, &b), matrix(py, &p))
     }
 
     fn __reduce__(&self) -> PyResult<()> {
