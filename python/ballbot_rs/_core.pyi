@@ -825,6 +825,15 @@ class Jacobian:
     @property
     def one_sided(self) -> bool:
         """Whether a step is on a kink of the motion, with a `margin` below 1e-9, so that the derivatives hold on one side."""
+    ROLLING: ClassVar[list[str]]
+    """Names of the coordinates of `rolling`: of `states` without the attitude of the ball and the wheel angles, on which
+    nothing depends, and without what follows from rolling."""
+
+    def rolling(self) -> tuple[_Array, _Array, _Array]:
+        """A (11, 11), B (11, 3) and P (11, k) for changes of the state with which the ball still rolls on a plane floor, and the
+        wheels on the ball; in the coordinates `ROLLING`, for the design of controllers. Such changes open and close no gap,
+        so the derivatives hold for a robot in balance on both sides.
+        """
 
 @disjoint_base
 class Jacobians:

@@ -1,11 +1,12 @@
 """This simulator compared with what is known of the motion independently: closed forms, conservation laws, theory.
 
-Three sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, and
-determinism with another run.
+Four sections have no closed form: the energy ledger is a balance, convergence compares with a finer step, derivatives
+with differences, and determinism with another run.
 """
 
 from validation.closed_forms import (
     convergence,
+    derivatives,
     determinism,
     energy_ledger,
     flight,
@@ -36,6 +37,7 @@ TOPICS = [
         energy_ledger,
         regulator_cost,
         convergence,
+        derivatives,
         determinism,
     )
 ]

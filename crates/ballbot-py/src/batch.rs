@@ -1105,7 +1105,7 @@ impl PyBatch {
         let steps = count("steps", steps, 1)?;
         let mut inner = self.inner.write()?;
         let torques = jacobian::torques(wheel_torques, Some(inner.batch.len()))?;
-        let parameters = jacobian::parameters(parameters.as_deref())?;
+        let parameters = jacobian::parameters(parameters)?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
         Ok(PyJacobians::new(jacobians, parameters))

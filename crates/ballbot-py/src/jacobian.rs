@@ -38,10 +38,10 @@ pub(crate) fn torques(value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Ve
 }
 
 /// The parameters of names.
-pub(crate) fn parameters(names: Option<&[String]>) -> PyResult<Vec<Parameter>> {
+pub(crate) fn parameters(names: Option<Vec<String>>) -> PyResult<Vec<Parameter>> {
     let mut found = Vec::new();
-    for name in names.unwrap_or_default() {
-        found.extend(Parameter::named(name).map_err(to_python)?);
+    for name in names.into_iter().flatten() {
+        found.extend(Parameter::named(&name).map_err(to_python)?);
     }
     Ok(found)
 }
@@ -112,7 +112,7 @@ impl PyJacobian {
     /// The contacts of the last step.
     #[getter]
     fn contacts(&self) -> PyContacts {
-        PyContacts { contacts: self.jacobian.contacts.clone(), params: self.params.clone() }
+        PyContacts { contacts: self.jacobian.contacts, params: self.params.clone() }
     }
 
     /// Whether a contact changed its mode during the motion: opened, closed, gripped or slipped. The derivatives are of the
@@ -333,12 +333,12 @@ impl PyMotionJacobians {
     /// of the parameters (k,); None is no change.
     #[pyo3(signature = (state=None, torques=None, parameters=None))]
     fn jvp<'py>(
-        slf: PyRef<'py, Self>,
+        slf: &Bound<'py, Self>,
         state: Option<&Bound<'py, PyAny>>,
         torques: Option<&Bound<'py, PyAny>>,
         parameters: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyArray2<f64>>> {
-        let (py, all) = (slf.py(), slf.as_super());
+        let (py, all) = (slf.py(), slf.as_super().borrow());
         let (n, k) = (all.states.len(), all.parameters.len());
         let mut state = DVector::from(optional("state", state, &[n])?);
         let motions = all.jacobians.len();
@@ -356,8 +356,8 @@ impl PyMotionJacobians {
     /// Derivatives of a number with respect to the first state (n,), the torques (T, 3) and the parameters (k,), from its
     /// derivatives with respect to the state after each motion, shape (T, n). Attitudes are rotation vectors, as in
     /// `states`.
-    fn vjp<'py>(slf: PyRef<'py, Self>, states: &Bound<'py, PyAny>) -> PyResult<Products<'py>> {
-        let (py, all) = (slf.py(), slf.as_super());
+    fn vjp<'py>(slf: &Bound<'py, Self>, states: &Bound<'py, PyAny>) -> PyResult<Products<'py>> {
+        let (py, all) = (slf.py(), slf.as_super().borrow());
         let (n, k) = (all.states.len(), all.parameters.len());
         let motions = all.jacobians.len();
         let by_states = finite_elements("states", states, &[Some(motions), Some(n)], ANY_COUNT)?;

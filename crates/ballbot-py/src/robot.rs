@@ -149,7 +149,7 @@ impl PyBallbot {
     ) -> PyResult<PyJacobian> {
         let steps = count("steps", steps, 1)?;
         let torques = numbers::<3>("wheel_torques", wheel_torques)?;
-        let parameters = jacobian::parameters(parameters.as_deref())?;
+        let parameters = jacobian::parameters(parameters)?;
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobian = interruptible(py, || robot.jacobian(torques, steps, &parameters))?;
@@ -172,7 +172,7 @@ impl PyBallbot {
     ) -> PyResult<Py<PyMotionJacobians>> {
         let steps = count("steps", steps, 1)?;
         let torques = jacobian::torques(wheel_torques, None)?;
-        let parameters = jacobian::parameters(parameters.as_deref())?;
+        let parameters = jacobian::parameters(parameters)?;
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobians = interruptible(py, || robot.jacobians(&torques, steps, &parameters))?;

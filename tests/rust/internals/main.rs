@@ -4,6 +4,7 @@ mod active_set;
 mod clock;
 mod common_lyapunov;
 mod contact;
+mod dual;
 mod flops;
 mod interrupt;
 mod lanes;

@@ -1,0 +1,77 @@
+//! Numbers with derivatives against closed forms.
+
+use ballbot_base::lanes::{
+    Dual, DualCell, Eight, Kernel, Lane, Registers, Scalar, Wide, exp_of_negative, floor, run_directions, sin_cos,
+    tanh, wrapped_angle,
+};
+
+/// A value, and a function with its slope there.
+type Case<D> = (f64, fn(D) -> D, f64);
+
+/// A number whose derivative along direction i is i.
+fn number<D: Lane<Cell = DualCell<C>>, C: Copy>(token: D::Token, value: f64, derivatives: C) -> D {
+    D::load(token, &DualCell { value, derivatives })
+}
+
+fn cases<D: Lane>() -> Vec<Case<D>> {
+    vec![
+        (0.7, |x| x * x, 1.4),
+        (0.7, |x| x.squared() + x, 2.4),
+        (0.7, |x| x.splat(2.0) / x, -2.0 / 0.49),
+        (0.7, |x| x.mul_add(x, x), 2.4),
+        (0.7, |x| x.neg_mul_add(x, x), -0.4),
+        (0.7, |x| -(x * 3.0 - 1.0) / 2.0, -1.5),
+        (2.25, Lane::sqrt, 1.0 / 3.0),
+        (0.0, Lane::sqrt, 0.0),
+        (-0.3, Lane::abs, -1.0),
+        (-0.3, |x| x.max(x.zero()), 0.0),
+        (-0.3, |x| x.min(x.zero()), 1.0),
+        (-0.3, |x| D::select(x.lt(x.zero()), x * 5.0, x), 5.0),
+        (3.7, floor, 0.0),
+        (7.0, wrapped_angle, 1.0),
+        (7.0, |x| sin_cos(x).0, 7.0_f64.cos()),
+        (7.0, |x| sin_cos(x).1, -7.0_f64.sin()),
+        (0.4, tanh, 1.0 - 0.4_f64.tanh().powi(2)),
+        (0.4, exp_of_negative, -(-0.4_f64).exp()),
+        (0.4, |x| x.with_value(x.splat(9.0)), 1.0),
+    ]
+}
+
+struct Check;
+
+impl Kernel for Check {
+    #[inline(always)]
+    fn run<S: Registers>(self, simd: S) {
+        let directions = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
+        for (k, (at, function, slope)) in cases::<Dual<Wide<S>>>().into_iter().enumerate() {
+            let mut cell = DualCell::default();
+            function(number(simd, at, directions)).store(&mut cell);
+            let Eight(found) = cell.derivatives;
+            for (i, derivative) in found.into_iter().enumerate() {
+                let expected = slope * i as f64;
+                assert!((derivative - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "case {k}: {derivative}");
+            }
+        }
+    }
+
+    fn run_one_by_one(self) {}
+}
+
+#[test]
+fn derivatives_equal_closed_forms() {
+    run_directions(Check);
+    for (k, (at, function, slope)) in cases::<Dual<f64>>().into_iter().enumerate() {
+        let mut cell = DualCell::default();
+        function(number(Scalar, at, 1.0)).store(&mut cell);
+        assert!((cell.derivatives - slope).abs() <= 1e-11, "case {k}: {} is not {slope}", cell.derivatives);
+    }
+}
+
+#[test]
+fn values_have_the_bits_of_plain_numbers() {
+    for ((at, function, _), (_, plain, _)) in cases::<Dual<f64>>().into_iter().zip(cases::<f64>()) {
+        let mut cell = DualCell::default();
+        function(number(Scalar, at, 1.0)).store(&mut cell);
+        assert_eq!(cell.value.to_bits(), plain(at).to_bits());
+    }
+}
