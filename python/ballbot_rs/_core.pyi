@@ -704,9 +704,11 @@ class Ballbot:
         mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
 
         Raises:
-            ValueError: an unknown parameter, or `roller_count`, a whole number; fewer than one step; torques as in `step`; a
-                model without derivatives; derivatives that are not finite.
+            ValueError: an unknown parameter, or one without derivative (`roller_count`, a `roller_ripple` of 0, inertia with
+                equal principal moments); fewer than one step; torques as in `step`; another model; the bot touches the floor,
+                or the ball its body; derivatives that are not finite.
             DivergedError: the state leaves the simulation's bounds.
+            KeyboardInterrupt: Ctrl-C during a long call.
         """
     def jacobians(
         self, wheel_torques: npt.ArrayLike, steps: int = 1, parameters: Sequence[str] | None = None
@@ -715,7 +717,7 @@ class Ballbot:
         the one before has ended. The robot does not move.
 
         Raises:
-            ValueError, DivergedError: as `jacobian`.
+            ValueError, DivergedError, KeyboardInterrupt: as `jacobian`.
             MemoryError: too many motions.
         """
     def push(self, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
@@ -820,19 +822,20 @@ class Jacobian:
     @property
     def margin(self) -> float:
         """Distance of the nearest step from other modes: the smallest change of an impulse, as a fraction of the impulse of a
-        wheel's static load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
+        wheel's static load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with
+        which a contact changes its mode.
         """
     @property
     def one_sided(self) -> bool:
         """Whether a step is on a kink of the motion, with a `margin` below 1e-9, so that the derivatives hold on one side."""
     ROLLING: ClassVar[list[str]]
-    """Names of the coordinates of `rolling`: of `states` without the attitude of the ball and the wheel angles, on which
-    nothing depends, and without what follows from rolling."""
-
-    def rolling(self) -> tuple[_Array, _Array, _Array]:
-        """A (11, 11), B (11, 3) and P (11, k) for changes of the state with which the ball still rolls on a plane floor, and the
+    def rolling(self) -> tuple[_Array, _Array]:
+        """A (11, 11) and B (11, 3) for changes of the state with which the ball still rolls on a plane floor, and the
         wheels on the ball; in the coordinates `ROLLING`, for the design of controllers. Such changes open and close no gap,
         so the derivatives hold for a robot in balance on both sides.
+
+        Raises:
+            ValueError: a robot on a terrain.
         """
 
 @disjoint_base
@@ -870,8 +873,8 @@ class Jacobians:
         """Names of the nine contact forces."""
     @property
     def valid(self) -> npt.NDArray[np.bool_]:
-        """Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor or that have diverged, have
-        zeros.
+        """Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor, that diverge, or whose
+        derivatives are not finite, have zeros.
         """
     @property
     def modes_changed(self) -> npt.NDArray[np.bool_]:
@@ -881,13 +884,13 @@ class Jacobians:
         """As `Jacobian.margin`, shape (N,); 0 without derivatives."""
     @property
     def one_sided(self) -> npt.NDArray[np.bool_]:
-        """As `Jacobian.one_sided`, shape (N,)."""
+        """As `Jacobian.one_sided`, shape (N,); True without derivatives."""
     def __len__(self) -> int: ...
 
 @final
 class MotionJacobians(Jacobians):
     """Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
-    products with vectors are those of the whole: forward (`jvp`) and reverse (`vjp`).
+    products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
     """
 
     def jvp(
@@ -897,12 +900,18 @@ class MotionJacobians(Jacobians):
         parameters: npt.ArrayLike | None = None,
     ) -> _Array:
         """Change of the state after each motion, shape (T, n), from a change of the first state (n,), of the torques (T, 3) and
-        of the parameters (k,); None is no change.
+        of the parameters (k,); None leaves them unchanged.
+
+        Raises:
+            ValueError: a wrong shape, or a number that is not finite.
         """
     def vjp(self, states: npt.ArrayLike) -> tuple[_Array, _Array, _Array]:
         """Derivatives of a number with respect to the first state (n,), the torques (T, 3) and the parameters (k,), from its
         derivatives with respect to the state after each motion, shape (T, n). Attitudes are rotation vectors, as in
         `states`.
+
+        Raises:
+            ValueError: a wrong shape, or a number that is not finite.
         """
 
 @final
@@ -1796,9 +1805,10 @@ class Batch:
         roller friction, the contact forces of the last step are states of all.
 
         Raises:
-            ValueError: torques that are not finite; an unknown parameter, or `roller_count`; fewer than one step; a model
-                without derivatives.
+            ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,
+                or one without derivative; another model than "contact".
             MemoryError: too many robots.
+            KeyboardInterrupt: Ctrl-C during a long call.
         """
     def snapshot(self, index: int) -> bytes:
         """The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

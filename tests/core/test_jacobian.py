@@ -1,5 +1,8 @@
 """Derivatives of motions: against central differences, against each other, and where the motion has kinks."""
 
+import contextlib
+import os
+
 import numpy as np
 import pytest
 
@@ -18,7 +21,11 @@ VECTORS = (
     "body_angular_velocity",
     "wheel_speeds",
 )
-POSITIONS, VELOCITIES = slice(0, 15), slice(15, 30)
+POSITIONS, VELOCITIES, FORCES = KINDS = slice(0, 15), slice(15, 30), slice(30, 39)
+#: Random robots.
+CASES = int(os.environ.get("BALLBOT_CASES", "80"))
+#: Largest error of a difference.
+LIMIT = 1e-8
 #: Steps of differences: of positions, wheel angles and velocities.
 STEPS = np.array([1e-7] * 12 + [1e-4] * 3 + [1e-5] * 15)
 TORQUES = np.array([0.11, -0.07, 0.05])
@@ -89,11 +96,13 @@ class Case:
             {"wheel_zenith_offsets": (0.01, -0.02, 0.0), "ball_viscous_friction": 2.0},
         ]
         for change in changes:
+            # Not every body has these products of inertia.
             if rng.random() < 0.3:
-                params = params.replace(**change)
+                with contextlib.suppress(bb.InvalidInputError):
+                    params = params.replace(**change)
         terrain = bb.Terrain.generate("hills", seed=seed) if rng.random() < 0.3 else None
         self.params, self.robot = params, bb.Ballbot(params, terrain=terrain)
-        ball_gap, wheel_gap = 3e-5 * rng.normal(size=2)
+        ball_gap, wheel_gap = 2e-5 * rng.normal(size=2)
         if rng.random() < 0.2:
             ball_gap = 0.05
         change = rng.normal(size=30) * 0.3
@@ -107,33 +116,47 @@ class Case:
         self.robot.step(self.torques + torques, self.steps)
         return np.concatenate([difference(self.robot.state, self.end), forces(self.robot)])
 
-    def check(self, jacobian):
+    def worst(self, jacobian):
+        """Largest error of a derivative, relative to the largest of its kind.
+
+        Of the errors with three steps of a difference the smallest counts: rounding spoils small steps, and where
+        wheels jam the ball, several solutions may be valid, and the robot jumps from one to another.
+        """
         self.end = jacobian.state
         by_state = np.vstack([jacobian.A[:30, :30], jacobian.C[:, :30]])
         by_torques = np.vstack([jacobian.B[:30], jacobian.D])
-        found = np.stack([central(lambda h, e=e: self.after(h * e), STEPS[i]) for i, e in enumerate(np.eye(30))], 1)
-        for rows in (POSITIONS, VELOCITIES, slice(30, 39)):
-            for columns in (POSITIONS, VELOCITIES):
-                exact = by_state[rows, columns]
-                error = np.abs(found[rows, columns] - exact).max()
-                assert error <= 1e-8 * max(np.abs(exact).max(), 1.0)
         zero = np.zeros(30)
-        found = np.stack([central(lambda h, e=e: self.after(zero, h * e), 1e-4) for e in np.eye(3)], 1)
-        assert np.abs(found - by_torques).max() <= 1e-8 * max(np.abs(by_torques).max(), 1.0)
+        columns = []
+        for i, unit in enumerate(np.eye(30)):
+            alike = by_state[:, :15] if i < 15 else by_state[:, 15:]
+            columns.append((lambda h, unit=unit: self.after(h * unit), STEPS[i], by_state[:, i], alike))
+        for i, unit in enumerate(np.eye(3)):
+            columns.append((lambda h, unit=unit: self.after(zero, h * unit), 1e-3, by_torques[:, i], by_torques))
+        worst = 0.0
+        for function, step, exact, alike in columns:
+            errors = []
+            for smaller in (1.0, 0.1, 0.01):
+                deviation = np.abs(central(function, smaller * step) - exact)
+                sizes = [max(np.abs(alike[rows]).max(), 1.0) for rows in KINDS]
+                errors.append(max(deviation[rows].max() / size for rows, size in zip(KINDS, sizes, strict=True)))
+                if errors[-1] < LIMIT:
+                    break
+            worst = max(worst, min(errors))
+        return worst
 
 
 def test_derivatives_equal_differences_wherever_modes_stay():
-    checked = 0
-    for seed in range(80):
+    worst = []
+    for seed in range(CASES):
         case = Case(seed)
         jacobian = case.robot.jacobian(case.torques)
         assert np.isfinite(jacobian.A).all()
-        # A difference of a position changes the modes of contacts that are close to others.
-        if jacobian.margin < 0.06:
-            continue
-        checked += 1
-        case.check(jacobian)
-    assert checked > 55
+        # A difference changes the modes of contacts that are close to others.
+        if jacobian.margin > 0.06:
+            worst.append(case.worst(jacobian))
+    print(f"{len(worst)} robots, largest error {max(worst):.1e}, median of the robots' largest {np.median(worst):.1e}")
+    assert len(worst) > 0.6 * CASES
+    assert max(worst) < LIMIT
 
 
 def test_a_long_motion_has_the_product_of_the_derivatives_of_its_parts():
@@ -180,9 +203,36 @@ def test_derivatives_by_parameters_equal_differences(name):
     exact = np.vstack([jacobian.P, jacobian.Q])
     for column, element in enumerate(np.ndindex(value.shape)):
         found = central(lambda h, e=element: after(h, e), 1e-4 * value[element])
-        for rows in (POSITIONS, VELOCITIES, slice(30, 39)):
+        for rows in (POSITIONS, VELOCITIES, FORCES):
             scale = np.abs(exact[rows, column]).max()
             assert np.abs(found[rows] - exact[rows, column]).max() <= 1e-6 * scale + 1e-9
+
+
+@pytest.mark.parametrize(
+    "name", ["wheel_coulomb_friction", "floor_rolling_friction", "floor_spinning_friction", "roller_friction"]
+)
+def test_a_friction_of_zero_has_the_derivatives_of_a_small_one(name):
+    params = bb.Params.paper()
+    robot = bb.Ballbot(params)
+    change = np.zeros(30)
+    change[[2, 8]] = 2e-6, 3e-6
+    change[[9, 10, 15, 18, 19, 20, 25]] = 0.02, -0.03, 0.1, 0.1, -0.2, 0.3, 0.2
+    start = moved(robot.state, change)
+    robot.reset(start)
+    jacobian = robot.jacobian((0.3, -0.2, 0.1), 1, [name])
+
+    def after(friction):
+        other = bb.Ballbot(params.replace(**{name: friction}))
+        other.reset(start)
+        other.step((0.3, -0.2, 0.1))
+        return np.concatenate([difference(other.state, jacobian.state), forces(other)])
+
+    step = 1e-6
+    found = (4 * after(step) - after(2 * step) - 3 * after(0.0)) / (2 * step)
+    exact = np.concatenate([jacobian.P[:30, 0], jacobian.Q[:, 0]])
+    assert exact.any()
+    for rows in KINDS:
+        assert np.abs(found[rows] - exact[rows]).max() <= 1e-4 * np.abs(exact[rows]).max() + 1e-7
 
 
 def test_forward_and_reverse_products_agree():
@@ -241,6 +291,43 @@ def test_a_robot_that_falls_has_no_derivatives_and_leaves_its_neighbors_theirs()
         robot.jacobian((0, 0, 0), 2000)
 
 
+def test_shapes_do_not_depend_on_what_is_valid():
+    batch = bb.Batch(2)
+    batch.reset(starts=[bb.State.at_rest(bb.Params.paper(), tilt=(0.3, 0.0))] * 2)
+    jacobians = batch.jacobians(np.zeros((2, 3)), 2000, ["body_mass"])
+    assert not jacobians.valid.any()
+    assert jacobians.A.shape == (2, 30, 30)
+    assert jacobians.P.shape == (2, 30, 1)
+    motion = bb.Ballbot().jacobians(np.zeros((0, 3)))
+    assert motion.A.shape == (0, 30, 30)
+    assert motion.vjp(np.zeros((0, 30)))[1].shape == (0, 3)
+
+
+def test_torques_and_parameters_of_every_robot_of_a_batch_are_checked():
+    batch = bb.Batch(16, params=["kugle", "paper"])
+    batch.reset()
+    torques = np.zeros((16, 3))
+    with pytest.raises(ValueError, match="two principal moments"):
+        batch.jacobians(torques, 1, ["body_products_of_inertia"])
+    torques[12, 1] = 50.0
+    with pytest.raises(ValueError, match=r"wheel_torques\[12, 1\] = 50"):
+        batch.jacobians(torques)
+    with pytest.raises(ValueError, match="solved by iteration"):
+        bb.Batch(2, model="rigid").jacobians(np.zeros((2, 3)))
+
+
+def test_rolling_coordinates_are_the_linear_model_of_a_robot_at_rest():
+    for preset in ("paper", "rezero"):
+        params = bb.Params.preset(preset)
+        a, b = bb.Ballbot(params, sim_dt=1e-4).jacobian((0, 0, 0), 100).rolling()
+        exact_a, exact_b = bb.LinearModel(params).discretize(0.01)
+        np.testing.assert_allclose(a[:10, :10], exact_a, atol=3e-5 * np.abs(exact_a).max())
+        np.testing.assert_allclose(b[:10], exact_b, atol=1e-4 * np.abs(exact_b).max())
+    hills = bb.Ballbot(terrain=bb.Terrain.generate("hills", seed=0))
+    with pytest.raises(ValueError, match="not of a terrain"):
+        hills.jacobian((0, 0, 0)).rolling()
+
+
 def test_kinks_are_reported():
     robot = bb.Ballbot()
     at_rest = robot.jacobian((0, 0, 0))
@@ -275,6 +362,7 @@ def test_grip_does_not_depend_on_friction_and_slip_does():
         ("contact", ((0, 0, 0), 1, ["body_weight"]), "unknown parameter 'body_weight'"),
         ("contact", ((0, 0, 0), 1, ["body_inertia[3]"]), r"unknown parameter 'body_inertia\[3\]'"),
         ("contact", ((0, 0, 0), 1, ["roller_count"]), "a whole number"),
+        ("contact", ((0, 0, 0), 1, ["roller_ripple"]), "roller_ripple = 0"),
         ("contact", ((0, 0, np.nan),), r"wheel_torques\[2\]"),
         ("contact", ((0, 0, 99),), "max_wheel_torque"),
         ("rigid", ((0, 0, 0),), "solved by iteration"),

@@ -28,6 +28,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         ),
     ),
     "models": ("Models in closed form", ("SpatialModel", "PlanarModel", "LinearModel")),
+    "derivatives": ("Derivatives", ("Jacobian", "Jacobians", "MotionJacobians")),
     "environments": (
         "Environments",
         (

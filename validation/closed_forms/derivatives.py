@@ -29,7 +29,7 @@ def run() -> Findings:
     errors = errors_of_differences()
     params = bb.Params.paper()
     pole = unstable_pole(params)
-    a, _, _ = rolling(params, 1e-4)
+    a, _ = rolling(params, 1e-4)
     found = float(np.log(np.abs(np.linalg.eigvals(a)).max()) / _SPAN)
     coarse, fine = (torque_error(params, rolling(params, dt)[1]) for dt in (1e-3, 1e-4))
     forward, reverse = products(params)
@@ -107,7 +107,7 @@ def _product(a: Array, b: Array) -> Array:
     return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
-def rolling(params: bb.Params, sim_dt: float) -> tuple[Array, Array, Array]:
+def rolling(params: bb.Params, sim_dt: float) -> tuple[Array, Array]:
     """Derivatives of the robot at rest over a span of time, in coordinates of rolling."""
     return bb.Ballbot(params, sim_dt=sim_dt).jacobian(np.zeros(3), round(_SPAN / sim_dt)).rolling()
 

@@ -39,7 +39,8 @@ pub struct SolvedStep {
     /// The robot after the step, unless the bot touches the floor, or the ball its body.
     after: ContactState<f64>,
     /// Distance from other modes: the smallest change of an impulse, as a fraction of the impulse of a wheel's static
-    /// load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
+    /// load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with which a
+    /// contact changes its mode.
     pub margin: f64,
 }
 
@@ -231,7 +232,8 @@ fn equations<L: Lane>(
         }
         if !modes.joints.sticks[i] {
             let dry = joint_friction.dry;
-            let dry = if modes.joints.dry[i] < 0.0 { -dry } else { dry };
+            // Also of a joint without dry friction, for the derivative with respect to it.
+            let dry = if modes.joints.dry[i].is_sign_negative() { -dry } else { dry };
             out.joints[i] = residuals.joints[i].mul_add(joint_friction.viscous, impulses.joints[i] - dry);
         }
     }

@@ -18,6 +18,9 @@ use std::sync::Arc;
 /// Contact forces of the last step on which the losses of a step depend: floor and normal forces.
 pub(crate) const LOADS: usize = 6;
 
+/// Fraction of a speed that each loss may remove, of a robot with all of them.
+const LEAST_LOSS_SHARE: f64 = 0.25;
+
 /// Steps that are differentiated at once; longer motions are joined by the chain rule.
 const MOST_STEPS: usize = 64;
 
@@ -28,6 +31,9 @@ pub struct Differentiated {
     ground: Option<Arc<Ground>>,
     /// Derivatives of the constants with respect to each parameter.
     slopes: Vec<Constants<f64>>,
+    /// Fraction of a speed that a loss may remove in a step, while derivatives with respect to losses of zero are
+    /// computed.
+    loss_share: f64,
     states: usize,
 }
 
@@ -36,7 +42,8 @@ impl Differentiated {
     /// losses depend.
     ///
     /// # Errors
-    /// Those of [`Parameter::slopes`].
+    /// [`Error::Inconsistent`] for a parameter without derivative: a ripple of zero, and inertia of a body with equal
+    /// principal moments.
     pub fn new(
         params: &Params,
         constants: &Constants<f64>,
@@ -51,6 +58,10 @@ impl Differentiated {
             state,
             ground: ground.cloned(),
             slopes: slopes.collect::<Result<_>>()?,
+            loss_share: match constants.loss_share {
+                0.0 if parameters.iter().any(Parameter::is_loss) => LEAST_LOSS_SHARE,
+                share => share,
+            },
             states: COORDINATES + if with_loads { LOADS } else { 0 },
         })
     }
@@ -96,6 +107,7 @@ impl Differentiated {
                 torques,
                 solved: &solved,
                 slopes: &self.slopes,
+                loss_share: self.loss_share,
             },
             jacobian: &mut jacobian,
         });
@@ -138,6 +150,7 @@ impl Differentiated {
             c: none(),
             d: none(),
             q: none(),
+            level: ground.is_none(),
             start: self.state.read(c).into(),
             next: state.read(c).into(),
             contacts: state.contacts(c, ground.map(AsRef::as_ref)),
@@ -157,6 +170,7 @@ struct Problem<'a> {
     torques: Wheels<f64>,
     solved: &'a [SolvedStep],
     slopes: &'a [Constants<f64>],
+    loss_share: f64,
 }
 
 struct Passes<'a, 'b> {
@@ -302,7 +316,7 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
         }
     }
     // Bodies of all kinds have the same derivatives.
-    let constants = Constants { general: 1.0, ..problem.constants.clone() };
+    let constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
     if !directions.iter().any(|direction| matches!(direction, Direction::Parameter(_))) {
         return if problem.has_ripple() {
             moved::<L, f64, true>(&constants, token, problem, (seeds, state, torques))

@@ -42,6 +42,8 @@ pub struct Jacobian {
     pub d: DMatrix<f64>,
     /// Q: the contact forces by the parameters.
     pub q: DMatrix<f64>,
+    /// Whether the ground is level, apart from a tilt of the floor.
+    pub level: bool,
     /// The state before the motion.
     pub start: State,
     /// The state after the motion.
@@ -56,6 +58,17 @@ pub struct Jacobian {
     kinds: [Kinds; 2],
 }
 
+/// Names of the states, the rows of A and columns of A and C. Robots with losses
+/// ([`Params::has_losses`](ballbot_base::Params::has_losses)) have contact forces of the last step as further states,
+/// because the losses of a step depend on them.
+pub fn state_names(with_loads: bool) -> Vec<String> {
+    let mut names = coordinate_names();
+    if with_loads {
+        names.extend(load_names());
+    }
+    names
+}
+
 /// Memory of a [`Jacobian`] with respect to a number of parameters, bytes; of a robot with or without losses.
 pub fn bytes_of(parameters: usize, with_loads: bool) -> usize {
     let states = COORDINATES + if with_loads { LOADS } else { 0 };
@@ -63,16 +76,6 @@ pub fn bytes_of(parameters: usize, with_loads: bool) -> usize {
 }
 
 impl Jacobian {
-    /// Names of the states, the rows of A and columns of A and C. Robots with losses
-    /// ([`Params::has_losses`](ballbot_base::Params::has_losses)) have contact forces of the last step as further
-    /// states, because the losses of a step depend on them.
-    pub fn state_names(&self) -> Vec<String> {
-        let mut names = coordinate_names();
-        names.extend(load_names());
-        names.truncate(self.a.ncols());
-        names
-    }
-
     /// The derivatives of this motion and the next, under the same torques.
     fn followed_by(&self, next: Self) -> Self {
         Self {
@@ -85,6 +88,7 @@ impl Jacobian {
             modes_changed: self.modes_changed || next.modes_changed || self.kinds[1] != next.kinds[0],
             margin: self.margin.min(next.margin),
             kinds: [self.kinds[0], next.kinds[1]],
+            level: self.level,
             start: self.start.clone(),
             next: next.next,
             contacts: next.contacts,
@@ -94,6 +98,11 @@ impl Jacobian {
     fn is_finite(&self) -> bool {
         let Self { a, b, p, c, d, q, .. } = self;
         [a, b, p, c, d, q].into_iter().flatten().all(|number| number.is_finite())
+    }
+
+    /// Whether contact forces of the last step are states.
+    pub fn with_loads(&self) -> bool {
+        self.a.ncols() > COORDINATES
     }
 
     /// Numbers of states, torques and parameters.

@@ -17,8 +17,9 @@ const STEP: f64 = 0.01;
 /// Step for parameters in which the constants are linear, so that only rounding matters.
 const LINEAR_STEP: f64 = 0.25;
 
-/// Smallest relative difference of principal moments whose axes have a derivative.
-const DISTINCT: f64 = 1e-6;
+/// Smallest relative difference of principal moments whose axes have a derivative: it loses as many digits as they
+/// share.
+const DISTINCT: f64 = 1e-4;
 
 /// A parameter, or an element of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -54,6 +55,12 @@ impl Parameter {
     /// # Errors
     /// [`Error::Inconsistent`] where the principal axes of the body have no derivative.
     pub(crate) fn slopes(&self, params: &Params, sim_dt: f64) -> Result<Constants<f64>> {
+        if self.name() == "roller_ripple" && params.roller_ripple == 0.0 {
+            return Err(Error::Inconsistent(
+                "roller_ripple = 0: round wheels have no derivative with respect to it; give them a small ripple"
+                    .into(),
+            ));
+        }
         let axes = PrincipalAxes::new(params);
         let mut slopes = if ["body_inertia", "body_products_of_inertia"].contains(&self.name()) {
             let turning = self.turning(params, &axes)?;
@@ -70,6 +77,11 @@ impl Parameter {
             *switch = 0.0;
         }
         Ok(slopes)
+    }
+
+    /// Whether it is a loss, which may be zero.
+    pub(crate) fn is_loss(&self) -> bool {
+        Params::LOSSES.contains(&self.name())
     }
 
     fn name(&self) -> &'static str {
@@ -92,8 +104,8 @@ impl Parameter {
             }
             if apart.abs() < DISTINCT * largest {
                 return Err(Error::Inconsistent(format!(
-                    "two principal moments of inertia of the body are equal, {} and {} kg·m², so its principal axes have no \
-                     derivative with respect to {self}",
+                    "two principal moments of inertia of the body, {} and {} kg·m², are within {DISTINCT} of each other, \
+                     so its principal axes have no accurate derivative with respect to {self}",
                     moments[i], moments[j]
                 )));
             }

@@ -1,12 +1,12 @@
 //! Derivatives of motions that roll without slip on a plane floor: fewer coordinates, for the design of controllers.
 
 use crate::Jacobian;
-use crate::coordinates::COORDINATES;
+use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// Names of the coordinates of rolling, whose changes are as those of [`Jacobian::state_names`]. Attitude of the ball and
+/// Names of the coordinates of rolling, with changes as in [`Jacobian::state_names`]. Attitude of the ball and
 /// wheel angles are left out: nothing depends on them.
 pub const ROLLING: [&str; 11] = [
     "ball_position_x",
@@ -32,8 +32,6 @@ pub struct RollingJacobian {
     pub a: DMatrix<f64>,
     /// By the torques, per N·m.
     pub b: DMatrix<f64>,
-    /// By the parameters.
-    pub p: DMatrix<f64>,
 }
 
 impl Jacobian {
@@ -41,7 +39,13 @@ impl Jacobian {
     /// ball: A of all coordinates for such changes, and the rows of [`ROLLING`].
     ///
     /// They need no side of a gap: such a change opens and closes none.
-    pub fn rolling(&self, params: &Params) -> RollingJacobian {
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] on a terrain.
+    pub fn rolling(&self, params: &Params) -> Result<RollingJacobian> {
+        if !self.level {
+            return Err(Error::Inconsistent("coordinates of rolling are of a plane floor, not of a terrain".into()));
+        }
         let wheels = Omniwheels::new(params);
         let state = &self.start;
         let rotation = state.body_quaternion.to_rotation_matrix().into_inner();
@@ -68,8 +72,7 @@ impl Jacobian {
         lift.fixed_view_mut::<3, 2>(27, 5).copy_from(&by_ball_rate.fixed_columns::<2>(0));
         lift.fixed_view_mut::<3, 3>(27, 7).copy_from(&-to_encoders);
         lift.fixed_view_mut::<3, 1>(27, 10).copy_from(&Vector3::from(by_ball_rate.column(2)));
-        debug_assert!(self.a.nrows() >= COORDINATES);
         let rows = |matrix: &DMatrix<f64>| matrix.select_rows(&PLACES);
-        RollingJacobian { a: rows(&(&self.a * lift)), b: rows(&self.b), p: rows(&self.p) }
+        Ok(RollingJacobian { a: rows(&(&self.a * lift)), b: rows(&self.b) })
     }
 }

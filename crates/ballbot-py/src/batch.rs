@@ -23,7 +23,7 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, State, require_memory};
+use ballbot_core::{Contacts, Params, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -1091,9 +1091,10 @@ impl PyBatch {
     /// roller friction, the contact forces of the last step are states of all.
     ///
     /// Raises:
-    ///     ValueError: torques that are not finite; an unknown parameter, or `roller_count`; fewer than one step; a model
-    ///         without derivatives.
+    ///     ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,
+    ///         or one without derivative; another model than "contact".
     ///     MemoryError: too many robots.
+    ///     KeyboardInterrupt: Ctrl-C during a long call.
     #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobians(
         &self,
@@ -1108,7 +1109,8 @@ impl PyBatch {
         let parameters = jacobian::parameters(parameters)?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
-        Ok(PyJacobians::new(jacobians, parameters))
+        let with_loads = (0..batch.len()).any(|i| batch.params(i).is_ok_and(Params::has_losses));
+        Ok(PyJacobians::new(jacobians, parameters, with_loads))
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

@@ -3,7 +3,7 @@
 use crate::convert::{ANY_COUNT, elements, finite_elements, matrix};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
-use ballbot_core::gradients::{FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names};
+use ballbot_core::gradients::{FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names, state_names};
 use ballbot_core::{Params, WHEELS, Wheels, try_zeros};
 use nalgebra::{DMatrix, DVector};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -88,7 +88,7 @@ impl PyJacobian {
     /// step, on which these losses depend.
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, self.jacobian.state_names())
+        PyTuple::new(py, state_names(self.jacobian.with_loads()))
     }
 
     /// Names of the k parameters; an element of an array as `body_com_offset[0]`.
@@ -123,7 +123,8 @@ impl PyJacobian {
     }
 
     /// Distance of the nearest step from other modes: the smallest change of an impulse, as a fraction of the impulse of a
-    /// wheel's static load, or of a gap, as a fraction of g dt², with which a contact changes its mode.
+    /// wheel's static load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with
+    /// which a contact changes its mode.
     #[getter]
     fn margin(&self) -> f64 {
         self.jacobian.margin
@@ -140,12 +141,15 @@ impl PyJacobian {
     #[classattr]
     const ROLLING: [&'static str; 11] = ROLLING;
 
-    /// A (11, 11), B (11, 3) and P (11, k) for changes of the state with which the ball still rolls on a plane floor, and the
+    /// A (11, 11) and B (11, 3) for changes of the state with which the ball still rolls on a plane floor, and the
     /// wheels on the ball; in the coordinates `ROLLING`, for the design of controllers. Such changes open and close no gap,
     /// so the derivatives hold for a robot in balance on both sides.
-    fn rolling<'py>(&self, py: Python<'py>) -> (Matrix<'py>, Matrix<'py>, Matrix<'py>) {
-        let RollingJacobian { a, b, p } = self.jacobian.rolling(&self.params);
-        (matrix(py, &a), matrix(py, &b), matrix(py, &p))
+    ///
+    /// Raises:
+    ///     ValueError: a robot on a terrain.
+    fn rolling<'py>(&self, py: Python<'py>) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
+        let RollingJacobian { a, b } = self.jacobian.rolling(&self.params).map_err(to_python)?;
+        Ok((matrix(py, &a), matrix(py, &b)))
     }
 
     fn __reduce__(&self) -> PyResult<()> {
@@ -173,9 +177,8 @@ pub(crate) struct PyJacobians {
 }
 
 impl PyJacobians {
-    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>) -> Self {
-        let states = jacobians.iter().flatten().next().map(Jacobian::state_names).unwrap_or_default();
-        Self { jacobians, parameters, states }
+    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>, with_loads: bool) -> Self {
+        Self { jacobians, parameters, states: state_names(with_loads) }
     }
 
     fn stacked<'py>(
@@ -267,8 +270,8 @@ impl PyJacobians {
         PyTuple::new(py, force_names())
     }
 
-    /// Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor or that have diverged, have
-    /// zeros.
+    /// Motions with derivatives, shape (N,). The others, of robots whose bot touches the floor, that diverge, or whose
+    /// derivatives are not finite, have zeros.
     #[getter]
     fn valid<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.one_each(py, false, |_| true)
@@ -286,7 +289,7 @@ impl PyJacobians {
         self.one_each(py, 0.0, |jacobian| jacobian.margin)
     }
 
-    /// As `Jacobian.one_sided`, shape (N,).
+    /// As `Jacobian.one_sided`, shape (N,); True without derivatives.
     #[getter]
     fn one_sided<'py>(&self, py: Python<'py>) -> Bound<'py, PyArray1<bool>> {
         self.one_each(py, true, |jacobian| jacobian.margin < ON_A_KINK)
@@ -307,13 +310,18 @@ impl PyJacobians {
 }
 
 /// Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
-/// products with vectors are those of the whole: forward (`jvp`) and reverse (`vjp`).
+/// products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
 #[pyclass(name = "MotionJacobians", module = "ballbot_rs", frozen, extends = PyJacobians)]
 pub(crate) struct PyMotionJacobians;
 
 impl PyMotionJacobians {
-    pub(crate) fn new(py: Python<'_>, jacobians: Vec<Jacobian>, parameters: Vec<Parameter>) -> PyResult<Py<Self>> {
-        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters);
+    pub(crate) fn new(
+        py: Python<'_>,
+        jacobians: Vec<Jacobian>,
+        parameters: Vec<Parameter>,
+        with_loads: bool,
+    ) -> PyResult<Py<Self>> {
+        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters, with_loads);
         Py::new(py, PyClassInitializer::from(all).add_subclass(Self))
     }
 }
@@ -330,7 +338,10 @@ fn optional(name: &str, value: Option<&Bound<'_, PyAny>>, shape: &[usize]) -> Py
 #[pymethods]
 impl PyMotionJacobians {
     /// Change of the state after each motion, shape (T, n), from a change of the first state (n,), of the torques (T, 3) and
-    /// of the parameters (k,); None is no change.
+    /// of the parameters (k,); None leaves them unchanged.
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, or a number that is not finite.
     #[pyo3(signature = (state=None, torques=None, parameters=None))]
     fn jvp<'py>(
         slf: &Bound<'py, Self>,
@@ -356,6 +367,9 @@ impl PyMotionJacobians {
     /// Derivatives of a number with respect to the first state (n,), the torques (T, 3) and the parameters (k,), from its
     /// derivatives with respect to the state after each motion, shape (T, n). Attitudes are rotation vectors, as in
     /// `states`.
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, or a number that is not finite.
     fn vjp<'py>(slf: &Bound<'py, Self>, states: &Bound<'py, PyAny>) -> PyResult<Products<'py>> {
         let (py, all) = (slf.py(), slf.as_super().borrow());
         let (n, k) = (all.states.len(), all.parameters.len());

@@ -136,9 +136,11 @@ impl PyBallbot {
     /// mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
     ///
     /// Raises:
-    ///     ValueError: an unknown parameter, or `roller_count`, a whole number; fewer than one step; torques as in `step`; a
-    ///         model without derivatives; derivatives that are not finite.
+    ///     ValueError: an unknown parameter, or one without derivative (`roller_count`, a `roller_ripple` of 0, inertia with
+    ///         equal principal moments); fewer than one step; torques as in `step`; another model; the bot touches the floor,
+    ///         or the ball its body; derivatives that are not finite.
     ///     DivergedError: the state leaves the simulation's bounds.
+    ///     KeyboardInterrupt: Ctrl-C during a long call.
     #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobian(
         &self,
@@ -160,7 +162,7 @@ impl PyBallbot {
     /// the one before has ended. The robot does not move.
     ///
     /// Raises:
-    ///     ValueError, DivergedError: as `jacobian`.
+    ///     ValueError, DivergedError, KeyboardInterrupt: as `jacobian`.
     ///     MemoryError: too many motions.
     #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
     fn jacobians(
@@ -176,7 +178,7 @@ impl PyBallbot {
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobians = interruptible(py, || robot.jacobians(&torques, steps, &parameters))?;
-        PyMotionJacobians::new(py, jacobians, parameters)
+        PyMotionJacobians::new(py, jacobians, parameters, robot.params().has_losses())
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).

@@ -1,12 +1,12 @@
 //! Derivatives of the motions of the robots of a batch.
 
 use super::batch::Batch;
-use ballbot_base::error::{Error, Result};
+use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::memory::require_memory;
 use ballbot_base::wheels::Wheels;
 use ballbot_gradients::{Jacobian, Parameter, bytes_of};
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 impl Batch {
@@ -16,9 +16,9 @@ impl Batch {
     /// forces of the last step are states of all.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are torques for each robot; [`Error::OutOfRange`] for torques that are not finite, and
-    /// for zero steps; [`Error::Inconsistent`] for other models than `contact`; [`Error::Memory`];
-    /// [`Error::Interrupted`] in [`crate::stoppable`].
+    /// [`Error::Length`] unless there are torques for each robot; [`Error::OutOfRange`] for torques beyond the motors'
+    /// limit, and for zero steps; [`Error::Inconsistent`] for other models than `contact`, and for a parameter without
+    /// derivative; [`Error::Memory`]; [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn jacobians(
         &mut self,
         wheel_torques: &[Wheels<f64>],
@@ -29,31 +29,40 @@ impl Batch {
         self.expect_len("wheel_torques", wheel_torques.len(), n)?;
         let mut with_loads = false;
         for (i, torques) in wheel_torques.iter().enumerate() {
-            if let Some((wheel, value)) = torques.iter().enumerate().find(|(_, torque)| !torque.is_finite()) {
-                let name = format!("wheel_torques[{i}, {wheel}]");
-                return Err(Error::OutOfRange { name, value: *value, limit: "finite".into() });
+            let params = self.params(i)?;
+            let limit = params.max_wheel_torque;
+            for (wheel, &torque) in torques.iter().enumerate() {
+                let name = format_args!("wheel_torques[{i}, {wheel}]");
+                let words = format_args!("within ±max_wheel_torque = {limit} N·m");
+                check(name, torque, words, |torque| torque.abs() <= limit)?;
             }
-            with_loads |= self.params(i)?.has_losses();
+            with_loads |= params.has_losses();
+        }
+        if steps == 0 {
+            return Err(Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() });
         }
         require_memory("the derivatives", n, bytes_of(parameters.len(), with_loads))?;
-        // Errors of the model and of parameters are of all robots.
-        self.chunks[0].differentiated(0, parameters, with_loads)?;
         let found = Mutex::new((0..n).map(|_| None).collect::<Vec<_>>());
-        let (next, stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+        let failure = Mutex::new(None);
+        let next = AtomicUsize::new(0);
         let (chunks, width) = (&self.chunks, self.width);
         let work = || {
             let mut watch = Watch::new();
-            while !stopped.load(Ordering::Relaxed) {
+            loop {
                 let i = next.fetch_add(1, Ordering::Relaxed);
                 if i >= n {
                     return;
                 }
-                if watch.check().is_err() {
-                    stopped.store(true, Ordering::Relaxed);
+                let robot =
+                    watch.check().and_then(|()| chunks[i / width].differentiated(i % width, parameters, with_loads));
+                let jacobian = robot.map(|mut robot| robot.advance(wheel_torques[i], steps));
+                match jacobian {
+                    Err(error) | Ok(Err(error @ Error::Interrupted)) => {
+                        next.store(n, Ordering::Relaxed);
+                        *failure.lock().unwrap_or_else(PoisonError::into_inner) = Some(error);
+                    }
+                    Ok(jacobian) => found.lock().unwrap_or_else(PoisonError::into_inner)[i] = jacobian.ok(),
                 }
-                let robot = chunks[i / width].differentiated(i % width, parameters, with_loads);
-                let jacobian = robot.and_then(|mut robot| robot.advance(wheel_torques[i], steps)).ok();
-                found.lock().unwrap_or_else(PoisonError::into_inner)[i] = jacobian;
             }
         };
         if self.helpers.count() == 0 {
@@ -61,9 +70,9 @@ impl Batch {
         } else {
             self.helpers.share(work)?;
         }
-        if stopped.into_inner() {
-            return Err(Error::Interrupted);
+        match failure.into_inner().unwrap_or_else(PoisonError::into_inner) {
+            Some(error) => Err(error),
+            None => Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner)),
         }
-        Ok(found.into_inner().unwrap_or_else(PoisonError::into_inner))
     }
 }

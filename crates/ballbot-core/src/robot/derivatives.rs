@@ -21,6 +21,7 @@ impl Ballbot {
         parameters: &[Parameter],
     ) -> Result<Jacobian> {
         let wheel_torques = self.checked(wheel_torques.into())?;
+        require_memory("the derivatives", 1, bytes_of(parameters.len(), true))?;
         self.differentiated(parameters, self.params().has_losses())?.advance(wheel_torques, steps)
     }
 
