@@ -63,7 +63,7 @@ def test_it_is_the_controller_of_the_sampled_robot(name):
 )
 def test_it_holds_the_place(name, events, nominal, drawn):
     law = bb.Controller(name)
-    without, found = (distances(law, 8.0, told, events=events) for told in (False, True))
+    without, found = (distances(law, 8.0, messages, events=events) for messages in (False, True))
     assert without > nominal
     assert found < drawn
     assert found < without

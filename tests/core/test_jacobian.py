@@ -119,7 +119,7 @@ class Case:
     def worst(self, jacobian):
         """Largest error of a derivative, relative to the largest of its kind.
 
-        Of the errors with three steps of a difference the smallest counts: rounding spoils small steps, and where
+        Of the errors with several steps of a difference the smallest counts: rounding spoils small steps, and where
         wheels jam the ball, several solutions may be valid, and the robot jumps from one to another.
         """
         self.end = jacobian.state
@@ -135,8 +135,8 @@ class Case:
         worst = 0.0
         for function, step, exact, alike in columns:
             errors = []
-            for smaller in (1.0, 0.1, 0.01):
-                deviation = np.abs(central(function, smaller * step) - exact)
+            for factor in (1.0, 10.0, 0.1, 0.01):
+                deviation = np.abs(central(function, factor * step) - exact)
                 sizes = [max(np.abs(alike[rows]).max(), 1.0) for rows in KINDS]
                 errors.append(max(deviation[rows].max() / size for rows, size in zip(KINDS, sizes, strict=True)))
                 if errors[-1] < LIMIT:

@@ -168,16 +168,16 @@ def test_policies_are_symmetric_where_robots_are():
     assert space_of(**leaning).size == 51
     assert space_of(**leaning, **{"algorithm_arguments.symmetric": True}).size == 9
     assert space_of(**{"policy.net_arch": [8]}).size == 16 * 8 + 8 + 8 * 3 + 3
-    wanted = {"algorithm_arguments.symmetric": True}
-    assert space_of(**wanted).size == 9
+    expected = {"algorithm_arguments.symmetric": True}
+    assert space_of(**expected).size == 9
     with pytest.raises(ValueError, match="symmetric = True: the wheels of robot 0 are not alike"):
-        space_of(**wanted, **uneven)
+        space_of(**expected, **uneven)
     assert space_of(**{"env.history": 5}).size == 9 * 5
     assert space_of(**{"env.history": 50}).size == 3 * (16 * 50 + 1)
     with pytest.raises(ValueError, match="symmetric = True: an observation has 800 rows, it may have 200"):
-        space_of(**wanted, **{"env.history": 50})
+        space_of(**expected, **{"env.history": 50})
     with pytest.raises(ValueError, match=r"symmetric = True: only linear policies are, net_arch = \[8\]"):
-        space_of(**wanted, **{"policy.net_arch": [8]})
+        space_of(**expected, **{"policy.net_arch": [8]})
 
 
 def test_coordinates_of_one_give_actions_of_one():

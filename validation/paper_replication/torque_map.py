@@ -67,7 +67,7 @@ def run() -> Findings:
         ax.plot(zeniths, consistent, "s", markersize=4, color=INK)
         ax.axhline(1.0, color=INK, label="consistent")
         ax.axvline(45.0, color=INK, linewidth=0.8, linestyle=":")
-        ax.set(xlabel="zenith angle α (deg)", ylabel="torque that arrives / asked for", ylim=(0.0, 6.8))
+        ax.set(xlabel="zenith angle α (deg)", ylabel="torque that arrives / requested for", ylim=(0.0, 6.8))
         ax.legend(loc="upper left")
 
     return Findings(claims, draw, compared=(compared,))

@@ -236,14 +236,14 @@ class Evolution:
 
     def _space_of(self, hidden: list[int]) -> Networks | Symmetric:
         """The policies to search, with hidden layers of the given widths."""
-        wanted = self._settings.symmetric
+        expected = self._settings.symmetric
         # A robot whose center of mass is off the mast needs biases, which no symmetry allows.
         leans = any(self._nominal.nominal_params(0).body_com_offset)
-        if wanted or (wanted is None and not leans):
+        if expected or (expected is None and not leans):
             try:
                 return Symmetric(_symmetric_basis(self._nominal, hidden))
             except ValueError as error:
-                if wanted:
+                if expected:
                     raise ValueError(f"algorithm_arguments: symmetric = True: {error}") from error
         return Networks([self._nominal.observation_len, *hidden, 3])
 

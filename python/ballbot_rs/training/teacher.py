@@ -198,11 +198,11 @@ def _regress(
     for _ in range(teacher.epochs):
         total = 0.0
         for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
-            inputs, wanted = seen[chosen], targets[chosen]
+            inputs, expected = seen[chosen], targets[chosen]
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
-                inputs, wanted = inputs @ of_inputs, wanted @ of_wanted
-            loss = torch.nn.functional.mse_loss(_actions(model, inputs), wanted)
+                inputs, expected = inputs @ of_inputs, expected @ of_wanted
+            loss = torch.nn.functional.mse_loss(_actions(model, inputs), expected)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
