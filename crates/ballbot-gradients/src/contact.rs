@@ -1,7 +1,7 @@
 //! Derivatives of the model `contact`.
 
 use crate::Jacobian;
-use crate::coordinates::{COORDINATES, FORCES, along, coordinates};
+use crate::coordinates::{COORDINATES, FORCES, LOADS, along, coordinates, states};
 use crate::parameters::Parameter;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::Watch;
@@ -14,9 +14,6 @@ use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_contact::{Constants, ContactState, Footing, SolvedStep, advance};
 use nalgebra::DMatrix;
 use std::sync::Arc;
-
-/// Contact forces of the last step on which the losses of a step depend: floor and normal forces.
-pub(crate) const LOADS: usize = 6;
 
 /// Fraction of a speed that each loss may remove, of a robot with all of them.
 const LEAST_LOSS_SHARE: f64 = 0.25;
@@ -62,7 +59,7 @@ impl Differentiated {
                 0.0 if parameters.iter().any(Parameter::is_loss) => LEAST_LOSS_SHARE,
                 share => share,
             },
-            states: COORDINATES + if with_loads { LOADS } else { 0 },
+            states: states(with_loads),
         })
     }
 
@@ -95,10 +92,6 @@ impl Differentiated {
 
     fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
         let (solved, end, mut jacobian) = self.followed(torques, steps)?;
-        let (states, parameters) = (self.states, self.slopes.len());
-        let [a, b, p] = [states, WHEELS, parameters].map(|columns| DMatrix::zeros(states, columns));
-        let [c, d, q] = [states, WHEELS, parameters].map(|columns| DMatrix::zeros(FORCES, columns));
-        jacobian = Jacobian { a, b, p, c, d, q, ..jacobian };
         run_directions(Passes {
             problem: Problem {
                 constants: &self.constants,
@@ -115,7 +108,7 @@ impl Differentiated {
         Ok(jacobian)
     }
 
-    /// The motion without derivatives: its steps, its end, and a Jacobian without matrices.
+    /// The motion without derivatives: its steps, its end, and a Jacobian whose matrices are zero.
     fn followed(&self, torques: Wheels<f64>, steps: usize) -> Result<(Vec<SolvedStep>, ContactState<f64>, Jacobian)> {
         let (c, ground) = (&self.constants, self.ground.as_ref());
         let mut state = self.state.clone();
@@ -141,15 +134,17 @@ impl Differentiated {
             modes_changed |= solved.last().is_some_and(|before| !step.has_modes_of(before));
             solved.push(step);
         }
-        let none = || DMatrix::zeros(0, 0);
+        let columns = [self.states, WHEELS, self.slopes.len()];
+        let [a, b, p] = columns.map(|columns| DMatrix::zeros(self.states, columns));
+        let [by_state, d, q] = columns.map(|columns| DMatrix::zeros(FORCES, columns));
         let kinds = [&solved[0], &solved[steps - 1]].map(SolvedStep::kinds);
         let jacobian = Jacobian {
-            a: none(),
-            b: none(),
-            p: none(),
-            c: none(),
-            d: none(),
-            q: none(),
+            a,
+            b,
+            p,
+            c: by_state,
+            d,
+            q,
             level: ground.is_none(),
             start: self.state.read(c).into(),
             next: state.read(c).into(),
@@ -194,7 +189,7 @@ impl Kernel for Passes<'_, '_> {
 enum Direction {
     /// A coordinate of the state.
     State(usize),
-    /// A force of the last step: of the floor, x, y and normal, or of a wheel.
+    /// A force of the last step, of [`LOADS`].
     Load(usize),
     Torque(usize),
     Parameter(usize),
@@ -252,8 +247,8 @@ fn write(jacobian: &mut Jacobian, direction: Direction, state: &[f64; COORDINATE
         Direction::Torque(i) => (b, d, i),
         Direction::Parameter(i) => (p, q, i),
     };
-    let loads = forces[2 * WHEELS..].iter().chain(&forces[..WHEELS]);
-    for (place, value) in of_state.column_mut(column).iter_mut().zip(state.iter().chain(loads)) {
+    let loads = LOADS.map(|force| forces[force]);
+    for (place, value) in of_state.column_mut(column).iter_mut().zip(state.iter().chain(&loads)) {
         *place = *value;
     }
     of_forces.column_mut(column).copy_from_slice(forces);
@@ -302,12 +297,10 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
                 seeds.zip_mut(&along(&start, i), |cell, slope| cell.derivatives.set(lane, *slope));
             }
             Direction::Load(i) => {
-                // Normal, x and y.
-                let impulse = match i {
-                    0 => &mut state.floor_impulse[1],
-                    1 => &mut state.floor_impulse[2],
-                    2 => &mut state.floor_impulse[0],
-                    wheel => &mut state.normal_impulses[wheel - 3],
+                // The floor's impulse is normal, x and y.
+                let impulse = match LOADS[i] {
+                    wheel if wheel < WHEELS => &mut state.normal_impulses[wheel],
+                    axis => &mut state.floor_impulse[(axis - 2 * WHEELS + 1) % 3],
                 };
                 impulse.derivatives.set(lane, problem.constants.sim_dt);
             }

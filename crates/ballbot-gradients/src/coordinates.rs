@@ -2,13 +2,21 @@
 
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Quat, Vec3};
-use ballbot_base::wheels::{WHEELS, Wheels};
+use ballbot_base::wheels::Wheels;
 
 /// Number of coordinates.
 pub const COORDINATES: usize = 30;
 
 /// Number of contact forces: three normal forces and three tractions of the wheels, the force of the floor.
 pub const FORCES: usize = 9;
+
+/// The contact forces of the last step on which the losses of a step depend, of the floor and the wheels' normals.
+pub(crate) const LOADS: [usize; 6] = [6, 7, 8, 0, 1, 2];
+
+/// Number of states of robots, with or without loads.
+pub(crate) fn states(with_loads: bool) -> usize {
+    COORDINATES + if with_loads { LOADS.len() } else { 0 }
+}
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
@@ -30,12 +38,6 @@ pub fn coordinate_names() -> Vec<String> {
         wheels("wheel_speed"),
     ]
     .concat()
-}
-
-/// Names of the contact forces of the last step that robots with losses have as further states.
-pub fn load_names() -> Vec<String> {
-    let names = force_names();
-    [&names[2 * WHEELS..], &names[..WHEELS]].concat()
 }
 
 /// Names of the contact forces.

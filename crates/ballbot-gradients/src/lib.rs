@@ -13,8 +13,7 @@ mod parameters;
 mod rolling;
 
 pub use contact::Differentiated;
-use contact::LOADS;
-use coordinates::{COORDINATES, coordinate_names, load_names};
+use coordinates::{COORDINATES, LOADS, coordinate_names, states};
 pub use coordinates::{FORCES, force_names};
 pub use parameters::Parameter;
 pub use rolling::{ROLLING, RollingJacobian};
@@ -64,14 +63,15 @@ pub struct Jacobian {
 pub fn state_names(with_loads: bool) -> Vec<String> {
     let mut names = coordinate_names();
     if with_loads {
-        names.extend(load_names());
+        let forces = force_names();
+        names.extend(LOADS.map(|force| forces[force].clone()));
     }
     names
 }
 
 /// Memory of a [`Jacobian`] with respect to a number of parameters, bytes; of a robot with or without losses.
 pub fn bytes_of(parameters: usize, with_loads: bool) -> usize {
-    let states = COORDINATES + if with_loads { LOADS } else { 0 };
+    let states = states(with_loads);
     size_of::<Jacobian>() + (states + FORCES) * (states + WHEELS + parameters) * size_of::<f64>()
 }
 

@@ -23,7 +23,7 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, Params, State, require_memory};
+use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -1109,8 +1109,7 @@ impl PyBatch {
         let parameters = jacobian::parameters(parameters)?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
-        let with_loads = (0..batch.len()).any(|i| batch.params(i).is_ok_and(Params::has_losses));
-        Ok(PyJacobians::new(jacobians, parameters, with_loads))
+        Ok(PyJacobians::new(jacobians, parameters, batch.has_losses()))
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

@@ -4,12 +4,18 @@ use super::batch::Batch;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::memory::require_memory;
+use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
 use ballbot_gradients::{Jacobian, Parameter, bytes_of};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 impl Batch {
+    /// Whether a robot has rolling, spinning or roller friction.
+    pub fn has_losses(&self) -> bool {
+        (0..self.len()).any(|i| self.params(i).is_ok_and(Params::has_losses))
+    }
+
     /// Derivatives of the next `steps` time steps of the model, at least one, of each robot under constant motor torques,
     /// N·m, without its motors' model: see [`Ballbot::jacobian`](crate::Ballbot::jacobian). The robots do not move. `None`
     /// for a robot without derivatives: its bot touches the floor, or it diverges. If one robot has losses, the contact
@@ -27,7 +33,7 @@ impl Batch {
     ) -> Result<Vec<Option<Jacobian>>> {
         let n = self.len();
         self.expect_len("wheel_torques", wheel_torques.len(), n)?;
-        let mut with_loads = false;
+        let with_loads = self.has_losses();
         for (i, torques) in wheel_torques.iter().enumerate() {
             let params = self.params(i)?;
             let limit = params.max_wheel_torque;
@@ -36,7 +42,6 @@ impl Batch {
                 let words = format_args!("within ±max_wheel_torque = {limit} N·m");
                 check(name, torque, words, |torque| torque.abs() <= limit)?;
             }
-            with_loads |= params.has_losses();
         }
         if steps == 0 {
             return Err(Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() });
