@@ -361,6 +361,8 @@ def test_grip_does_not_depend_on_friction_and_slip_does():
         ("contact", ((0, 0, 0), 0), "steps = 0, it must be at least 1"),
         ("contact", ((0, 0, 0), 1, ["body_weight"]), "unknown parameter 'body_weight'"),
         ("contact", ((0, 0, 0), 1, ["body_inertia[3]"]), r"unknown parameter 'body_inertia\[3\]'"),
+        ("contact", ((0, 0, 0), 1, ["body_com_offset[00]"]), r"unknown parameter 'body_com_offset\[00\]'"),
+        ("contact", ((0, 0, 0), 1, "body_mass"), "a list of names, not one name"),
         ("contact", ((0, 0, 0), 1, ["roller_count"]), "a whole number"),
         ("contact", ((0, 0, 0), 1, ["roller_ripple"]), "roller_ripple = 0"),
         ("contact", ((0, 0, np.nan),), r"wheel_torques\[2\]"),
@@ -369,7 +371,7 @@ def test_grip_does_not_depend_on_friction_and_slip_does():
     ],
 )
 def test_bad_input(model, arguments, error):
-    with pytest.raises(ValueError, match=error):
+    with pytest.raises((ValueError, TypeError), match=error):
         bb.Ballbot(model=model).jacobian(*arguments)
 
 

@@ -35,7 +35,10 @@ impl Parameter {
     /// [`Error::UnknownName`]; [`Error::Inconsistent`] for `roller_count`, a whole number.
     pub fn named(name: &str) -> Result<Vec<Self>> {
         let (field_name, index) = match name.split_once('[') {
-            Some((field, rest)) => (field, rest.strip_suffix(']').and_then(|index| index.parse::<usize>().ok())),
+            Some((field, rest)) => {
+                let index = rest.strip_suffix(']').and_then(|index| index.parse::<usize>().ok());
+                (field, index.filter(|index| format!("{field}[{index}]") == name))
+            }
             None => (name, None),
         };
         let field = Params::index_of(field_name).filter(|_| index.is_some() == name.contains('['));

@@ -1101,7 +1101,7 @@ impl PyBatch {
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Option<Vec<String>>,
+        parameters: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyJacobians> {
         let steps = count("steps", steps, 1)?;
         let mut inner = self.inner.write()?;

@@ -10,6 +10,7 @@ use numpy::{
 use pyo3::exceptions::{PyException, PyMemoryError, PyTypeError};
 use pyo3::prelude::*;
 use pyo3::sync::PyOnceLock;
+use pyo3::types::PyString;
 
 /// Element types of array-likes.
 pub(crate) trait Number: Element + Copy + for<'a, 'py> FromPyObject<'a, 'py> {
@@ -171,6 +172,14 @@ pub(crate) fn objects<'py>(name: &str, value: &Bound<'py, PyAny>, most: usize) -
         return Err(too_many(name, found, most));
     }
     value.try_iter()?.take(most.saturating_add(1)).collect()
+}
+
+/// The names of a sequence of at most `most`.
+pub(crate) fn names(name: &str, value: &Bound<'_, PyAny>, most: usize) -> PyResult<Vec<String>> {
+    if value.is_instance_of::<PyString>() {
+        return Err(PyTypeError::new_err(format!("{name} must be a list of names, not one name")));
+    }
+    objects(name, value, most)?.iter().map(|one| one.extract()).collect()
 }
 
 /// `N` numbers of an array-like.

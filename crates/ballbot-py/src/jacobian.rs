@@ -1,8 +1,9 @@
 //! `Jacobian` and `Jacobians`.
 
-use crate::convert::{ANY_COUNT, elements, finite_elements, matrix};
+use crate::convert::{ANY_COUNT, elements, finite_elements, matrix, names};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
+use ballbot_core::fields::Fields;
 use ballbot_core::gradients::{FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names, state_names};
 use ballbot_core::{Params, WHEELS, Wheels, try_zeros};
 use nalgebra::{DMatrix, DVector};
@@ -38,9 +39,10 @@ pub(crate) fn torques(value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Ve
 }
 
 /// The parameters of names.
-pub(crate) fn parameters(names: Option<Vec<String>>) -> PyResult<Vec<Parameter>> {
+pub(crate) fn parameters(value: Option<&Bound<'_, PyAny>>) -> PyResult<Vec<Parameter>> {
     let mut found = Vec::new();
-    for name in names.into_iter().flatten() {
+    let most = Params::FIELDS.iter().map(|field| field.len).sum();
+    for name in value.map_or(Ok(Vec::new()), |value| names("parameters", value, most))? {
         found.extend(Parameter::named(&name).map_err(to_python)?);
     }
     Ok(found)

@@ -147,7 +147,7 @@ impl PyBallbot {
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Option<Vec<String>>,
+        parameters: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<PyJacobian> {
         let steps = count("steps", steps, 1)?;
         let torques = numbers::<3>("wheel_torques", wheel_torques)?;
@@ -170,7 +170,7 @@ impl PyBallbot {
         py: Python<'_>,
         wheel_torques: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = whole)] steps: i64,
-        parameters: Option<Vec<String>>,
+        parameters: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyMotionJacobians>> {
         let steps = count("steps", steps, 1)?;
         let torques = jacobian::torques(wheel_torques, None)?;

@@ -1,7 +1,7 @@
 //! A closed loop on a batch, recorded without Python in the loop.
 
 use crate::control::{PyController, setpoints};
-use crate::convert::objects;
+use crate::convert::names;
 use crate::errors::to_python;
 use crate::events::draw_records;
 use crate::reference::References;
@@ -12,10 +12,9 @@ use ballbot_core::task::ACTION_LEN;
 use ballbot_core::{Contacts, Error, State, try_zeros};
 use nalgebra::Vector3;
 use numpy::{PyArray1, PyArray3, PyArrayMethods};
-use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyString};
+use pyo3::types::PyDict;
 
 /// Three numbers of a robot's contacts, by their name.
 pub(crate) struct ContactPart {
@@ -147,10 +146,7 @@ static RECORDS: [Record; 15] = [
 
 /// The names of a sequence of records.
 pub(crate) fn record_names(value: &Bound<'_, PyAny>) -> PyResult<Vec<String>> {
-    if value.is_instance_of::<PyString>() {
-        return Err(PyTypeError::new_err("record must be a list of names, not one name"));
-    }
-    objects("record", value, RECORDS.len())?.iter().map(|name| name.extract()).collect()
+    names("record", value, RECORDS.len())
 }
 
 impl Record {
