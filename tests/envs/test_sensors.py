@@ -354,3 +354,26 @@ def test_every_command_has_controllers_on_estimates(capsys):
     (found,) = json.loads(capsys.readouterr().out)["results"]
     kugle = bb.evaluate("lqr", episodes=5, env_options={"sensors": "kugle", "observation": "sensors"})
     assert found["tilt_rms"] == pytest.approx(kugle.tilt_rms)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pushes_that_lift_a_wheel_do_not_mislead_the_estimator(seed):
+    azimuths = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 8)
+    run = bb.simulate(
+        "lqr",
+        reference=bb.Reference.circle(0.5, 10.0),
+        seconds=20.0,
+        sensors="kugle",
+        observation="sensors",
+        pushes=[
+            bb.Push((0.3 * math.cos(azimuth), 0.3 * math.sin(azimuth), 0.0), time=4.0 + 2.0 * k)
+            for k, azimuth in enumerate(azimuths)
+        ],
+        seed=seed,
+    )
+    assert min(contacts.wheel_normal_forces.min() for contacts in run.contacts[1:]) == 0.0, "no wheel lifts"
+    errors = np.array(
+        [estimate.to_array() - state.to_array() for estimate, state in zip(run.estimates, run.states, strict=True)]
+    )
+    assert np.linalg.norm(errors[:, 7:9], axis=1).max() < 0.06
+    assert np.linalg.norm(errors[:, :2], axis=1).max() < 0.01

@@ -1,6 +1,6 @@
 /* What the wheels tell: rows of H, effects of the body rate, G = P H' + C and C, the covariance of the noise of the
  * gyroscope in the prediction of attitude and wheel rates; wheel rates by the ball's rolling, and their covariance with
- * its relative error, which is considered, not estimated. */
+ * its relative error, which is considered, not estimated; by the ball's spin, of the wheels that do not slip. */
 typedef struct {
     ballbot_real h[3][9];
     ballbot_real by_rate[3][3];
@@ -9,6 +9,7 @@ typedef struct {
     ballbot_real rolling[3];
     ballbot_real of_rolling[3];
     ballbot_real innovation[3];
+    ballbot_real spinning[3];
     ballbot_real s[3][3];
 } ballbot_measurement;
 
@@ -65,62 +66,52 @@ static inline void ballbot_inverse(ballbot_real s[3][3], ballbot_real inverse[3]
     }
 }
 
-/* How many innovations are beyond the gate. */
-static inline int ballbot_beyond_gate(ballbot_real s[3][3], const ballbot_real innovation[3])
+/* Which wheels slip: none if all pairs of wheels agree, else the wheel whose exclusion leaves the pair that agrees best, or
+ * all if no pair agrees. Two wheels agree if what of their innovations does not depend on the spin is within the gate. */
+static inline void ballbot_find_slip(const ballbot_measurement *m, const ballbot_real changes[3], int slips[3])
 {
-    int count = 0;
-    int i;
-    for (i = 0; i < 3; i++) {
-        count += innovation[i] * innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * s[i][i];
+    ballbot_real apart[3];
+    ballbot_real variance[3];
+    int agrees[3];
+    int alone[3];
+    int k;
+    for (k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        const ballbot_real a = m->h[j][8], b = -m->h[i][8];
+        apart[k] = a * m->innovation[i] + b * m->innovation[j];
+        apart[k] *= apart[k];
+        /* What the wheels share of being uneven. */
+        variance[k] = a * changes[i] + b * changes[j];
+        variance[k] *= BALLBOT_ESTIMATOR_UNEVEN * variance[k];
+        variance[k] += a * a * m->s[i][i] + b * b * m->s[j][j] + a * b * (m->s[i][j] + m->s[j][i]);
+        agrees[k] = apart[k] <= BALLBOT_ESTIMATOR_SLIP_GATE * variance[k];
     }
-    return count;
+    for (k = 0; k < 3; k++) {
+        const int i = (k + 1) % 3, j = (k + 2) % 3;
+        alone[k] = agrees[k] && apart[k] * variance[i] <= apart[i] * variance[k]
+            && apart[k] * variance[j] <= apart[j] * variance[k];
+    }
+    for (k = 0; k < 3; k++) {
+        slips[k] = !(agrees[0] && agrees[1] && agrees[2]) && (alone[k] || !(alone[0] || alone[1] || alone[2]));
+    }
 }
 
-/* Hard maneuvers spin the ball faster than its random walk. Only wheels measure the spin, so excluding all of them would
- * lose it for good: if all surprise, and a jump of the spin explains them, it is a jump of the spin, by generalized least
- * squares. */
-static inline void ballbot_explain_by_spin(ballbot_estimator *e, ballbot_measurement *m)
-{
-    const ballbot_real spinning[3] = {m->h[0][8], m->h[1][8], m->h[2][8]};
-    ballbot_real inverse[3][3];
-    ballbot_real weights[3];
-    ballbot_real unexplained[3];
-    ballbot_real variance, jump;
-    int i;
-    if (ballbot_beyond_gate(m->s, m->innovation) < 3) {
-        return;
-    }
-    ballbot_inverse(m->s, inverse);
-    ballbot_times(inverse, spinning, weights);
-    variance = 1 / ballbot_dot(weights, spinning, 3);
-    jump = ballbot_dot(weights, m->innovation, 3) * variance;
-    for (i = 0; i < 3; i++) {
-        unexplained[i] = m->innovation[i] - jump * spinning[i];
-    }
-    if (ballbot_beyond_gate(m->s, unexplained) > 0) {
-        return;
-    }
-    for (i = 0; i < 3; i++) {
-        m->innovation[i] = unexplained[i];
-    }
-    e->spin += jump;
-    e->covariance[8][8] += variance;
-}
-
-/* Takes the wheels that slip out: those that surprise, and those that change faster than friction allows. */
+/* Takes the wheels that slip out: those that disagree, and those that change faster than friction allows. */
 static inline void ballbot_gate(
-    ballbot_estimator *e, const ballbot_real gyro[3], const ballbot_real wheel_rates[3], ballbot_measurement *m)
+    ballbot_estimator *e, const ballbot_real gyro[3], const ballbot_real wheel_rates[3], const ballbot_real changes[3],
+    ballbot_measurement *m)
 {
     ballbot_real change_of_gyro[3];
     int i, j;
+    ballbot_find_slip(m, changes, e->slipping);
     for (i = 0; i < 3; i++) {
         change_of_gyro[i] = (e->gyro[i] + gyro[i]) / 2 - e->mean_gyro[i];
     }
     for (i = 0; i < 3; i++) {
         const ballbot_real turning = -ballbot_dot(BALLBOT_ESTIMATOR_WHEELS_OF_BALL[i], change_of_gyro, 3);
         const ballbot_real jump = ballbot_abs(wheel_rates[i] - e->wheel_rates[i] - turning);
-        e->slipping[i] = m->innovation[i] * m->innovation[i] > BALLBOT_ESTIMATOR_SLIP_GATE * m->s[i][i]
-            || jump > BALLBOT_ESTIMATOR_LARGEST_CHANGE[i];
+        e->slipping[i] = e->slipping[i] || jump > BALLBOT_ESTIMATOR_LARGEST_CHANGE[i];
+        m->spinning[i] = e->slipping[i] ? 0 : m->h[i][8];
         if (!e->slipping[i]) {
             continue;
         }
@@ -136,6 +127,26 @@ static inline void ballbot_gate(
     }
 }
 
+/* Hard maneuvers and pushes spin the ball faster than its random walk: if the spin surprises, it has jumped, by generalized
+ * least squares. */
+static inline void ballbot_explain_by_spin(ballbot_estimator *e, ballbot_real inverse[3][3], ballbot_measurement *m)
+{
+    ballbot_real weights[3];
+    ballbot_real information, explained;
+    int i;
+    ballbot_times(inverse, m->spinning, weights);
+    information = ballbot_dot(weights, m->spinning, 3);
+    explained = ballbot_dot(weights, m->innovation, 3);
+    if (explained * explained <= BALLBOT_ESTIMATOR_SLIP_GATE * information) {
+        return;
+    }
+    for (i = 0; i < 3; i++) {
+        m->innovation[i] -= m->spinning[i] * explained / information;
+    }
+    e->spin += explained / information;
+    e->covariance[8][8] += 1 / information;
+}
+
 /* P becomes P - G S^-1 G', and the estimates get their share of the innovation. */
 static inline void ballbot_apply(ballbot_estimator *e, ballbot_measurement *m)
 {
@@ -148,6 +159,7 @@ static inline void ballbot_apply(ballbot_estimator *e, ballbot_measurement *m)
     ballbot_real small[4];
     int i, j;
     ballbot_inverse(m->s, inverse);
+    ballbot_explain_by_spin(e, inverse, m);
     ballbot_times(inverse, m->innovation, weighted);
     ballbot_times(inverse, m->of_rolling, considered);
     for (i = 0; i < 9; i++) {
@@ -176,21 +188,21 @@ static inline void ballbot_correct(
 {
     ballbot_expected now = ballbot_expected_of(e, gyro);
     ballbot_measurement m;
+    ballbot_real changes[3];
     int i, j;
     for (i = 0; i < 3; i++) {
+        changes[i] = now.wheel_rates[i] - e->expected[i];
         ballbot_measure_wheel(e, &now, i, &m);
         m.innovation[i] = wheel_rates[i] - (now.wheel_rates[i] + e->expected[i]) / 2;
     }
     for (i = 0; i < 3; i++) {
-        const ballbot_real change = now.wheel_rates[i] - e->expected[i];
         for (j = 0; j < 3; j++) {
             m.s[i][j] = ballbot_dot(m.h[i], m.g[j], 9) + ballbot_dot(m.h[j], m.shared[i], 9)
                 + m.rolling[i] * m.of_rolling[j]
                 + BALLBOT_ESTIMATOR_GYRO_VARIANCE * ballbot_dot(m.by_rate[i], m.by_rate[j], 3);
         }
-        m.s[i][i] += BALLBOT_ESTIMATOR_ENCODER_VARIANCE + BALLBOT_ESTIMATOR_UNEVEN * change * change;
+        m.s[i][i] += BALLBOT_ESTIMATOR_ENCODER_VARIANCE + BALLBOT_ESTIMATOR_UNEVEN * changes[i] * changes[i];
     }
-    ballbot_explain_by_spin(e, &m);
-    ballbot_gate(e, gyro, wheel_rates, &m);
+    ballbot_gate(e, gyro, wheel_rates, changes, &m);
     ballbot_apply(e, &m);
 }

@@ -19,9 +19,10 @@ static inline void ballbot_transit(const ballbot_transition *f, const ballbot_re
 }
 
 /* P becomes F P F' + Q. */
-static inline void ballbot_advance(ballbot_real p[9][9], const ballbot_transition *f)
+static inline void ballbot_advance(ballbot_real p[9][9], const ballbot_transition *f, int slips)
 {
     static const int driven[5] = {0, 1, 2, 6, 7};
+    const ballbot_real velocity_step = BALLBOT_ESTIMATOR_VELOCITY_STEP + (slips ? BALLBOT_ESTIMATOR_SLIP_STEP : 0);
     ballbot_real half[9][9];
     ballbot_real column[9];
     int i, j;
@@ -42,8 +43,8 @@ static inline void ballbot_advance(ballbot_real p[9][9], const ballbot_transitio
     for (i = 3; i < 6; i++) {
         p[i][i] += BALLBOT_ESTIMATOR_BIAS_STEP;
     }
-    p[6][6] += BALLBOT_ESTIMATOR_VELOCITY_STEP;
-    p[7][7] += BALLBOT_ESTIMATOR_VELOCITY_STEP;
+    p[6][6] += velocity_step;
+    p[7][7] += velocity_step;
     p[8][8] += BALLBOT_ESTIMATOR_SPIN_STEP;
 }
 
@@ -88,7 +89,7 @@ static inline void ballbot_predict(
     }
     e->velocity[0] += dt * force[0];
     e->velocity[1] += dt * force[1];
-    ballbot_advance(e->covariance, &f);
+    ballbot_advance(e->covariance, &f, e->slipping[0] || e->slipping[1] || e->slipping[2]);
     ballbot_transit(&f, e->cross, cross);
     for (i = 0; i < 9; i++) {
         e->cross[i] = cross[i];

@@ -9,7 +9,7 @@ use ballbot_base::lanes::{Lane, Vec3};
 use ballbot_base::wheels::{WHEELS, WheelMatrix, Wheels};
 
 /// Deviation of a mean rate from the mean of both ends of a step, as a fraction of their difference: motors and models
-/// do not accelerate evenly within a step.
+/// do not accelerate evenly within a step, each wheel in its own way and all alike.
 pub(super) const UNEVEN: f64 = 0.1;
 
 impl Estimator {
@@ -20,9 +20,9 @@ impl Estimator {
     /// constant, so averaging readings does not remove it: it is considered with its covariance, not estimated
     /// (Schmidt).
     ///
-    /// Hard maneuvers spin the ball faster than its random walk. Only wheels measure the spin, so excluding all of them
-    /// would lose it for good: if all surprise, and a jump of the spin explains them, it is a jump of the spin, by
-    /// generalized least squares.
+    /// Hard maneuvers and pushes spin the ball faster than its random walk, so only what does not depend on the spin shows
+    /// slip: two wheels that disagree whatever the spin. If the spin of those that agree surprises, it has jumped, and the
+    /// jump is found by generalized least squares.
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);
@@ -36,6 +36,7 @@ impl Estimator {
         let inverse_radius = 1.0 / self.odometry.ball_radius;
 
         let zero = like.zero();
+        let changes = expected.wheel_rates.plus(belief.expected, like.splat(-1.0));
         let mut innovation = Wheels::zero(zero);
         // Rows of H, effects of the body rate, columns of P Hᵀ + C and of C.
         let mut h = Wheels::all([zero; STATES]);
@@ -88,33 +89,18 @@ impl Estimator {
                 let of_rate = by_rate[i].dot(by_rate[j]) * gyro_variance;
                 s[i][j] = dot(&h[i], &g[j]) + dot(&h[j], &shared[i]) + rolling[i] * of_rolling[j] + of_rate;
             }
-            let change = expected.wheel_rates[i] - belief.expected[i];
-            s[i][i] = change.squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
+            s[i][i] = changes[i].squared().mul_add_all(UNEVEN * UNEVEN, s[i][i] + encoder_variance);
         }
         let gate = o.slip_gate * o.slip_gate;
-        let beyond = beyond_gate(&s, gate, innovation);
-        let surprising = beyond[0] & beyond[1] & beyond[2];
-        if L::any(surprising) {
-            let spinning = Wheels([h[0][SPIN], h[1][SPIN], h[2][SPIN]]);
-            let weights = s.inverse().times(spinning);
-            let variance = like.splat(1.0) / weights.dot(spinning);
-            let jump = weights.dot(innovation) * variance;
-            let unexplained = innovation.plus(spinning, -jump);
-            let beyond = beyond_gate(&s, gate, unexplained);
-            let spun = surprising & !(beyond[0] | beyond[1] | beyond[2]);
-            for i in 0..WHEELS {
-                innovation[i] = L::select(spun, unexplained[i], innovation[i]);
-            }
-            belief.spin += L::select(spun, jump, zero);
-            belief.covariance.rows[SPIN][SPIN] += L::select(spun, variance, zero);
-        }
-        let surprising = beyond_gate(&s, gate, innovation);
+        let mut spinning = Wheels([h[0][SPIN], h[1][SPIN], h[2][SPIN]]);
+        let slips = slipping(&s, gate, spinning, changes, innovation);
         for i in 0..WHEELS {
             let change = readings.wheel_rates[i] - belief.wheel_rates[i];
             let turning = by_turning(&self.odometry.rows[i], change_of_gyro);
-            let slips = surprising[i] | self.jump.exceeded(i, change, turning);
+            let slips = slips[i] | self.jump.exceeded(i, change, turning);
             belief.slipping[i] = L::select(slips, like.splat(1.0), zero);
             innovation[i] = L::select(slips, zero, innovation[i]);
+            spinning[i] = L::select(slips, zero, spinning[i]);
             of_rolling[i] = L::select(slips, zero, of_rolling[i]);
             for gain in &mut g[i] {
                 *gain = L::select(slips, zero, *gain);
@@ -126,6 +112,16 @@ impl Estimator {
             }
         }
         let inverse = s.inverse();
+        let weights = inverse.times(spinning);
+        let information = weights.dot(spinning);
+        let explained = weights.dot(innovation);
+        // The jump is `explained` / `information`, its variance 1 / `information`.
+        let jumps = (information * gate).lt(explained.squared());
+        let variance = L::select(jumps, like.splat(1.0) / information, zero);
+        let jump = explained * variance;
+        innovation = innovation.plus(spinning, -jump);
+        belief.spin += jump;
+        belief.covariance.rows[SPIN][SPIN] += variance;
         let weighted = inverse.times(innovation);
         let mut error = [zero; STATES];
         for (j, error) in error.iter_mut().enumerate() {
@@ -147,12 +143,42 @@ impl Estimator {
     }
 }
 
-/// Which innovations are beyond the gate, in squared deviations.
+/// Which wheels slip: none if all pairs of wheels agree, else the wheel whose exclusion leaves the pair that agrees best, or
+/// all if no pair agrees. Two wheels agree if what of their innovations does not depend on the spin is within the gate, in
+/// squared deviations.
 #[inline(always)]
-fn beyond_gate<L: Lane>(s: &WheelMatrix<L>, gate: f64, innovation: Wheels<L>) -> [L::Mask; WHEELS] {
-    let mut beyond = [innovation[0].lt(innovation[0]); WHEELS];
-    for (i, beyond) in beyond.iter_mut().enumerate() {
-        *beyond = (s[i][i] * gate).lt(innovation[i].squared());
+fn slipping<L: Lane>(
+    s: &WheelMatrix<L>,
+    gate: f64,
+    spinning: Wheels<L>,
+    changes: Wheels<L>,
+    innovation: Wheels<L>,
+) -> [L::Mask; WHEELS] {
+    let mut apart = innovation;
+    let mut variance = innovation;
+    for k in 0..WHEELS {
+        let (i, j) = ((k + 1) % WHEELS, (k + 2) % WHEELS);
+        let (a, b) = (spinning[j], -spinning[i]);
+        apart[k] = a.mul_add(innovation[i], b * innovation[j]).squared();
+        // What the wheels share of being uneven.
+        let change = a.mul_add(changes[i], b * changes[j]);
+        variance[k] = a.squared().mul_add(s[i][i], b.squared().mul_add(s[j][j], a * b * (s[i][j] + s[j][i])));
+        variance[k] = change.squared().mul_add_all(UNEVEN * UNEVEN, variance[k]);
     }
-    beyond
+    let mut alone = [innovation[0].lt(innovation[0]); WHEELS];
+    let (mut all_agree, mut none_agrees) = (!alone[0], !alone[0]);
+    for k in 0..WHEELS {
+        let (i, j) = ((k + 1) % WHEELS, (k + 2) % WHEELS);
+        let agrees = apart[k].le(variance[k] * gate);
+        let best =
+            (apart[k] * variance[i]).le(apart[i] * variance[k]) & (apart[k] * variance[j]).le(apart[j] * variance[k]);
+        alone[k] = agrees & best;
+        all_agree = all_agree & agrees;
+        none_agrees = none_agrees & !alone[k];
+    }
+    let mut slips = alone;
+    for (slips, alone) in slips.iter_mut().zip(alone) {
+        *slips = !all_agree & (alone | none_agrees);
+    }
+    slips
 }

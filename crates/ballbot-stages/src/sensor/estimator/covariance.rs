@@ -23,13 +23,13 @@ pub struct Transition<L> {
 }
 
 /// Variances that a step adds.
-pub struct StepNoise {
+pub struct StepNoise<L> {
     /// Of the body rate, (rad/s)².
     pub rate: f64,
     /// Of the bias, (rad/s)².
     pub bias: f64,
     /// Of the velocity, (m/s)².
-    pub velocity: f64,
+    pub velocity: L,
     /// Of the spin, (rad/s)².
     pub spin: f64,
 }
@@ -80,7 +80,7 @@ impl<L: Lane> Covariance<L> {
 
     /// P ← F P Fᵀ + Q.
     #[inline(always)]
-    pub fn advance(&mut self, transition: &Transition<L>, noise: &StepNoise) {
+    pub fn advance(&mut self, transition: &Transition<L>, noise: &StepNoise<L>) {
         let mut half = self.rows;
         for row in &mut half {
             // P is symmetric: its rows are its columns.

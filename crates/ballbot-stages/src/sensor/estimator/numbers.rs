@@ -15,6 +15,7 @@ impl Estimator {
             .number("gyro_variance", o.gyro_noise.powi(2))
             .number("bias_step", o.gyro_bias_walk.powi(2) * dt)
             .number("velocity_step", (o.accelerometer_noise * dt).powi(2))
+            .number("slip_step", o.slip_walk.powi(2) * dt)
             .number("spin_step", o.spin_walk.powi(2) * dt)
             .number("encoder_variance", 2.0 * (o.encoder_noise / dt).powi(2))
             .number("rolling_variance", o.rolling_error.powi(2))

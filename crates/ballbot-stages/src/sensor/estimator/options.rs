@@ -28,8 +28,12 @@ ballbot_base::fields! {
         pub start_velocity: f64 = 0.01, "m/s", Limit::NOT_NEGATIVE.to(100.0);
         /// Random walk of the ball's spin about the vertical, sd after 1 s.
         pub spin_walk: f64 = 3.0, "rad/s", Limit::from(1e-3).to(1e4);
-        /// Difference of a wheel rate from its prediction above which the wheel slips, in standard deviations.
+        /// Difference of two wheel rates from their predictions, whatever the spin, above which a wheel slips, in standard
+        /// deviations.
         pub slip_gate: f64 = 4.0, "", Limit::from(1.0).to(1e6);
+        /// Random walk of the velocity while a wheel slips, sd after 1 s: a wrong estimate with which two wheels agree must
+        /// give way.
+        pub slip_walk: f64 = 0.03, "m/s", Limit::NOT_NEGATIVE.to(10.0);
         /// Change of a wheel rate above which the wheel slips, as a multiple of what static friction allows at rest.
         pub jump_gate: f64 = 2.0, "", Limit::from(0.1).to(1e6);
         /// Time constant of the lean bias.

@@ -5,6 +5,7 @@ use super::belief::Belief;
 use super::covariance::{StepNoise, Transition};
 use crate::sensor::Readings;
 use ballbot_base::lanes::{Lane, Rotation, Vec3};
+use ballbot_base::wheels::Wheels;
 
 impl Estimator {
     /// Propagates attitude and velocity by a step. Returns the specific force of the IMU, inertial frame, m/s², and the
@@ -41,12 +42,16 @@ impl Estimator {
         belief.velocity = [force.x.mul_add_all(dt, vx), force.y.mul_add_all(dt, vy)];
         let o = &self.options;
         belief.cross = transition.apply(&belief.cross);
+        let Wheels([a, b, c]) = belief.slipping;
+        let by_force = (o.accelerometer_noise * dt).powi(2);
+        let by_slip = o.slip_walk * o.slip_walk * dt;
+        let velocity = L::select(pull.zero().lt(a + b + c), pull.splat(by_force + by_slip), pull.splat(by_force));
         belief.covariance.advance(
             &transition,
             &StepNoise {
                 rate: o.gyro_noise * o.gyro_noise,
                 bias: o.gyro_bias_walk * o.gyro_bias_walk * dt,
-                velocity: (o.accelerometer_noise * dt).powi(2),
+                velocity,
                 spin: o.spin_walk * o.spin_walk * dt,
             },
         );
