@@ -3,7 +3,8 @@
 The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), batches (`Batch`), closed-form
 models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Controller`, `Pid`, `Lqr`) and the motions that
 they follow (`Reference`), simulations of one robot (`simulate`), environments for reinforcement learning, the
-comparison of controllers and policies (`compare`), and the identification of parameters from logs (`identify`).
+comparison of controllers and policies (`compare`), the identification of parameters from logs (`identify`), linear
+models about any state (`linearize`), and optimal motions (`optimize_trajectory`).
 Importing it registers every task with Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """
@@ -73,6 +74,9 @@ from ballbot_rs.identification.fit import identify
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.result import IdentifiedParams
 from ballbot_rs.media.terrain_files import read_terrain, write_terrain
+from ballbot_rs.optimal.law import TimeVaryingLqr
+from ballbot_rs.optimal.linear import linearize
+from ballbot_rs.optimal.trajectory import OptimizedTrajectory, optimize_trajectory
 from ballbot_rs.scenarios.run import Outcome, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario
@@ -116,6 +120,7 @@ __all__ = [
     "OnnxPolicy",
     "OpenBallBotEnv",
     "OpenBallBotVectorEnv",
+    "OptimizedTrajectory",
     "Outcome",
     "Params",
     "PathEnv",
@@ -139,6 +144,7 @@ __all__ = [
     "Terrain",
     "TerrainEnv",
     "TerrainVectorEnv",
+    "TimeVaryingLqr",
     "Trajectory",
     "Tuned",
     "UrdfError",
@@ -149,11 +155,13 @@ __all__ = [
     "controllers",
     "evaluate",
     "identify",
+    "linearize",
     "load_actuators",
     "load_events",
     "load_scenarios",
     "load_sensors",
     "make_controller",
+    "optimize_trajectory",
     "read_terrain",
     "record_log",
     "register",

@@ -99,6 +99,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "Tuned",
         ),
     ),
+    "optimal": (
+        "Linear models and optimal motions",
+        ("linearize", "optimize_trajectory", "OptimizedTrajectory", "TimeVaryingLqr"),
+    ),
     "identification": ("Identification", ("identify", "IdentifiedParams", "SensorLog", "record_log")),
     "errors": ("Errors", ("BallbotError", "InvalidInputError", "UrdfError", "DivergedError", "ControllerError")),
 }

@@ -1,0 +1,53 @@
+"""Linear models about any state."""
+
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import check_bounded
+from ballbot_rs._core import Ballbot, Params, State
+
+Array = npt.NDArray[np.float64]
+
+
+def linearize(
+    robot: Params | str | PathLike[str] | None = None,
+    state: State | None = None,
+    wheel_torques: npt.ArrayLike | None = None,
+    *,
+    dt: float = 0.01,
+    sim_dt: float = 0.001,
+) -> tuple[Array, Array]:
+    """The linear model of the next `dt` seconds about any state on a plane floor: leaning, driving, turning, slipping.
+
+    Returns A (11, 11) and B (11, 3): the change of the state is x' = A x + B u in the coordinates `Jacobian.ROLLING`,
+    for changes u of the torques, N·m. Unless the robot stays in the state, it is about the motion that begins there.
+
+    Args:
+        robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
+        state: None is at rest in equilibrium; on a slope (`floor_tilt`) the equilibrium there.
+        wheel_torques: about which to linearize, shape (3,), N·m; None holds the robot at rest.
+        dt: s, a multiple of `sim_dt`.
+        sim_dt: time step of the model `contact`, s.
+
+    Raises:
+        ValueError: numbers out of range; the bot touches the floor, or the ball its body.
+        DivergedError: the state leaves the simulation's bounds.
+    """
+    simulated = Ballbot(robot, "contact", sim_dt)
+    substeps = steps_of("dt", dt, sim_dt)
+    params = simulated.params
+    if state is None:
+        state = State.at_equilibrium(params, tilt=params.slope_lean())
+    simulated.reset(state)
+    torques = params.holding_torques(state.yaw) if wheel_torques is None else wheel_torques
+    return simulated.jacobian(torques, substeps).rolling()
+
+
+def steps_of(name: str, dt: float, sim_dt: float) -> int:
+    """The number of time steps in `dt`. Raises ValueError unless it is whole."""
+    number = check_bounded(name, dt, sim_dt, 1.0) / sim_dt
+    if abs(number - round(number)) > 1e-6:
+        raise ValueError(f"{name} = {dt} is not a multiple of sim_dt = {sim_dt}")
+    return round(number)

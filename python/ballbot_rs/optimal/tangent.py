@@ -1,0 +1,72 @@
+"""Differences of states in the coordinates of `Jacobian.states`."""
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+#: Numbers of a state, `State.to_array`, and coordinates of its changes.
+NUMBERS, COORDINATES = 32, 30
+
+#: Where each coordinate that is a difference of numbers has its number.
+_PLACES = {0: 0, 6: 13, 12: 26, 15: 7, 18: 10, 21: 20, 24: 23, 27: 29}
+
+
+def difference(state: Array, origin: Array) -> Array:
+    """The change from `origin` to `state`, rows as `State.to_array`, shape (..., 32): shape (..., 30).
+
+    A change of an attitude is a rotation vector, of the ball in the inertial frame, of the body in the body frame.
+    """
+    out = np.empty((*np.broadcast_shapes(state.shape, origin.shape)[:-1], COORDINATES))
+    for coordinate, number in _PLACES.items():
+        out[..., coordinate : coordinate + 3] = state[..., number : number + 3] - origin[..., number : number + 3]
+    out[..., 3:6] = rotation_vector(product(state[..., 3:7], conjugate(origin[..., 3:7])))
+    out[..., 9:12] = rotation_vector(product(conjugate(origin[..., 16:20]), state[..., 16:20]))
+    return out
+
+
+def conjugate(q: Array) -> Array:
+    """The inverse of a unit quaternion (w, x, y, z)."""
+    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
+
+
+def about_vertical(angle: Array) -> Array:
+    """The quaternion of a rotation about z, shape (..., 4)."""
+    zero = np.zeros_like(angle)
+    return np.stack([np.cos(0.5 * angle), zero, zero, np.sin(0.5 * angle)], axis=-1)
+
+
+def product(a: Array, b: Array) -> Array:
+    """The quaternion product a b."""
+    aw, ax, ay, az = np.moveaxis(a, -1, 0)
+    bw, bx, by, bz = np.moveaxis(b, -1, 0)
+    return np.stack(
+        [
+            aw * bw - ax * bx - ay * by - az * bz,
+            aw * bx + ax * bw + ay * bz - az * by,
+            aw * by - ax * bz + ay * bw + az * bx,
+            aw * bz + ax * by - ay * bx + az * bw,
+        ],
+        axis=-1,
+    )
+
+
+def rotation_vector(q: Array) -> Array:
+    """The rotation vector of a unit quaternion, at most π long."""
+    q = np.where(q[..., :1] < 0.0, -q, q)
+    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
+    angle = 2.0 * np.arctan2(sine, q[..., :1])
+    # 2 for small angles.
+    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0))
+
+
+def inverse_right_jacobian(vector: Array) -> Array:
+    """Change of a rotation vector, shape (n, 3), by a small rotation in the rotated frame, shape (n, 3, 3)."""
+    angle = np.linalg.norm(vector, axis=-1)
+    small = angle < 1e-4
+    safe = np.where(small, 1.0, angle)
+    square = np.where(small, 1.0 / 12.0, 1.0 / safe**2 - 0.5 / (safe * np.tan(0.5 * safe)))
+    cross = np.zeros((*vector.shape, 3))
+    for axis, i, j in [(0, 1, 2), (1, 2, 0), (2, 0, 1)]:
+        cross[..., i, j], cross[..., j, i] = -vector[..., axis], vector[..., axis]
+    return np.asarray(np.eye(3) + 0.5 * cross + square[..., None, None] * (cross @ cross))

@@ -1,0 +1,430 @@
+"""Motions of least cost."""
+
+import dataclasses
+import math
+from collections.abc import Callable, Iterator, Sequence
+from os import PathLike
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs._checks import check_bounded, check_count, real_array
+from ballbot_rs._core import Ballbot, Batch, Lqr, Params, Reference, State, Terrain
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.optimal import solver, tangent
+from ballbot_rs.optimal.cost import Quadratic
+from ballbot_rs.optimal.law import TimeVaryingLqr
+from ballbot_rs.optimal.linear import steps_of
+
+Array = npt.NDArray[np.float64]
+
+#: Coordinates of `Jacobian.states`: position and velocity of the ball, lean and heading of the body, and their rates.
+_POSITION, _LEAN, _YAW = slice(0, 2), slice(9, 11), slice(11, 12)
+_VELOCITY, _SPIN, _LEAN_RATE, _YAW_RATE = slice(15, 17), slice(20, 21), slice(24, 26), slice(26, 27)
+
+#: Differences from the goal within which it is reached, for the paper's robot: coordinates, amount, unit.
+GOAL = (
+    (_POSITION, 1e-3, "m"),
+    (_VELOCITY, 5e-3, "m/s"),
+    (_LEAN, 2e-3, ""),
+    (_YAW, 5e-3, ""),
+    (_LEAN_RATE, 1e-2, "rad/s"),
+    (_YAW_RATE, 2e-2, "rad/s"),
+    (_SPIN, 1e-1, "rad/s"),
+)
+#: Differences from a reference of equal cost per second.
+ON_REFERENCE = (
+    (_POSITION, 1e-3, "m"),
+    (_VELOCITY, 1e-1, "m/s"),
+    (_YAW, 2e-2, ""),
+    (_YAW_RATE, 2e-1, "rad/s"),
+)
+#: Differences from the motion of equal cost per second, for the gains of the law.
+FEEDBACK = (
+    (_POSITION, 3e-2, "m"),
+    (_VELOCITY, 1e-1, "m/s"),
+    (_LEAN, 5e-2, ""),
+    (_YAW, 1e-1, ""),
+    (_LEAN_RATE, 3e-1, "rad/s"),
+    (_YAW_RATE, 5e-1, "rad/s"),
+)
+#: The same of a torque, and the largest change of a torque in an iteration, for the paper's robot, N·m.
+TORQUE, LARGEST_CHANGE = 0.25, 0.05
+#: Weight of the last state in the gains, in seconds of the motion.
+LAST = 0.3
+#: Weight of the goal: the first, and its growth until it is reached.
+FIRST_WEIGHT, GROWTH, WEIGHTS = 1e-4, 30.0, 6
+#: Weight of traction beyond its limit, relative to the weight of the goal; of a motion along a reference per second.
+TRACTION, TRACTION_ON_REFERENCE = 1e6, 1e3
+#: Fractions of the friction limit for the first motion, until it does not fall.
+FIRST_FRICTION = (0.8, 0.6, 0.4, 0.2)
+#: Of `Lqr` on a terrain, 1/s.
+LEAN_OBSERVER = 4.0
+#: Most control steps of a motion.
+MOST_STEPS = 20_000
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class OptimizedTrajectory:
+    """A motion from `optimize_trajectory`. Its arrays are read-only."""
+
+    params: Params
+    terrain: Terrain | None
+    #: s, shape (T + 1,).
+    times: Array
+    states: Sequence[State]
+    #: Wheel torques, which hold from a state to the next, N·m, shape (T, 3).
+    torques: Array
+    #: Tractions of the wheels as fractions of their loads in the time step before each later state, shape (T, 3);
+    #: 0 without load.
+    friction_used: Array
+    #: Distance of the ball from the goal, or from the reference, m, shape (T + 1,).
+    position_errors: Array
+    #: Whether the last state is the goal, within 1 mm, 5 mm/s, 2 mrad and 10 mrad/s, of the paper's robot; None with a
+    #: reference.
+    reached: bool | None
+    #: Whether the optimizer has converged.
+    converged: bool
+    iterations: int
+    cost: float
+    #: Feedback of the law: torques by the state, in the coordinates of `Jacobian.states`, shape (T, 3, 30).
+    gains: Array
+    control_dt: float
+    sim_dt: float
+    max_torque: float
+
+    def __post_init__(self) -> None:
+        for array in (self.times, self.torques, self.friction_used, self.position_errors, self.gains):
+            array.flags.writeable = False
+
+    def law(self) -> TimeVaryingLqr:
+        """The law `tvlqr` that follows the motion: for `simulate(found.law(), robot=..., start=found.states[0])`."""
+        states = np.array([state.to_array() for state in self.states])
+        after = hold(self.params, self.terrain, self.control_dt, self.max_torque)
+        return TimeVaryingLqr(states, self.torques, self.gains, after, self.max_torque)
+
+    def __repr__(self) -> str:
+        end = {True: ", reached", False: ", not reached", None: ""}[self.reached]
+        return (
+            f"<OptimizedTrajectory: {self.times[-1]:g} s{end}, {self.iterations} iterations, "
+            f"{'converged' if self.converged else 'not converged'}>"
+        )
+
+
+def optimize_trajectory(
+    goal: Reference | State | npt.ArrayLike,
+    *,
+    robot: Params | str | PathLike[str] | None = None,
+    start: State | None = None,
+    seconds: float | None = None,
+    terrain: Terrain | str | None = None,
+    initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None = None,
+    friction: float = 0.98,
+    max_torque: float | None = None,
+    control_dt: float = 0.01,
+    sim_dt: float = 0.001,
+    iterations: int = 200,
+    tolerance: float = 1e-3,
+    progress: Callable[[int, float], None] | None = None,
+) -> OptimizedTrajectory:
+    """The motion of least cost from `start` to a goal, or along a reference, in the model `contact`.
+
+    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. The cost is
+    that of the torques; to a goal, its weight grows until it is reached, and along a reference the distance from it
+    costs. Traction beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same
+    arguments.
+
+    Args:
+        goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
+            reference, which is made for this robot.
+        robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
+        start: None is at rest, above the origin or at the start of the reference.
+        seconds: duration; None is the duration of the reference.
+        terrain: the ground, a `Terrain` or the name of a kind; None is level.
+        initial: the first motion: another result, which is stretched to this duration, or a law. If it is None, or its
+            robot falls, `Lqr` on a slow line to the goal, or along the reference.
+        friction: of the friction limit of the wheels, the fraction that costs nothing.
+        max_torque: limit of a torque, N·m; None is that of the environments.
+        control_dt: time for which torques hold, s, a multiple of `sim_dt`.
+        sim_dt: time step, s.
+        iterations: most iterations.
+        tolerance: expected improvement, relative to the cost, below which the optimizer has converged.
+        progress: called with the iteration and the cost.
+
+    Raises:
+        ValueError: numbers out of range; a reference that the robot cannot follow; a first motion that falls.
+    """
+    plan = _Plan.of(robot, terrain, control_dt, sim_dt, max_torque)
+    check_count("iterations", iterations)
+    check_bounded("tolerance", tolerance, 0.0, 1.0)
+    check_bounded("friction", friction, 0.01, 1.0)
+    if isinstance(goal, Reference):
+        goal = goal.for_robot(plan.params)
+        seconds = goal.duration if seconds is None else seconds
+    if seconds is None:
+        raise InvalidInputError("seconds is needed: how long the motion may take")
+    steps = math.ceil(check_bounded("seconds", seconds, control_dt, MOST_STEPS * control_dt) / control_dt - 1e-9)
+    plan.begin(start, goal)
+    targets = plan.targets(goal, steps)
+    motion = plan.first(goal, targets, steps, initial)
+    left, result = iterations, None
+    for weight in plan.weights(goal):
+        cost = plan.cost(goal, targets, weight, friction)
+        result = solver.minimize(
+            plan.plant, cost, motion, iterations=left, tolerance=tolerance, progress=plan.counted(progress)
+        )
+        motion, left = result.motion, left - result.iterations
+        if plan.reached(goal, motion, targets) or left <= 0:
+            break
+    assert result is not None, "there is a weight"
+    return plan.result(goal, result, targets, iterations - left)
+
+
+class _Plan:
+    """One robot, and what is to be done with it."""
+
+    @classmethod
+    def of(
+        cls,
+        robot: Params | str | PathLike[str] | None,
+        terrain: Terrain | str | None,
+        control_dt: float,
+        sim_dt: float,
+        max_torque: float | None,
+    ) -> "_Plan":
+        """With checked arguments."""
+        plan = cls()
+        plan.robot = Ballbot(robot, "contact", sim_dt, terrain)
+        plan.scratch = Ballbot(robot, "contact", sim_dt, terrain)
+        plan.substeps = steps_of("control_dt", control_dt, sim_dt)
+        plan.params, plan.control_dt, plan.sim_dt = plan.robot.params, control_dt, sim_dt
+        limit = Batch(1, params=plan.params, num_threads=1).max_wheel_torque if max_torque is None else max_torque
+        plan.max_torque = check_bounded("max_torque", limit, 1e-9, plan.params.max_wheel_torque)
+        plan.iteration = 0
+        return plan
+
+    robot: Ballbot
+    #: Another one, to find equilibria.
+    scratch: Ballbot
+    params: Params
+    substeps: int
+    control_dt: float
+    sim_dt: float
+    max_torque: float
+    plant: solver.Plant
+    iteration: int
+
+    @property
+    def torque(self) -> float:
+        """A torque that is large for this robot, N·m."""
+        return TORQUE * self.params.scale("N·m")
+
+    def begin(self, start: State | None, goal: Reference | State | npt.ArrayLike) -> None:
+        """Puts the robot at the start."""
+        if start is not None:
+            self.robot.reset(start)
+        elif isinstance(goal, Reference):
+            first = goal(0.0)
+            x, y = first["position"]
+            self.robot.place_on_ground(float(x), float(y), first["yaw"])
+        else:
+            self.robot.place_on_ground(0.0, 0.0)
+        change = LARGEST_CHANGE * self.params.scale("N·m")
+        self.plant = solver.Plant(self.robot, self.substeps, self.max_torque, change)
+
+    def targets(self, goal: Reference | State | npt.ArrayLike, steps: int) -> Array:
+        """The desired state at each time, shape (T + 1, 32)."""
+        here = self.robot.state
+        if isinstance(goal, Reference):
+            rows = np.repeat(here.to_array()[None], steps + 1, axis=0)
+            along = goal.sample(np.arange(steps + 1) * self.control_dt)
+            rows[:, 0:2], rows[:, 7:9] = along["position"], along["velocity"]
+            rows[:, 16:20] = tangent.about_vertical(along["yaw"])
+            rows[:, 23:25], rows[:, 25] = 0.0, along["yaw_rate"]
+            return rows
+        if not isinstance(goal, State):
+            place = real_array("goal is", goal, "a position (x, y), a State or a Reference").astype(np.float64)
+            if place.shape != (2,) or not np.isfinite(place).all():
+                raise InvalidInputError(f"goal = {goal} is not a position (x, y), m")
+            self.scratch.place_on_ground(float(place[0]), float(place[1]), here.yaw)
+            goal = self.scratch.state
+        return np.repeat(goal.to_array()[None], steps + 1, axis=0)
+
+    def first(
+        self,
+        goal: Reference | State | npt.ArrayLike,
+        targets: Array,
+        steps: int,
+        initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
+    ) -> solver.Motion:
+        """The first motion."""
+        for law in self._laws(goal, targets, steps, initial):
+            motion = self.plant.motion(law, steps)
+            if motion is not None and self.plant.derivatives(motion) is not None:
+                return motion
+        raise InvalidInputError("the robot falls in the first motion: give another start, or initial=")
+
+    def _laws(
+        self,
+        goal: Reference | State | npt.ArrayLike,
+        targets: Array,
+        steps: int,
+        initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
+    ) -> Iterator[Callable[[int, Array], Array]]:
+        """Torques by step and state, for first motions."""
+        if isinstance(initial, OptimizedTrajectory):
+            yield _stretched(initial, steps)
+        elif initial is not None:
+            own = initial
+
+            def given(_: int, row: Array) -> Array:
+                return np.asarray(own(State.from_array(row)), dtype=np.float64)
+
+            yield given
+        lqr = Lqr(self.params, control_dt=self.control_dt, max_torque=self.max_torque)
+        for reference in [goal] if isinstance(goal, Reference) else self._lines(targets[-1], steps):
+            # On a terrain a law that takes the slope for a lean drifts, but one that knows it may be slower.
+            for seen in (State.from_array, self._leveled)[: 1 if self.robot.terrain is None else 2]:
+                lqr.reset()
+
+                def along(
+                    k: int, row: Array, reference: Reference = reference, seen: Callable[[Array], State] = seen
+                ) -> Array:
+                    return np.asarray(lqr(seen(row), reference(k * self.control_dt)))
+
+                yield along
+
+    def _leveled(self, row: Array) -> State:
+        """The state with the lean from the equilibrium on the slope where it is, as on level ground."""
+        state = State.from_array(row)
+        x, y = state.ball_position[:2]
+        self.scratch.place_on_ground(float(x), float(y), state.yaw)
+        lean = tangent.product(state.body_quaternion, tangent.conjugate(self.scratch.state.body_quaternion))
+        return state.replace(body_quaternion=tangent.product(lean, tangent.about_vertical(np.array(state.yaw))))
+
+    def _lines(self, target: Array, steps: int) -> Iterator[Reference]:
+        """To the goal, slowly enough for the wheels to grip."""
+        here, there = self.robot.state, State.from_array(target)
+        seconds = steps * self.control_dt
+
+        def line(seconds: float) -> Reference:
+            ends = there.ball_position[:2], seconds, here.ball_position[:2]
+            return Reference.line(*ends, params=self.params, yaw=here.yaw, friction=None)
+
+        for friction in FIRST_FRICTION:
+            slower = line(seconds).slowdown(friction)
+            if slower is not None:
+                yield line(seconds * slower)
+
+    def weights(self, goal: Reference | State | npt.ArrayLike) -> list[float]:
+        """Weights of the goal to try."""
+        return [1.0] if isinstance(goal, Reference) else [FIRST_WEIGHT * GROWTH**k for k in range(WEIGHTS)]
+
+    def cost(
+        self, goal: Reference | State | npt.ArrayLike, targets: Array, weight: float, friction: float
+    ) -> Quadratic:
+        weights = np.zeros((len(targets), tangent.COORDINATES))
+        if isinstance(goal, Reference):
+            weights[:] = self.control_dt * self.weight(ON_REFERENCE)
+            traction = TRACTION_ON_REFERENCE * self.control_dt
+        else:
+            weights[-1] = weight * self.weight(GOAL)
+            traction = TRACTION * weight
+        params = self.params
+        limit = min(params.wheel_static_friction, params.wheel_dynamic_friction)
+        return Quadratic(
+            targets=targets,
+            weights=weights,
+            torque_weight=self.control_dt / self.torque**2,
+            traction_weight=traction / float(np.mean(params.equilibrium_wheel_loads)) ** 2,
+            friction=friction * limit,
+        )
+
+    def weight(self, table: Sequence[tuple[slice, float, str]]) -> Array:
+        """Inverse squares of the amounts of a table, shape (30,)."""
+        out = np.zeros(tangent.COORDINATES)
+        for coordinates, amount, unit in table:
+            out[coordinates] = (amount * (self.params.scale(unit) if unit else 1.0)) ** -2
+        return out
+
+    def reached(self, goal: Reference | State | npt.ArrayLike, motion: solver.Motion, targets: Array) -> bool | None:
+        """Whether the motion ends at the goal; None along a reference."""
+        if isinstance(goal, Reference):
+            return None
+        error = tangent.difference(motion.states[-1], targets[-1])
+        return bool(np.all(self.weight(GOAL) * error**2 <= 1.0))
+
+    def counted(self, progress: Callable[[int, float], None] | None) -> Callable[[int, float], None] | None:
+        """`progress` with iterations counted over all weights."""
+        if progress is None:
+            return None
+        call = progress
+
+        def report(_: int, cost: float) -> None:
+            call(self.iteration, cost)
+            self.iteration += 1
+
+        return report
+
+    def gains(self, motion: solver.Motion) -> Array:
+        """Gains of the law that follows the motion."""
+        weights = np.zeros((len(motion.states), tangent.COORDINATES))
+        weights[:] = self.control_dt * self.weight(FEEDBACK)
+        weights[-1] *= LAST / self.control_dt
+        derivatives = self.plant.derivatives(motion)
+        assert derivatives is not None, "the motion has derivatives"
+        cost = Quadratic(motion.states, weights, self.control_dt / self.torque**2, 0.0, 1.0)
+        expansion = dataclasses.replace(cost.expand(motion, derivatives), u=np.zeros_like(motion.torques))
+        far = np.full_like(motion.torques, np.inf)
+        swept = solver.sweep(derivatives, expansion, -far, far, solver.LEAST)
+        assert swept is not None, "the torques have a weight"
+        return swept.gains
+
+    def result(
+        self, goal: Reference | State | npt.ArrayLike, result: solver.Result, targets: Array, iterations: int
+    ) -> OptimizedTrajectory:
+        motion = result.motion
+        loads, tractions = motion.forces[:, 0:3], np.abs(motion.forces[:, 3:6])
+        return OptimizedTrajectory(
+            params=self.params,
+            terrain=self.robot.terrain,
+            times=np.arange(len(motion.states), dtype=np.float64) * self.control_dt,
+            states=tuple(State.from_array(row) for row in motion.states),
+            torques=motion.torques,
+            friction_used=np.divide(tractions, loads, out=np.zeros_like(loads), where=loads > 0.0),
+            position_errors=np.linalg.norm(motion.states[:, :2] - targets[:, :2], axis=1),
+            reached=self.reached(goal, motion, targets),
+            converged=result.converged,
+            iterations=iterations,
+            cost=result.cost,
+            gains=self.gains(motion),
+            control_dt=self.control_dt,
+            sim_dt=self.sim_dt,
+            max_torque=self.max_torque,
+        )
+
+
+def hold(params: Params, terrain: Terrain | None, control_dt: float, max_torque: float) -> Lqr:
+    """A law that holds a place: on a terrain it observes the lean that holds the robot there."""
+    observer = {} if terrain is None else {"lean_observer": LEAN_OBSERVER}
+    return Lqr(params, control_dt=control_dt, max_torque=max_torque, **observer)
+
+
+def _stretched(found: OptimizedTrajectory, steps: int) -> Callable[[int, Array], Array]:
+    """A motion at another pace: its path with scaled rates, its torques, and its feedback."""
+    rows = np.array([state.to_array() for state in found.states])
+    count = len(found.torques)
+    at = np.arange(steps + 1) * (count / steps)
+    before = np.minimum(at.astype(int), count - 1)
+    after = (at - before)[:, None]
+    rows = rows[before] * (1.0 - after) + rows[before + 1] * after
+    for first in (3, 16):
+        rows[:, first : first + 4] /= np.linalg.norm(rows[:, first : first + 4], axis=1, keepdims=True)
+    for first in (7, 10, 20, 23, 29):
+        rows[:, first : first + 3] *= count / steps
+
+    def law(k: int, row: Array) -> Array:
+        step = before[k]
+        return np.asarray(found.torques[step] + found.gains[step] @ tangent.difference(row, rows[k]))
+
+    return law
