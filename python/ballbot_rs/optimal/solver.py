@@ -74,7 +74,7 @@ class Plant:
 
     def __init__(self, robot: Ballbot, substeps: int, max_torque: float, largest_change: float) -> None:
         self.robot, self.substeps, self.max_torque = robot, substeps, max_torque
-        #: Of a torque in an iteration, N·m: beyond it the second order says little.
+        #: Of a torque in an iteration, N·m: beyond it the second order is a poor model.
         self.largest_change = largest_change
         self._start = robot.snapshot()
 

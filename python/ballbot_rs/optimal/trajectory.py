@@ -48,8 +48,10 @@ FEEDBACK = (
     (_LEAN_RATE, 3e-1, "rad/s"),
     (_YAW_RATE, 5e-1, "rad/s"),
 )
-#: The same of a torque, and the largest change of a torque in an iteration, for the paper's robot, N·m.
+#: A torque of this cost per second, and the largest change of a torque in an iteration, for the paper's robot, N·m.
 TORQUE, LARGEST_CHANGE = 0.25, 0.05
+#: Time for which a motion along a reference is continued, for the paper's robot, s: without it, it would end in a fall.
+TAIL = 1.0
 #: Weight of the last state in the gains, in seconds of the motion.
 LAST = 0.3
 #: Weight of the goal: the first, and its growth until it is reached.
@@ -129,10 +131,9 @@ def optimize_trajectory(
 ) -> OptimizedTrajectory:
     """The motion of least cost from `start` to a goal, or along a reference, in the model `contact`.
 
-    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. The cost is
-    that of the torques; to a goal, its weight grows until it is reached, and along a reference the distance from it
-    costs. Traction beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same
-    arguments.
+    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. Torques cost;
+    so does the distance from the goal, with a weight that grows until it is reached, or from the reference. Traction
+    beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same arguments.
 
     Args:
         goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
@@ -144,7 +145,7 @@ def optimize_trajectory(
         initial: the first motion: another result, which is stretched to this duration, or a law. If it is None, or its
             robot falls, `Lqr` on a slow line to the goal, or along the reference.
         friction: of the friction limit of the wheels, the fraction that costs nothing.
-        max_torque: limit of a torque, N·m; None is that of the environments.
+        max_torque: limit of a torque, N·m; None is the limit of the environments.
         control_dt: time for which torques hold, s, a multiple of `sim_dt`.
         sim_dt: time step, s.
         iterations: most iterations.
@@ -165,8 +166,9 @@ def optimize_trajectory(
         raise InvalidInputError("seconds is needed: how long the motion may take")
     steps = math.ceil(check_bounded("seconds", seconds, control_dt, MOST_STEPS * control_dt) / control_dt - 1e-9)
     plan.begin(start, goal)
-    targets = plan.targets(goal, steps)
-    motion = plan.first(goal, targets, steps, initial)
+    tail = math.ceil(TAIL * plan.params.scale("s") / control_dt) if isinstance(goal, Reference) else 0
+    targets = plan.targets(goal, steps + tail)
+    motion = plan.first(goal, targets, steps + tail, initial)
     left, result = iterations, None
     for weight in plan.weights(goal):
         cost = plan.cost(goal, targets, weight, friction)
@@ -177,7 +179,7 @@ def optimize_trajectory(
         if plan.reached(goal, motion, targets) or left <= 0:
             break
     assert result is not None, "there is a weight"
-    return plan.result(goal, result, targets, iterations - left)
+    return plan.result(goal, result, targets, steps, iterations - left)
 
 
 class _Plan:
@@ -381,23 +383,29 @@ class _Plan:
         return swept.gains
 
     def result(
-        self, goal: Reference | State | npt.ArrayLike, result: solver.Result, targets: Array, iterations: int
+        self,
+        goal: Reference | State | npt.ArrayLike,
+        result: solver.Result,
+        targets: Array,
+        steps: int,
+        iterations: int,
     ) -> OptimizedTrajectory:
-        motion = result.motion
-        loads, tractions = motion.forces[:, 0:3], np.abs(motion.forces[:, 3:6])
+        """The first `steps` steps of the motion."""
+        motion, rows = result.motion, result.motion.states[: steps + 1]
+        loads, tractions = motion.forces[:steps, 0:3], np.abs(motion.forces[:steps, 3:6])
         return OptimizedTrajectory(
             params=self.params,
             terrain=self.robot.terrain,
-            times=np.arange(len(motion.states), dtype=np.float64) * self.control_dt,
-            states=tuple(State.from_array(row) for row in motion.states),
-            torques=motion.torques,
+            times=np.arange(steps + 1, dtype=np.float64) * self.control_dt,
+            states=tuple(State.from_array(row) for row in rows),
+            torques=motion.torques[:steps],
             friction_used=np.divide(tractions, loads, out=np.zeros_like(loads), where=loads > 0.0),
-            position_errors=np.linalg.norm(motion.states[:, :2] - targets[:, :2], axis=1),
+            position_errors=np.linalg.norm(rows[:, :2] - targets[: steps + 1, :2], axis=1),
             reached=self.reached(goal, motion, targets),
             converged=result.converged,
             iterations=iterations,
             cost=result.cost,
-            gains=self.gains(motion),
+            gains=self.gains(motion)[:steps],
             control_dt=self.control_dt,
             sim_dt=self.sim_dt,
             max_torque=self.max_torque,

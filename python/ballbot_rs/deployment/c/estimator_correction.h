@@ -80,7 +80,7 @@ static inline void ballbot_find_slip(const ballbot_measurement *m, const ballbot
         const ballbot_real a = m->h[j][8], b = -m->h[i][8];
         apart[k] = a * m->innovation[i] + b * m->innovation[j];
         apart[k] *= apart[k];
-        /* What the wheels share of being uneven. */
+        /* Common to all wheels. */
         variance[k] = a * changes[i] + b * changes[j];
         variance[k] *= BALLBOT_ESTIMATOR_UNEVEN * variance[k];
         variance[k] += a * a * m->s[i][i] + b * b * m->s[j][j] + a * b * (m->s[i][j] + m->s[j][i]);

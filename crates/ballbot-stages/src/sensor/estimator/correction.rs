@@ -160,7 +160,7 @@ fn slipping<L: Lane>(
         let (i, j) = ((k + 1) % WHEELS, (k + 2) % WHEELS);
         let (a, b) = (spinning[j], -spinning[i]);
         apart[k] = a.mul_add(innovation[i], b * innovation[j]).squared();
-        // What the wheels share of being uneven.
+        // Common to all wheels.
         let change = a.mul_add(changes[i], b * changes[j]);
         variance[k] = a.squared().mul_add(s[i][i], b.squared().mul_add(s[j][j], a * b * (s[i][j] + s[j][i])));
         variance[k] = change.squared().mul_add_all(UNEVEN * UNEVEN, variance[k]);
