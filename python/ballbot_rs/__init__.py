@@ -87,6 +87,7 @@ if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
     from ballbot_rs.envs.sb3 import BallbotVecEnv
     from ballbot_rs.envs.sb3_grouped import GroupedVecEnv
+    from ballbot_rs.optimal.differentiable import DifferentiableBatch
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -102,6 +103,7 @@ __all__ = [
     "Controller",
     "ControllerError",
     "ControllerInfo",
+    "DifferentiableBatch",
     "DivergedError",
     "Force",
     "GoalEnv",
@@ -179,6 +181,7 @@ __all__ = [
 #: Names whose modules import PyTorch, loaded at their first use.
 _LEARNING = {
     "BallbotVecEnv": "ballbot_rs.envs.sb3",
+    "DifferentiableBatch": "ballbot_rs.optimal.differentiable",
     "GroupedVecEnv": "ballbot_rs.envs.sb3_grouped",
     "save": "ballbot_rs.control.sb3_policy",
 }

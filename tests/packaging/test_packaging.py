@@ -20,6 +20,7 @@ LEARNING = {
     "control/sb3_archive.py",
     "control/sb3_policy.py",
     "envs/_sb3_functions.py",
+    "optimal/differentiable.py",
     "envs/sb3.py",
     "envs/sb3_grouped.py",
     "training/callbacks.py",

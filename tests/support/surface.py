@@ -31,6 +31,7 @@ LEFT_OUT = {
     "record_log": "as identify",
     "optimize_trajectory": "seconds a call; tests/optimal has its bad input",
     "OptimizedTrajectory": "a plain record",
+    "DifferentiableBatch": "needs PyTorch; tests/optimal has its bad input",
     "TimeVaryingLqr": "made by OptimizedTrajectory.law; tests/optimal has it",
     "Trajectory": "a plain record; tests/analysis has its files",
     "Metrics": "a plain record",

@@ -101,7 +101,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "optimal": (
         "Linear models and optimal motions",
-        ("linearize", "optimize_trajectory", "OptimizedTrajectory", "TimeVaryingLqr"),
+        ("linearize", "optimize_trajectory", "OptimizedTrajectory", "TimeVaryingLqr", "DifferentiableBatch"),
     ),
     "identification": ("Identification", ("identify", "IdentifiedParams", "SensorLog", "record_log")),
     "errors": ("Errors", ("BallbotError", "InvalidInputError", "UrdfError", "DivergedError", "ControllerError")),

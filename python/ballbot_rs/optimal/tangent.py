@@ -70,3 +70,24 @@ def inverse_right_jacobian(vector: Array) -> Array:
     for axis, i, j in [(0, 1, 2), (1, 2, 0), (2, 0, 1)]:
         cross[..., i, j], cross[..., j, i] = -vector[..., axis], vector[..., axis]
     return np.asarray(np.eye(3) + 0.5 * cross + square[..., None, None] * (cross @ cross))
+
+
+def numbers_by_change(states: Array) -> Array:
+    """The numbers of states, shape (n, 32), by changes of the states: shape (n, 32, 30)."""
+    out = np.zeros((len(states), NUMBERS, COORDINATES))
+    for coordinate, number in _PLACES.items():
+        out[:, range(number, number + 3), range(coordinate, coordinate + 3)] = 1.0
+    for axis in range(3):
+        vector = np.eye(4)[1 + axis]
+        out[:, 3:7, 3 + axis] = 0.5 * product(vector, states[:, 3:7])
+        out[:, 16:20, 9 + axis] = 0.5 * product(states[:, 16:20], vector)
+    return out
+
+
+def change_by_numbers(states: Array) -> Array:
+    """Changes of the states by their numbers, along which quaternions stay of unit length: shape (n, 30, 32)."""
+    out: Array = numbers_by_change(states).transpose(0, 2, 1).copy()
+    # The columns of a quaternion are orthogonal, of length 1/2.
+    out[:, 3:6] *= 4.0
+    out[:, 9:12] *= 4.0
+    return out

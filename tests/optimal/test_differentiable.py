@@ -1,0 +1,111 @@
+"""PyTorch's gradients of a batch equal differences."""
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+import ballbot_rs as bb  # noqa: E402
+
+STEPS = 5
+
+
+def loss_of(states: "torch.Tensor") -> "torch.Tensor":
+    return (states[:, :2] ** 2).sum() + states[:, 16:20].sin().sum() + 0.1 * (states[:, 20:32] ** 2).sum()
+
+
+def robots(n: int = 3) -> bb.DifferentiableBatch:
+    made = bb.DifferentiableBatch(bb.Batch(n, num_threads=1))
+    made.reset(list(range(n)))
+    return made
+
+
+def test_gradients_by_torques_equal_differences():
+    made = robots()
+    kept = [made.batch.snapshot(i) for i in range(3)]
+    torques = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, 3, 3))
+
+    def run(values):
+        for i, snapshot in enumerate(kept):
+            made.batch.restore(i, snapshot)
+        states, total = made.states(), 0.0
+        for step in range(STEPS):
+            states, ended = made.step(states, values[step])
+            assert not ended.any()
+            total = total + loss_of(states)
+        return total
+
+    leaf = torch.tensor(torques, requires_grad=True)
+    run(leaf).backward()
+    for index in [(0, 0, 0), (0, 1, 2), (2, 2, 1), (4, 0, 1)]:
+        ends = []
+        # Torques are rounded to float32, as actions are.
+        for change in (2e-3, -2e-3):
+            changed = torques.copy()
+            changed[index] += change
+            ends.append(float(run(torch.tensor(changed))))
+        assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
+
+
+def test_gradients_by_states_are_those_of_the_tangent():
+    made = robots(1)
+    states = made.states().requires_grad_()
+    after, _ = made.step(states, torch.zeros(1, 3))
+    loss_of(after).backward()
+    batch = bb.Batch(1, num_threads=1)
+    batch.reset(seeds=[0])
+    found = batch.jacobians(np.zeros((1, 3)), batch.substeps)
+    size = 1e-6
+    moves = []
+    for sign in (1.0, -1.0):
+        robot = bb.Ballbot(sim_dt=batch.sim_dt)
+        start = batch.state(0)
+        spin = np.array([0.0, 0.0, sign * size])
+        robot.reset(start.replace(ball_angular_velocity=start.ball_angular_velocity + spin))
+        robot.step((0, 0, 0), batch.substeps)
+        moves.append(float(loss_of(torch.from_numpy(robot.state.to_array()[None]))))
+    assert found.valid.all()
+    assert float(states.grad[0, 12]) == pytest.approx((moves[0] - moves[1]) / (2.0 * size), rel=1e-4, abs=1e-6)
+
+
+def test_a_state_after_an_end_has_no_gradient():
+    made = bb.DifferentiableBatch(bb.Batch(4, num_threads=1))
+    made.reset([0, 1, 2, 3])
+    leaf = torch.full((4, 3), 0.2, dtype=torch.float64, requires_grad=True)
+    states = made.states()
+    for _ in range(200):
+        states, ended = made.step(states, leaf)
+        if ended.any():
+            break
+    assert ended.any()
+    gradient = torch.autograd.grad(states[ended].sum(), leaf, retain_graph=True)[0]
+    assert not gradient.any()
+    states, _ = made.step(states, leaf)
+    assert torch.autograd.grad(states.sum(), leaf)[0].isfinite().all()
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"model": "spatial"}, "only contact"),
+        ({"autoreset": "disabled"}, "same_step"),
+        ({"actuators": {"lag": 0.01}}, "actuators"),
+        ({"task": "push"}, "pushes"),
+        ({"events": [{"term": "push", "range": [0.0, 1.0], "at": 0.0}]}, "pushes"),
+    ],
+)
+def test_other_batches_are_refused(options, message):
+    with pytest.raises(ValueError, match=message):
+        bb.DifferentiableBatch(bb.Batch(1, **options))
+
+
+def test_bad_input_is_named():
+    made = robots(2)
+    states = made.states()
+    for torques in (torch.full((2, 3), 9.0), torch.full((2, 3), float("nan")), torch.zeros(1, 3)):
+        with pytest.raises(ValueError, match="wheel_torques"):
+            made.step(states, torques)
+    after, _ = made.step(states, torch.zeros(2, 3))
+    for other in (states, after[:1]):
+        with pytest.raises(ValueError, match="not the present states"):
+            made.step(other, torch.zeros(2, 3))
