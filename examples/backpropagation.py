@@ -1,6 +1,6 @@
 """A policy that follows the gradient of its robots' motion, through contact and slip; extra `train`.
 
-64 robots move for 32 steps, and the policy changes along the gradient of their cost. What comes after 32 steps costs
+16 robots move for 32 steps, and the policy changes along the gradient of their cost. What comes after 32 steps costs
 what the linear model needs from there.
 """
 
@@ -13,7 +13,7 @@ from scipy.linalg import solve_discrete_are
 
 import ballbot_rs as bb
 
-ROBOTS, STEPS = 64, 32
+ROBOTS, STEPS = 16, 32
 
 
 def deviation(states):
@@ -92,6 +92,6 @@ def train(iterations):
 if __name__ == "__main__":
     torch.set_num_threads(1)
     begin = time.perf_counter()
-    policy = train(int(sys.argv[1]) if len(sys.argv) > 1 else 100)
+    policy = train(int(sys.argv[1]) if len(sys.argv) > 1 else 80)
     print(f"trained for {time.perf_counter() - begin:.0f} s")
     print(bb.evaluate(policy, episodes=100))
