@@ -47,7 +47,7 @@ def test_gradients_by_torques_equal_differences():
         assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
 
 
-def test_gradients_by_states_are_those_of_the_tangent():
+def test_gradients_by_states_equal_differences():
     made = robots(1)
     states = made.states().requires_grad_()
     after, _ = made.step(states, torch.zeros(1, 3))
@@ -94,7 +94,7 @@ def test_a_state_after_an_end_has_no_gradient():
         ({"events": [{"term": "push", "range": [0.0, 1.0], "at": 0.0}]}, "pushes"),
     ],
 )
-def test_other_batches_are_refused(options, message):
+def test_other_batches_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
         bb.DifferentiableBatch(bb.Batch(1, **options))
 

@@ -1,5 +1,8 @@
 """Linear models, optimal motions and the law that follows them."""
 
+import copy
+import pickle
+
 import numpy as np
 import pytest
 
@@ -54,6 +57,7 @@ def test_a_linear_model_on_a_slope_is_about_rest():
         ({"dt": 0.0}, "dt = 0.0 is out of range"),
         ({"dt": float("nan")}, "dt = nan"),
         ({"robot": "nobody"}, "nobody"),
+        ({"state": bb.State.at_rest(PAPER).replace(ball_position=(0.3, 0.0, 0.112))}, "the body is 0.3 m from"),
         ({"wheel_torques": (0, 0)}, "wheel_torques"),
         ({"state": bb.State.at_rest(PAPER, tilt=(1.7, 0.0))}, "floor"),
     ],
@@ -86,7 +90,8 @@ def test_a_goal_is_reached_and_the_law_follows(name):
     offset = np.array([0.02, 0.01, 0.0]) * params.scale("m")
     start = found.states[0]
     start = start.replace(ball_position=start.ball_position + offset, body_position=start.body_position + offset)
-    run = bb.simulate(found.law(), robot=name, start=start, seconds=found.times[-1] + 1.0)
+    run = bb.simulate(found.law(), start=start, seconds=found.times[-1] + 1.0)
+    assert run.params == params
     assert run.fell_at is None
     at_end = run.states[len(found.torques)]
     assert np.linalg.norm(at_end.ball_position[:2] - goal) < 0.2 * np.linalg.norm(offset)
@@ -125,7 +130,7 @@ def test_a_goal_on_a_terrain_is_reached(terrain):
     ground = bb.Terrain.plane(0.06) if terrain == "plane" else bb.Terrain.generate("wave", size_x=3.0, size_y=3.0)
     found = bb.optimize_trajectory((0.5, 0.2), seconds=2.6, terrain=ground)
     assert found.reached
-    run = bb.simulate(found.law(), env_options={"terrain": ground}, start=found.states[0], seconds=3.0)
+    run = bb.simulate(found.law(), start=found.states[0], seconds=3.0)
     assert run.fell_at is None
     assert np.linalg.norm(run.states[260].ball_position[:2] - (0.5, 0.2)) < 5e-3
 
@@ -138,6 +143,10 @@ def test_a_law_starts_over():
     law.reset()
     np.testing.assert_array_equal(law(found.states[0]), first)
     np.testing.assert_allclose(first, found.torques[0])
+    copied = copy.deepcopy(law)
+    np.testing.assert_array_equal(copied(found.states[1]), law(found.states[1]))
+    again = pickle.loads(pickle.dumps(found)).law()
+    np.testing.assert_array_equal(again(found.states[0]), first)
     far = found.states[0].replace(ball_position=(9.0, 0.0, 0.112), body_position=(9.0, 0.0, 0.112))
     assert np.abs(law(far)).max() <= found.max_torque * (1.0 + 1e-12)
 
@@ -163,11 +172,17 @@ def test_progress_counts_iterations():
         ((1.0, 0.0), {"seconds": 2.0, "friction": 0.0}, "friction = 0.0"),
         ((1.0, 0.0), {"seconds": 2.0, "iterations": 0}, "iterations"),
         ((1.0, 0.0), {"seconds": 2.0, "tolerance": -1.0}, "tolerance"),
-        ((1.0, 0.0), {"seconds": 2.0, "start": bb.State.at_rest(PAPER, tilt=(0.7, 0.0))}, "falls in the first motion"),
+        ((1.0, 0.0), {"seconds": 2.0, "start": bb.State.at_rest(PAPER, tilt=(0.7, 0.0))}, "no first motion"),
+        (
+            (1.0, 0.0),
+            {"seconds": 2.0, "start": bb.State.at_rest(PAPER).replace(ball_position=(0.3, 0, 0.112))},
+            "body is",
+        ),
+        ((1.0, 0.0), {"seconds": 2.0, "initial": "lqr"}, "neither a result nor a law"),
         (bb.Reference.circle(0.5, 6.0), {}, "seconds is needed"),
         (bb.Reference.line((0.5, 0.0), 3.0, params="kugle"), {}, "another robot"),
     ],
 )
 def test_bad_input_is_named(goal, arguments, message):
-    with pytest.raises(ValueError, match=message):
+    with pytest.raises((ValueError, TypeError), match=message):
         bb.optimize_trajectory(goal, **arguments)

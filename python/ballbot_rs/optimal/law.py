@@ -1,32 +1,68 @@
 """The time-varying linear-quadratic regulator."""
 
+from typing import Any
+
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Lqr, State
+from ballbot_rs._core import Lqr, Params, State, Terrain
 from ballbot_rs.optimal import tangent
 
 Array = npt.NDArray[np.float64]
+
+#: Of `Lqr` on a terrain, 1/s.
+LEAN_OBSERVER = 4.0
 
 
 class TimeVaryingLqr:
     """Follows one motion: its torques, and feedback on the difference from its states, with gains for each step.
 
-    Made by `OptimizedTrajectory.law()`. Each call is the next step of the motion; `reset()` starts it over. After the
-    motion `Lqr` holds its last position and heading. It follows no setpoint.
+    Made by `OptimizedTrajectory.law()`. Each call is the next step of the motion, whatever the time; `reset()` starts
+    it over. After the motion `Lqr` holds its last position and heading. It follows no setpoint. `simulate` runs it on the
+    robot, the ground and the time step of the motion, unless they are given.
     """
 
     name = "tvlqr"
 
-    def __init__(self, states: Array, torques: Array, gains: Array, after: Lqr, max_torque: float) -> None:
+    def __init__(
+        self,
+        states: Array,
+        torques: Array,
+        gains: Array,
+        *,
+        params: Params,
+        terrain: Terrain | None,
+        control_dt: float,
+        sim_dt: float,
+        max_torque: float,
+    ) -> None:
         self._states, self._torques, self._gains = states, torques, gains
         self._max_torque = max_torque
         last = State.from_array(states[-1])
         self._last: dict[str, npt.ArrayLike] = {"position": last.ball_position[:2], "yaw": last.yaw}
-        self._after = after
         #: Time between two calls, s.
-        self.control_dt = after.control_dt
+        self.control_dt = control_dt
+        #: Options of the environment that the motion is for.
+        self.env_options: dict[str, Any] = {"params": params, "sim_dt": sim_dt}
+        if terrain is not None:
+            self.env_options["terrain"] = terrain
         self._step = 0
+        self._after = self._holding()
+
+    def _holding(self) -> Lqr:
+        """A law that holds the last place: on a terrain it observes the lean that holds the robot there."""
+        options: dict[str, Any] = {"lean_observer": LEAN_OBSERVER} if "terrain" in self.env_options else {}
+        params = self.env_options["params"]
+        return Lqr(params, control_dt=self.control_dt, max_torque=self._max_torque, **options)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """What a copy needs; laws of the core are not copied, but made again."""
+        return {name: value for name, value in vars(self).items() if name != "_after"}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Continues at the same step of the motion."""
+        vars(self).update(state)
+        self._after = self._holding()
 
     def reset(self) -> None:
         """Starts the motion over."""

@@ -7,8 +7,12 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._core import Ballbot, Params, State
+from ballbot_rs._errors import InvalidInputError
 
 Array = npt.NDArray[np.float64]
+
+#: Largest distance of the body from its place on the ball, m.
+APART = 0.01
 
 
 def linearize(
@@ -32,7 +36,8 @@ def linearize(
         sim_dt: time step of the model `contact`, s.
 
     Raises:
-        ValueError: numbers out of range; the bot touches the floor, or the ball its body.
+        ValueError: numbers out of range; a body that is not on its ball; the bot touches the floor, or the ball its
+            body.
         DivergedError: the state leaves the simulation's bounds.
     """
     simulated = Ballbot(robot, "contact", sim_dt)
@@ -40,9 +45,20 @@ def linearize(
     params = simulated.params
     if state is None:
         state = State.at_equilibrium(params, tilt=params.slope_lean())
+    check_on_ball("state", state)
     simulated.reset(state)
     torques = params.holding_torques(state.yaw) if wheel_torques is None else wheel_torques
     return simulated.jacobian(torques, substeps).rolling()
+
+
+def check_on_ball(name: str, state: State) -> None:
+    """Raises ValueError for a body that is apart from its ball."""
+    apart = float(np.linalg.norm(state.body_position - state.ball_position))
+    if apart > APART:
+        raise InvalidInputError(
+            f"{name}: the body is {apart:g} m from its place on the ball, at most {APART} m: move body_position with "
+            "ball_position"
+        )
 
 
 def steps_of(name: str, dt: float, sim_dt: float) -> int:

@@ -14,7 +14,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.optimal import solver, tangent
 from ballbot_rs.optimal.cost import Quadratic
 from ballbot_rs.optimal.law import TimeVaryingLqr
-from ballbot_rs.optimal.linear import steps_of
+from ballbot_rs.optimal.linear import check_on_ball, steps_of
 
 Array = npt.NDArray[np.float64]
 
@@ -60,18 +60,22 @@ FIRST_WEIGHT, GROWTH, WEIGHTS = 1e-4, 30.0, 6
 TRACTION, TRACTION_ON_REFERENCE = 1e6, 1e3
 #: Fractions of the friction limit for the first motion, until it does not fall.
 FIRST_FRICTION = (0.8, 0.6, 0.4, 0.2)
-#: Of `Lqr` on a terrain, 1/s.
-LEAN_OBSERVER = 4.0
 #: Most control steps of a motion.
 MOST_STEPS = 20_000
 
 
-@dataclasses.dataclass(frozen=True, repr=False)
+@dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class OptimizedTrajectory:
-    """A motion from `optimize_trajectory`. Its arrays are read-only."""
+    """A motion from `optimize_trajectory`, with T control steps. Its arrays are read-only. It can be pickled.
+
+    `reached` is whether the last state is the goal within 1 mm, 5 mm/s, 2 mrad of lean, 5 mrad of heading, 10 mrad/s,
+    20 mrad/s of heading and 0.1 rad/s of the ball's spin, for the paper's robot, and scaled for another.
+    """
 
     params: Params
     terrain: Terrain | None
+    #: The reference, made for this robot; None to a goal.
+    reference: Reference | None
     #: s, shape (T + 1,).
     times: Array
     states: Sequence[State]
@@ -82,12 +86,12 @@ class OptimizedTrajectory:
     friction_used: Array
     #: Distance of the ball from the goal, or from the reference, m, shape (T + 1,).
     position_errors: Array
-    #: Whether the last state is the goal, within 1 mm, 5 mm/s, 2 mrad and 10 mrad/s, of the paper's robot; None with a
-    #: reference.
+    #: Whether the last state is the goal; None with a reference.
     reached: bool | None
-    #: Whether the optimizer has converged.
+    #: Whether little was left to gain: to the goal, or to another local optimum.
     converged: bool
     iterations: int
+    #: Torques relative to 0.25 N·m, squared, times s, with the goal's or reference's part; all halved.
     cost: float
     #: Feedback of the law: torques by the state, in the coordinates of `Jacobian.states`, shape (T, 3, 30).
     gains: Array
@@ -100,10 +104,18 @@ class OptimizedTrajectory:
             array.flags.writeable = False
 
     def law(self) -> TimeVaryingLqr:
-        """The law `tvlqr` that follows the motion: for `simulate(found.law(), robot=..., start=found.states[0])`."""
+        """The law `tvlqr` that follows the motion: for `simulate(found.law(), start=found.states[0], seconds=...)`."""
         states = np.array([state.to_array() for state in self.states])
-        after = hold(self.params, self.terrain, self.control_dt, self.max_torque)
-        return TimeVaryingLqr(states, self.torques, self.gains, after, self.max_torque)
+        return TimeVaryingLqr(
+            states,
+            self.torques,
+            self.gains,
+            params=self.params,
+            terrain=self.terrain,
+            control_dt=self.control_dt,
+            sim_dt=self.sim_dt,
+            max_torque=self.max_torque,
+        )
 
     def __repr__(self) -> str:
         end = {True: ", reached", False: ", not reached", None: ""}[self.reached]
@@ -139,21 +151,25 @@ def optimize_trajectory(
         goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
             reference, which is made for this robot.
         robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
-        start: None is at rest, above the origin or at the start of the reference.
+        start: None is at rest, above the origin or at the start of the reference. After `Ballbot.push` it is the state
+            after one more step.
         seconds: duration; None is the duration of the reference.
         terrain: the ground, a `Terrain` or the name of a kind; None is level.
         initial: the first motion: another result, which is stretched to this duration, or a law. If it is None, or its
             robot falls, `Lqr` on a slow line to the goal, or along the reference.
         friction: of the friction limit of the wheels, the fraction that costs nothing.
-        max_torque: limit of a torque, N·m; None is the limit of the environments.
+        max_torque: limit of a torque, N·m; None is the limit of the environments, `Batch.max_wheel_torque`, with which
+            the wheels of an upright robot grip. The motors may have more.
         control_dt: time for which torques hold, s, a multiple of `sim_dt`.
         sim_dt: time step, s.
         iterations: most iterations.
         tolerance: expected improvement, relative to the cost, below which the optimizer has converged.
-        progress: called with the iteration and the cost.
+        progress: called with the iteration and the cost, which grows with the weight of the goal.
 
     Raises:
-        ValueError: numbers out of range; a reference that the robot cannot follow; a first motion that falls.
+        ValueError: numbers out of range; a reference that the robot cannot follow; a start or goal whose body is not on
+            its ball; a first motion that falls.
+        TypeError: an argument of the wrong type.
     """
     plan = _Plan.of(robot, terrain, control_dt, sim_dt, max_torque)
     check_count("iterations", iterations)
@@ -223,6 +239,9 @@ class _Plan:
 
     def begin(self, start: State | None, goal: Reference | State | npt.ArrayLike) -> None:
         """Puts the robot at the start."""
+        for name, state in (("start", start), ("goal", goal)):
+            if isinstance(state, State):
+                check_on_ball(name, state)
         if start is not None:
             self.robot.reset(start)
         elif isinstance(goal, Reference):
@@ -264,7 +283,10 @@ class _Plan:
             motion = self.plant.motion(law, steps)
             if motion is not None and self.plant.derivatives(motion) is not None:
                 return motion
-        raise InvalidInputError("the robot falls in the first motion: give another start, or initial=")
+        raise InvalidInputError(
+            "no first motion was found in which the robot does not fall: give more seconds, a start that Lqr can catch, "
+            "or a law that can as initial="
+        )
 
     def _laws(
         self,
@@ -277,6 +299,8 @@ class _Plan:
         if isinstance(initial, OptimizedTrajectory):
             yield _stretched(initial, steps)
         elif initial is not None:
+            if not callable(initial):
+                raise TypeError(f"initial = {initial!r} is neither a result nor a law that is called with a State")
             own = initial
 
             def given(_: int, row: Array) -> Array:
@@ -396,6 +420,7 @@ class _Plan:
         return OptimizedTrajectory(
             params=self.params,
             terrain=self.robot.terrain,
+            reference=goal if isinstance(goal, Reference) else None,
             times=np.arange(steps + 1, dtype=np.float64) * self.control_dt,
             states=tuple(State.from_array(row) for row in rows),
             torques=motion.torques[:steps],
@@ -410,12 +435,6 @@ class _Plan:
             sim_dt=self.sim_dt,
             max_torque=self.max_torque,
         )
-
-
-def hold(params: Params, terrain: Terrain | None, control_dt: float, max_torque: float) -> Lqr:
-    """A law that holds a place: on a terrain it observes the lean that holds the robot there."""
-    observer = {} if terrain is None else {"lean_observer": LEAN_OBSERVER}
-    return Lqr(params, control_dt=control_dt, max_torque=max_torque, **observer)
 
 
 def _stretched(found: OptimizedTrajectory, steps: int) -> Callable[[int, Array], Array]:
