@@ -44,8 +44,8 @@ class ResolvedController:
     """A controller that is not on any robot yet: either a policy or a feedback law."""
 
     name: str
-    #: Options of the environment that a policy was trained in, without its events; for a feedback law, the options that it
-    #: is made for, or of the policy that it is compared with.
+    #: Options of the environment that a policy was trained in, without its events; for a feedback law, the options that
+    #: it is made for, or of the policy that it is compared with.
     env_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     policy: Policy | None = None
     #: The task that a policy was trained in; laws have none.
@@ -91,8 +91,8 @@ def find(
             function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
             wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are instantiated for each robot, with
             the robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name`
-            and `control_dt` (s) and the method `reset` are optional, and so is `env_options` of an object, the options of
-            the environment that it is made for.
+            and `control_dt` (s) and the method `reset` are optional, and so is `env_options` of an object, the options
+            of the environment that it is made for.
         task: the task; None is the task that a policy file names. A file that does not name its task needs `task` or
             `env_options`.
         env_options: options of the environment that such a policy file was trained with.

@@ -18,8 +18,8 @@ class TimeVaryingLqr:
     """Follows one motion: its torques, and feedback on the difference from its states, with gains for each step.
 
     Made by `OptimizedTrajectory.law()`. Each call is the next step of the motion, whatever the time; `reset()` starts
-    it over. After the motion `Lqr` holds its last position and heading. It follows no setpoint. `simulate` runs it on the
-    robot, the ground and the time step of the motion, unless they are given.
+    it over. After the motion `Lqr` holds its last position and heading. It follows no setpoint. `simulate` runs it on
+    the robot, the ground and the time step of the motion, unless they are given.
     """
 
     name = "tvlqr"
