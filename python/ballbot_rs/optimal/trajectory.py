@@ -284,8 +284,8 @@ class _Plan:
             if motion is not None and self.plant.derivatives(motion) is not None:
                 return motion
         raise InvalidInputError(
-            "the robot falls in every first motion that was tried: give more seconds, a start that Lqr can catch, or a law "
-            "that can as initial="
+            "the robot falls in every first motion that was tried: give more seconds, a start that Lqr can catch, or a "
+            "law that can as initial="
         )
 
     def _laws(
