@@ -100,12 +100,19 @@ def _log_once():
     return bb.record_log(seconds=1.0)
 
 
+@functools.cache
+def _motion_once():
+    return bb.optimize_trajectory((0.05, 0.0), seconds=1.0, control_dt=0.02)
+
+
 #: Objects whose arrays are tested, in addition to `surface.INSTANCES`.
 MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],
     "Trajectory": [_trajectory],
     "Outcome": [_outcome],
+    "OptimizedTrajectory": [lambda: dataclasses.replace(_motion_once())],
+    "TimeVaryingLqr": [lambda: _motion_once().law()],
     "OnnxPolicy": [lambda: bb.OnnxPolicy(ASSETS / "policies" / "balance.onnx")],
     "SensorLog": [lambda: dataclasses.replace(_log_once())],
     "BallbotVecEnv": [_vec_env],
@@ -116,6 +123,8 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
+    # Its numbers are tensors of PyTorch.
+    "DifferentiableBatch",
     # As others of the same class.
     *("GroupedVectorObservations", "GroupedVecEnv"),
     *(f"{name}VectorEnv" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")),

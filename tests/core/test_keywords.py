@@ -313,6 +313,11 @@ def _progress(call: Callable[..., Any], **arguments: Any) -> Any:
     return [call(**arguments), bool(messages)]
 
 
+def _optimized(**arguments: Any) -> Any:
+    found = bb.optimize_trajectory(**arguments)
+    return [found.torques, found.iterations]
+
+
 def _written(terrain: bb.Terrain, path: str, **arguments: Any) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
         return bb.write_terrain(terrain, Path(folder) / path, **arguments).read_bytes()
@@ -646,6 +651,36 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "progress": "messages",
         },
     ),
+    "linearize": (
+        bb.linearize,
+        {},
+        {
+            "robot": "kugle",
+            "state": bb.State.at_rest(PAPER, tilt=(0.1, 0.0)),
+            "wheel_torques": (0.1, 0.0, 0.0),
+            "dt": 0.02,
+            "sim_dt": 0.002,
+        },
+    ),
+    "optimize_trajectory": (
+        functools.partial(_progress, _optimized),
+        {"goal": (0.2, 0.0), "seconds": 1.4, "control_dt": 0.02},
+        {
+            "goal": (0.1, 0.1),
+            "robot": "kugle",
+            "start": bb.State.at_rest(PAPER, tilt=(0.02, 0.0)),
+            "seconds": 1.5,
+            "terrain": bb.Terrain.plane(0.02),
+            "initial": bb.Lqr(PAPER, control_dt=0.02),
+            "friction": 0.2,
+            "max_torque": 0.1,
+            "control_dt": 0.01,
+            "sim_dt": 0.002,
+            "iterations": 2,
+            "tolerance": 0.5,
+            "progress": "messages",
+        },
+    ),
     "tune": (
         functools.partial(_progress, bb.tune),
         {"controller": "lqr", "scenario": TILTED, "budget": 3},
@@ -680,7 +715,7 @@ NOT_CALLED = {
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
-    *("evaluate", "controllers", "terrain_kinds"),
+    *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr", "DifferentiableBatch"),
     *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")
       for kind in ("Env", "VectorEnv")),
 }  # fmt: skip

@@ -8,6 +8,7 @@ from os import PathLike
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import keep_copies
 from ballbot_rs._checks import check_bounded, check_count, real_array
 from ballbot_rs._core import Ballbot, Batch, Lqr, Params, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
@@ -100,8 +101,7 @@ class OptimizedTrajectory:
     max_torque: float
 
     def __post_init__(self) -> None:
-        for array in (self.times, self.torques, self.friction_used, self.position_errors, self.gains):
-            array.flags.writeable = False
+        keep_copies(self)
 
     def law(self) -> TimeVaryingLqr:
         """The law `tvlqr` that follows the motion: for `simulate(found.law(), start=found.states[0], seconds=...)`."""
