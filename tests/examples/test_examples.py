@@ -24,7 +24,7 @@ RUNS = {
     ),
     "circle": (["6", "2"], r"\n +6 +23%  0\.\d\d.*\n +2  the motion .* would do", []),
     "noise_and_delay": (["0", "100"], r"delay   0 ms  exact: upright.*\ndelay 100 ms  exact: fell", []),
-    "backpropagation": (["20"], r" 10240 steps: loss \d\.\d+\ntrained for", []),
+    "backpropagation": (["20"], r"trained for .*, cost \d+\.\d+\n.*success \d+%", []),
     "own_controller": (["5"], r"mylqr +success 100%.*\nlqr +success 100%.*\npid +success [1-4]?0%", []),
     "own_robot": ([], r"tilt up to 4\.\d deg", ["robot.toml"]),
     "own_task": (["8192"], r"spin\.zip: upright \d+%.*\nzero: upright 0%", ["spin.zip"]),

@@ -84,6 +84,25 @@ def test_a_state_after_an_end_has_no_gradient():
     assert torch.autograd.grad(states.sum(), leaf)[0].isfinite().all()
 
 
+def test_deviations_are_in_the_heading_frame():
+    params = bb.Params.paper()
+    for yaw in (0.0, 1.2, -3.0):
+        state = bb.State.at_rest(params, tilt=(0.1, -0.2), yaw=yaw)
+        turn = np.array([[np.cos(yaw), -np.sin(yaw)], [np.sin(yaw), np.cos(yaw)]])
+        state = state.replace(
+            ball_position=(*(turn @ (0.3, 0.1)), 0.112),
+            ball_velocity=(*(turn @ (0.2, -0.4)), 0.0),
+            body_angular_velocity=(0.1, 0.2, 0.3),
+        )
+        found = bb.DifferentiableBatch.deviations(torch.tensor(state.to_array()[None]))[0].numpy()
+        np.testing.assert_allclose(found[[0, 1, 4, 5]], [0.3, 0.1, 0.2, -0.4], atol=1e-12)
+        np.testing.assert_allclose(found[6:], [0.1, 0.2, 0.3])
+        # Of a rotation vector, from its angle to the sine.
+        angle = np.hypot(0.1, 0.2)
+        lean = np.array([0.1, -0.2]) @ turn * np.sin(angle) / angle
+        np.testing.assert_allclose(found[2:4], lean, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("options", "message"),
     [

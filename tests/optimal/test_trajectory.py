@@ -135,6 +135,46 @@ def test_a_goal_on_a_terrain_is_reached(terrain):
     assert np.linalg.norm(run.states[260].ball_position[:2] - (0.5, 0.2)) < 5e-3
 
 
+@pytest.mark.parametrize("slope", [0.06, pytest.param(None, marks=pytest.mark.slow("a minute"))])
+def test_a_reference_on_a_terrain_is_followed(slope):
+    ground = bb.Terrain.generate("wave", size_x=3.0, size_y=3.0) if slope is None else bb.Terrain.plane(slope)
+    found = bb.optimize_trajectory(bb.Reference.circle(0.3, 6.0), seconds=3.0, terrain=ground, iterations=60)
+    assert found.position_errors.max() < 0.02, found.position_errors.max()
+
+
+def test_another_result_is_a_start_at_any_rate():
+    found = bb.optimize_trajectory((0.3, 0.1), seconds=2.0)
+    costs = []
+    for control_dt in (0.01, 0.02, 0.005):
+        seen = []
+        bb.optimize_trajectory(
+            (0.3, 0.1),
+            seconds=2.0,
+            initial=found,
+            control_dt=control_dt,
+            iterations=1,
+            progress=lambda _, cost, seen=seen: seen.append(cost),
+        )
+        costs.append(seen[0])
+    assert max(costs) < 1.5 * min(costs), costs
+    reference = bb.Reference.square(0.3, 2.5)
+    first = bb.optimize_trajectory(reference)
+    again = bb.optimize_trajectory(reference, initial=first, iterations=3)
+    assert again.position_errors.max() < 1e-3
+
+
+def test_a_law_that_is_given_as_a_start_is_reset():
+    law = bb.optimize_trajectory((0.2, 0.0), seconds=1.5).law()
+    runs = [bb.optimize_trajectory((0.25, 0.0), seconds=1.5, initial=law) for _ in range(2)]
+    np.testing.assert_array_equal(runs[0].torques, runs[1].torques)
+
+
+def test_a_goal_that_is_out_of_reach_is_not_converged():
+    found = bb.optimize_trajectory((1.0, 0.0), seconds=1.0, iterations=60)
+    assert not found.reached
+    assert not found.converged
+
+
 def test_a_law_starts_over():
     found = bb.optimize_trajectory((0.1, 0.0), seconds=1.5)
     law = found.law()
@@ -145,7 +185,9 @@ def test_a_law_starts_over():
     np.testing.assert_allclose(first, found.torques[0])
     copied = copy.deepcopy(law)
     np.testing.assert_array_equal(copied(found.states[1]), law(found.states[1]))
-    again = pickle.loads(pickle.dumps(found)).law()
+    loaded = pickle.loads(pickle.dumps(found))
+    assert not loaded.torques.flags.writeable
+    again = loaded.law()
     np.testing.assert_array_equal(again(found.states[0]), first)
     far = found.states[0].replace(ball_position=(9.0, 0.0, 0.112), body_position=(9.0, 0.0, 0.112))
     assert np.abs(law(far)).max() <= found.max_torque * (1.0 + 1e-12)
@@ -179,6 +221,9 @@ def test_progress_counts_iterations():
             "body is",
         ),
         ((1.0, 0.0), {"seconds": 2.0, "initial": "lqr"}, "neither a result nor a law"),
+        ((1.0, 0.0), {"seconds": 2.0, "initial": lambda _: (0.0, 0.0)}, "the law of initial="),
+        ((1.0, 0.0), {"seconds": 2.0, "initial": lambda _: (0.0, 0.0, np.nan)}, "the law of initial="),
+        ((1.0, 0.0), {"seconds": 2.0, "robot": PAPER.replace(floor_tilt=(0.05, 0.0))}, "floor_tilt"),
         (bb.Reference.circle(0.5, 6.0), {}, "seconds is needed"),
         (bb.Reference.line((0.5, 0.0), 3.0, params="kugle"), {}, "another robot"),
     ],

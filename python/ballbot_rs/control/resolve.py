@@ -190,8 +190,8 @@ def common_options(
     for controller in policies:
         if controller.env_options != options or _row_names(controller.env_options) != _row_names(options):
             raise ValueError(
-                f"{controller.name} was trained with {dict(controller.env_options)}, "
-                f"{policies[0].name} with {dict(options)}: not one task"
+                f"{controller.name} is for {dict(controller.env_options)}, {policies[0].name} for {dict(options)}: "
+                "not one task"
             )
     given = dict(env_options or {})
     if isinstance(given.get("events"), str) and given["events"] == TRAINED:
@@ -251,7 +251,8 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
         found: Law = law
         return found
 
-    options = getattr(law, "env_options", {})
+    options = getattr(law, "env_options", None)
+    options = options if isinstance(options, Mapping) else {}
     return ResolvedController(name, options, make_law=fresh, is_made=False, control_dt=_control_dt(name, law))
 
 

@@ -56,6 +56,22 @@ class DifferentiableBatch:
         """The present states, without gradient: from here on `step` differentiates."""
         return torch.from_numpy(np.array(self.batch.states()))
 
+    @staticmethod
+    def deviations(states: torch.Tensor) -> torch.Tensor:
+        """What a policy needs of states, shape (n, 9): from rest upright at the origin, in the heading frame.
+
+        Position (2, m), tilt about x and y (2, sine), velocity (2, m/s), and rates of the body (3, rad/s).
+        """
+        w, x, y, z = states[:, 16:20].unbind(1)
+        sine, cosine = 2.0 * w * z / (w**2 + z**2), (w**2 - z**2) / (w**2 + z**2)
+
+        def turned(along_x: torch.Tensor, along_y: torch.Tensor) -> torch.Tensor:
+            return torch.stack([cosine * along_x + sine * along_y, cosine * along_y - sine * along_x], 1)
+
+        # The body leans towards +x by a rotation about +y.
+        tilt = turned(2.0 * (w * x - y * z), 2.0 * (x * z + w * y))
+        return torch.cat([turned(*states[:, :2].T), tilt, turned(*states[:, 7:9].T), states[:, 23:26]], 1)
+
     def step(self, states: torch.Tensor, wheel_torques: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
         """Advances by one control step: states and whether the episode ended, shape (n,), bool.
 

@@ -43,7 +43,7 @@ class TimeVaryingLqr:
         #: Time between two calls, s.
         self.control_dt = control_dt
         #: Options of the environment that the motion is for.
-        self.env_options: dict[str, Any] = {"params": params, "sim_dt": sim_dt}
+        self.env_options: dict[str, Any] = {"params": params, "control_dt": control_dt, "sim_dt": sim_dt}
         if terrain is not None:
             self.env_options["terrain"] = terrain
         self._step = 0

@@ -52,7 +52,9 @@ def linearize(
 
 
 def check_on_ball(name: str, state: State) -> None:
-    """Raises ValueError for a body that is apart from its ball."""
+    """Raises TypeError for what is not a state, and ValueError for a body that is apart from its ball."""
+    if not isinstance(state, State):
+        raise TypeError(f"{name} = {state!r} is not a State")
     apart = float(np.linalg.norm(state.body_position - state.ball_position))
     if apart > APART:
         raise InvalidInputError(

@@ -22,6 +22,8 @@ Array = npt.NDArray[np.float64]
 FRACTIONS = 0.5 ** np.arange(10)
 #: Regularization of the torques' Hessian, relative to its largest element: first, least and largest value, and factor.
 FIRST, LEAST, LARGEST, FACTOR = 1e-6, 1e-10, 1e6, 10.0
+#: Regularization up to which the expected improvement shows how much is left.
+UNDAMPED = 1e-4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,7 +34,7 @@ class Motion:
     states: Array
     #: N·m, shape (T, 3).
     torques: Array
-    #: In the last time step before a row, as `Jacobian.forces`, N, shape (T, 9).
+    #: Contact forces in the last time step of each control step, as `Jacobian.forces`, N, shape (T, 9).
     forces: Array
 
 
@@ -213,7 +215,8 @@ def minimize(
             swept = sweep(derivatives, expansion, low, high, damping)
             if swept is not None:
                 if -(swept.first + swept.second) <= tolerance * abs(total):
-                    return Result(motion, total, iteration, converged=True)
+                    # Damped, little is expected although much may be left.
+                    return Result(motion, total, iteration, converged=damping <= UNDAMPED)
                 found = _improved(plant, cost, motion, total, swept)
             if found is None:
                 damping *= FACTOR

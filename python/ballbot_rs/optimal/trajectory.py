@@ -4,28 +4,29 @@ import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._arrays import keep_copies
 from ballbot_rs._checks import check_bounded, check_count, real_array
-from ballbot_rs._core import Ballbot, Batch, Lqr, Params, Reference, State, Terrain
+from ballbot_rs._core import Ballbot, Lqr, Params, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.optimal import solver, tangent
 from ballbot_rs.optimal.cost import Quadratic
-from ballbot_rs.optimal.law import TimeVaryingLqr
+from ballbot_rs.optimal.law import LEAN_OBSERVER, TimeVaryingLqr
 from ballbot_rs.optimal.linear import check_on_ball, steps_of
 
 Array = npt.NDArray[np.float64]
 
 #: Coordinates of `Jacobian.states`: position and velocity of the ball, lean and heading of the body, and their rates.
-_POSITION, _LEAN, _YAW = slice(0, 2), slice(9, 11), slice(11, 12)
+_PLACE, _POSITION, _LEAN, _YAW = slice(0, 3), slice(0, 2), slice(9, 11), slice(11, 12)
 _VELOCITY, _SPIN, _LEAN_RATE, _YAW_RATE = slice(15, 17), slice(20, 21), slice(24, 26), slice(26, 27)
 
 #: Differences from the goal within which it is reached, for the paper's robot: coordinates, amount, unit.
 GOAL = (
-    (_POSITION, 1e-3, "m"),
+    (_PLACE, 1e-3, "m"),
     (_VELOCITY, 5e-3, "m/s"),
     (_LEAN, 2e-3, ""),
     (_YAW, 5e-3, ""),
@@ -49,7 +50,7 @@ FEEDBACK = (
     (_LEAN_RATE, 3e-1, "rad/s"),
     (_YAW_RATE, 5e-1, "rad/s"),
 )
-#: A torque of this cost per second, and the largest change of a torque in an iteration, for the paper's robot, N·m.
+#: The torque that costs 1/2 per second, and the largest change of a torque in an iteration, for the paper's robot, N·m.
 TORQUE, LARGEST_CHANGE = 0.25, 0.05
 #: Time for which a motion along a reference is continued, for the paper's robot, s: without it, it would end in a fall.
 TAIL = 1.0
@@ -57,7 +58,9 @@ TAIL = 1.0
 LAST = 0.3
 #: Weight of the goal: the first, and its growth until it is reached.
 FIRST_WEIGHT, GROWTH, WEIGHTS = 1e-4, 30.0, 6
-#: Weight of traction beyond its limit, relative to the weight of the goal; of a motion along a reference per second.
+#: Weights of a reference, on level ground and on a terrain, where the first motion is far from it.
+LEVEL_WEIGHTS, TERRAIN_WEIGHTS = (1.0,), (1e-3, 0.03, 1.0)
+#: Weight of traction beyond its limit: relative to the weight of the goal, and per second along a reference.
 TRACTION, TRACTION_ON_REFERENCE = 1e6, 1e3
 #: Fractions of the friction limit for the first motion, until it does not fall.
 FIRST_FRICTION = (0.8, 0.6, 0.4, 0.2)
@@ -75,7 +78,7 @@ class OptimizedTrajectory:
 
     params: Params
     terrain: Terrain | None
-    #: The reference, made for this robot; None to a goal.
+    #: The reference, made for this robot; None for a motion to a goal.
     reference: Reference | None
     #: s, shape (T + 1,).
     times: Array
@@ -89,7 +92,7 @@ class OptimizedTrajectory:
     position_errors: Array
     #: Whether the last state is the goal; None with a reference.
     reached: bool | None
-    #: Whether little was left to gain: to the goal, or to another local optimum.
+    #: Whether the cost has its least value nearby; else the optimizer got stuck, or ran out of iterations.
     converged: bool
     iterations: int
     #: Torques relative to 0.25 N·m, squared, times s, with the goal's or reference's part; all halved.
@@ -101,6 +104,11 @@ class OptimizedTrajectory:
     max_torque: float
 
     def __post_init__(self) -> None:
+        keep_copies(self)
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Arrays of a copy are read-only, too."""
+        vars(self).update(state)
         keep_copies(self)
 
     def law(self) -> TimeVaryingLqr:
@@ -143,23 +151,22 @@ def optimize_trajectory(
 ) -> OptimizedTrajectory:
     """The motion of least cost from `start` to a goal, or along a reference, in the model `contact`.
 
-    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. Torques cost;
-    so does the distance from the goal, with a weight that grows until it is reached, or from the reference. Traction
-    beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same arguments.
+    By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. Torques cost,
+    and so does the distance from the reference, or from the goal, with a weight that grows until the goal is reached.
+    Traction beyond the limit costs, but is allowed. The result is a local optimum, and the same for the same arguments.
 
     Args:
         goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
             reference, which is made for this robot.
         robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
-        start: None is at rest, above the origin or at the start of the reference. After `Ballbot.push` it is the state
-            after one more step.
-        seconds: duration; None is the duration of the reference.
+        start: None is at rest, above the origin or at the start of the reference. A push acts in the step after
+            `Ballbot.push`, so the state after this step is the start of a pushed robot.
+        seconds: duration, rounded up to whole control steps; None is the duration of the reference.
         terrain: the ground, a `Terrain` or the name of a kind; None is level.
-        initial: the first motion: another result, which is stretched to this duration, or a law. If it is None, or its
-            robot falls, `Lqr` on a slow line to the goal, or along the reference.
-        friction: of the friction limit of the wheels, the fraction that costs nothing.
-        max_torque: limit of a torque, N·m; None is the limit of the environments, `Batch.max_wheel_torque`, with which
-            the wheels of an upright robot grip. The motors may have more.
+        initial: the first motion: another result for this robot, which is stretched to this duration, or a law. If it
+            is None, or its robot falls, `Lqr` on a slow line to the goal, or along the reference.
+        friction: fraction of the friction limit of the wheels above which traction costs.
+        max_torque: limit of a torque, N·m; None is `Params.max_wheel_torque`.
         control_dt: time for which torques hold, s, a multiple of `sim_dt`.
         sim_dt: time step, s.
         iterations: most iterations.
@@ -184,7 +191,7 @@ def optimize_trajectory(
     plan.begin(start, goal)
     tail = math.ceil(TAIL * plan.params.scale("s") / control_dt) if isinstance(goal, Reference) else 0
     targets = plan.targets(goal, steps + tail)
-    motion = plan.first(goal, targets, steps + tail, initial)
+    motion = plan.first(goal, targets, steps, initial, friction)
     left, result = iterations, None
     for weight in plan.weights(goal):
         cost = plan.cost(goal, targets, weight, friction)
@@ -192,7 +199,8 @@ def optimize_trajectory(
             plan.plant, cost, motion, iterations=left, tolerance=tolerance, progress=plan.counted(progress)
         )
         motion, left = result.motion, left - result.iterations
-        if plan.reached(goal, motion, targets) or left <= 0:
+        stuck = result.iterations == 0 and not result.converged
+        if plan.reached(goal, motion, targets) or left <= 0 or stuck:
             break
     assert result is not None, "there is a weight"
     return plan.result(goal, result, targets, steps, iterations - left)
@@ -216,8 +224,12 @@ class _Plan:
         plan.scratch = Ballbot(robot, "contact", sim_dt, terrain)
         plan.substeps = steps_of("control_dt", control_dt, sim_dt)
         plan.params, plan.control_dt, plan.sim_dt = plan.robot.params, control_dt, sim_dt
-        limit = Batch(1, params=plan.params, num_threads=1).max_wheel_torque if max_torque is None else max_torque
+        limit = plan.params.max_wheel_torque if max_torque is None else max_torque
         plan.max_torque = check_bounded("max_torque", limit, 1e-9, plan.params.max_wheel_torque)
+        if any(plan.params.floor_tilt):
+            raise InvalidInputError(
+                f"floor_tilt = {plan.params.floor_tilt}: a slope must be terrain=Terrain.plane(slope, direction)"
+            )
         plan.iteration = 0
         return plan
 
@@ -277,56 +289,64 @@ class _Plan:
         targets: Array,
         steps: int,
         initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
+        friction: float,
     ) -> solver.Motion:
-        """The first motion."""
-        for law in self._laws(goal, targets, steps, initial):
-            motion = self.plant.motion(law, steps)
-            if motion is not None and self.plant.derivatives(motion) is not None:
-                return motion
+        """The first motion: of least cost among the laws of the first group whose robot does not fall."""
+        cost = self.cost(goal, targets, self.weights(goal)[0], friction)
+        for laws in self._groups(goal, targets, steps, initial):
+            motions = [self.plant.motion(law, len(targets) - 1) for law in laws]
+            upright = [m for m in motions if m is not None and self.plant.derivatives(m) is not None]
+            if upright:
+                return min(upright, key=cost.total)
         raise InvalidInputError(
             "the robot falls in every first motion that was tried: give more seconds, a start that Lqr can catch, or a "
             "law that can as initial="
         )
 
-    def _laws(
+    def _groups(
         self,
         goal: Reference | State | npt.ArrayLike,
         targets: Array,
         steps: int,
         initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
-    ) -> Iterator[Callable[[int, Array], Array]]:
-        """Torques by step and state, for first motions."""
+    ) -> Iterator[list[Callable[[int, Array], Array]]]:
+        """Groups of laws, torques by step and state, for first motions."""
+        references = [goal] if isinstance(goal, Reference) else list(self._lines(targets[-1], steps))
         if isinstance(initial, OptimizedTrajectory):
-            yield _stretched(initial, steps)
+            stretched = _stretched(initial, steps, self.control_dt)
+            after = self._along(references[0])[0]
+            yield [lambda k, row: stretched(k, row) if k < steps else after(k, row)]
         elif initial is not None:
             if not callable(initial):
                 raise TypeError(f"initial = {initial!r} is neither a result nor a law that is called with a State")
-            own = initial
+            yield [self._given(initial)]
+        for reference in references:
+            yield self._along(reference)
 
-            def given(_: int, row: Array) -> Array:
-                return np.asarray(own(State.from_array(row)), dtype=np.float64)
+    def _given(self, law: Callable[[State], npt.ArrayLike]) -> Callable[[int, Array], Array]:
+        """The law that was given as the first motion."""
+        reset = getattr(law, "reset", None)
+        if callable(reset):
+            reset()
 
-            yield given
-        lqr = Lqr(self.params, control_dt=self.control_dt, max_torque=self.max_torque)
-        for reference in [goal] if isinstance(goal, Reference) else self._lines(targets[-1], steps):
-            # On a terrain a law that takes the slope for a lean drifts, but one that knows it may be slower.
-            for seen in (State.from_array, self._leveled)[: 1 if self.robot.terrain is None else 2]:
-                lqr.reset()
+        def given(_: int, row: Array) -> Array:
+            torques = real_array("the law of initial= gave", law(State.from_array(row)), "three torques")
+            if torques.shape != (3,) or not np.isfinite(torques).all():
+                raise InvalidInputError(f"the law of initial= gave {torques}: expected three torques, N·m")
+            return torques.astype(np.float64)
 
-                def along(
-                    k: int, row: Array, reference: Reference = reference, seen: Callable[[Array], State] = seen
-                ) -> Array:
-                    return np.asarray(lqr(seen(row), reference(k * self.control_dt)))
+        return given
 
-                yield along
+    def _along(self, reference: Reference) -> list[Callable[[int, Array], Array]]:
+        """Laws that follow a reference: on a terrain some that ignore the slope, that learn it, and that know it."""
 
-    def _leveled(self, row: Array) -> State:
-        """The state with the lean from the equilibrium on the slope where it is, as on level ground."""
-        state = State.from_array(row)
-        x, y = state.ball_position[:2]
-        self.scratch.place_on_ground(float(x), float(y), state.yaw)
-        lean = tangent.product(state.body_quaternion, tangent.conjugate(self.scratch.state.body_quaternion))
-        return state.replace(body_quaternion=tangent.product(lean, tangent.about_vertical(np.array(state.yaw))))
+        def law(seen: Callable[[Array], State], **options: float) -> Callable[[int, Array], Array]:
+            lqr = Lqr(self.params, control_dt=self.control_dt, max_torque=self.max_torque, **options)
+            return lambda k, row: np.asarray(lqr(seen(row), reference(k * self.control_dt)))
+
+        if self.robot.terrain is None:
+            return [law(State.from_array)]
+        return [law(State.from_array), law(State.from_array, lean_observer=LEAN_OBSERVER), law(self._leveled)]
 
     def _lines(self, target: Array, steps: int) -> Iterator[Reference]:
         """To the goal, slowly enough for the wheels to grip."""
@@ -342,16 +362,26 @@ class _Plan:
             if slower is not None:
                 yield line(seconds * slower)
 
+    def _leveled(self, row: Array) -> State:
+        """The state with the lean from the equilibrium on the slope where it is, as on level ground."""
+        state = State.from_array(row)
+        x, y = state.ball_position[:2]
+        self.scratch.place_on_ground(float(x), float(y), state.yaw)
+        lean = tangent.product(state.body_quaternion, tangent.conjugate(self.scratch.state.body_quaternion))
+        return state.replace(body_quaternion=tangent.product(lean, tangent.about_vertical(np.array(state.yaw))))
+
     def weights(self, goal: Reference | State | npt.ArrayLike) -> list[float]:
-        """Weights of the goal to try."""
-        return [1.0] if isinstance(goal, Reference) else [FIRST_WEIGHT * GROWTH**k for k in range(WEIGHTS)]
+        """Weights of the goal or the reference to try."""
+        if isinstance(goal, Reference):
+            return list(LEVEL_WEIGHTS if self.robot.terrain is None else TERRAIN_WEIGHTS)
+        return [FIRST_WEIGHT * GROWTH**k for k in range(WEIGHTS)]
 
     def cost(
         self, goal: Reference | State | npt.ArrayLike, targets: Array, weight: float, friction: float
     ) -> Quadratic:
         weights = np.zeros((len(targets), tangent.COORDINATES))
         if isinstance(goal, Reference):
-            weights[:] = self.control_dt * self.weight(ON_REFERENCE)
+            weights[:] = weight * self.control_dt * self.weight(ON_REFERENCE)
             traction = TRACTION_ON_REFERENCE * self.control_dt
         else:
             weights[-1] = weight * self.weight(GOAL)
@@ -437,7 +467,7 @@ class _Plan:
         )
 
 
-def _stretched(found: OptimizedTrajectory, steps: int) -> Callable[[int, Array], Array]:
+def _stretched(found: OptimizedTrajectory, steps: int, control_dt: float) -> Callable[[int, Array], Array]:
     """A motion at another pace: its path with scaled rates, its torques, and its feedback."""
     rows = np.array([state.to_array() for state in found.states])
     count = len(found.torques)
@@ -448,7 +478,7 @@ def _stretched(found: OptimizedTrajectory, steps: int) -> Callable[[int, Array],
     for first in (3, 16):
         rows[:, first : first + 4] /= np.linalg.norm(rows[:, first : first + 4], axis=1, keepdims=True)
     for first in (7, 10, 20, 23, 29):
-        rows[:, first : first + 3] *= count / steps
+        rows[:, first : first + 3] *= found.times[-1] / (steps * control_dt)
 
     def law(k: int, row: Array) -> Array:
         step = before[k]

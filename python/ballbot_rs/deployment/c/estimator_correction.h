@@ -1,6 +1,6 @@
 /* What the wheels tell: rows of H, effects of the body rate, G = P H' + C and C, the covariance of the noise of the
  * gyroscope in the prediction of attitude and wheel rates; wheel rates by the ball's rolling, and their covariance with
- * its relative error, which is considered, not estimated; by the ball's spin, of the wheels that do not slip. */
+ * its relative error, which is considered, not estimated; effect of the ball's spin, 0 for a wheel that slips. */
 typedef struct {
     ballbot_real h[3][9];
     ballbot_real by_rate[3][3];

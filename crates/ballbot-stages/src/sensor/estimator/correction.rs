@@ -20,9 +20,9 @@ impl Estimator {
     /// constant, so averaging readings does not remove it: it is considered with its covariance, not estimated
     /// (Schmidt).
     ///
-    /// Hard maneuvers and pushes spin the ball faster than its random walk, so only what does not depend on the spin shows
-    /// slip: two wheels that disagree whatever the spin. If the spin of those that agree surprises, it has jumped, and the
-    /// jump is found by generalized least squares.
+    /// Hard maneuvers and pushes spin the ball faster than its random walk. So slip shows where two wheels disagree and no
+    /// spin would make them agree. If the wheels that agree measure a spin beyond the gate, the spin has jumped, and the jump
+    /// is found by generalized least squares.
     #[inline(always)]
     pub(super) fn correct<L: Lane>(&self, belief: &mut Belief<L>, readings: &Readings<L>) {
         let (dt, o) = (self.dt, &self.options);

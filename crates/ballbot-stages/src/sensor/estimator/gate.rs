@@ -14,7 +14,7 @@ use ballbot_base::wheels::Wheels;
 /// Without the body's own rotation, a wheel rate follows the ball by k cos α_i and k sin α_i.
 ///
 /// A rate is the difference of two angles over dt, and its change the difference of two rates that share an angle: with
-/// the angle error σ the change has the deviation √6 σ / dt. Its margin is as many deviations as for the innovation.
+/// the angle error σ the change has the deviation √6 σ / dt. Its margin is as many deviations as for two wheels that disagree.
 #[derive(Clone, Debug)]
 pub struct JumpLimit {
     /// rad/s.

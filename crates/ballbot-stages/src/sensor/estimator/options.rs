@@ -28,8 +28,8 @@ ballbot_base::fields! {
         pub start_velocity: f64 = 0.01, "m/s", Limit::NOT_NEGATIVE.to(100.0);
         /// Random walk of the ball's spin about the vertical, sd after 1 s.
         pub spin_walk: f64 = 3.0, "rad/s", Limit::from(1e-3).to(1e4);
-        /// Difference of two wheel rates from their predictions, whatever the spin, above which a wheel slips, in standard
-        /// deviations.
+        /// How far two wheels may disagree about the motion of the ball apart from its spin before one counts as slipping,
+        /// standard deviations.
         pub slip_gate: f64 = 4.0, "", Limit::from(1.0).to(1e6);
         /// Random walk of the velocity while a wheel slips, sd after 1 s: a wrong estimate with which two wheels agree must
         /// give way.
