@@ -104,7 +104,7 @@ impl<L: Lane> Covariance<L> {
             self.rows[BIAS + i][BIAS + i] = self.rows[BIAS + i][BIAS + i] + noise.bias;
         }
         for i in 0..2 {
-            self.rows[VELOCITY + i][VELOCITY + i] = self.rows[VELOCITY + i][VELOCITY + i] + noise.velocity;
+            self.rows[VELOCITY + i][VELOCITY + i] += noise.velocity;
         }
         self.rows[SPIN][SPIN] = self.rows[SPIN][SPIN] + noise.spin;
     }
