@@ -76,7 +76,8 @@ from ballbot_rs.identification.result import IdentifiedParams
 from ballbot_rs.media.terrain_files import read_terrain, write_terrain
 from ballbot_rs.optimal.law import TimeVaryingLqr
 from ballbot_rs.optimal.linear import linearize
-from ballbot_rs.optimal.trajectory import OptimizedTrajectory, optimize_trajectory
+from ballbot_rs.optimal.result import OptimizedTrajectory
+from ballbot_rs.optimal.trajectory import optimize_trajectory
 from ballbot_rs.scenarios.run import Outcome, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario
