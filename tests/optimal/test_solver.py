@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._quaternions import product
 from ballbot_rs.optimal import solver, tangent
 from ballbot_rs.optimal.cost import Quadratic
 
@@ -21,8 +22,8 @@ def moved(row: np.ndarray, change: np.ndarray) -> np.ndarray:
     out = row.copy()
     for coordinate, number in [(0, 0), (6, 13), (12, 26), (15, 7), (18, 10), (21, 20), (24, 23), (27, 29)]:
         out[number : number + 3] += change[coordinate : coordinate + 3]
-    out[3:7] = tangent.product(rotation(change[3:6]), row[3:7])
-    out[16:20] = tangent.product(row[16:20], rotation(change[9:12]))
+    out[3:7] = product(rotation(change[3:6]), row[3:7])
+    out[16:20] = product(row[16:20], rotation(change[9:12]))
     return out
 
 

@@ -1,6 +1,7 @@
 """One robot, its start and its goal: costs, first motions and results of an optimization."""
 
 import dataclasses
+import math
 from collections.abc import Callable, Iterator, Sequence
 from os import PathLike
 
@@ -10,6 +11,9 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_bounded, real_array
 from ballbot_rs._core import Ballbot, Lqr, Params, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._quaternions import about_vertical, conjugate, product
+from ballbot_rs.control.laws import Laws
+from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.optimal import solver, tangent
 from ballbot_rs.optimal.cost import Quadratic
 from ballbot_rs.optimal.law import LEAN_OBSERVER
@@ -70,6 +74,10 @@ class Plan:
     """One robot, and what is to be done with it."""
 
     plant: solver.Plant
+    #: The reference to follow; None for a motion to a goal.
+    reference: Reference | None
+    #: The desired state at each time, shape (T + 1, 32).
+    targets: Array
 
     def __init__(
         self,
@@ -78,13 +86,14 @@ class Plan:
         control_dt: float,
         sim_dt: float,
         max_torque: float | None,
+        friction: float,
     ) -> None:
         self.robot = Ballbot(robot, "contact", sim_dt, terrain)
         #: Another one, to find equilibria.
         self.scratch = Ballbot(robot, "contact", sim_dt, terrain)
         self.params = self.robot.params
         self.substeps = steps_of("control_dt", control_dt, sim_dt)
-        self.control_dt, self.sim_dt = control_dt, sim_dt
+        self.control_dt, self.sim_dt, self.friction = control_dt, sim_dt, friction
         limit = self.params.max_wheel_torque if max_torque is None else max_torque
         self.max_torque = check_bounded("max_torque", limit, 1e-9, self.params.max_wheel_torque)
         if any(self.params.floor_tilt):
@@ -98,30 +107,33 @@ class Plan:
         """A torque that is large for this robot, N·m."""
         return TORQUE * self.params.scale("N·m")
 
-    def begin(self, start: State | None, goal: Reference | State | npt.ArrayLike) -> None:
-        """Puts the robot at the start."""
+    def begin(self, start: State | None, goal: Reference | State | npt.ArrayLike, steps: int) -> None:
+        """Puts the robot at the start of a motion of so many steps; a reference is continued by its tail."""
+        self.reference = goal if isinstance(goal, Reference) else None
+        self.steps = steps
         for name, state in (("start", start), ("goal", goal)):
             if isinstance(state, State):
                 check_on_ball(name, state)
         if start is not None:
             self.robot.reset(start)
-        elif isinstance(goal, Reference):
-            first = goal(0.0)
+        elif self.reference is not None:
+            first = self.reference(0.0)
             x, y = first["position"]
             self.robot.place_on_ground(float(x), float(y), first["yaw"])
         else:
             self.robot.place_on_ground(0.0, 0.0)
         change = LARGEST_CHANGE * self.params.scale("N·m")
         self.plant = solver.Plant(self.robot, self.substeps, self.max_torque, change)
+        tail = 0 if self.reference is None else math.ceil(TAIL * self.params.scale("s") / self.control_dt)
+        self.targets = self._targets(goal, steps + tail)
 
-    def targets(self, goal: Reference | State | npt.ArrayLike, steps: int) -> Array:
-        """The desired state at each time, shape (T + 1, 32)."""
+    def _targets(self, goal: Reference | State | npt.ArrayLike, steps: int) -> Array:
         here = self.robot.state
         if isinstance(goal, Reference):
             rows = np.repeat(here.to_array()[None], steps + 1, axis=0)
             along = goal.sample(np.arange(steps + 1) * self.control_dt)
             rows[:, 0:2], rows[:, 7:9] = along["position"], along["velocity"]
-            rows[:, 16:20] = tangent.about_vertical(along["yaw"])
+            rows[:, 16:20] = about_vertical(along["yaw"])
             rows[:, 23:25], rows[:, 25] = 0.0, along["yaw_rate"]
             return rows
         if not isinstance(goal, State):
@@ -133,38 +145,30 @@ class Plan:
         return np.repeat(goal.to_array()[None], steps + 1, axis=0)
 
     def first(
-        self,
-        goal: Reference | State | npt.ArrayLike,
-        targets: Array,
-        steps: int,
-        initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
-        friction: float,
-    ) -> solver.Motion:
+        self, initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None
+    ) -> tuple[solver.Motion, solver.Derivatives]:
         """The first motion: of least cost among the laws of the first group whose robot does not fall."""
-        cost = self.cost(goal, targets, self.weights(goal)[0], friction)
-        for laws in self._groups(goal, targets, steps, initial):
-            motions = [self.plant.motion(law, len(targets) - 1) for law in laws]
-            upright = [m for m in motions if m is not None and self.plant.derivatives(m) is not None]
+        cost = self.cost(self.weights()[0])
+        for laws in self._groups(initial):
+            motions = [self.plant.motion(law, len(self.targets) - 1) for law in laws]
+            found = [(m, self.plant.derivatives(m)) for m in motions if m is not None]
+            upright = [(motion, derivatives) for motion, derivatives in found if derivatives is not None]
             if upright:
-                return min(upright, key=cost.total)
+                return min(upright, key=lambda one: cost.total(one[0]))
         raise InvalidInputError(
             "the robot falls in every first motion that was tried: give more seconds, a start that Lqr can catch, or a "
             "law that can as initial="
         )
 
     def _groups(
-        self,
-        goal: Reference | State | npt.ArrayLike,
-        targets: Array,
-        steps: int,
-        initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None,
+        self, initial: OptimizedTrajectory | Callable[[State], npt.ArrayLike] | None
     ) -> Iterator[list[Callable[[int, Array], Array]]]:
         """Groups of laws, torques by step and state, for first motions."""
-        references = [goal] if isinstance(goal, Reference) else list(self._lines(targets[-1], steps))
+        references = list(self._lines()) if self.reference is None else [self.reference]
         if isinstance(initial, OptimizedTrajectory):
-            again = stretched(initial, steps, self.control_dt)
+            again = stretched(initial, self.steps, self.control_dt)
             after = self._along(references[0])[0]
-            yield [lambda k, row: again(k, row) if k < steps else after(k, row)]
+            yield [lambda k, row: again(k, row) if k < self.steps else after(k, row)]
         elif initial is not None:
             if not callable(initial):
                 raise TypeError(f"initial = {initial!r} is neither a result nor a law that is called with a State")
@@ -174,17 +178,11 @@ class Plan:
 
     def _given(self, law: Callable[[State], npt.ArrayLike]) -> Callable[[int, Array], Array]:
         """The law that was given as the first motion."""
-        reset = getattr(law, "reset", None)
-        if callable(reset):
-            reset()
-
-        def given(_: int, row: Array) -> Array:
-            torques = real_array("the law of initial= gave", law(State.from_array(row)), "three torques")
-            if torques.shape != (3,) or not np.isfinite(torques).all():
-                raise InvalidInputError(f"the law of initial= gave {torques}: expected three torques, N·m")
-            return torques.astype(np.float64)
-
-        return given
+        if hasattr(law, "reset"):
+            law.reset()
+        # The plant limits the torques.
+        laws = Laws("the law of initial=", lambda: law, 1, np.inf, is_made=False)
+        return lambda _, row: laws.torques([State.from_array(row)], [Setpoint()])[0]
 
     def _along(self, reference: Reference) -> list[Callable[[int, Array], Array]]:
         """Laws that follow a reference: on a terrain some that ignore the slope, that learn it, and that know it."""
@@ -197,10 +195,10 @@ class Plan:
             return [law(State.from_array)]
         return [law(State.from_array), law(State.from_array, lean_observer=LEAN_OBSERVER), law(self._leveled)]
 
-    def _lines(self, target: Array, steps: int) -> Iterator[Reference]:
+    def _lines(self) -> Iterator[Reference]:
         """To the goal, slowly enough for the wheels to grip."""
-        here, there = self.robot.state, State.from_array(target)
-        seconds = steps * self.control_dt
+        here, there = self.robot.state, State.from_array(self.targets[-1])
+        seconds = self.steps * self.control_dt
 
         def line(seconds: float) -> Reference:
             ends = there.ball_position[:2], seconds, here.ball_position[:2]
@@ -216,21 +214,19 @@ class Plan:
         state = State.from_array(row)
         x, y = state.ball_position[:2]
         self.scratch.place_on_ground(float(x), float(y), state.yaw)
-        lean = tangent.product(state.body_quaternion, tangent.conjugate(self.scratch.state.body_quaternion))
-        return state.replace(body_quaternion=tangent.product(lean, tangent.about_vertical(np.array(state.yaw))))
+        lean = product(state.body_quaternion, conjugate(self.scratch.state.body_quaternion))
+        return state.replace(body_quaternion=product(lean, about_vertical(np.array(state.yaw))))
 
-    def weights(self, goal: Reference | State | npt.ArrayLike) -> list[float]:
+    def weights(self) -> list[float]:
         """Weights of the goal or the reference to try."""
-        if isinstance(goal, Reference):
+        if self.reference is not None:
             return list(LEVEL_WEIGHTS if self.robot.terrain is None else TERRAIN_WEIGHTS)
         return [FIRST_WEIGHT * GROWTH**k for k in range(WEIGHTS)]
 
-    def cost(
-        self, goal: Reference | State | npt.ArrayLike, targets: Array, weight: float, friction: float
-    ) -> Quadratic:
+    def cost(self, weight: float) -> Quadratic:
         """The cost of motions, with this weight of the goal or the reference."""
-        weights = np.zeros((len(targets), tangent.COORDINATES))
-        if isinstance(goal, Reference):
+        weights = np.zeros((len(self.targets), tangent.COORDINATES))
+        if self.reference is not None:
             weights[:] = weight * self.control_dt * self.weight(ON_REFERENCE)
             traction = TRACTION_ON_REFERENCE * self.control_dt
         else:
@@ -239,11 +235,11 @@ class Plan:
         params = self.params
         limit = min(params.wheel_static_friction, params.wheel_dynamic_friction)
         return Quadratic(
-            targets=targets,
+            targets=self.targets,
             weights=weights,
             torque_weight=self.control_dt / self.torque**2,
             traction_weight=traction / float(np.mean(params.equilibrium_wheel_loads)) ** 2,
-            friction=friction * limit,
+            friction=self.friction * limit,
         )
 
     def weight(self, table: Sequence[tuple[slice, float, str]]) -> Array:
@@ -253,11 +249,11 @@ class Plan:
             out[coordinates] = (amount * (self.params.scale(unit) if unit else 1.0)) ** -2
         return out
 
-    def reached(self, goal: Reference | State | npt.ArrayLike, motion: solver.Motion, targets: Array) -> bool | None:
+    def reached(self, motion: solver.Motion) -> bool | None:
         """Whether the motion ends at the goal; None along a reference."""
-        if isinstance(goal, Reference):
+        if self.reference is not None:
             return None
-        error = tangent.difference(motion.states[-1], targets[-1])
+        error = tangent.difference(motion.states[-1], self.targets[-1])
         return bool(np.all(self.weight(GOAL) * error**2 <= 1.0))
 
     def counted(self, progress: Callable[[int, float], None] | None) -> Callable[[int, float], None] | None:
@@ -272,13 +268,11 @@ class Plan:
 
         return report
 
-    def gains(self, motion: solver.Motion) -> Array:
+    def gains(self, motion: solver.Motion, derivatives: solver.Derivatives) -> Array:
         """Gains of the law that follows the motion."""
         weights = np.zeros((len(motion.states), tangent.COORDINATES))
         weights[:] = self.control_dt * self.weight(FEEDBACK)
         weights[-1] *= LAST / self.control_dt
-        derivatives = self.plant.derivatives(motion)
-        assert derivatives is not None, "the motion has derivatives"
         cost = Quadratic(motion.states, weights, self.control_dt / self.torque**2, 0.0, 1.0)
         expansion = dataclasses.replace(cost.expand(motion, derivatives), u=np.zeros_like(motion.torques))
         far = np.full_like(motion.torques, np.inf)
@@ -286,31 +280,25 @@ class Plan:
         assert swept is not None, "the torques have a weight"
         return swept.gains
 
-    def result(
-        self,
-        goal: Reference | State | npt.ArrayLike,
-        result: solver.Result,
-        targets: Array,
-        steps: int,
-        iterations: int,
-    ) -> OptimizedTrajectory:
-        """The first `steps` steps of the motion."""
-        motion, rows = result.motion, result.motion.states[: steps + 1]
+    def result(self, result: solver.Result, iterations: int) -> OptimizedTrajectory:
+        """The motion without the tail of a reference."""
+        motion, steps = result.motion, self.steps
+        rows = motion.states[: steps + 1]
         loads, tractions = motion.forces[:steps, 0:3], np.abs(motion.forces[:steps, 3:6])
         return OptimizedTrajectory(
             params=self.params,
             terrain=self.robot.terrain,
-            reference=goal if isinstance(goal, Reference) else None,
+            reference=self.reference,
             times=np.arange(steps + 1, dtype=np.float64) * self.control_dt,
             states=tuple(State.from_array(row) for row in rows),
             torques=motion.torques[:steps],
             friction_used=np.divide(tractions, loads, out=np.zeros_like(loads), where=loads > 0.0),
-            position_errors=np.linalg.norm(rows[:, :2] - targets[: steps + 1, :2], axis=1),
-            reached=self.reached(goal, motion, targets),
+            position_errors=np.linalg.norm(rows[:, :2] - self.targets[: steps + 1, :2], axis=1),
+            reached=self.reached(motion),
             converged=result.converged,
             iterations=iterations,
             cost=result.cost,
-            gains=self.gains(motion)[:steps],
+            gains=self.gains(motion, result.derivatives)[:steps],
             control_dt=self.control_dt,
             sim_dt=self.sim_dt,
             max_torque=self.max_torque,

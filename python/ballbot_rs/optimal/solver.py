@@ -20,7 +20,7 @@ Array = npt.NDArray[np.float64]
 
 #: Fractions of a change of the torques that are tried, largest first.
 FRACTIONS = 0.5 ** np.arange(10)
-#: Regularization of the torques' Hessian, relative to its largest element: first, least and largest value, and factor.
+#: Regularization of the torques' Hessian, relative to its trace: first, least and largest value, and factor.
 FIRST, LEAST, LARGEST, FACTOR = 1e-6, 1e-10, 1e6, 10.0
 #: Regularization up to which the expected improvement shows how much is left.
 UNDAMPED = 1e-4
@@ -183,6 +183,7 @@ class Result:
     """Where a minimization has ended."""
 
     motion: Motion
+    derivatives: Derivatives
     cost: float
     iterations: int
     #: Whether less than the tolerance remained to be gained.
@@ -193,18 +194,17 @@ def minimize(
     plant: Plant,
     cost: Cost,
     motion: Motion,
+    derivatives: Derivatives,
     *,
     iterations: int,
     tolerance: float,
     progress: Callable[[int, float], None] | None = None,
 ) -> Result:
-    """The motion of least cost near `motion`, which has derivatives.
+    """The motion of least cost near `motion`, which has these derivatives.
 
     It ends where the expected improvement is below `tolerance` of the cost.
     """
     damping, total = FIRST, cost.total(motion)
-    derivatives = plant.derivatives(motion)
-    assert derivatives is not None, "the motion has derivatives"
     for iteration in range(iterations):
         if progress is not None:
             progress(iteration, total)
@@ -216,15 +216,15 @@ def minimize(
             if swept is not None:
                 if -(swept.first + swept.second) <= tolerance * abs(total):
                     # Damped, little is expected although much may be left.
-                    return Result(motion, total, iteration, converged=damping <= UNDAMPED)
+                    return Result(motion, derivatives, total, iteration, converged=damping <= UNDAMPED)
                 found = _improved(plant, cost, motion, total, swept)
             if found is None:
                 damping *= FACTOR
                 if damping > LARGEST:
-                    return Result(motion, total, iteration, converged=False)
+                    return Result(motion, derivatives, total, iteration, converged=False)
         damping = max(damping / FACTOR, LEAST)
         motion, total, derivatives = found
-    return Result(motion, total, iterations, converged=False)
+    return Result(motion, derivatives, total, iterations, converged=False)
 
 
 def _improved(

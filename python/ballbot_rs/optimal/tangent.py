@@ -3,6 +3,8 @@
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._quaternions import conjugate, product, rotation_vector
+
 Array = npt.NDArray[np.float64]
 
 #: Numbers of a state, `State.to_array`, and coordinates of its changes.
@@ -23,41 +25,6 @@ def difference(state: Array, origin: Array) -> Array:
     out[..., 3:6] = rotation_vector(product(state[..., 3:7], conjugate(origin[..., 3:7])))
     out[..., 9:12] = rotation_vector(product(conjugate(origin[..., 16:20]), state[..., 16:20]))
     return out
-
-
-def conjugate(q: Array) -> Array:
-    """The inverse of a unit quaternion (w, x, y, z)."""
-    return np.asarray(q * np.array([1.0, -1.0, -1.0, -1.0]))
-
-
-def about_vertical(angle: Array) -> Array:
-    """The quaternion of a rotation about z, shape (..., 4)."""
-    zero = np.zeros_like(angle)
-    return np.stack([np.cos(0.5 * angle), zero, zero, np.sin(0.5 * angle)], axis=-1)
-
-
-def product(a: Array, b: Array) -> Array:
-    """The quaternion product a b."""
-    aw, ax, ay, az = np.moveaxis(a, -1, 0)
-    bw, bx, by, bz = np.moveaxis(b, -1, 0)
-    return np.stack(
-        [
-            aw * bw - ax * bx - ay * by - az * bz,
-            aw * bx + ax * bw + ay * bz - az * by,
-            aw * by - ax * bz + ay * bw + az * bx,
-            aw * bz + ax * by - ay * bx + az * bw,
-        ],
-        axis=-1,
-    )
-
-
-def rotation_vector(q: Array) -> Array:
-    """The rotation vector of a unit quaternion, at most π long."""
-    q = np.where(q[..., :1] < 0.0, -q, q)
-    sine = np.linalg.norm(q[..., 1:], axis=-1, keepdims=True)
-    angle = 2.0 * np.arctan2(sine, q[..., :1])
-    # 2 for small angles.
-    return np.asarray(q[..., 1:] * np.where(sine > 1e-12, angle / np.where(sine > 1e-12, sine, 1.0), 2.0))
 
 
 def inverse_right_jacobian(vector: Array) -> Array:

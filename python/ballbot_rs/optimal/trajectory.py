@@ -10,7 +10,7 @@ from ballbot_rs._checks import check_bounded, check_count
 from ballbot_rs._core import Params, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.optimal import solver
-from ballbot_rs.optimal.plan import MOST_STEPS, TAIL, Plan
+from ballbot_rs.optimal.plan import MOST_STEPS, Plan
 from ballbot_rs.optimal.result import OptimizedTrajectory
 
 
@@ -58,30 +58,34 @@ def optimize_trajectory(
         ValueError: numbers out of range; a reference that the robot cannot follow; a start or goal whose body is not on
             its ball; a first motion that falls.
         TypeError: an argument of the wrong type.
+        ControllerError: a law that was given as initial= failed.
     """
-    plan = Plan(robot, terrain, control_dt, sim_dt, max_torque)
     check_count("iterations", iterations)
     check_bounded("tolerance", tolerance, 0.0, 1.0)
     check_bounded("friction", friction, 0.01, 1.0)
+    plan = Plan(robot, terrain, control_dt, sim_dt, max_torque, friction)
     if isinstance(goal, Reference):
         goal = goal.for_robot(plan.params)
         seconds = goal.duration if seconds is None else seconds
     if seconds is None:
         raise InvalidInputError("seconds is needed: how long the motion may take")
     steps = math.ceil(check_bounded("seconds", seconds, control_dt, MOST_STEPS * control_dt) / control_dt - 1e-9)
-    plan.begin(start, goal)
-    tail = math.ceil(TAIL * plan.params.scale("s") / control_dt) if isinstance(goal, Reference) else 0
-    targets = plan.targets(goal, steps + tail)
-    motion = plan.first(goal, targets, steps, initial, friction)
+    plan.begin(start, goal, steps)
+    motion, derivatives = plan.first(initial)
     left, result = iterations, None
-    for weight in plan.weights(goal):
-        cost = plan.cost(goal, targets, weight, friction)
+    for weight in plan.weights():
         result = solver.minimize(
-            plan.plant, cost, motion, iterations=left, tolerance=tolerance, progress=plan.counted(progress)
+            plan.plant,
+            plan.cost(weight),
+            motion,
+            derivatives,
+            iterations=left,
+            tolerance=tolerance,
+            progress=plan.counted(progress),
         )
-        motion, left = result.motion, left - result.iterations
+        motion, derivatives, left = result.motion, result.derivatives, left - result.iterations
         stuck = result.iterations == 0 and not result.converged
-        if plan.reached(goal, motion, targets) or left <= 0 or stuck:
+        if plan.reached(motion) or left <= 0 or stuck:
             break
     assert result is not None, "there is a weight"
-    return plan.result(goal, result, targets, steps, iterations - left)
+    return plan.result(result, iterations - left)

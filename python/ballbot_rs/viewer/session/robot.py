@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State, Terrain
 from ballbot_rs._errors import DivergedError
+from ballbot_rs._quaternions import conjugate, product
 from ballbot_rs.analysis.lying import lying_robot
 from ballbot_rs.viewer.session.setup import Setup
 
@@ -261,9 +262,9 @@ def without_slip(params: Params, state: State, plane: Terrain | None) -> State:
     up = np.array([0.0, 0.0, 1.0]) if plane is None else plane.normal(0.0, 0.0)
     # From the inertial frame to a frame with the ground's normal as its z axis.
     level = _rotation_to_vertical(up)
-    there = _conjugate(level)
+    there = conjugate(level)
     velocity = _turn(level, state.ball_velocity)
-    found = State.rolling(params, velocity[:2], _product(level, state.body_quaternion), state.body_angular_velocity)
+    found = State.rolling(params, velocity[:2], product(level, state.body_quaternion), state.body_angular_velocity)
     # The ground passes through the origin.
     position = state.ball_position + (params.ball_radius - state.ball_position @ up) * up
     return found.replace(
@@ -284,14 +285,5 @@ def _rotation_to_vertical(up: FloatArray) -> FloatArray:
     return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
-def _conjugate(quaternion: FloatArray) -> FloatArray:
-    return np.asarray(quaternion * np.array([1.0, -1.0, -1.0, -1.0]))
-
-
-def _product(first: FloatArray, second: FloatArray) -> FloatArray:
-    vector = first[0] * second[1:] + second[0] * first[1:] + np.cross(first[1:], second[1:])
-    return np.append(first[0] * second[0] - first[1:] @ second[1:], vector)
-
-
 def _turn(quaternion: FloatArray, vector: FloatArray) -> FloatArray:
-    return _product(_product(quaternion, np.append(0.0, vector)), _conjugate(quaternion))[1:]
+    return product(product(quaternion, np.append(0.0, vector)), conjugate(quaternion))[1:]
