@@ -18,6 +18,12 @@ static inline void ballbot_transit(const ballbot_transition *f, const ballbot_re
     out[7] += -f->pull * x[0] + ballbot_dot(f->rate[4], x + 3, 3);
 }
 
+/* Whether a wheel slipped in the last step. */
+static inline int ballbot_any_slips(const ballbot_estimator *e)
+{
+    return e->slipping[0] || e->slipping[1] || e->slipping[2];
+}
+
 /* P becomes F P F' + Q. */
 static inline void ballbot_advance(ballbot_real p[9][9], const ballbot_transition *f, int slips)
 {
@@ -89,7 +95,7 @@ static inline void ballbot_predict(
     }
     e->velocity[0] += dt * force[0];
     e->velocity[1] += dt * force[1];
-    ballbot_advance(e->covariance, &f, e->slipping[0] || e->slipping[1] || e->slipping[2]);
+    ballbot_advance(e->covariance, &f, ballbot_any_slips(e));
     ballbot_transit(&f, e->cross, cross);
     for (i = 0; i < 9; i++) {
         e->cross[i] = cross[i];

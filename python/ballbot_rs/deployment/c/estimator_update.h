@@ -26,7 +26,7 @@ static inline void ballbot_move(
     ballbot_real middle[3][3], const ballbot_real velocity[2])
 {
     const ballbot_real dt = BALLBOT_ESTIMATOR_DT;
-    const int slips = e->slipping[0] || e->slipping[1] || e->slipping[2];
+    const int slips = ballbot_any_slips(e);
     ballbot_real relative[3];
     ballbot_real rate[3];
     ballbot_real rolled[2];

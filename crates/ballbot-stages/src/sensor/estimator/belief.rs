@@ -80,6 +80,13 @@ impl<L: Lane> Belief<L> {
         }
     }
 
+    /// Whether a wheel slipped in the last step.
+    #[inline(always)]
+    pub fn any_slips(&self) -> L::Mask {
+        let Wheels([a, b, c]) = self.slipping;
+        a.zero().lt(a + b + c)
+    }
+
     #[inline(always)]
     pub fn store(&self, memory: &mut Memory<'_, L>) {
         memory.set_quaternion(0, self.attitude);

@@ -243,8 +243,7 @@ impl Estimator {
     ) -> [L; 2] {
         let rate = mean(belief.gyro, readings.gyro) - belief.gyro_bias;
         let rolled = self.odometry.velocity(self.odometry.ball_rate(middle, rate, readings.wheel_rates));
-        let Wheels([a, b, c]) = belief.slipping;
-        let slips = a.zero().lt(a + b + c);
+        let slips = belief.any_slips();
         let by_force = [force.x, force.y];
         let mut position = belief.position;
         for i in 0..2 {

@@ -5,7 +5,6 @@ use super::belief::Belief;
 use super::covariance::{StepNoise, Transition};
 use crate::sensor::Readings;
 use ballbot_base::lanes::{Lane, Rotation, Vec3};
-use ballbot_base::wheels::Wheels;
 
 impl Estimator {
     /// Propagates attitude and velocity by a step. Returns the specific force of the IMU, inertial frame, m/s², and the
@@ -42,10 +41,9 @@ impl Estimator {
         belief.velocity = [force.x.mul_add_all(dt, vx), force.y.mul_add_all(dt, vy)];
         let o = &self.options;
         belief.cross = transition.apply(&belief.cross);
-        let Wheels([a, b, c]) = belief.slipping;
         let by_force = (o.accelerometer_noise * dt).powi(2);
         let by_slip = o.slip_walk * o.slip_walk * dt;
-        let velocity = L::select(pull.zero().lt(a + b + c), pull.splat(by_force + by_slip), pull.splat(by_force));
+        let velocity = L::select(belief.any_slips(), pull.splat(by_force + by_slip), pull.splat(by_force));
         belief.covariance.advance(
             &transition,
             &StepNoise {
