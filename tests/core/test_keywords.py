@@ -184,8 +184,8 @@ CONTROLLER_OPTIONS: dict[str, list[Any]] = {
 
 def closed_loop(name: str, **options: Any) -> list[Any]:
     """Torques of a controller on a robot that is pushed and far from its setpoint."""
-    samples = {"samples": 32.0, "horizon": 0.2} if name == "mppi" else {}
-    law = bb.Controller(name, **{**samples, **options})
+    faster = {"mppi": {"samples": 32.0, "horizon": 0.2}, "nmpc": {"horizon": 0.2}}.get(name, {})
+    law = bb.Controller(name, **{**faster, **options})
     robot = bb.Ballbot(PAPER, "spatial", 0.001)
     robot.reset(START)
     follows = {"position": (0.6, -0.4), "yaw": -0.5}

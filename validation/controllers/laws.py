@@ -11,14 +11,14 @@ from validation.controllers import law_figure, responses
 from validation.page import DOCS
 
 FIGURES: Final = DOCS / "laws"
-#: Laws drawn by default; `mppi` takes two minutes.
+#: Laws drawn by default; `mppi` and `nmpc` take minutes.
 USUAL: Final = tuple(name for name in bb.controllers() if name not in responses.SEARCHED)
 
 
 def main() -> int:
     """The command `python -m validation.controllers.laws`."""
     parser = argparse.ArgumentParser(prog="python -m validation.controllers.laws", description=__doc__)
-    parser.add_argument("laws", nargs="*", metavar="LAW", help="draw these (default: all but mppi: two minutes)")
+    parser.add_argument("laws", nargs="*", metavar="LAW", help="draw these (default: all but the slow mppi and nmpc)")
     parser.add_argument("--figures", type=Path, metavar="DIR", default=FIGURES, help="where to (default: docs/laws)")
     requested = parser.parse_args()
     known = list(bb.controllers())

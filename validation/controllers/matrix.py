@@ -4,8 +4,8 @@ All controllers in all [scenarios](scenarios.md), with default options, the same
 [other tunings](#default-published-and-tuned) are below. In scenarios that search a limit, the number is the largest
 tilt or push up to which all robots recover, in the worst of 12 or 24 directions. In the others it is the error in the
 worst direction or, over random episodes, the mean of the worse half (CVaR 0.5). The policy is the policy for balancing
-that comes with the package; it and `pid` have no scenarios with motions. `mppi` has only the scenarios with few robots,
-because each of its decisions simulates 512 motions.
+that comes with the package; it and `pid` have no scenarios with motions. `mppi` and `nmpc` have only
+scenarios with few robots, because their decisions take milliseconds.
 
 No single number ranks the controllers. For each controller the figure shows the worst-case push limit against the error
 on a fast circle; below that, the tilts from which the robot recovers by direction, and the effect of delay and friction
@@ -32,8 +32,11 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Scenarios of `mppi`.
-_FEW: Final = ("S10-3.1s", "S13-6s", "S13-4s", "S15-6s")
+#: Scenarios of laws whose decisions take milliseconds.
+_FEW: Final = {
+    "mppi": {"S10-3.1s", "S13-6s", "S13-4s", "S15-6s"},
+    "nmpc": {name for name, one in load().items() if one.seeds == 1 and not one.is_map},
+}
 POLICY: Final = "policy"
 
 Found = Mapping[tuple[str, str], Outcome]
@@ -47,7 +50,7 @@ def names() -> list[str]:
 @cache
 def outcome(name: str, scenario: str) -> Outcome | None:
     """One outcome; None if the controller does not run the scenario."""
-    if name == "mppi" and scenario not in _FEW:
+    if name in _FEW and scenario not in _FEW[name]:
         return None
     source = _assets.path("policies/balance.onnx") if name == POLICY else name
     (found,) = run_scenarios([source], [scenario])

@@ -18,8 +18,8 @@ from validation.page import table
 from validation.topic import Findings
 
 SCENARIOS: Final = ("S2-rest", "S3-at-once", "S3-slow", "S10-4s", "S13-6s")
-#: `pid` does not follow motions, and `mppi` takes too long for maps.
-NAMES: Final = tuple(name for name in CONTROLLERS if name not in ("pid", "mppi"))
+#: `pid` does not follow motions, and `mppi` and `nmpc` take too long for maps.
+NAMES: Final = tuple(name for name in CONTROLLERS if name not in ("pid", "mppi", "nmpc"))
 
 
 def run() -> Findings:

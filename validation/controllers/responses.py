@@ -29,8 +29,8 @@ TILTS: Final = np.arange(0.5, 55.0, RING)
 SECTORS: Final = 24
 #: Fall tilt, rad: a task's limit would cut off a part of the basin.
 _FALLEN: Final = 1.0
-#: Each of its decisions simulates 512 motions: only the edge of its basin is searched, in a third of the directions.
-SEARCHED: Final = ("mppi",)
+#: Their decisions take milliseconds: only the edges of their basins are searched, in a third of the directions.
+SEARCHED: Final = ("mppi", "nmpc")
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -19,10 +19,10 @@ and Kugle's calm sliding mode (its firmware forbids the aggressive tuning under 
 position loop. `pid` has the paper's gains by default.
 
 **Tuned** options were found by `bb.tune` with 2000 evaluations per law and the same seed for all, from the default
-options; `mppi` is too slow for this. The cost is the mean of a push, a line, a circle and the torque of station keeping
-on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid` only of the first and the last. They are in
-[`tuned.toml`](../validation/controllers/tuned.toml), made by `python -m validation.controllers.tune_all`. The search
-optimizes only the cost: other columns may become worse. All tunings have the same last stage.
+options; `mppi` and `nmpc` are too slow for this. The cost is the mean of a push, a line, a circle and the torque of
+station keeping on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid` only of the first and the
+last. They are in [`tuned.toml`](../validation/controllers/tuned.toml), made by
+`python -m validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All tunings have the same last stage.
 
 In the figure, full marks are default options, empty marks tuned options, and crosses published options.
 """
@@ -128,7 +128,7 @@ def draw(fig: "Figure", found: Found) -> None:
     left, right = fig.subplots(1, 2)
     for law in matrix.names():
         for name in (DEFAULT, PUBLISHED, TUNED):
-            # `mppi` is not pushed.
+            # `mppi` and `nmpc` are not pushed.
             if all((law, name, scenario) in found for scenario in ("S13-4s", "S3-at-once", "S1-sensors")):
                 _mark(left, right, found, law, name)
     left.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")

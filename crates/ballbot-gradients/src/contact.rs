@@ -1,8 +1,9 @@
 //! Derivatives of the model `contact`.
 
-use crate::Jacobian;
 use crate::coordinates::{COORDINATES, FORCES, LOADS, along, coordinates, states};
 use crate::parameters::Parameter;
+use crate::rolling::{self, ROLLING};
+use crate::{Jacobian, RollingJacobian};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
@@ -87,29 +88,86 @@ impl Differentiated {
         if whole.is_finite() {
             return Ok(whole);
         }
-        Err(Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive")))
+        Err(too_sensitive(steps))
+    }
+
+    /// [`Jacobian::rolling`] of [`Differentiated::advance`], in half the time: it differentiates only along what it needs.
+    /// `params` are the robot's.
+    ///
+    /// # Errors
+    /// As [`Differentiated::advance`] and [`Jacobian::rolling`].
+    pub fn advance_rolling(&mut self, torques: Wheels<f64>, steps: usize, params: &Params) -> Result<RollingJacobian> {
+        if self.ground.is_some() || !(1..=MOST_STEPS).contains(&steps) {
+            return self.advance(torques, steps)?.rolling(params);
+        }
+        let Followed { solved, end, .. } = self.followed(torques, steps)?;
+        let lift = rolling::lift(params, &self.state.read(&self.constants).into());
+        let start = self.state.read(&self.constants);
+        let changes: Vec<_> = (rolling::SHORTCUTS..ROLLING.len())
+            .map(|column| {
+                let mut change = LaneState::default();
+                for (coordinate, slope) in lift.column(column).iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
+                    change.zip_mut(&along(&start, coordinate), |sum, number| *sum += slope * number);
+                }
+                change
+            })
+            .collect();
+        let directions = changes.iter().map(Direction::Change).chain((0..WHEELS).map(Direction::Torque));
+        let columns = self.problem(torques, &solved).columns(&directions.collect::<Vec<_>>());
+        self.state = end;
+        let jacobian = RollingJacobian::of(&columns);
+        if jacobian.is_finite() {
+            return Ok(jacobian);
+        }
+        Err(too_sensitive(steps))
     }
 
     fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
-        let (solved, end, mut jacobian) = self.followed(torques, steps)?;
-        run_directions(Passes {
-            problem: Problem {
-                constants: &self.constants,
-                state: &self.state,
-                ground: self.ground.as_ref(),
-                torques,
-                solved: &solved,
-                slopes: &self.slopes,
-                loss_share: self.loss_share,
-            },
-            jacobian: &mut jacobian,
-        });
-        self.state = end;
+        let followed = self.followed(torques, steps)?;
+        let problem = self.problem(torques, &followed.solved);
+        let counts = [self.states, WHEELS, self.slopes.len()];
+        let directions = problem.directions(counts);
+        let columns = problem.columns(&directions);
+        let [a, b, p] = counts.map(|count| DMatrix::zeros(self.states, count));
+        let [c, d, q] = counts.map(|count| DMatrix::zeros(FORCES, count));
+        let ground = self.ground.as_deref();
+        let mut jacobian = Jacobian {
+            a,
+            b,
+            p,
+            c,
+            d,
+            q,
+            level: ground.is_none(),
+            start: self.state.read(&self.constants).into(),
+            next: followed.end.read(&self.constants).into(),
+            contacts: followed.end.contacts(&self.constants, ground),
+            modes_changed: followed.modes_changed,
+            margin: followed.margin,
+            kinds: [&followed.solved[0], &followed.solved[steps - 1]].map(SolvedStep::kinds),
+        };
+        for (direction, column) in directions.iter().zip(&columns) {
+            write(&mut jacobian, *direction, column);
+        }
+        take_shortcuts(&mut jacobian, &problem);
+        self.state = followed.end;
         Ok(jacobian)
     }
 
-    /// The motion without derivatives: its steps, its end, and a Jacobian whose matrices are zero.
-    fn followed(&self, torques: Wheels<f64>, steps: usize) -> Result<(Vec<SolvedStep>, ContactState<f64>, Jacobian)> {
+    fn problem<'a>(&'a self, torques: Wheels<f64>, solved: &'a [SolvedStep]) -> Problem<'a> {
+        Problem {
+            constants: &self.constants,
+            state: &self.state,
+            ground: self.ground.as_ref(),
+            torques,
+            solved,
+            slopes: &self.slopes,
+            loss_share: self.loss_share,
+        }
+    }
+
+    /// The motion without derivatives.
+    fn followed(&self, torques: Wheels<f64>, steps: usize) -> Result<Followed> {
         let (c, ground) = (&self.constants, self.ground.as_ref());
         let mut state = self.state.clone();
         let mut footing = ground.map(Footing::new);
@@ -134,27 +192,20 @@ impl Differentiated {
             modes_changed |= solved.last().is_some_and(|before| !step.has_modes_of(before));
             solved.push(step);
         }
-        let columns = [self.states, WHEELS, self.slopes.len()];
-        let [a, b, p] = columns.map(|columns| DMatrix::zeros(self.states, columns));
-        let [by_state, d, q] = columns.map(|columns| DMatrix::zeros(FORCES, columns));
-        let kinds = [&solved[0], &solved[steps - 1]].map(SolvedStep::kinds);
-        let jacobian = Jacobian {
-            a,
-            b,
-            p,
-            c: by_state,
-            d,
-            q,
-            level: ground.is_none(),
-            start: self.state.read(c).into(),
-            next: state.read(c).into(),
-            contacts: state.contacts(c, ground.map(AsRef::as_ref)),
-            modes_changed,
-            margin,
-            kinds,
-        };
-        Ok((solved, state, jacobian))
+        Ok(Followed { solved, end: state, modes_changed, margin })
     }
+}
+
+fn too_sensitive(steps: usize) -> Error {
+    Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive"))
+}
+
+/// A motion without derivatives: its steps and its end.
+struct Followed {
+    solved: Vec<SolvedStep>,
+    end: ContactState<f64>,
+    modes_changed: bool,
+    margin: f64,
 }
 
 /// What is differentiated.
@@ -168,27 +219,36 @@ struct Problem<'a> {
     loss_share: f64,
 }
 
-struct Passes<'a, 'b> {
-    problem: Problem<'a>,
-    jacobian: &'b mut Jacobian,
+/// Derivatives along a direction: of the state and of the contact forces of the last step.
+pub(crate) struct Column {
+    pub(crate) state: [f64; COORDINATES],
+    pub(crate) forces: [f64; FORCES],
 }
 
-impl Kernel for Passes<'_, '_> {
+struct Passes<'a> {
+    problem: &'a Problem<'a>,
+    directions: &'a [Direction<'a>],
+    columns: &'a mut Vec<Column>,
+}
+
+impl Kernel for Passes<'_> {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
-        passes::<Wide<S>>(simd, &self.problem, self.jacobian);
+        self.along_all::<Wide<S>>(simd);
     }
 
     fn run_one_by_one(self) {
-        passes::<f64>(Scalar, &self.problem, self.jacobian);
+        self.along_all::<f64>(Scalar);
     }
 }
 
 /// What changes along a direction.
 #[derive(Clone, Copy)]
-enum Direction {
+enum Direction<'a> {
     /// A coordinate of the state.
     State(usize),
+    /// All numbers of the state.
+    Change(&'a LaneState<f64>),
     /// A force of the last step, of [`LOADS`].
     Load(usize),
     Torque(usize),
@@ -197,13 +257,20 @@ enum Direction {
 
 impl Problem<'_> {
     /// The directions that need a pass, parameters last.
-    fn directions(&self, [states, torques, parameters]: [usize; 3]) -> Vec<Direction> {
+    fn directions(&self, [states, torques, parameters]: [usize; 3]) -> Vec<Direction<'static>> {
         let coordinates = (0..COORDINATES).filter(|i| !self.is_shortcut(*i)).map(Direction::State);
         coordinates
             .chain((COORDINATES..states).map(|i| Direction::Load(i - COORDINATES)))
             .chain((0..torques).map(Direction::Torque))
             .chain((0..parameters).map(Direction::Parameter))
             .collect()
+    }
+
+    /// The derivatives along some directions.
+    fn columns(&self, directions: &[Direction<'_>]) -> Vec<Column> {
+        let mut columns = Vec::with_capacity(directions.len());
+        run_directions(Passes { problem: self, directions, columns: &mut columns });
+        columns
     }
 
     /// Whether the column of a coordinate follows without a pass.
@@ -223,29 +290,29 @@ impl Problem<'_> {
     }
 }
 
-/// Differentiates along all directions.
-#[inline(always)]
-fn passes<L: Lane>(token: L::Token, problem: &Problem<'_>, jacobian: &mut Jacobian) {
-    let directions = problem.directions(jacobian.columns());
-    for some in directions.chunks(L::Cell::WIDTH) {
-        let Moved { value, state, forces } = pass::<L>(token, problem, some);
-        for (lane, direction) in some.iter().enumerate() {
-            let change = state.map(|cell| cell.derivatives.get(lane));
-            let forces = forces.map(|cell| cell.derivatives.get(lane));
-            write(jacobian, *direction, &coordinates(&value, &change), &forces);
+impl Passes<'_> {
+    /// Differentiates along all directions.
+    #[inline(always)]
+    fn along_all<L: Lane>(self, token: L::Token) {
+        for some in self.directions.chunks(L::Cell::WIDTH) {
+            let Moved { value, state, forces } = pass::<L>(token, self.problem, some);
+            self.columns.extend((0..some.len()).map(|lane| Column {
+                state: coordinates(&value, &state.map(|cell| cell.derivatives.get(lane))),
+                forces: forces.map(|cell| cell.derivatives.get(lane)),
+            }));
         }
     }
-    take_shortcuts(jacobian, problem);
 }
 
 /// Writes a column.
-fn write(jacobian: &mut Jacobian, direction: Direction, state: &[f64; COORDINATES], forces: &[f64; FORCES]) {
+fn write(jacobian: &mut Jacobian, direction: Direction<'_>, Column { state, forces }: &Column) {
     let Jacobian { a, b, p, c, d, q, .. } = jacobian;
     let (of_state, of_forces, column) = match direction {
         Direction::State(i) => (a, c, i),
         Direction::Load(i) => (a, c, COORDINATES + i),
         Direction::Torque(i) => (b, d, i),
         Direction::Parameter(i) => (p, q, i),
+        Direction::Change(_) => return,
     };
     let loads = LOADS.map(|force| forces[force]);
     for (place, value) in of_state.column_mut(column).iter_mut().zip(state.iter().chain(&loads)) {
@@ -285,7 +352,7 @@ struct Moved<C> {
 
 /// The motion with derivatives along some directions.
 #[inline(always)]
-fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<L::Cell> {
+fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction<'_>]) -> Moved<L::Cell> {
     let cell = |value: &f64| DualCell { value: *value, derivatives: L::Cell::default() };
     let start = problem.state.read(problem.constants);
     let mut seeds = start.map(cell);
@@ -296,6 +363,7 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
             Direction::State(i) => {
                 seeds.zip_mut(&along(&start, i), |cell, slope| cell.derivatives.set(lane, *slope));
             }
+            Direction::Change(change) => seeds.zip_mut(change, |cell, slope| cell.derivatives.set(lane, *slope)),
             Direction::Load(i) => {
                 // The floor's impulse is normal, x and y.
                 let impulse = match LOADS[i] {

@@ -16,7 +16,7 @@ pub use contact::Differentiated;
 use coordinates::{COORDINATES, LOADS, coordinate_names, states};
 pub use coordinates::{FORCES, force_names};
 pub use parameters::Parameter;
-pub use rolling::{ROLLING, RollingJacobian};
+pub use rolling::{ROLLING, RollingJacobian, along_rolling, rolling_change};
 
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::wheels::WHEELS;

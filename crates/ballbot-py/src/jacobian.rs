@@ -150,7 +150,7 @@ impl PyJacobian {
     /// Raises:
     ///     ValueError: a robot on a terrain.
     fn rolling<'py>(&self, py: Python<'py>) -> PyResult<(Matrix<'py>, Matrix<'py>)> {
-        let RollingJacobian { a, b } = self.jacobian.rolling(&self.params).map_err(to_python)?;
+        let RollingJacobian { a, b, .. } = self.jacobian.rolling(&self.params).map_err(to_python)?;
         Ok((matrix(py, &a), matrix(py, &b)))
     }
 

@@ -62,7 +62,7 @@ fn the_friction_of_the_joints_is_compensated() {
     let (viscous, dry) = (2e-3, 0.02);
     let robot = Params::paper();
     let rough = Params { wheel_viscous_friction: viscous, wheel_coulomb_friction: dry, ..Params::paper() };
-    for kind in controller_kinds().into_iter().filter(|kind| kind.name != "mppi") {
+    for kind in controller_kinds().into_iter().filter(|kind| !["mppi", "nmpc"].contains(&kind.name)) {
         let limits = LimitOptions { max_torque: Some(0.3), ..kind.limits };
         let make = |params: &Params| (kind.make)(params, CONTROL_DT, &limits, &[]).unwrap();
         let (mut plain, mut compensating) = (make(&robot), make(&rough));

@@ -162,7 +162,7 @@ impl Law for Lqi {
             later.copy_from_slice(&both[STATES..]);
             forward = self.tracking.forward_after(&heading, setpoint, self.delayed.seconds());
         }
-        let left = self.outer.clip(&mut x);
+        let [left, _] = self.outer.clip(&mut x);
         let near = turned(&self.position_lean, [x[0], x[1]]);
         let far = left.lt(one) | share_within(near, self.max_integral_lean).lt(one);
         let mut used = z;

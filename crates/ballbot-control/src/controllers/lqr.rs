@@ -171,6 +171,17 @@ impl Lqr {
         (x, self.tracking.planes.wheel_torques(forward, x[0].zero()))
     }
 
+    /// The setpoint, or if its position or velocity is farther than the law's largest lean and speed allow, one nearer.
+    pub fn within_reach(&self, state: &State, setpoint: &Setpoint) -> Setpoint {
+        let [position, velocity] = self.outer.clip(&mut self.tracking.deviation(&state.into(), &setpoint.into()).x);
+        let (here, moving) = (state.ball_position.xy(), state.ball_velocity.xy());
+        Setpoint {
+            position: here + (setpoint.position - here) * position,
+            velocity: moving + (setpoint.velocity - moving) * velocity,
+            ..*setpoint
+        }
+    }
+
     /// ℓ/g, s²: the ball of a motion is at z − (ℓ/g) z̈.
     pub fn lag(&self) -> f64 {
         self.tracking.planes.lag()

@@ -35,10 +35,9 @@ impl Outer {
         constants.number("max_lean", self.max_lean).number("max_speed", self.max_speed)
     }
 
-    /// Limits the deviations of position and velocity. Returns the remaining fraction of the position deviation, 1
-    /// without limiting.
+    /// Limits the deviations of position and velocity. Returns their remaining fractions, 1 without limiting.
     #[inline(always)]
-    pub(crate) fn clip<L: Lane>(&self, x: &mut [L; STATES]) -> L {
+    pub(crate) fn clip<L: Lane>(&self, x: &mut [L; STATES]) -> [L; 2] {
         let [[a, b], [c, d]] = self.speed;
         let speeds = [x[1].mul_add_all(b, x[0] * a), x[1].mul_add_all(d, x[0] * c)];
         let slower = share_within(speeds, self.max_speed);
@@ -48,7 +47,7 @@ impl Outer {
         for place in MOVING {
             x[place] = x[place] * less;
         }
-        slower * less
+        [slower * less, less]
     }
 }
 

@@ -1,18 +1,15 @@
 //! Model predictive path integral control.
 
-use super::rollouts::{Objective, Rollouts};
-use crate::control::{
-    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, TorqueLimits,
-    default_max_torque,
-};
+use super::horizon::{Horizon, can_be_simulated, shift};
+use super::rollouts::{Noise, Rollouts};
+use crate::control::{Controller, LaneSetpoint, LimitOptions, LqrWeights, MOTION_PARTS, Setpoint, default_max_torque};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{EIGHT, run_one};
+use ballbot_base::lanes::EIGHT;
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
-use ballbot_models::Scale;
 use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
@@ -36,9 +33,6 @@ crate::fields! {
     }
 }
 
-/// Largest number of decisions within the horizon.
-const MAX_DECISIONS: usize = 500;
-
 /// Largest number of samples times decisions: 24 bytes each are stored.
 const MAX_ALL: f64 = 1e6;
 
@@ -51,13 +45,9 @@ const MAX_ALL: f64 = 1e6;
 /// call number. The setpoint is extrapolated over the horizon by its derivatives.
 #[derive(Debug)]
 pub struct Mppi {
-    base: Sampled<Lqr>,
-    limits: TorqueLimits,
-    objective: Objective,
+    horizon: Horizon,
     options: MppiOptions,
     params: Params,
-    control_dt: f64,
-    decisions: usize,
     memory: Vec<f64>,
     /// Workspaces for concurrent calls.
     room: Mutex<Vec<Rollouts>>,
@@ -80,12 +70,8 @@ impl Mppi {
     ) -> Result<Self> {
         options.check_limits()?;
         params.validate()?;
-        let weights = Scale::of(params).fit(&LqrWeights::default());
-        let base = Lqr::with_weights(params, control_dt, &weights, limits)?;
-        let limit = format_args!("from control_dt = {control_dt} s to {MAX_DECISIONS} times it");
-        let decisions = options.horizon / control_dt;
-        check("horizon", options.horizon, limit, |_| (1.0 - 1e-9..=MAX_DECISIONS as f64 + 0.5).contains(&decisions))?;
-        let decisions = decisions.round().max(1.0) as usize;
+        let horizon = Horizon::new(params, control_dt, options.horizon, &LqrWeights::default(), limits)?;
+        let decisions = horizon.decisions;
         let all = options.samples * decisions as f64;
         check(
             "samples",
@@ -93,64 +79,37 @@ impl Mppi {
             format_args!("at most {MAX_ALL} over all decisions within the horizon"),
             |_| all <= MAX_ALL,
         )?;
-        let (q, r) = weights.matrices();
-        let cost = &base.regulator().cost;
-        let objective = Objective {
-            states: std::array::from_fn(|i| q[(i, i)]),
-            torques: r[(0, 0)],
-            to_go: std::array::from_fn(|i| std::array::from_fn(|j| cost[(i, j)])),
-        };
         Ok(Self {
-            limits: TorqueLimits::new(params, limits)?,
-            base,
-            objective,
+            horizon,
             options: *options,
             params: params.clone(),
-            control_dt,
-            decisions,
-            memory: vec![0.0; 1 + 3 * decisions],
+            memory: vec![0.0; 1 + WHEELS * decisions],
             room: Mutex::new(Vec::new()),
         })
-    }
-
-    /// The setpoint extrapolated by `time` seconds.
-    fn ahead(&self, setpoint: &Setpoint, time: f64) -> Setpoint {
-        let (v, j, s) = (setpoint.velocity, setpoint.jerk, setpoint.snap);
-        // Motion of the ball: ÿ = z̈ − (ℓ/g) z⁗.
-        let a = setpoint.acceleration - s * self.base.lag();
-        Setpoint {
-            position: setpoint.position + (v + (a + (j + s * (time / 4.0)) * (time / 3.0)) * (time / 2.0)) * time,
-            velocity: v + (a + (j + s * (time / 3.0)) * (time / 2.0)) * time,
-            acceleration: setpoint.acceleration + (j + s * (time / 2.0)) * time,
-            jerk: j + s * time,
-            yaw: setpoint.yaw + setpoint.yaw_rate * time,
-            ..*setpoint
-        }
     }
 
     /// Improves the sequence in `plan` for a robot, in call number `call`.
     fn improve(&self, state: &State, setpoint: &Setpoint, largest: f64, call: f64, plan: &mut [f64]) {
         let mut taken = self.room.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let Horizon { limits, control_dt, decisions, .. } = &self.horizon;
         let rollouts = taken.get_or_insert_with(|| {
             let groups = (self.options.samples / EIGHT as f64).ceil() as usize;
-            Rollouts::new(&self.params, self.control_dt, self.options.step, groups, self.decisions)
+            Rollouts::new(&self.params, *control_dt, self.options.step, groups, *decisions)
         });
         for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
-            let one = LaneSetpoint::from(&self.ahead(setpoint, decision as f64 * self.control_dt));
+            let one = LaneSetpoint::from(&self.horizon.ahead(setpoint, decision));
             (0..EIGHT).for_each(|i| cells.set_lane(i, &one));
         }
         let deviation = self.options.noise * default_max_torque(&self.params);
         rollouts.run(
-            &self.base,
-            &self.limits,
-            &self.objective,
+            &self.horizon,
             state,
             plan,
-            &super::rollouts::Noise {
+            &Noise {
                 key: [self.options.seed, call],
                 deviation,
                 correlation: self.options.correlation,
-                largest: largest.min(self.limits.max_torque()),
+                largest: largest.min(limits.max_torque()),
             },
         );
         rollouts.average(self.options.temperature, plan);
@@ -160,11 +119,11 @@ impl Mppi {
 
 impl Controller for Mppi {
     fn id(&self) -> u64 {
-        self.base.id()
+        self.horizon.base.id()
     }
 
     fn control_dt(&self) -> f64 {
-        self.control_dt
+        self.horizon.control_dt
     }
 
     fn parts(&self) -> &'static [&'static str] {
@@ -186,26 +145,15 @@ impl Controller for Mppi {
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
-        let base = self.base.torques_one(state, setpoint, largest, &mut []);
+        let base = self.horizon.base.torques_one(state, setpoint, largest, &mut []);
         // Diverged samples are not simulated further.
-        if !run_one(
-            #[inline(always)]
-            || state.within_bounds(),
-        ) || base.iter().any(|torque| !torque.is_finite())
-        {
+        if !can_be_simulated(state, &base) {
             return base;
         }
         let (call, plan) = memory.split_first_mut().expect("the number of the call");
-        // The decision of the last call has been applied.
-        plan.rotate_left(WHEELS);
-        let end = plan.len() - WHEELS;
-        plan[end..].fill(0.0);
+        shift(plan);
         self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
-        let desired = Wheels::from_fn(|i| base[i] + plan[i]);
-        run_one(
-            #[inline(always)]
-            || self.limits.apply(desired, state, largest).torques,
-        )
+        self.horizon.limited(Wheels::from_fn(|i| base[i] + plan[i]), state, largest)
     }
 }

@@ -1,8 +1,8 @@
 //! Sampled motions of one robot in the contact model, eight side by side.
 
+use super::horizon::{Horizon, Objective};
 use crate::actuator::Ideal;
-use crate::control::{Controller, LaneSetpoint, Lqr, Sampled, TorqueLimits};
-use crate::models::linear::STATES;
+use crate::control::{Controller, LaneSetpoint, Lqr, TorqueLimits};
 use ballbot_base::lane_state::{ConditionCells, LaneState};
 use ballbot_base::lanes::{Draws, EIGHT, Eight, Kernel, Lane, Registers, Scalar, Wide, run_eight};
 use ballbot_base::params::Params;
@@ -10,17 +10,6 @@ use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_lanes::ContactLanes;
 use std::sync::Arc;
-
-/// The cost of a motion: Σ xᵀQx + r |τ − τ_ref|², τ_ref the torques of the setpoint's motion, and xᵀPx at the end.
-#[derive(Clone, Debug)]
-pub(super) struct Objective {
-    /// Diagonal of Q.
-    pub(super) states: [f64; STATES],
-    /// r.
-    pub(super) torques: f64,
-    /// P.
-    pub(super) to_go: [[f64; STATES]; STATES],
-}
 
 /// Noise added to the torques.
 pub(super) struct Noise {
@@ -68,15 +57,8 @@ impl Rollouts {
 
     /// Simulates all samples from a state under a regulator and a plan with noise. The first sample has no noise, the
     /// second has no plan.
-    pub(super) fn run(
-        &mut self,
-        base: &Sampled<Lqr>,
-        limits: &TorqueLimits,
-        objective: &Objective,
-        state: &State,
-        plan: &[f64],
-        noise: &Noise,
-    ) {
+    pub(super) fn run(&mut self, horizon: &Horizon, state: &State, plan: &[f64], noise: &Noise) {
+        let Horizon { base, limits, objective, .. } = horizon;
         let Self { setpoints, robots, substeps, groups, noise: kept, costs } = self;
         robots.place_lane(0, state);
         let start = robots.lane(0);
