@@ -1738,11 +1738,12 @@ class Batch:
         points: npt.ArrayLike | None = None,
         start_time: float = 0.0,
         policies: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
+        actions: npt.ArrayLike | None = None,
     ) -> dict[str, Any]:
-        """Runs `steps` control steps under a controller, or under one policy per robot, without Python in the loop.
+        """Runs `steps` control steps under a controller, one policy per robot, or given actions, without Python in the loop.
 
         Args:
-            controller: as in `control`; exactly one of `controller` and `policies` is required.
+            controller: as in `control`; exactly one of `controller`, `policies` and `actions` is required.
             steps: number of control steps.
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
                 one per robot. A reference without `params` uses the controller's robot; it continues when an episode
@@ -1758,6 +1759,7 @@ class Batch:
             points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
             start_time: time of the first step, for references, s.
             policies: networks from observations to actions, as in `episodes`; without `setpoints` and `privileged`.
+            actions: actions in each step, shape (steps, num_envs, 3), as in `step`; without `setpoints` and `privileged`.
 
         Returns:
             Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
@@ -1766,7 +1768,7 @@ class Batch:
         Raises:
             ValueError: an unknown record, a reference for a robot other than the controller's, or as `control`, `step`
                 and `episodes`.
-            TypeError: as `control`; both `controller` and `policies`, or neither.
+            TypeError: as `control`; not exactly one of `controller`, `policies` and `actions`.
             MemoryError: the records need more memory than is available.
             KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
                 all must be reset.

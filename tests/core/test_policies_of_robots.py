@@ -158,10 +158,11 @@ def test_invalid_policies_are_rejected(policies, error, message):
         {"controller": bb.Lqr(control_dt=0.01), "policies": layers((16, 3), 2)},
         {"policies": layers((16, 3), 2), "privileged": True},
         {"policies": layers((16, 3), 2), "setpoints": {"position": (0.0, 0.0)}},
+        {"policies": layers((16, 3), 2), "actions": np.zeros((1, 2, 3))},
     ],
 )
-def test_a_rollout_takes_either_a_controller_or_policies(arguments):
-    with pytest.raises(TypeError, match="either controller, with setpoints and privileged, or policies"):
+def test_a_rollout_takes_one_source_of_actions(arguments):
+    with pytest.raises(TypeError, match="one of controller, with setpoints and privileged, policies and actions"):
         batch(2).rollout(steps=1, **arguments)
 
 

@@ -1,7 +1,7 @@
 //! `Batch`: the environments behind every Python front end.
 
 use crate::control::{PyController, setpoints};
-use crate::convert::{OPTION_COUNT, finite_elements, objects, read_elements, shaped, vector};
+use crate::convert::{OPTION_COUNT, elements, finite_elements, objects, read_elements, shaped, vector};
 use crate::errors::{call, not_pickled, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
@@ -957,10 +957,10 @@ impl PyBatch {
         Ok(actions)
     }
 
-    /// Runs `steps` control steps under a controller, or under one policy per robot, without Python in the loop.
+    /// Runs `steps` control steps under a controller, one policy per robot, or given actions, without Python in the loop.
     ///
     /// Args:
-    ///     controller: as in `control`; exactly one of `controller` and `policies` is required.
+    ///     controller: as in `control`; exactly one of `controller`, `policies` and `actions` is required.
     ///     steps: number of control steps.
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
     ///         one per robot. A reference without `params` uses the controller's robot; it continues when an episode
@@ -976,6 +976,7 @@ impl PyBatch {
     ///     points: point of application on each body, shape (num_envs, 3), body frame, m; None is its CoM.
     ///     start_time: time of the first step, for references, s.
     ///     policies: networks from observations to actions, as in `episodes`; without `setpoints` and `privileged`.
+    ///     actions: actions in each step, shape (steps, num_envs, 3), as in `step`; without `setpoints` and `privileged`.
     ///
     /// Returns:
     ///     Arrays by name, shape (rows, num_envs, width), or (rows, num_envs) where there is one number per robot;
@@ -984,17 +985,17 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: an unknown record, a reference for a robot other than the controller's, or as `control`, `step`
     ///         and `episodes`.
-    ///     TypeError: as `control`; both `controller` and `policies`, or neither.
+    ///     TypeError: as `control`; not exactly one of `controller`, `policies` and `actions`.
     ///     MemoryError: the records need more memory than is available.
     ///     KeyboardInterrupt: Ctrl-C. The robots have then moved for part of the steps; where a single step takes long,
     ///         all must be reset.
     #[pyo3(
         signature = (
             controller=None, steps=None, setpoints=None, record=vec!["states".to_owned()], *, privileged=false,
-            impulses=None, points=None, start_time=0.0, policies=None
+            impulses=None, points=None, start_time=0.0, policies=None, actions=None
         ),
         text_signature =
-            "($self, controller=None, steps=None, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0, policies=None)"
+            "($self, controller=None, steps=None, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0, policies=None, actions=None)"
     )]
     #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
@@ -1010,6 +1011,7 @@ impl PyBatch {
         points: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = real)] start_time: f64,
         policies: Option<&Bound<'py, PyAny>>,
+        actions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
         let steps = steps.ok_or_else(|| PyTypeError::new_err("rollout() requires steps"))?;
         let steps = count("steps", steps, 0)?;
@@ -1017,14 +1019,19 @@ impl PyBatch {
         let Inner { batch, outcomes, final_observations, .. } = &mut *inner;
         let n = batch.len();
         let law = controller.map(|controller| controller.law.read()).transpose()?;
-        let driver = match (controller, &law, policies) {
-            (Some(controller), Some(law), None) => {
+        let follows_task = setpoints.is_none() && !privileged;
+        let driver = match (controller, &law, policies, actions) {
+            (Some(controller), Some(law), None, None) => {
                 let targets = Targets::extracted(controller, law.as_ref(), n, setpoints)?;
                 Driver::Controller { law: law.as_ref(), targets, privileged }
             }
-            (None, _, Some(policies)) if setpoints.is_none() && !privileged => Driver::Policies(networks(policies, n)?),
+            (None, _, Some(policies), None) if follows_task => Driver::Policies(networks(policies, n)?),
+            (None, _, None, Some(actions)) if follows_task => {
+                let shape = [Some(steps), Some(n), Some(ACTION_LEN)];
+                Driver::Actions(elements("actions", actions, &shape, steps.saturating_mul(n * ACTION_LEN))?)
+            }
             _ => {
-                let message = "rollout() takes either controller, with setpoints and privileged, or policies";
+                let message = "rollout() takes one of controller, with setpoints and privileged, policies and actions";
                 return Err(PyTypeError::new_err(message));
             }
         };

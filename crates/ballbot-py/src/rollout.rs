@@ -225,6 +225,8 @@ impl Targets {
 pub(crate) enum Driver<'a> {
     Controller { law: &'a dyn Controller, targets: Targets, privileged: bool },
     Policies(Networks),
+    /// The actions of all robots in each step.
+    Actions(Vec<f32>),
 }
 
 /// A driver on all robots of a batch, and the impulses on the robots.
@@ -250,6 +252,14 @@ impl ClosedLoop<'_> {
                 references.check([self.start_time, self.start_time + last])
             }
             Driver::Controller { .. } => Ok(()),
+            Driver::Actions(actions) => match actions.iter().position(|action| !action.is_finite()) {
+                Some(at) => {
+                    let (row, i) = (at / ACTION_LEN, at % ACTION_LEN);
+                    let name = format!("actions[{}, {}, {i}]", row / batch.len(), row % batch.len());
+                    Err(Error::OutOfRange { name, value: actions[at].into(), limit: "finite".into() })
+                }
+                None => Ok(()),
+            },
             Driver::Policies(networks) => batch.check_networks(networks),
         }
     }
@@ -331,8 +341,12 @@ impl Stepped<'_> {
             for step in 0..=steps {
                 if step > 0 {
                     closed_loop.push(self.batch, step - 1)?;
-                    if let Driver::Policies(networks) = &closed_loop.driver {
-                        networks.act(&observations, &mut actions)?;
+                    match &closed_loop.driver {
+                        Driver::Controller { .. } => {}
+                        Driver::Policies(networks) => networks.act(&observations, &mut actions)?,
+                        Driver::Actions(all) => {
+                            actions.copy_from_slice(&all[(step - 1) * n * ACTION_LEN..][..n * ACTION_LEN]);
+                        }
                     }
                     let mut buffers = StepBuffers {
                         observations: &mut observations,
@@ -343,7 +357,7 @@ impl Stepped<'_> {
                         outcomes: self.outcomes,
                     };
                     match &closed_loop.driver {
-                        Driver::Policies(_) => self.batch.step(&actions, &mut buffers)?,
+                        Driver::Policies(_) | Driver::Actions(_) => self.batch.step(&actions, &mut buffers)?,
                         Driver::Controller { law, targets, privileged } => {
                             let setpoints = match targets {
                                 Targets::Task => None,

@@ -1,6 +1,6 @@
 """The closed loop of a controller and the robots of a batch, for analysis, scenarios and identification."""
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from typing import Any, Final, NamedTuple, TypeAlias
 
 import numpy as np
@@ -29,20 +29,6 @@ class Step(NamedTuple):
     rewards: Array
     terminated: npt.NDArray[np.bool_]
     truncated: npt.NDArray[np.bool_]
-
-
-class Replay:
-    """Given actions as an `Actor`, one element of an iterable per step, whatever the robots do."""
-
-    def __init__(self, actions: Iterable[npt.NDArray[Any]]) -> None:
-        self._actions = iter(actions)
-
-    def __call__(self, observations: npt.NDArray[np.float32], setpoint: Any = None) -> Actions:  # noqa: ARG002
-        """As `Actor`."""
-        return next(self._actions)
-
-    def ended(self, mask: npt.NDArray[np.bool_]) -> None:
-        """As `Actor`."""
 
 
 class ClosedLoop:

@@ -1,6 +1,6 @@
 """Simulated logs: a balancing robot under torques and setpoints that excite all its motions."""
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Final
 
@@ -12,7 +12,6 @@ from ballbot_rs._core import Batch, Lqr, Params, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import body_axes_of
-from ballbot_rs.analysis.closed_loop import ClosedLoop, Replay
 from ballbot_rs.identification.log import SensorLog
 
 Array = npt.NDArray[np.float64]
@@ -98,19 +97,16 @@ def record_log(
     steps = rng.uniform(-1.0, 1.0, (count, 3)) * [POSITION, POSITION, YAW] * excitation
     states, torques = np.empty((rows, 32)), np.empty((rows, 3))
 
-    def actions() -> Iterator[npt.NDArray[np.float32]]:
-        for row in range(rows):
-            state = batch.state(0)
-            states[row] = state.to_array()
-            setpoint = steps[int(times[row] / STEP_EVERY)]
-            desired = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
-            yield np.clip(desired / limit, -1.0, 1.0).astype(np.float32)[None]
-
-    loop = ClosedLoop(batch, Replay(actions()))
-    loop.reset(starts=[State.at_equilibrium(robot)])
-    for row, step in enumerate(loop.steps(rows)):
-        torques[row] = step.actions[0].astype(np.float64) * limit
-        if step.terminated[0]:
+    batch.reset(starts=[State.at_equilibrium(robot)])
+    for row in range(rows):
+        state = batch.state(0)
+        states[row] = state.to_array()
+        setpoint = steps[int(times[row] / STEP_EVERY)]
+        desired = lqr(state, position=setpoint[:2], yaw=float(setpoint[2])) + sines[row]
+        action = np.clip(desired / limit, -1.0, 1.0).astype(np.float32)
+        torques[row] = action.astype(np.float64) * limit
+        _, _, terminated, _ = batch.step(action[None])
+        if terminated[0]:
             raise DivergedError(f"the robot falls at {times[row]:g} s: lower the excitation of {excitation:g}")
         progress(row + 1, rows)
     return _measured(times, torques, states, robot, place, spread, rng)

@@ -10,7 +10,6 @@ import numpy.typing as npt
 from ballbot_rs._core import Batch, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._state_rows import body_axes_of
-from ballbot_rs.analysis.closed_loop import ClosedLoop, Replay
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.parameters import Robot
@@ -67,17 +66,12 @@ class Simulator:
         count = len(windows)
         batch = self._batch(count, windows.steps, columns)
         torques = self._torques(windows, columns)
-        loop = ClosedLoop(
-            batch, Replay(torques[:, windows.starts + step].reshape(-1, 3) for step in range(windows.steps))
-        )
-        loop.reset(starts=_states(columns))
-        upright = np.ones(len(columns) * count, dtype=np.bool_)
-        kept = np.empty((windows.steps + 1, len(columns) * count, 13))
-        kept[0] = batch.states()[:, _KEPT]
-        for row, step in enumerate(loop.steps(windows.steps), start=1):
-            upright &= ~step.terminated
-            kept[row] = batch.states()[:, _KEPT]
-        return self._read(kept, windows, columns), upright.reshape(len(columns), count)
+        places = windows.starts + np.arange(windows.steps)[:, None]
+        actions = torques[:, places].transpose(1, 0, 2, 3).reshape(windows.steps, -1, 3)
+        batch.reset(starts=_states(columns))
+        rows = batch.rollout(steps=windows.steps, actions=actions, record=("states", "terminated"))
+        upright = ~rows["terminated"].any(axis=0)
+        return self._read(rows["states"][..., _KEPT], windows, columns), upright.reshape(len(columns), count)
 
     def _batch(self, count: int, steps: int, columns: Sequence[Column]) -> Batch:
         first = columns[0].robot.params
