@@ -38,7 +38,7 @@ def to_npz(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
 def write_csv(table: Mapping[str, Array], path: str | PathLike[str]) -> None:
     """Columns as CSV, as `to_csv`."""
     rows = zip(*(values.tolist() for values in table.values()), strict=True)
-    lines = [",".join(table), *(",".join(map(repr, row)) for row in rows)]
+    lines = [",".join(table), *(",".join(map(str, row)) for row in rows)]
     _files.write(_path(path, ".csv"), "\n".join(lines) + "\n")
 
 

@@ -14,7 +14,7 @@ from ballbot_rs.cli.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import NAMES, TRAINED
 
-FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "learning_curve")
+FIGURES = ("trajectories", "estimates", "phase_portrait", "recovery_map", "sensitivity", "learning_curve")
 
 #: Kinds of files with the numbers of a figure.
 DATA_FORMATS = ("csv", "npz")
@@ -32,7 +32,11 @@ def add_to(commands: Any) -> None:
     shared.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
     shared.add_output(command, "FOLDER", "folder (default figures)")
     command.add_argument(
-        "--figure", action="append", choices=FIGURES, help="which figure; repeat for several (default all that apply)"
+        "--figure",
+        action="append",
+        choices=FIGURES,
+        metavar="FIGURE",
+        help=f"one of {', '.join(FIGURES)}; repeat for several (default all that apply but sensitivity)",
     )
     command.add_argument("--format", choices=("svg", "pdf"), default="svg", help="in addition to PNG (default svg)")
     command.add_argument(
@@ -64,7 +68,8 @@ def run(arguments: argparse.Namespace) -> None:
     options = shared.env_options(arguments)
     measured = options.get("observation") == "sensors"
     unfit = {"learning_curve": not runs, "recovery_map": bool(options.get("events")), "estimates": not measured}
-    selected = arguments.figure or [name for name in FIGURES if not unfit.get(name)]
+    # Sensitivities are of motions without a fall: they are drawn only on request.
+    selected = arguments.figure or [name for name in FIGURES if name != "sensitivity" and not unfit.get(name)]
     if "learning_curve" in selected and not runs:
         raise ValueError("a learning curve needs training runs, and none is given")
     if "estimates" in selected and not measured:
@@ -104,8 +109,16 @@ def _tables(drawn: _Drawn, output: Path, suffix: str) -> Iterator[tuple[Path, di
 
 def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence[str]) -> list[_Drawn]:
     from ballbot_rs.analysis import recovery_map as recovery
-    from ballbot_rs.media.figures import estimates, learning_curve, phase_portrait, recovery_map, trajectories
-    from ballbot_rs.media.figures.data import of_curve, of_recovery
+    from ballbot_rs.analysis import sensitivity as sensitive
+    from ballbot_rs.media.figures import (
+        estimates,
+        learning_curve,
+        phase_portrait,
+        recovery_map,
+        sensitivity,
+        trajectories,
+    )
+    from ballbot_rs.media.figures.data import of_curve, of_recovery, of_sensitivity
     from ballbot_rs.media.figures.labels import short
     from ballbot_rs.training.curve import read
 
@@ -131,6 +144,22 @@ def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence
         tables = [functools.partial(of_recovery, one) for one in maps]
         owners = [short(one.controller) for one in maps]
         drawn.append(_Drawn("recovery_map", recovery_map.draw(maps, inches), "recovery_map", owners, tables))
+    if "sensitivity" in selected:
+        effects = [
+            sensitive.collect(
+                controller,
+                tilt=chosen.tilt,
+                yaw=chosen.yaw,
+                push=chosen.push,
+                seconds=chosen.seconds,
+                task=chosen.task,
+                env_options=chosen.env_options,
+            )
+            for controller in found
+        ]
+        tables = [functools.partial(of_sensitivity, one) for one in effects]
+        owners = [short(one.controller) for one in effects]
+        drawn.append(_Drawn("sensitivity", sensitivity.draw(effects, inches), "sensitivity", owners, tables))
     if "learning_curve" in selected:
         curves = [read(Path(name)) for name in runs]
         tables = [functools.partial(of_curve, one) for one in curves]

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from ballbot_rs.analysis import exports
 from ballbot_rs.analysis.recovery_map import Recovery
+from ballbot_rs.analysis.sensitivity import Sensitivity
 from ballbot_rs.training.curve import Curve
 
 Table = dict[str, npt.NDArray[Any]]
@@ -23,6 +24,13 @@ def of_recovery(recovery: Recovery) -> Table:
         "recovered": recovery.recovered.ravel().astype(float),
         "recovery_time_s": recovery.recovery_times.ravel(),
     }
+
+
+def of_sensitivity(sensitivity: Sensitivity) -> Table:
+    """One row per parameter: its change, and the largest change of each quantity."""
+    names = {"tilt": "tilt_deg", "ball": "ball_mm", "wheel load": "wheel_load_percent", "torque": "torque_mNm"}
+    effects = {names[name]: effect for name, effect in sensitivity.effects.items()}
+    return {"parameter": np.array(sensitivity.names), "change": sensitivity.changes, **effects}
 
 
 def of_curve(curve: Curve) -> Table:
