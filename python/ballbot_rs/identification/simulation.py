@@ -21,6 +21,9 @@ Array = npt.NDArray[np.float64]
 #: Channels of a row: wheel angles, angular velocity, specific force.
 SENSORS: Final = {"wheel_angle": slice(0, 3), "gyro": slice(3, 6), "acceleration": slice(6, 9)}
 
+#: Steps whose whole states are in memory at once.
+CHUNK: Final = 25
+
 _BODY_QUATERNION: Final = slice(16, 20)
 _KEPT: Final = slice(16, 29)
 
@@ -66,12 +69,17 @@ class Simulator:
         count = len(windows)
         batch = self._batch(count, windows.steps, columns)
         torques = self._torques(windows, columns)
-        places = windows.starts + np.arange(windows.steps)[:, None]
-        actions = torques[:, places].transpose(1, 0, 2, 3).reshape(windows.steps, -1, 3)
         batch.reset(starts=_states(columns))
-        rows = batch.rollout(steps=windows.steps, actions=actions, record=("states", "terminated"))
-        upright = ~rows["terminated"].any(axis=0)
-        return self._read(rows["states"][..., _KEPT], windows, columns), upright.reshape(len(columns), count)
+        upright = np.ones(len(columns) * count, dtype=np.bool_)
+        kept = np.empty((windows.steps + 1, len(columns) * count, 13))
+        for first in range(0, windows.steps, CHUNK):
+            steps = min(CHUNK, windows.steps - first)
+            places = windows.starts + np.arange(first, first + steps)[:, None]
+            actions = torques[:, places].transpose(1, 0, 2, 3).reshape(steps, -1, 3)
+            rows = batch.rollout(steps=steps, actions=actions, record=("states", "terminated"))
+            kept[first : first + steps + 1] = rows["states"][..., _KEPT]
+            upright &= ~rows["terminated"].any(axis=0)
+        return self._read(kept, windows, columns), upright.reshape(len(columns), count)
 
     def _batch(self, count: int, steps: int, columns: Sequence[Column]) -> Batch:
         first = columns[0].robot.params
