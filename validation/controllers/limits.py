@@ -1,6 +1,6 @@
 r"""The last stage: torques that the wheels can transmit.
 
-The torques of every controller pass through the same last stage
+The torques of every controller but `nmpc` pass through the same last stage
 ([`TorqueLimits`](../crates/ballbot-control/src/parts/limits.rs)). Without slip the load $N_i$ of a wheel and its
 traction $f_i$ are linear in the torques $\tau$, and nearly linear in the tilt $\vartheta$ (heading frame), with a part
 that is quadratic in the tilt rate $\Omega$:

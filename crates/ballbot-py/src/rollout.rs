@@ -223,7 +223,11 @@ impl Targets {
 
 /// What gives the actions of all robots of a batch.
 pub(crate) enum Driver<'a> {
-    Controller { law: &'a dyn Controller, targets: Targets, privileged: bool },
+    Controller {
+        law: &'a dyn Controller,
+        targets: Targets,
+        privileged: bool,
+    },
     Policies(Networks),
     /// The actions of all robots in each step.
     Actions(Vec<f32>),

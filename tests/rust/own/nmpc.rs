@@ -42,7 +42,7 @@ fn it_recovers_from_tilts_beyond_linear_control() {
     let params = Params::paper();
     let mut fallen = [0; 2];
     for direction in around(6) {
-        let start = State::tilted(&params, direction * 28.5_f64.to_radians(), 0.0);
+        let start = State::tilted(&params, direction * 29_f64.to_radians(), 0.0);
         assert!(comes_to_rest(&mut nmpc(&params), &params, &start, Vector3::zeros()), "toward {direction:?}");
         let mut linear: [Box<dyn Controller>; 2] = [
             Box::new(Lqr::new(&params, CONTROL_DT).unwrap()),
@@ -54,6 +54,34 @@ fn it_recovers_from_tilts_beyond_linear_control() {
     }
     println!("of 6 directions: lqr falls in {}, mpc in {}", fallen[0], fallen[1]);
     assert!(fallen[0] > 0 && fallen[1] > 0, "{fallen:?}");
+}
+
+/// Deviations of the state from rolling on a level floor, and the height of a terrain, change nothing.
+#[test]
+fn only_what_the_regulator_feeds_back_counts() {
+    let params = Params::paper();
+    let mut state = State::tilted(&params, Vector2::new(0.4, 0.1), 0.3);
+    let expected = nmpc(&params).wheel_torques(&state, &Setpoint::default());
+    state.ball_position.z += 0.5;
+    state.body_position.z += 0.503;
+    state.body_position.x -= 0.002;
+    state.body_velocity.y += 0.02;
+    assert_eq!(nmpc(&params).wheel_torques(&state, &Setpoint::default()), expected);
+}
+
+/// Tilts in directions in which a plan that used all traction would lift wheels in turn.
+#[test]
+fn rezero_recovers_from_tilts_from_which_the_regulator_recovers() {
+    let params = Params::preset("rezero").unwrap();
+    for k in 0..12 {
+        let angle = 0.03 + TAU / 12.0 * f64::from(k);
+        let tilt = Vector2::new(angle.cos(), angle.sin()) * 0.25;
+        let start = State::tilted_from_equilibrium(&params, tilt, 0.0);
+        let mut regulator = Lqr::new(&params, CONTROL_DT).unwrap();
+        let [own, linear]: [&mut dyn Controller; 2] = [&mut nmpc(&params), &mut regulator];
+        let [own, linear] = [own, linear].map(|law| comes_to_rest(law, &params, &start, Vector3::zeros()));
+        assert!(own >= linear, "at {angle}");
+    }
 }
 
 #[test]

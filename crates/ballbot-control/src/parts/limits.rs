@@ -14,7 +14,7 @@ use nalgebra::Vector3;
 
 /// Least load that a wheel keeps, as a fraction of its load in equilibrium: below it the body is about to lift off the
 /// ball.
-const LEAST_LOAD: f64 = 0.3;
+pub const LEAST_LOAD: f64 = 0.3;
 
 /// Default fraction of the friction limit: the rest is a margin for effects that the maps neglect.
 pub const DEFAULT_TRACTION: f64 = 0.9;
@@ -25,6 +25,9 @@ const SLIPPING: f64 = 0.1;
 /// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound does not allow torques
 /// that raise it.
 const LEAST_MARGIN: f64 = 1e-9;
+
+/// Most projections of torques onto all conditions.
+const PROJECTIONS: usize = 20;
 
 /// Limits of a controller's torques.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -263,6 +266,49 @@ impl TorqueLimits {
             Some(traction) => self.apply_at(desired, state, &traction.frame.pose(state), largest_torque),
             None => cap(desired, self.max_torque.min(largest_torque)),
         }
+    }
+
+    /// Torques near `desired` within the limits: projected onto the conditions one after the other, then moved toward
+    /// `within`, which are within the limits, until all hold. While a wheel slips they are as by [`TorqueLimits::apply`].
+    pub fn nearest(
+        &self,
+        within: Wheels<f64>,
+        desired: Wheels<f64>,
+        state: &LaneState<f64>,
+        largest_torque: f64,
+    ) -> Wheels<f64> {
+        let bound = self.max_torque.min(largest_torque);
+        let capped = |torques: Wheels<f64>| torques.map(|torque| torque.clamp(-bound, bound));
+        let mut nearest = capped(desired);
+        let Some(traction) = &self.traction else { return nearest };
+        if traction.slips(state) {
+            return cap(desired, bound.min(traction.slipping_torque)).torques;
+        }
+        let constants = traction.constants(&traction.frame.pose(state));
+        for _ in 0..PROJECTIONS {
+            let mut fits = true;
+            for (row, c) in traction.rows.iter().zip(constants) {
+                let gradient = row.per_torque;
+                let beyond = c + dot(&gradient.0, nearest.0);
+                if beyond > 0.0 {
+                    nearest = nearest - gradient * (beyond / dot(&gradient.0, gradient.0));
+                    fits = false;
+                }
+            }
+            nearest = capped(nearest);
+            if fits {
+                return nearest;
+            }
+        }
+        let change = nearest - within;
+        let mut share = 1.0_f64;
+        for (row, c) in traction.rows.iter().zip(constants) {
+            let slope = dot(&row.per_torque.0, change.0);
+            if slope > 0.0 {
+                share = share.min((-c - dot(&row.per_torque.0, within.0)).max(0.0) / slope);
+            }
+        }
+        within + change * share
     }
 
     /// [`TorqueLimits::apply`] for a robot with known pose.

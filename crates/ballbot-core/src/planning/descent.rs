@@ -1,7 +1,7 @@
 //! One robot's motion over a horizon, and its improvement along its exact derivatives.
 
 use super::horizon::Horizon;
-use crate::control::{Controller, LaneSetpoint, Setpoint};
+use crate::control::{Controller, LEAST_LOAD, LaneSetpoint, Setpoint};
 use crate::models::linear::STATES;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
@@ -17,8 +17,6 @@ use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 const N: usize = ROLLING.len();
 /// Limits of a wheel: its traction one way, the other way, and its least load.
 const LIMITS: usize = 3 * WHEELS;
-/// Least load that a wheel keeps, as a fraction of its load in equilibrium, as of the limits of a law's torques.
-const LEAST_LOAD: f64 = 0.3;
 /// Damping of the torques' Hessian, as a fraction of its trace, until the cost falls.
 const DAMPING: [f64; 3] = [1e-6, 1e-2, 1.0];
 /// Fractions of a change that are tried.
@@ -55,7 +53,7 @@ pub(super) struct Problem {
 impl Problem {
     /// `traction` is the fraction of friction that wheels may use, `violation` the violation of weight 1, as a fraction of
     /// a wheel's load in equilibrium.
-    pub(super) fn new(params: &Params, horizon: Horizon, step: f64, traction: f64, violation: f64) -> Self {
+    pub(super) fn new(params: &Params, horizon: Horizon, step: f64, traction: Option<f64>, violation: f64) -> Self {
         let substeps = (horizon.control_dt / step - 1e-9).ceil().max(1.0) as usize;
         let loads = params.equilibrium_wheel_loads();
         let mean = loads.iter().sum::<f64>() / WHEELS as f64;
@@ -63,12 +61,40 @@ impl Problem {
             wheels: Omniwheels::new(params),
             constants: Constants::new(params, horizon.control_dt / substeps as f64),
             substeps,
-            friction: traction * params.wheel_dynamic_friction,
+            friction: traction.unwrap_or(1.0) * params.wheel_dynamic_friction,
             least: Wheels::from_fn(|i| LEAST_LOAD * loads[i]),
-            weight: (violation * mean).powi(-2),
+            weight: if traction.is_some() { (violation * mean).powi(-2) } else { 0.0 },
             params: params.clone(),
             horizon,
         }
+    }
+
+    /// A state of rolling on a level floor with the attitude, velocities and place of a robot that the regulator feeds back.
+    fn rolling(&self, state: &State) -> State {
+        let State { ball_position: place, ball_velocity, ball_angular_velocity, .. } = state;
+        let (params, wheels) = (&self.params, &self.wheels);
+        let (attitude, rate) = (state.body_quaternion, state.body_angular_velocity);
+        let mut rolling =
+            State::rolling_on(params, wheels, ball_velocity.xy(), ball_angular_velocity.z, attitude, rate);
+        for position in [&mut rolling.ball_position, &mut rolling.body_position] {
+            position.x = place.x;
+            position.y = place.y;
+        }
+        rolling
+    }
+
+    /// Torques near `desired` within the limits.
+    pub(super) fn limited(
+        &self,
+        regulator: Wheels<f64>,
+        desired: Wheels<f64>,
+        state: &LaneState<f64>,
+        largest: f64,
+    ) -> Wheels<f64> {
+        run_one(
+            #[inline(always)]
+            || self.horizon.limits.nearest(regulator, desired, state, largest),
+        )
     }
 
     /// How far limits are violated by the contact forces of a step, N.
@@ -198,17 +224,22 @@ impl Descent {
     ) {
         let Horizon { base, decisions, limits, .. } = &problem.horizon;
         let (near, bound) = (base.within_reach(state, setpoint), largest.min(limits.max_torque()));
+        let state = &problem.rolling(state);
         self.setpoints.clear();
         self.setpoints.extend((0..=*decisions).map(|decision| problem.horizon.ahead(&near, decision)));
         let setpoints = &self.setpoints;
         let regulator = |k: usize, state: &LaneState<f64>| {
             Vector3::from(base.torques_one(state, &LaneSetpoint::from(&setpoints[k]), largest, &mut []).0)
         };
+        let limited = |k: usize, state: &LaneState<f64>, desired: Vector3<f64>| {
+            let regulator = Wheels(regulator(k, state).into());
+            Vector3::from(problem.limited(regulator, Wheels(desired.into()), state, largest).0)
+        };
         let start = ContactState::at(&problem.constants, &problem.wheels, None, state);
-        simulate(problem, setpoints, &start, bound, *decisions, &mut self.best, |k, state| {
-            regulator(k, state) + Vector3::from_column_slice(&plan[WHEELS * k..][..WHEELS])
+        simulate(problem, setpoints, &start, *decisions, &mut self.best, |k, state| {
+            limited(k, state, regulator(k, state) + Vector3::from_column_slice(&plan[WHEELS * k..][..WHEELS]))
         });
-        simulate(problem, setpoints, &start, bound, *decisions, &mut self.trial, &regulator);
+        simulate(problem, setpoints, &start, *decisions, &mut self.trial, &regulator);
         let stages = self.best.len().max(self.trial.len());
         if self.best.len() < stages
             || (self.trial.len() == stages && self.trial.cost(problem) < self.best.cost(problem))
@@ -216,6 +247,7 @@ impl Descent {
             std::mem::swap(&mut self.best, &mut self.trial);
         }
         if stages == 0 {
+            plan.fill(0.0);
             return;
         }
         let mut cost = self.best.cost(problem);
@@ -234,10 +266,10 @@ impl Descent {
                 }
                 let before = &self.best;
                 for fraction in FRACTIONS {
-                    simulate(problem, setpoints, &start, bound, stages, &mut self.trial, |k, state| {
+                    simulate(problem, setpoints, &start, stages, &mut self.trial, |k, state| {
                         let from = &before.stages[k];
                         let change = Change::from(rolling_change(&from.state, state));
-                        from.torques + changes[k] * fraction + gains[k] * change
+                        limited(k, state, from.torques + changes[k] * fraction + gains[k] * change)
                     });
                     let expected = -2.0 * (fraction * first + fraction * fraction * second);
                     if self.trial.len() < stages {
@@ -258,6 +290,7 @@ impl Descent {
                 break;
             }
         }
+        plan.fill(0.0);
         for (k, (stage, planned)) in self.best.stages.iter().zip(plan.chunks_exact_mut(WHEELS)).enumerate() {
             if k < stages {
                 planned.copy_from_slice((stage.torques - regulator(k, &stage.state)).as_slice());
@@ -271,7 +304,6 @@ fn simulate(
     problem: &Problem,
     setpoints: &[Setpoint],
     start: &ContactState<f64>,
-    largest: f64,
     decisions: usize,
     motion: &mut Motion,
     law: impl Fn(usize, &LaneState<f64>) -> Vector3<f64>,
@@ -294,9 +326,8 @@ fn simulate(
             violations: SVector::zeros(),
         };
         if k < decisions {
-            let torques = Wheels(law(k, &stage.state).map(|torque| torque.clamp(-largest, largest)).into());
-            advance(c, &mut now, None, torques, problem.substeps);
-            stage.torques = torques.0.into();
+            stage.torques = law(k, &stage.state);
+            advance(c, &mut now, None, Wheels(stage.torques.into()), problem.substeps);
             stage.violations = problem.violations(&now.contacts(c, None)).into();
         }
         motion.stages.push(stage);

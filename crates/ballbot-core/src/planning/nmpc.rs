@@ -2,7 +2,9 @@
 
 use super::descent::{Descent, Problem};
 use super::horizon::{Horizon, can_be_simulated, shift};
-use crate::control::{Controller, LaneSetpoint, LimitOptions, LqrWeights, MOTION_PARTS, Setpoint};
+use crate::control::{
+    Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, TorqueLimits,
+};
 use ballbot_base::error::Result;
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::lane_state::LaneState;
@@ -56,16 +58,18 @@ impl NmpcOptions {
 /// Nonlinear model predictive control on the model `contact`, by iterative linear-quadratic regulators with limits
 /// (Tassa, Mansard, Todorov, "Control-limited differential dynamic programming", ICRA 2014).
 ///
-/// Torques are the torques of [`Lqr`](crate::control::Lqr) plus a plan δ. In each call the motion under the regulator and
-/// δ is simulated from the robot's state and differentiated, through contact and slip; a backward sweep finds the change
+/// Torques are the torques of [`Lqr`], with the larger `max_lean` of [`Mpc`](crate::control::Mpc), plus a plan δ, within
+/// [`TorqueLimits::nearest`](crate::control::TorqueLimits::nearest). In each call the motion under the regulator and δ
+/// is simulated from the robot's state and differentiated, exactly while the wheels roll; a backward sweep finds the change
 /// of its torques, which a line search shortens until the cost falls. The cost is the cost of the regulator along the
-/// motion, its cost-to-go at the end, and the violations of the limits of [`TorqueLimits`](crate::control::TorqueLimits)
-/// by loads and tractions. A motion that ends in a fall is improved up to the fall. The setpoint is extrapolated over the
-/// horizon by its derivatives; the model has a level floor and no friction of the wheel joints, which the regulator
-/// compensates.
+/// motion, its cost-to-go at the end, and the violations of the limits by loads and tractions in the last time step before
+/// each decision. A motion that ends in a fall is improved up to the fall. The setpoint is extrapolated over the horizon by
+/// its derivatives; the model has a level floor, on which the robot rolls at first, and no friction of the wheel joints,
+/// which the regulator compensates.
 #[derive(Debug)]
 pub struct Nmpc {
-    horizon: Horizon,
+    /// The regulator of the robot, with the friction of its joints.
+    base: Sampled<Lqr>,
     problem: Problem,
     iterations: usize,
     memory: Vec<f64>,
@@ -92,15 +96,18 @@ impl Nmpc {
         let options = Scale::of(params).fit(options);
         options.check_limits()?;
         let (weights, seconds) = (options.weights(), options.horizon);
-        let horizon = Horizon::new(params, control_dt, seconds, &weights, limits)?;
+        let base = Lqr::with_weights(params, control_dt, &weights, limits)?;
         // As of the laws: the friction of the joints is compensated.
         let smooth = Params { wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() };
-        let plan = Horizon::new(&smooth, control_dt, seconds, &weights, limits)?;
+        let mut horizon = Horizon::new(&smooth, control_dt, seconds, &weights, limits)?;
+        // The plan may use all friction, at the cost of a violation.
+        horizon.limits =
+            TorqueLimits::new(&smooth, &LimitOptions { traction: limits.traction.map(|_| 1.0), ..*limits })?;
         let memory = vec![0.0; WHEELS * horizon.decisions];
         Ok(Self {
-            problem: Problem::new(&smooth, plan, options.step, limits.traction.unwrap_or(1.0), options.violation),
+            problem: Problem::new(&smooth, horizon, options.step, limits.traction, options.violation),
             iterations: options.iterations.round() as usize,
-            horizon,
+            base,
             memory,
             room: Mutex::new(Vec::new()),
         })
@@ -117,11 +124,11 @@ impl Nmpc {
 
 impl Controller for Nmpc {
     fn id(&self) -> u64 {
-        self.horizon.base.id()
+        self.base.id()
     }
 
     fn control_dt(&self) -> f64 {
-        self.horizon.control_dt
+        self.base.control_dt()
     }
 
     fn parts(&self) -> &'static [&'static str] {
@@ -143,14 +150,14 @@ impl Controller for Nmpc {
         largest: f64,
         memory: &mut [f64],
     ) -> Wheels<f64> {
-        let base = self.horizon.base.torques_one(state, setpoint, largest, &mut []);
+        let base = self.base.torques_one(state, setpoint, largest, &mut []);
         // Diverged robots are not simulated further.
         if !can_be_simulated(state, &base) {
+            memory.fill(0.0);
             return base;
         }
         shift(memory);
         self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, memory);
-        let bound = largest.min(self.horizon.limits.max_torque());
-        Wheels::from_fn(|i| (base[i] + memory[i]).clamp(-bound, bound))
+        self.problem.limited(base, Wheels::from_fn(|i| base[i] + memory[i]), state, largest)
     }
 }
