@@ -22,7 +22,8 @@ position loop. `pid` has the paper's gains by default.
 options; `mppi` and `nmpc` are too slow for this. The cost is the mean of a push, a line, a circle and the torque of
 station keeping on noisy sensors, all with a delay of 10 ms, relative to `lqr`; for `pid` only of the first and the
 last. They are in [`tuned.toml`](../validation/controllers/tuned.toml), made by
-`python -m validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All tunings have the same last stage.
+`python -m validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All
+tunings have the same last stage.
 
 In the figure, full marks are default options, empty marks tuned options, and crosses published options.
 """

@@ -239,7 +239,7 @@ impl Descent {
         simulate(problem, setpoints, &start, *decisions, &mut self.best, |k, state| {
             limited(k, state, regulator(k, state) + Vector3::from_column_slice(&plan[WHEELS * k..][..WHEELS]))
         });
-        simulate(problem, setpoints, &start, *decisions, &mut self.trial, &regulator);
+        simulate(problem, setpoints, &start, *decisions, &mut self.trial, regulator);
         let stages = self.best.len().max(self.trial.len());
         if self.best.len() < stages
             || (self.trial.len() == stages && self.trial.cost(problem) < self.best.cost(problem))

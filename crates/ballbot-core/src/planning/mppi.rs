@@ -39,7 +39,7 @@ const MAX_ALL: f64 = 1e6;
 /// Model predictive path integral control (Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model
 /// predictive control", IEEE T-RO 34(6), 2018) on the model `contact`, including slip and lift-off.
 ///
-/// Torques are the torques of [`Lqr`] plus a sequence δ. In each call all sampled motions start from the robot's state,
+/// Torques are the torques of [`Lqr`](crate::control::Lqr) plus a sequence δ. In each call all sampled motions start from the robot's state,
 /// under the regulator and δ + ε with noise ε; δ becomes the mean of δ + ε with the weights exp(−J / T), where J is the
 /// cost of the regulator along the motion plus its cost-to-go at the end. The samples depend only on the seed and the
 /// call number. The setpoint is extrapolated over the horizon by its derivatives.
@@ -61,7 +61,7 @@ impl Mppi {
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for an option out of range, a horizon that is shorter than `control_dt` or has more
-    /// than 500 decisions; errors of [`Lqr::with_weights`].
+    /// than 500 decisions; errors of [`Lqr::with_weights`](crate::control::Lqr::with_weights).
     pub fn with_options(
         params: &Params,
         control_dt: f64,
