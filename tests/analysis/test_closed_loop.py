@@ -5,7 +5,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.analysis.actors import core_law, make_actor
-from ballbot_rs.analysis.closed_loop import CONTACTS, ClosedLoop, Replay
+from ballbot_rs.analysis.closed_loop import CONTACTS, ClosedLoop
 from ballbot_rs.control.resolve import find
 
 ROBOTS, STEPS = 3, 40
@@ -57,12 +57,12 @@ def test_consecutive_parts_equal_the_whole_run(source):
     np.testing.assert_array_equal(parts[-1]["states"][-1], whole["states"][-1])
 
 
-def test_given_actions_are_applied_in_order():
+def test_actions_are_applied_in_order():
     batch = bb.Batch(1, num_threads=1)
-    actions = [np.full((1, 3), 0.01 * i, dtype=np.float32) for i in range(5)]
-    replayed = ClosedLoop(batch, Replay(actions))
-    replayed.reset()
+    actions = iter([np.full((1, 3), 0.01 * i, dtype=np.float32) for i in range(5)])
+    loop = ClosedLoop(batch, lambda *_: next(actions))
+    loop.reset()
     calls = []
-    steps = replayed.steps(5, before_decision=lambda k: calls.append(("decide", k)), before_motion=calls.append)
+    steps = loop.steps(5, before_decision=lambda k: calls.append(("decide", k)), before_motion=calls.append)
     assert [float(step.actions[0, 0]) for step in steps] == pytest.approx([0.0, 0.01, 0.02, 0.03, 0.04])
     assert calls == [one for k in range(5) for one in (("decide", k), k)]
