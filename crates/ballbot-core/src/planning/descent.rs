@@ -131,7 +131,7 @@ struct Stage {
     /// Torques of the setpoint's motion.
     reference: Vector3<f64>,
     torques: Vector3<f64>,
-    /// Violations until the next decision.
+    /// Violations in the last time step before the next decision.
     violations: SVector<f64, LIMITS>,
 }
 
