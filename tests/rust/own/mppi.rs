@@ -63,6 +63,19 @@ fn without_noise_it_is_the_regulator() {
     }
 }
 
+#[test]
+fn the_height_of_a_terrain_changes_nothing() {
+    let options = MppiOptions { samples: 64.0, ..MppiOptions::default() };
+    let mut state = State::tilted(&Params::paper(), Vector2::new(0.1, 0.05), 0.3);
+    let expected = mppi(&options).wheel_torques(&state, &Setpoint::default());
+    state.ball_position.z += 0.5;
+    state.body_position.z += 0.5;
+    let found = mppi(&options).wheel_torques(&state, &Setpoint::default());
+    for (found, expected) in found.into_iter().zip(expected) {
+        assert!((found - expected).abs() < 1e-9, "{found}, {expected}");
+    }
+}
+
 /// With fewer samples than the default, which takes long in a test build.
 fn few() -> MppiOptions {
     MppiOptions { samples: 64.0, ..MppiOptions::default() }

@@ -152,7 +152,12 @@ impl Controller for Mppi {
         }
         let (call, plan) = memory.split_first_mut().expect("the number of the call");
         shift(plan);
-        self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, *call, plan);
+        let mut start = State::from(*state);
+        // The floor of the samples is level, at height 0.
+        let height = start.ball_position.z - self.params.ball_radius;
+        start.ball_position.z -= height;
+        start.body_position.z -= height;
+        self.improve(&start, &Setpoint::from(setpoint), largest, *call, plan);
         *call += 1.0;
         self.horizon.limited(Wheels::from_fn(|i| base[i] + plan[i]), state, largest)
     }
