@@ -48,7 +48,7 @@ def test_a_searched_basin_matches_the_map(monkeypatch: pytest.MonkeyPatch):
     monkeypatch.setattr(responses, "TILTS", np.arange(13.5, 24.0))
     map_ = responses._basin("pid")
     assert 0 < map_.sum(axis=0).min() < map_.sum(axis=0).max() < len(map_)
-    monkeypatch.setattr(responses, "SEARCHED", ("pid",))
+    monkeypatch.setattr(responses, "PLANNERS", ("pid",))
     np.testing.assert_array_equal(responses._basin("pid"), map_)
 
 

@@ -8,11 +8,12 @@ from typing import Final
 
 import ballbot_rs as bb
 from validation.controllers import law_figure, responses
+from validation.controllers.planners import PLANNERS
 from validation.page import DOCS
 
 FIGURES: Final = DOCS / "laws"
 #: Laws drawn by default; `mppi` and `nmpc` take minutes.
-USUAL: Final = tuple(name for name in bb.controllers() if name not in responses.SEARCHED)
+USUAL: Final = tuple(name for name in bb.controllers() if name not in PLANNERS)
 
 
 def main() -> int:

@@ -11,6 +11,7 @@ import ballbot_rs as bb
 from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis.settling import HOLD
 from validation.closed_forms import holdable_tilt
+from validation.controllers.planners import PLANNERS
 
 #: The motion: from rest to rest, m, s. It uses 0.41 of the traction.
 DISTANCE: Final = 0.5
@@ -29,8 +30,6 @@ TILTS: Final = np.arange(0.5, 55.0, RING)
 SECTORS: Final = 24
 #: Fall tilt, rad: a task's limit would cut off a part of the basin.
 _FALLEN: Final = 1.0
-#: Their decisions take milliseconds: only the edges of their basins are searched, in a third of the directions.
-SEARCHED: Final = ("mppi", "nmpc")
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -86,7 +85,8 @@ def _response(done: bb.Trajectory, reference: Array) -> Response:
 
 
 def _basin(name: str) -> Mask:
-    if name not in SEARCHED:
+    # Of planners only the edge of the basin is searched, in a third of the directions.
+    if name not in PLANNERS:
         return recovers(name, *np.meshgrid(TILTS, _azimuths(SECTORS), indexing="ij"))
     some = _azimuths(SECTORS)[: SECTORS // 3]
     low, high = np.zeros(len(some), dtype=int), np.full(len(some), len(TILTS))

@@ -15,8 +15,6 @@ BUDGET: Final = 2000
 SEED: Final = 0
 #: The law whose default options have the cost 1.
 BASELINE: Final = "lqr"
-#: Laws whose decisions take milliseconds.
-LEFT_OUT: Final = ("mppi", "nmpc")
 PATH: Final = Path(__file__).with_name("tuned.toml")
 
 _HEAD = f"""\

@@ -39,6 +39,7 @@ from ballbot_rs.scenarios.scenario import load
 from ballbot_rs.scenarios.tune import with_options
 from validation.claim import Claim
 from validation.controllers import matrix, published, tuning
+from validation.controllers.planners import PLANNERS
 from validation.page import table
 from validation.topic import Findings
 
@@ -119,7 +120,7 @@ def _table(found: Found) -> str:
 
 
 def _cost(law: str, name: str) -> str:
-    if law not in CONTROLLERS or law in tuning.LEFT_OUT:
+    if law not in CONTROLLERS or law in PLANNERS:
         return "-"
     return f"{tuning.cost(law, options(law).get(name, {})):.3g}"
 

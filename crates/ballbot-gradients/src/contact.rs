@@ -2,7 +2,7 @@
 
 use crate::coordinates::{COORDINATES, FORCES, LOADS, along, coordinates, states};
 use crate::parameters::Parameter;
-use crate::rolling::{self, ROLLING};
+use crate::rolling;
 use crate::{Jacobian, RollingJacobian};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::interrupt::Watch;
@@ -101,19 +101,21 @@ impl Differentiated {
             return self.advance(torques, steps)?.rolling(params);
         }
         let Followed { solved, end, .. } = self.followed(torques, steps)?;
-        let lift = rolling::lift(params, &self.state.read(&self.constants).into());
         let start = self.state.read(&self.constants);
-        let changes: Vec<_> = (rolling::SHORTCUTS..ROLLING.len())
+        let lift = rolling::lift(params, &start.into());
+        let changes: Vec<_> = lift
+            .column_iter()
+            .skip(rolling::SHORTCUTS)
             .map(|column| {
                 let mut change = LaneState::default();
-                for (coordinate, slope) in lift.column(column).iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
+                for (coordinate, slope) in column.iter().enumerate().filter(|(_, slope)| **slope != 0.0) {
                     change.zip_mut(&along(&start, coordinate), |sum, number| *sum += slope * number);
                 }
                 change
             })
             .collect();
-        let directions = changes.iter().map(Direction::Change).chain((0..WHEELS).map(Direction::Torque));
-        let columns = self.problem(torques, &solved).columns(&directions.collect::<Vec<_>>());
+        let directions = (0..changes.len()).map(Direction::State).chain((0..WHEELS).map(Direction::Torque));
+        let columns = self.problem(torques, &solved, &changes).columns(&directions.collect::<Vec<_>>());
         self.state = end;
         let jacobian = RollingJacobian::of(&columns);
         if jacobian.is_finite() {
@@ -124,7 +126,9 @@ impl Differentiated {
 
     fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
         let followed = self.followed(torques, steps)?;
-        let problem = self.problem(torques, &followed.solved);
+        let start = self.state.read(&self.constants);
+        let changes: Vec<_> = (0..COORDINATES).map(|coordinate| along(&start, coordinate)).collect();
+        let problem = self.problem(torques, &followed.solved, &changes);
         let counts = [self.states, WHEELS, self.slopes.len()];
         let directions = problem.directions(counts);
         let columns = problem.columns(&directions);
@@ -139,7 +143,7 @@ impl Differentiated {
             d,
             q,
             level: ground.is_none(),
-            start: self.state.read(&self.constants).into(),
+            start: start.into(),
             next: followed.end.read(&self.constants).into(),
             contacts: followed.end.contacts(&self.constants, ground),
             modes_changed: followed.modes_changed,
@@ -154,13 +158,19 @@ impl Differentiated {
         Ok(jacobian)
     }
 
-    fn problem<'a>(&'a self, torques: Wheels<f64>, solved: &'a [SolvedStep]) -> Problem<'a> {
+    fn problem<'a>(
+        &'a self,
+        torques: Wheels<f64>,
+        solved: &'a [SolvedStep],
+        changes: &'a [LaneState<f64>],
+    ) -> Problem<'a> {
         Problem {
             constants: &self.constants,
             state: &self.state,
             ground: self.ground.as_ref(),
             torques,
             solved,
+            changes,
             slopes: &self.slopes,
             loss_share: self.loss_share,
         }
@@ -215,6 +225,8 @@ struct Problem<'a> {
     ground: Option<&'a Arc<Ground>>,
     torques: Wheels<f64>,
     solved: &'a [SolvedStep],
+    /// Changes of the state of [`Direction::State`].
+    changes: &'a [LaneState<f64>],
     slopes: &'a [Constants<f64>],
     loss_share: f64,
 }
@@ -227,7 +239,7 @@ pub(crate) struct Column {
 
 struct Passes<'a> {
     problem: &'a Problem<'a>,
-    directions: &'a [Direction<'a>],
+    directions: &'a [Direction],
     columns: &'a mut Vec<Column>,
 }
 
@@ -244,11 +256,9 @@ impl Kernel for Passes<'_> {
 
 /// What changes along a direction.
 #[derive(Clone, Copy)]
-enum Direction<'a> {
-    /// A coordinate of the state.
+enum Direction {
+    /// A change of the state.
     State(usize),
-    /// All numbers of the state.
-    Change(&'a LaneState<f64>),
     /// A force of the last step, of [`LOADS`].
     Load(usize),
     Torque(usize),
@@ -257,7 +267,7 @@ enum Direction<'a> {
 
 impl Problem<'_> {
     /// The directions that need a pass, parameters last.
-    fn directions(&self, [states, torques, parameters]: [usize; 3]) -> Vec<Direction<'static>> {
+    fn directions(&self, [states, torques, parameters]: [usize; 3]) -> Vec<Direction> {
         let coordinates = (0..COORDINATES).filter(|i| !self.is_shortcut(*i)).map(Direction::State);
         coordinates
             .chain((COORDINATES..states).map(|i| Direction::Load(i - COORDINATES)))
@@ -267,7 +277,7 @@ impl Problem<'_> {
     }
 
     /// The derivatives along some directions.
-    fn columns(&self, directions: &[Direction<'_>]) -> Vec<Column> {
+    fn columns(&self, directions: &[Direction]) -> Vec<Column> {
         let mut columns = Vec::with_capacity(directions.len());
         run_directions(Passes { problem: self, directions, columns: &mut columns });
         columns
@@ -305,14 +315,13 @@ impl Passes<'_> {
 }
 
 /// Writes a column.
-fn write(jacobian: &mut Jacobian, direction: Direction<'_>, Column { state, forces }: &Column) {
+fn write(jacobian: &mut Jacobian, direction: Direction, Column { state, forces }: &Column) {
     let Jacobian { a, b, p, c, d, q, .. } = jacobian;
     let (of_state, of_forces, column) = match direction {
         Direction::State(i) => (a, c, i),
         Direction::Load(i) => (a, c, COORDINATES + i),
         Direction::Torque(i) => (b, d, i),
         Direction::Parameter(i) => (p, q, i),
-        Direction::Change(_) => return,
     };
     let loads = LOADS.map(|force| forces[force]);
     for (place, value) in of_state.column_mut(column).iter_mut().zip(state.iter().chain(&loads)) {
@@ -352,7 +361,7 @@ struct Moved<C> {
 
 /// The motion with derivatives along some directions.
 #[inline(always)]
-fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction<'_>]) -> Moved<L::Cell> {
+fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<L::Cell> {
     let cell = |value: &f64| DualCell { value: *value, derivatives: L::Cell::default() };
     let start = problem.state.read(problem.constants);
     let mut seeds = start.map(cell);
@@ -361,9 +370,8 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
     for (lane, direction) in directions.iter().enumerate() {
         match *direction {
             Direction::State(i) => {
-                seeds.zip_mut(&along(&start, i), |cell, slope| cell.derivatives.set(lane, *slope));
+                seeds.zip_mut(&problem.changes[i], |cell, slope| cell.derivatives.set(lane, *slope));
             }
-            Direction::Change(change) => seeds.zip_mut(change, |cell, slope| cell.derivatives.set(lane, *slope)),
             Direction::Load(i) => {
                 // The floor's impulse is normal, x and y.
                 let impulse = match LOADS[i] {

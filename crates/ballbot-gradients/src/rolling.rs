@@ -55,7 +55,7 @@ pub fn along_rolling(state: &LaneState<f64>, coordinate: usize) -> LaneState<Dua
 pub fn rolling_change(from: &LaneState<f64>, to: &LaneState<f64>) -> [f64; ROLLING.len()] {
     let turned = from.body_quaternion.conjugated().times(to.body_quaternion);
     let sine = turned.v.dot(turned.v).sqrt();
-    // The rotation vector, 2 for a small one.
+    // The angle over the sine of its half.
     let per_sine = if sine > 0.0 { 2.0 * (sine * turned.w.signum()).atan2(turned.w.abs()) / sine } else { 2.0 };
     let rotation = turned.v * per_sine;
     let (position, velocity) = (to.ball_position - from.ball_position, to.ball_velocity - from.ball_velocity);

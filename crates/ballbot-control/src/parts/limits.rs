@@ -270,6 +270,7 @@ impl TorqueLimits {
 
     /// Torques near `desired` within the limits: projected onto the conditions one after the other, then moved toward
     /// `within`, which are within the limits, until all hold. While a wheel slips they are as by [`TorqueLimits::apply`].
+    #[inline(always)]
     pub fn nearest(
         &self,
         within: Wheels<f64>,

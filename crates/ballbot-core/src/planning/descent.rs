@@ -130,6 +130,8 @@ struct Stage {
     x: SVector<f64, STATES>,
     /// Torques of the setpoint's motion.
     reference: Vector3<f64>,
+    /// Torques of the regulator.
+    regulator: Vector3<f64>,
     torques: Vector3<f64>,
     /// Violations in the last time step before the next decision.
     violations: SVector<f64, LIMITS>,
@@ -228,18 +230,16 @@ impl Descent {
         self.setpoints.clear();
         self.setpoints.extend((0..=*decisions).map(|decision| problem.horizon.ahead(&near, decision)));
         let setpoints = &self.setpoints;
-        let regulator = |k: usize, state: &LaneState<f64>| {
-            Vector3::from(base.torques_one(state, &LaneSetpoint::from(&setpoints[k]), largest, &mut []).0)
-        };
-        let limited = |k: usize, state: &LaneState<f64>, desired: Vector3<f64>| {
-            let regulator = Wheels(regulator(k, state).into());
-            Vector3::from(problem.limited(regulator, Wheels(desired.into()), state, largest).0)
+        let limited = |stage: &Stage, desired: Vector3<f64>| {
+            let [regulator, desired] = [stage.regulator, desired].map(|torques| Wheels(torques.into()));
+            Vector3::from(problem.limited(regulator, desired, &stage.state, largest).0)
         };
         let start = ContactState::at(&problem.constants, &problem.wheels, None, state);
-        simulate(problem, setpoints, &start, *decisions, &mut self.best, |k, state| {
-            limited(k, state, regulator(k, state) + Vector3::from_column_slice(&plan[WHEELS * k..][..WHEELS]))
+        let (best, trial) = (&mut self.best, &mut self.trial);
+        simulate(problem, setpoints, &start, largest, *decisions, best, |k, stage| {
+            limited(stage, stage.regulator + Vector3::from_column_slice(&plan[WHEELS * k..][..WHEELS]))
         });
-        simulate(problem, setpoints, &start, *decisions, &mut self.trial, regulator);
+        simulate(problem, setpoints, &start, largest, *decisions, trial, |_, stage| stage.regulator);
         let stages = self.best.len().max(self.trial.len());
         if self.best.len() < stages
             || (self.trial.len() == stages && self.trial.cost(problem) < self.best.cost(problem))
@@ -266,10 +266,10 @@ impl Descent {
                 }
                 let before = &self.best;
                 for fraction in FRACTIONS {
-                    simulate(problem, setpoints, &start, stages, &mut self.trial, |k, state| {
+                    simulate(problem, setpoints, &start, largest, stages, &mut self.trial, |k, stage| {
                         let from = &before.stages[k];
-                        let change = Change::from(rolling_change(&from.state, state));
-                        limited(k, state, from.torques + changes[k] * fraction + gains[k] * change)
+                        let change = Change::from(rolling_change(&from.state, &stage.state));
+                        limited(stage, from.torques + changes[k] * fraction + gains[k] * change)
                     });
                     let expected = -2.0 * (fraction * first + fraction * fraction * second);
                     if self.trial.len() < stages {
@@ -291,10 +291,8 @@ impl Descent {
             }
         }
         plan.fill(0.0);
-        for (k, (stage, planned)) in self.best.stages.iter().zip(plan.chunks_exact_mut(WHEELS)).enumerate() {
-            if k < stages {
-                planned.copy_from_slice((stage.torques - regulator(k, &stage.state)).as_slice());
-            }
+        for (stage, planned) in self.best.stages[..stages].iter().zip(plan.chunks_exact_mut(WHEELS)) {
+            planned.copy_from_slice((stage.torques - stage.regulator).as_slice());
         }
     }
 }
@@ -304,29 +302,33 @@ fn simulate(
     problem: &Problem,
     setpoints: &[Setpoint],
     start: &ContactState<f64>,
+    largest: f64,
     decisions: usize,
     motion: &mut Motion,
-    law: impl Fn(usize, &LaneState<f64>) -> Vector3<f64>,
+    law: impl Fn(usize, &Stage) -> Vector3<f64>,
 ) {
-    let c = &problem.constants;
+    let (c, base) = (&problem.constants, &problem.horizon.base);
     motion.stages.clear();
     let mut now = start.clone();
     for (k, setpoint) in setpoints.iter().enumerate().take(decisions + 1) {
         let state = now.read(c);
+        let setpoint = LaneSetpoint::from(setpoint);
         let (x, reference) = run_one(
             #[inline(always)]
-            || problem.horizon.base.lane_deviation(&state, &LaneSetpoint::from(setpoint)),
+            || base.lane_deviation(&state, &setpoint),
         );
         let mut stage = Stage {
             start: now.clone(),
             state,
             x: x.into(),
             reference: reference.0.into(),
+            regulator: Vector3::zeros(),
             torques: Vector3::zeros(),
             violations: SVector::zeros(),
         };
         if k < decisions {
-            stage.torques = law(k, &stage.state);
+            stage.regulator = base.torques_one(&stage.state, &setpoint, largest, &mut []).0.into();
+            stage.torques = law(k, &stage);
             advance(c, &mut now, None, Wheels(stage.torques.into()), problem.substeps);
             stage.violations = problem.violations(&now.contacts(c, None)).into();
         }

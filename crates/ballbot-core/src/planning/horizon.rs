@@ -8,6 +8,7 @@ use ballbot_base::lanes::run_one;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_models::Scale;
+use std::sync::{Mutex, PoisonError};
 
 /// Largest number of decisions within the horizon.
 const MAX_DECISIONS: usize = 500;
@@ -80,6 +81,24 @@ impl Horizon {
             #[inline(always)]
             || self.limits.apply(desired, state, largest).torques,
         )
+    }
+}
+
+/// Workspaces for concurrent calls.
+#[derive(Debug)]
+pub(super) struct Workspaces<T>(Mutex<Vec<T>>);
+
+impl<T> Workspaces<T> {
+    pub(super) fn new() -> Self {
+        Self(Mutex::new(Vec::new()))
+    }
+
+    /// Works with a workspace that no other call uses, made if there is none.
+    pub(super) fn with(&self, make: impl FnOnce() -> T, work: impl FnOnce(&mut T)) {
+        let taken = self.0.lock().unwrap_or_else(PoisonError::into_inner).pop();
+        let mut workspace = taken.unwrap_or_else(make);
+        work(&mut workspace);
+        self.0.lock().unwrap_or_else(PoisonError::into_inner).push(workspace);
     }
 }
 

@@ -1,6 +1,6 @@
 //! Model predictive path integral control.
 
-use super::horizon::{Horizon, can_be_simulated, shift};
+use super::horizon::{Horizon, Workspaces, can_be_simulated, shift};
 use super::rollouts::{Noise, Rollouts};
 use crate::control::{Controller, LaneSetpoint, LimitOptions, LqrWeights, MOTION_PARTS, Setpoint, default_max_torque};
 use ballbot_base::error::{Result, check};
@@ -10,7 +10,6 @@ use ballbot_base::lanes::EIGHT;
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
-use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
     /// Sampling options of [`Mppi`].
@@ -39,18 +38,17 @@ const MAX_ALL: f64 = 1e6;
 /// Model predictive path integral control (Williams, Drews, Goldfain, Rehg, Theodorou, "Information-theoretic model
 /// predictive control", IEEE T-RO 34(6), 2018) on the model `contact`, including slip and lift-off.
 ///
-/// Torques are the torques of [`Lqr`](crate::control::Lqr) plus a sequence δ. In each call all sampled motions start from the robot's state,
-/// under the regulator and δ + ε with noise ε; δ becomes the mean of δ + ε with the weights exp(−J / T), where J is the
-/// cost of the regulator along the motion plus its cost-to-go at the end. The samples depend only on the seed and the
-/// call number. The setpoint is extrapolated over the horizon by its derivatives.
+/// Torques are the torques of [`Lqr`](crate::control::Lqr) plus a sequence δ. In each call all sampled motions start from
+/// the robot's state, under the regulator and δ + ε with noise ε; δ becomes the mean of δ + ε with the weights exp(−J / T),
+/// where J is the cost of the regulator along the motion plus its cost-to-go at the end. The samples depend only on the
+/// seed and the call number. The setpoint is extrapolated over the horizon by its derivatives.
 #[derive(Debug)]
 pub struct Mppi {
     horizon: Horizon,
     options: MppiOptions,
     params: Params,
     memory: Vec<f64>,
-    /// Workspaces for concurrent calls.
-    room: Mutex<Vec<Rollouts>>,
+    room: Workspaces<Rollouts>,
 }
 
 impl Mppi {
@@ -84,36 +82,32 @@ impl Mppi {
             options: *options,
             params: params.clone(),
             memory: vec![0.0; 1 + WHEELS * decisions],
-            room: Mutex::new(Vec::new()),
+            room: Workspaces::new(),
         })
     }
 
     /// Improves the sequence in `plan` for a robot, in call number `call`.
     fn improve(&self, state: &State, setpoint: &Setpoint, largest: f64, call: f64, plan: &mut [f64]) {
-        let mut taken = self.room.lock().unwrap_or_else(PoisonError::into_inner).pop();
         let Horizon { limits, control_dt, decisions, .. } = &self.horizon;
-        let rollouts = taken.get_or_insert_with(|| {
-            let groups = (self.options.samples / EIGHT as f64).ceil() as usize;
-            Rollouts::new(&self.params, *control_dt, self.options.step, groups, *decisions)
+        let options = &self.options;
+        let noise = Noise {
+            key: [options.seed, call],
+            deviation: options.noise * default_max_torque(&self.params),
+            correlation: options.correlation,
+            largest: largest.min(limits.max_torque()),
+        };
+        let make = || {
+            let groups = (options.samples / EIGHT as f64).ceil() as usize;
+            Rollouts::new(&self.params, *control_dt, options.step, groups, *decisions)
+        };
+        self.room.with(make, |rollouts| {
+            for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
+                let one = LaneSetpoint::from(&self.horizon.ahead(setpoint, decision));
+                (0..EIGHT).for_each(|i| cells.set_lane(i, &one));
+            }
+            rollouts.run(&self.horizon, state, plan, &noise);
+            rollouts.average(options.temperature, plan);
         });
-        for (decision, cells) in rollouts.setpoints.iter_mut().enumerate() {
-            let one = LaneSetpoint::from(&self.horizon.ahead(setpoint, decision));
-            (0..EIGHT).for_each(|i| cells.set_lane(i, &one));
-        }
-        let deviation = self.options.noise * default_max_torque(&self.params);
-        rollouts.run(
-            &self.horizon,
-            state,
-            plan,
-            &Noise {
-                key: [self.options.seed, call],
-                deviation,
-                correlation: self.options.correlation,
-                largest: largest.min(limits.max_torque()),
-            },
-        );
-        rollouts.average(self.options.temperature, plan);
-        self.room.lock().unwrap_or_else(PoisonError::into_inner).extend(taken);
     }
 }
 

@@ -1,7 +1,7 @@
 //! Nonlinear model predictive control.
 
 use super::descent::{Descent, Problem};
-use super::horizon::{Horizon, can_be_simulated, shift};
+use super::horizon::{Horizon, Workspaces, can_be_simulated, shift};
 use crate::control::{
     Controller, LaneSetpoint, LimitOptions, Lqr, LqrWeights, MOTION_PARTS, Sampled, Setpoint, TorqueLimits,
 };
@@ -12,7 +12,6 @@ use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_models::Scale;
-use std::sync::{Mutex, PoisonError};
 
 crate::fields! {
     /// Deviations of equal cost, as in [`LqrWeights`], and the horizon and iterations of [`Nmpc`].
@@ -73,8 +72,7 @@ pub struct Nmpc {
     problem: Problem,
     iterations: usize,
     memory: Vec<f64>,
-    /// Workspaces for concurrent calls.
-    room: Mutex<Vec<Descent>>,
+    room: Workspaces<Descent>,
 }
 
 impl Nmpc {
@@ -99,26 +97,20 @@ impl Nmpc {
         let base = Lqr::with_weights(params, control_dt, &weights, limits)?;
         // As of the laws: the friction of the joints is compensated.
         let smooth = Params { wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() };
-        let mut horizon = Horizon::new(&smooth, control_dt, seconds, &weights, limits)?;
         // The plan may use all friction, at the cost of a violation.
-        horizon.limits =
-            TorqueLimits::new(&smooth, &LimitOptions { traction: limits.traction.map(|_| 1.0), ..*limits })?;
+        let whole = LimitOptions { traction: limits.traction.map(|_| 1.0), ..*limits };
+        let horizon = Horizon {
+            limits: TorqueLimits::new(&smooth, &whole)?,
+            ..Horizon::new(&smooth, control_dt, seconds, &weights, limits)?
+        };
         let memory = vec![0.0; WHEELS * horizon.decisions];
         Ok(Self {
             problem: Problem::new(&smooth, horizon, options.step, limits.traction, options.violation),
             iterations: options.iterations.round() as usize,
             base,
             memory,
-            room: Mutex::new(Vec::new()),
+            room: Workspaces::new(),
         })
-    }
-
-    /// Improves the plan for a robot.
-    fn improve(&self, state: &State, setpoint: &Setpoint, largest: f64, plan: &mut [f64]) {
-        let mut taken = self.room.lock().unwrap_or_else(PoisonError::into_inner).pop();
-        let descent = taken.get_or_insert_with(|| Descent::new(&self.problem));
-        descent.improve(&self.problem, state, setpoint, largest, self.iterations, plan);
-        self.room.lock().unwrap_or_else(PoisonError::into_inner).extend(taken);
     }
 }
 
@@ -157,7 +149,11 @@ impl Controller for Nmpc {
             return base;
         }
         shift(memory);
-        self.improve(&State::from(*state), &Setpoint::from(setpoint), largest, memory);
+        let (problem, start, target) = (&self.problem, State::from(*state), Setpoint::from(setpoint));
+        self.room.with(
+            || Descent::new(problem),
+            |descent| descent.improve(problem, &start, &target, largest, self.iterations, memory),
+        );
         self.problem.limited(base, Wheels::from_fn(|i| base[i] + memory[i]), state, largest)
     }
 }
