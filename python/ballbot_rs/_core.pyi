@@ -698,15 +698,16 @@ class Ballbot:
     ) -> Jacobian:
         """Derivatives of the next `steps` time steps under constant motor torques (three, N·m), through contact and slip, with
         respect to the state, the torques, and `parameters` of `params`: names, each for all its elements, or of one element,
-        as `body_com_offset[0]`. The robot does not move. Model "contact" only.
+        as `body_com_offset[0]`. The robot does not move. Models "contact", and on level ground "spatial" and "planar".
 
         With the modes of the contacts fixed, a step is smooth, and its derivatives are exact. Where a contact changes its
         mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
 
         Raises:
             ValueError: an unknown parameter, or one without derivative (`roller_count`, a `roller_ripple` of 0, inertia with
-                equal principal moments); fewer than one step; torques as in `step`; another model; the bot touches the floor,
-                or the ball its body; derivatives that are not finite.
+                equal principal moments); fewer than one step; torques as in `step`; the model "rigid"; a terrain under
+                "spatial"; a parameter with which "planar" does not simulate the robot; the bot touches the floor, or the
+                ball its body; derivatives that are not finite.
             DivergedError: the state leaves the simulation's bounds.
             KeyboardInterrupt: Ctrl-C during a long call.
         """
@@ -800,7 +801,7 @@ class Jacobian:
     @property
     def states(self) -> tuple[str, ...]:
         """Names of the n states: 30, and for robots with rolling, spinning or roller friction 6 contact forces of the last
-        step, on which these losses depend.
+        step, on which these losses depend; in the models without slip the 17 that are independent.
         """
     @property
     def parameters(self) -> tuple[str, ...]:
@@ -823,7 +824,7 @@ class Jacobian:
     def margin(self) -> float:
         """Distance of the nearest step from other modes: the smallest change of an impulse, as a fraction of the impulse of a
         wheel's static load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with
-        which a contact changes its mode.
+        which a contact changes its mode. Infinite in the models without slip, which have no modes.
         """
     @property
     def one_sided(self) -> bool:
@@ -1808,7 +1809,7 @@ class Batch:
 
         Raises:
             ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,
-                or one without derivative; another model than "contact".
+                or one without derivative; a model or ground without derivatives.
             MemoryError: too many robots.
             KeyboardInterrupt: Ctrl-C during a long call.
         """

@@ -1,11 +1,10 @@
 //! Derivatives of the model `contact`.
 
-use crate::coordinates::{COORDINATES, FORCES, LOADS, along, coordinates, states};
+use crate::coordinates::{COORDINATES, Coordinates, FORCES, LOADS, along, coordinates};
 use crate::parameters::Parameter;
 use crate::rolling;
-use crate::{Jacobian, RollingJacobian};
+use crate::{Differentiable, Jacobian, MOST_STEPS, RollingJacobian, too_sensitive};
 use ballbot_base::error::{Error, Result};
-use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Value, Wide, run_directions};
 use ballbot_base::params::Params;
@@ -19,10 +18,7 @@ use std::sync::Arc;
 /// Fraction of a speed that each loss may remove, of a robot with all of them.
 const LEAST_LOSS_SHARE: f64 = 0.25;
 
-/// Steps that are differentiated at once; longer motions are joined by the chain rule.
-const MOST_STEPS: usize = 64;
-
-/// A moving robot, whose motion is differentiated.
+/// A robot of the model `contact`, whose motion is differentiated.
 pub struct Differentiated {
     constants: Constants<f64>,
     state: ContactState<f64>,
@@ -32,12 +28,11 @@ pub struct Differentiated {
     /// Fraction of a speed that a loss may remove in a step, while derivatives with respect to losses of zero are
     /// computed.
     loss_share: f64,
-    states: usize,
+    coordinates: Coordinates,
 }
 
 impl Differentiated {
-    /// A robot in a state of its solver. `with_loads` adds the contact forces of the last step to the states, on which
-    /// losses depend.
+    /// A robot in a state of its solver.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a parameter without derivative: a ripple of zero, and inertia of a body with equal
@@ -48,7 +43,7 @@ impl Differentiated {
         state: ContactState<f64>,
         ground: Option<&Arc<Ground>>,
         parameters: &[Parameter],
-        with_loads: bool,
+        coordinates: Coordinates,
     ) -> Result<Self> {
         let slopes = parameters.iter().map(|parameter| parameter.slopes(params, constants.sim_dt));
         Ok(Self {
@@ -60,42 +55,15 @@ impl Differentiated {
                 0.0 if parameters.iter().any(Parameter::is_loss) => LEAST_LOSS_SHARE,
                 share => share,
             },
-            states: states(with_loads),
+            coordinates,
         })
     }
 
-    /// Advances the robot by `steps` time steps, at least one, under constant motor torques, N·m.
-    ///
-    /// # Errors
-    /// [`Error::Diverged`] if the robot diverges; [`Error::Inconsistent`] if its bot touches the floor or its ball the
-    /// body, or a derivative is not finite; [`Error::Interrupted`] in [`ballbot_base::stoppable`].
-    pub fn advance(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
-        let mut watch = Watch::new();
-        let mut whole: Option<Jacobian> = None;
-        let mut left = steps;
-        while left > 0 {
-            watch.check()?;
-            let some = left.min(MOST_STEPS);
-            let part = self.advance_some(torques, some)?;
-            whole = Some(match whole {
-                Some(before) => before.followed_by(part),
-                None => part,
-            });
-            left -= some;
-        }
-        let whole =
-            whole.ok_or_else(|| Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() })?;
-        if whole.is_finite() {
-            return Ok(whole);
-        }
-        Err(too_sensitive(steps))
-    }
-
-    /// [`Jacobian::rolling`] of [`Differentiated::advance`], in half the time: it differentiates only along what it needs.
+    /// [`Jacobian::rolling`] of [`Differentiable::advance`], in half the time: it differentiates only along what it needs.
     /// `params` are the robot's.
     ///
     /// # Errors
-    /// As [`Differentiated::advance`] and [`Jacobian::rolling`].
+    /// As [`Differentiable::advance`] and [`Jacobian::rolling`].
     pub fn advance_rolling(&mut self, torques: Wheels<f64>, steps: usize, params: &Params) -> Result<RollingJacobian> {
         if self.ground.is_some() || !(1..=MOST_STEPS).contains(&steps) {
             return self.advance(torques, steps)?.rolling(params);
@@ -122,40 +90,6 @@ impl Differentiated {
             return Ok(jacobian);
         }
         Err(too_sensitive(steps))
-    }
-
-    fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
-        let followed = self.followed(torques, steps)?;
-        let start = self.state.read(&self.constants);
-        let changes: Vec<_> = (0..COORDINATES).map(|coordinate| along(&start, coordinate)).collect();
-        let problem = self.problem(torques, &followed.solved, &changes);
-        let counts = [self.states, WHEELS, self.slopes.len()];
-        let directions = problem.directions(counts);
-        let columns = problem.columns(&directions);
-        let [a, b, p] = counts.map(|count| DMatrix::zeros(self.states, count));
-        let [c, d, q] = counts.map(|count| DMatrix::zeros(FORCES, count));
-        let ground = self.ground.as_deref();
-        let mut jacobian = Jacobian {
-            a,
-            b,
-            p,
-            c,
-            d,
-            q,
-            level: ground.is_none(),
-            start: start.into(),
-            next: followed.end.read(&self.constants).into(),
-            contacts: followed.end.contacts(&self.constants, ground),
-            modes_changed: followed.modes_changed,
-            margin: followed.margin,
-            kinds: [&followed.solved[0], &followed.solved[steps - 1]].map(SolvedStep::kinds),
-        };
-        for (direction, column) in directions.iter().zip(&columns) {
-            write(&mut jacobian, *direction, column);
-        }
-        take_shortcuts(&mut jacobian, &problem);
-        self.state = followed.end;
-        Ok(jacobian)
     }
 
     fn problem<'a>(
@@ -206,8 +140,41 @@ impl Differentiated {
     }
 }
 
-fn too_sensitive(steps: usize) -> Error {
-    Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive"))
+impl Differentiable for Differentiated {
+    fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
+        let followed = self.followed(torques, steps)?;
+        let start = self.state.read(&self.constants);
+        let changes: Vec<_> = (0..COORDINATES).map(|coordinate| along(&start, coordinate)).collect();
+        let problem = self.problem(torques, &followed.solved, &changes);
+        let counts = [self.coordinates.count(), WHEELS, self.slopes.len()];
+        let directions = problem.directions(counts);
+        let columns = problem.columns(&directions);
+        let [a, b, p] = counts.map(|count| DMatrix::zeros(counts[0], count));
+        let [c, d, q] = counts.map(|count| DMatrix::zeros(FORCES, count));
+        let ground = self.ground.as_deref();
+        let mut jacobian = Jacobian {
+            a,
+            b,
+            p,
+            c,
+            d,
+            q,
+            coordinates: self.coordinates,
+            level: ground.is_none(),
+            start: start.into(),
+            next: followed.end.read(&self.constants).into(),
+            contacts: followed.end.contacts(&self.constants, ground),
+            modes_changed: followed.modes_changed,
+            margin: followed.margin,
+            kinds: Some([&followed.solved[0], &followed.solved[steps - 1]].map(SolvedStep::kinds)),
+        };
+        for (direction, column) in directions.iter().zip(&columns) {
+            write(&mut jacobian, *direction, column);
+        }
+        take_shortcuts(&mut jacobian, &problem);
+        self.state = followed.end;
+        Ok(jacobian)
+    }
 }
 
 /// A motion without derivatives: its steps and its end.

@@ -1,5 +1,6 @@
 //! Coordinates of small changes of a state: like its numbers, but three for an attitude, a rotation vector.
 
+use crate::rolling;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Quat, Vec3};
 use ballbot_base::wheels::Wheels;
@@ -13,16 +14,60 @@ pub const FORCES: usize = 9;
 /// The contact forces of the last step on which the losses of a step depend, of the floor and the wheels' normals.
 pub(crate) const LOADS: [usize; 6] = [6, 7, 8, 0, 1, 2];
 
-/// Number of states of robots, with or without loads.
-pub(crate) fn states(with_loads: bool) -> usize {
-    COORDINATES + if with_loads { LOADS.len() } else { 0 }
+/// The states of a [`Jacobian`](crate::Jacobian), which depend on the model and the robot.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Coordinates {
+    /// All 30 coordinates, of `contact`.
+    All,
+    /// Also contact forces of the last step, on which losses ([`Params::has_losses`](ballbot_base::Params::has_losses))
+    /// depend.
+    AllWithLoads,
+    /// The 17 that are independent without slip, of `spatial` and `planar`.
+    WithoutSlip,
+}
+
+impl Coordinates {
+    /// Of `contact`, for a robot with or without losses.
+    pub fn of_contact(has_losses: bool) -> Self {
+        if has_losses { Self::AllWithLoads } else { Self::All }
+    }
+
+    /// Number of states.
+    pub fn count(self) -> usize {
+        match self {
+            Self::All => COORDINATES,
+            Self::AllWithLoads => COORDINATES + LOADS.len(),
+            Self::WithoutSlip => rolling::INDEPENDENT.len(),
+        }
+    }
+
+    /// Names of the states, the rows of A and columns of A and C.
+    pub fn names(self) -> Vec<String> {
+        let all = coordinate_names();
+        match self {
+            Self::All => all,
+            Self::AllWithLoads => {
+                let forces = force_names();
+                all.into_iter().chain(LOADS.map(|force| forces[force].clone())).collect()
+            }
+            Self::WithoutSlip => rolling::INDEPENDENT.map(|place| all[place].clone()).into(),
+        }
+    }
+
+    /// Index among the states of a coordinate of all.
+    pub(crate) fn index_of(self, place: usize) -> Option<usize> {
+        match self {
+            Self::All | Self::AllWithLoads => Some(place),
+            Self::WithoutSlip => rolling::INDEPENDENT.iter().position(|independent| *independent == place),
+        }
+    }
 }
 
 const AXES: [&str; 3] = ["x", "y", "z"];
 
 /// Names of the coordinates. A change of the ball's attitude is a rotation vector in the inertial frame, of the body's
 /// attitude in the body frame, as the angular velocities.
-pub fn coordinate_names() -> Vec<String> {
+fn coordinate_names() -> Vec<String> {
     let vector = |name: &str| AXES.map(|axis| format!("{name}_{axis}"));
     let wheels = |name: &str| [0, 1, 2].map(|i| format!("{name}_{i}"));
     [

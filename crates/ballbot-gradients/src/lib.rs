@@ -7,21 +7,72 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
+mod closed_form;
 mod contact;
 mod coordinates;
 mod parameters;
 mod rolling;
 
+pub use closed_form::WithoutSlip;
 pub use contact::Differentiated;
-use coordinates::{COORDINATES, LOADS, coordinate_names, states};
-pub use coordinates::{FORCES, force_names};
+pub use coordinates::{Coordinates, FORCES, force_names};
 pub use parameters::Parameter;
 pub use rolling::{ROLLING, RollingJacobian, along_rolling, rolling_change};
 
+use ballbot_base::error::{Error, Result};
+use ballbot_base::interrupt::Watch;
 use ballbot_base::state::{Contacts, State};
-use ballbot_base::wheels::WHEELS;
+use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_contact::Kinds;
 use nalgebra::DMatrix;
+
+/// Steps that are differentiated at once; longer motions are joined by the chain rule.
+const MOST_STEPS: usize = 64;
+
+/// A moving robot, whose motion is differentiated.
+pub trait Differentiable {
+    /// Advances the robot by a few time steps, under constant motor torques, N·m.
+    ///
+    /// # Errors
+    /// As [`Differentiable::advance`].
+    fn advance_some(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian>;
+
+    /// Largest number of steps that [`Differentiable::advance_some`] takes.
+    fn most_steps(&self) -> usize {
+        MOST_STEPS
+    }
+
+    /// Advances the robot by `steps` time steps, at least one, under constant motor torques, N·m.
+    ///
+    /// # Errors
+    /// [`Error::Diverged`] if the robot diverges; [`Error::Inconsistent`] if its bot touches the floor or its ball the
+    /// body, or a derivative is not finite; [`Error::Interrupted`] in [`ballbot_base::stoppable`].
+    fn advance(&mut self, torques: Wheels<f64>, steps: usize) -> Result<Jacobian> {
+        let mut watch = Watch::new();
+        let mut whole: Option<Jacobian> = None;
+        let mut left = steps;
+        while left > 0 {
+            watch.check()?;
+            let some = left.min(self.most_steps());
+            let part = self.advance_some(torques, some)?;
+            whole = Some(match whole {
+                Some(before) => before.followed_by(part),
+                None => part,
+            });
+            left -= some;
+        }
+        let whole =
+            whole.ok_or_else(|| Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() })?;
+        if whole.is_finite() {
+            return Ok(whole);
+        }
+        Err(too_sensitive(steps))
+    }
+}
+
+fn too_sensitive(steps: usize) -> Error {
+    Error::Inconsistent(format!("a derivative over {steps} steps is not finite: the motion is too sensitive"))
+}
 
 /// Derivatives of a motion under constant torques.
 ///
@@ -41,6 +92,8 @@ pub struct Jacobian {
     pub d: DMatrix<f64>,
     /// Q: the contact forces by the parameters.
     pub q: DMatrix<f64>,
+    /// The states.
+    pub coordinates: Coordinates,
     /// Whether the ground is level, apart from a tilt of the floor.
     pub level: bool,
     /// The state before the motion.
@@ -51,27 +104,15 @@ pub struct Jacobian {
     pub contacts: Contacts,
     /// Whether a contact changed its mode from one step to another.
     pub modes_changed: bool,
-    /// Smallest distance of a step from other modes: see [`ballbot_contact::SolvedStep::margin`].
+    /// Smallest distance of a step from other modes: see [`ballbot_contact::SolvedStep::margin`]; infinite without modes.
     pub margin: f64,
-    /// Modes of the contacts in the first and the last step.
-    kinds: [Kinds; 2],
+    /// Modes of the contacts in the first and the last step, of `contact`.
+    kinds: Option<[Kinds; 2]>,
 }
 
-/// Names of the states, the rows of A and columns of A and C. Robots with losses
-/// ([`Params::has_losses`](ballbot_base::Params::has_losses)) have contact forces of the last step as further states,
-/// because the losses of a step depend on them.
-pub fn state_names(with_loads: bool) -> Vec<String> {
-    let mut names = coordinate_names();
-    if with_loads {
-        let forces = force_names();
-        names.extend(LOADS.map(|force| forces[force].clone()));
-    }
-    names
-}
-
-/// Memory of a [`Jacobian`] with respect to a number of parameters, bytes; of a robot with or without losses.
-pub fn bytes_of(parameters: usize, with_loads: bool) -> usize {
-    let states = states(with_loads);
+/// Memory of a [`Jacobian`] of these states with respect to a number of parameters, bytes.
+pub fn bytes_of(parameters: usize, coordinates: Coordinates) -> usize {
+    let states = coordinates.count();
     size_of::<Jacobian>() + (states + FORCES) * (states + WHEELS + parameters) * size_of::<f64>()
 }
 
@@ -85,9 +126,12 @@ impl Jacobian {
             c: &next.c * &self.a,
             d: &next.c * &self.b + next.d,
             q: &next.c * &self.p + next.q,
-            modes_changed: self.modes_changed || next.modes_changed || self.kinds[1] != next.kinds[0],
+            modes_changed: self.modes_changed
+                || next.modes_changed
+                || self.kinds.map(|kinds| kinds[1]) != next.kinds.map(|kinds| kinds[0]),
             margin: self.margin.min(next.margin),
-            kinds: [self.kinds[0], next.kinds[1]],
+            kinds: self.kinds.zip(next.kinds).map(|([first, _], [_, last])| [first, last]),
+            coordinates: self.coordinates,
             level: self.level,
             start: self.start.clone(),
             next: next.next,
@@ -98,11 +142,6 @@ impl Jacobian {
     fn is_finite(&self) -> bool {
         let Self { a, b, p, c, d, q, .. } = self;
         [a, b, p, c, d, q].into_iter().flatten().all(|number| number.is_finite())
-    }
-
-    /// Whether contact forces of the last step are states.
-    pub fn with_loads(&self) -> bool {
-        self.a.ncols() > COORDINATES
     }
 
     /// Numbers of states, torques and parameters.

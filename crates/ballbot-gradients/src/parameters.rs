@@ -8,7 +8,7 @@ use nalgebra::{UnitQuaternion, Vector3};
 use std::fmt;
 
 /// Weights of a central difference of eighth order at one to four steps.
-const WEIGHTS: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
+pub(crate) const WEIGHTS: [f64; 4] = [4.0 / 5.0, -1.0 / 5.0, 4.0 / 105.0, -1.0 / 280.0];
 
 /// Step of a difference, relative to the scale of its parameter. With it the error of truncation of functions such as
 /// 1 / p is below the error of rounding, 1e-13 of the derivative.
@@ -69,11 +69,8 @@ impl Parameter {
             let turning = self.turning(params, &axes)?;
             difference(turning.step(&axes), |amount| Constants::in_axes(params, sim_dt, &turning.axes(&axes, amount)))
         } else {
-            difference(self.step(params), |amount| {
-                let mut changed = params.clone();
-                changed.values_mut(self.field)[self.element] += amount;
-                Constants::in_axes(&changed, sim_dt, &axes)
-            })
+            let step = self.step(params, LINEAR_STEP);
+            difference(step, |amount| Constants::in_axes(&self.changed(params, amount), sim_dt, &axes))
         };
         // What a parameter turns on or off.
         for switch in [&mut slopes.general, &mut slopes.loss_share, &mut slopes.has_losses_or_ripple] {
@@ -82,12 +79,19 @@ impl Parameter {
         Ok(slopes)
     }
 
+    /// Parameters of which this is changed.
+    pub(crate) fn changed(&self, params: &Params, amount: f64) -> Params {
+        let mut changed = params.clone();
+        changed.values_mut(self.field)[self.element] += amount;
+        changed
+    }
+
     /// Whether it is a loss, which may be zero.
     pub(crate) fn is_loss(&self) -> bool {
         Params::LOSSES.contains(&self.name())
     }
 
-    fn name(&self) -> &'static str {
+    pub(crate) fn name(&self) -> &'static str {
         Params::FIELDS[self.field].name
     }
 
@@ -117,15 +121,15 @@ impl Parameter {
         Ok(Turning { rate, moments: change.diagonal() })
     }
 
-    /// Step of a difference along the parameter.
-    fn step(&self, params: &Params) -> f64 {
+    /// Step of a difference along the parameter; `linear` of the size of friction and losses, at least 1.
+    pub(crate) fn step(&self, params: &Params, linear: f64) -> f64 {
         let field = &Params::FIELDS[self.field];
         let value = params.values(self.field)[self.element];
         match field.name {
             name if field.required || ["gravity", "friction_critical_velocity"].contains(&name) => STEP * value,
             "body_com_offset" => STEP * params.body_com_height,
             _ if field.unit == "rad" => STEP,
-            _ => LINEAR_STEP * value.max(1.0),
+            _ => linear * value.max(1.0),
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use crate::Jacobian;
 use crate::contact::Column;
-use crate::coordinates::{COORDINATES, FORCES, along};
+use crate::coordinates::{COORDINATES, Coordinates, FORCES, along};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
@@ -30,6 +30,9 @@ pub const ROLLING: [&str; 11] = [
 
 /// Indices of these coordinates among all.
 const PLACES: [usize; ROLLING.len()] = [0, 1, 9, 10, 11, 15, 16, 24, 25, 26, 20];
+
+/// The coordinates that are independent without slip: with attitude of the ball and wheel angles.
+pub(crate) const INDEPENDENT: [usize; 17] = [0, 1, 3, 4, 5, 9, 10, 11, 12, 13, 14, 15, 16, 20, 24, 25, 26];
 
 /// Derivatives in the coordinates of rolling.
 #[derive(Clone, Debug)]
@@ -148,10 +151,15 @@ impl Jacobian {
         if !self.level {
             return Err(Error::Inconsistent("coordinates of rolling are of a plane floor, not of a terrain".into()));
         }
-        let lift = lift(params, &self.start);
-        let rows = |matrix: &DMatrix<f64>| matrix.select_rows(&PLACES);
-        // Loads of the last step stay.
-        let [a, c] = [&self.a, &self.c].map(|matrix| matrix.columns(0, COORDINATES) * &lift);
+        let places: Vec<_> = PLACES.into_iter().filter_map(|place| self.coordinates.index_of(place)).collect();
+        let rows = |matrix: &DMatrix<f64>| matrix.select_rows(&places);
+        let [a, c] = if self.coordinates == Coordinates::WithoutSlip {
+            [&self.a, &self.c].map(|matrix| matrix.select_columns(&places))
+        } else {
+            // Loads of the last step stay.
+            let lift = lift(params, &self.start);
+            [&self.a, &self.c].map(|matrix| matrix.columns(0, COORDINATES) * &lift)
+        };
         Ok(RollingJacobian { a: rows(&a), b: rows(&self.b), c, d: self.d.clone() })
     }
 }

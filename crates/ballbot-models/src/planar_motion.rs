@@ -65,16 +65,30 @@ impl PlanarMotion {
         })
     }
 
-    /// Encoder rates: virtual wheel rates of the three planes, rotated into the heading frame.
-    fn wheel_speeds(&self, y: &Coordinates) -> Wheels<f64> {
-        let rates = y.fixed_rows::<RATES>(RATES);
+    /// Virtual wheel rates of the three planes, along inertial axes, or their derivatives for derivatives of the rates. They
+    /// are conjugate to the virtual torques; see `virtual_torques`.
+    fn virtual_rates(&self, rates: &Vector6<f64>) -> Vector3<f64> {
         let planar = self.xz.input_map();
-        // Rates conjugate to the virtual torques, along inertial axes; see `virtual_torques`.
-        let about_x = planar[0] * rates[2] + planar[1] * rates[3];
-        let about_y = -(planar[0] * rates[0] + planar[1] * rates[1]);
-        let about_z = self.params.gear_ratio() * (rates[5] - rates[4]);
-        let heading = rotate(Vector2::new(about_x, about_y), -y[4]);
-        self.wheels.wheel_speeds_of_virtual(&heading.push(about_z))
+        Vector3::new(
+            planar[0] * rates[2] + planar[1] * rates[3],
+            -(planar[0] * rates[0] + planar[1] * rates[1]),
+            self.params.gear_ratio() * (rates[5] - rates[4]),
+        )
+    }
+
+    /// Encoder rates: virtual wheel rates, rotated into the heading frame.
+    fn wheel_speeds(&self, y: &Coordinates) -> Wheels<f64> {
+        let rates = self.virtual_rates(&y.fixed_rows::<RATES>(RATES).into_owned());
+        self.wheels.wheel_speeds_of_virtual(&rotate(rates.xy(), -y[4]).push(rates.z))
+    }
+
+    /// Derivatives of the encoder rates, for derivatives of the rates.
+    fn wheel_accelerations(&self, y: &Coordinates, accelerations: &Vector6<f64>) -> Wheels<f64> {
+        let (rates, yaw_rate) = (self.virtual_rates(&y.fixed_rows::<RATES>(RATES).into_owned()), y[RATES + 4]);
+        let changes = self.virtual_rates(accelerations);
+        // The heading frame turns with the yaw.
+        let inertial = changes.xy() + Vector2::new(rates.y, -rates.x) * yaw_rate;
+        self.wheels.wheel_speeds_of_virtual(&rotate(inertial, -y[4]).push(changes.z))
     }
 
     /// Virtual torques of the xz-plane, the yz-plane and the yaw equation from the motor torques minus joint friction.
@@ -222,12 +236,8 @@ impl Model for PlanarMotion {
 
     fn contacts(&self) -> Contacts {
         let y = &self.coordinates;
-        let derivative = self.derivative(y);
         let rates = self.rate_derivatives(y);
-        // Wheel accelerations by a central difference, whose error is far below the model error.
-        let h = 1e-6;
-        let wheel_acceleration =
-            (self.wheel_speeds(&(y + derivative * h)) - self.wheel_speeds(&(y - derivative * h))) / (2.0 * h);
+        let wheel_acceleration = self.wheel_accelerations(y, &rates);
         let shaft = shaft_torques(&self.params, self.wheel_torques, self.wheel_speeds(y));
         let motion = Motion {
             body_quaternion: attitude(Vector2::new(-y[3], y[1]), y[4]),

@@ -1099,7 +1099,7 @@ impl PyBatch {
     ///
     /// Raises:
     ///     ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,
-    ///         or one without derivative; another model than "contact".
+    ///         or one without derivative; a model or ground without derivatives.
     ///     MemoryError: too many robots.
     ///     KeyboardInterrupt: Ctrl-C during a long call.
     #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
@@ -1116,7 +1116,7 @@ impl PyBatch {
         let parameters = jacobian::parameters(parameters)?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
-        Ok(PyJacobians::new(jacobians, parameters, batch.has_losses()))
+        Ok(PyJacobians::new(jacobians, parameters, batch.derivative_coordinates()))
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

@@ -4,7 +4,7 @@ use crate::convert::{ANY_COUNT, elements, finite_elements, matrix, names};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
 use ballbot_core::fields::Fields;
-use ballbot_core::gradients::{FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names, state_names};
+use ballbot_core::gradients::{Coordinates, FORCES, Jacobian, Parameter, ROLLING, RollingJacobian, force_names};
 use ballbot_core::{Params, WHEELS, Wheels, try_zeros};
 use nalgebra::{DMatrix, DVector};
 use numpy::{PyArray1, PyArray2, PyArray3, PyArrayMethods};
@@ -87,10 +87,10 @@ impl PyJacobian {
     }
 
     /// Names of the n states: 30, and for robots with rolling, spinning or roller friction 6 contact forces of the last
-    /// step, on which these losses depend.
+    /// step, on which these losses depend; in the models without slip the 17 that are independent.
     #[getter]
     fn states<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyTuple>> {
-        PyTuple::new(py, state_names(self.jacobian.with_loads()))
+        PyTuple::new(py, self.jacobian.coordinates.names())
     }
 
     /// Names of the k parameters; an element of an array as `body_com_offset[0]`.
@@ -126,7 +126,7 @@ impl PyJacobian {
 
     /// Distance of the nearest step from other modes: the smallest change of an impulse, as a fraction of the impulse of a
     /// wheel's static load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with
-    /// which a contact changes its mode.
+    /// which a contact changes its mode. Infinite in the models without slip, which have no modes.
     #[getter]
     fn margin(&self) -> f64 {
         self.jacobian.margin
@@ -179,8 +179,8 @@ pub(crate) struct PyJacobians {
 }
 
 impl PyJacobians {
-    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>, with_loads: bool) -> Self {
-        Self { jacobians, parameters, states: state_names(with_loads) }
+    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>, coordinates: Coordinates) -> Self {
+        Self { jacobians, parameters, states: coordinates.names() }
     }
 
     fn stacked<'py>(
@@ -321,9 +321,9 @@ impl PyMotionJacobians {
         py: Python<'_>,
         jacobians: Vec<Jacobian>,
         parameters: Vec<Parameter>,
-        with_loads: bool,
+        coordinates: Coordinates,
     ) -> PyResult<Py<Self>> {
-        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters, with_loads);
+        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters, coordinates);
         Py::new(py, PyClassInitializer::from(all).add_subclass(Self))
     }
 }

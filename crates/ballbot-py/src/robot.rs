@@ -130,15 +130,16 @@ impl PyBallbot {
 
     /// Derivatives of the next `steps` time steps under constant motor torques (three, N·m), through contact and slip, with
     /// respect to the state, the torques, and `parameters` of `params`: names, each for all its elements, or of one element,
-    /// as `body_com_offset[0]`. The robot does not move. Model "contact" only.
+    /// as `body_com_offset[0]`. The robot does not move. Models "contact", and on level ground "spatial" and "planar".
     ///
     /// With the modes of the contacts fixed, a step is smooth, and its derivatives are exact. Where a contact changes its
     /// mode the motion has a kink, and the derivatives are of the modes taken: `Jacobian.modes_changed`, `margin`.
     ///
     /// Raises:
     ///     ValueError: an unknown parameter, or one without derivative (`roller_count`, a `roller_ripple` of 0, inertia with
-    ///         equal principal moments); fewer than one step; torques as in `step`; another model; the bot touches the floor,
-    ///         or the ball its body; derivatives that are not finite.
+    ///         equal principal moments); fewer than one step; torques as in `step`; the model "rigid"; a terrain under
+    ///         "spatial"; a parameter with which "planar" does not simulate the robot; the bot touches the floor, or the
+    ///         ball its body; derivatives that are not finite.
     ///     DivergedError: the state leaves the simulation's bounds.
     ///     KeyboardInterrupt: Ctrl-C during a long call.
     #[pyo3(signature = (wheel_torques, steps=1, parameters=None))]
@@ -178,7 +179,7 @@ impl PyBallbot {
         let robot = self.0.read()?;
         let robot = &*robot;
         let jacobians = interruptible(py, || robot.jacobians(&torques, steps, &parameters))?;
-        PyMotionJacobians::new(py, jacobians, parameters, robot.params().has_losses())
+        PyMotionJacobians::new(py, jacobians, parameters, robot.derivative_coordinates())
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).

@@ -6,14 +6,14 @@ use ballbot_base::interrupt::Watch;
 use ballbot_base::memory::require_memory;
 use ballbot_base::params::Params;
 use ballbot_base::wheels::Wheels;
-use ballbot_gradients::{Jacobian, Parameter, bytes_of};
+use ballbot_gradients::{Coordinates, Jacobian, Parameter, bytes_of};
 use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 
 impl Batch {
-    /// Whether a robot has rolling, spinning or roller friction.
-    pub fn has_losses(&self) -> bool {
-        (0..self.len()).any(|i| self.params(i).is_ok_and(Params::has_losses))
+    /// The states of [`Batch::jacobians`].
+    pub fn derivative_coordinates(&self) -> Coordinates {
+        self.model().coordinates((0..self.len()).any(|i| self.params(i).is_ok_and(Params::has_losses)))
     }
 
     /// Derivatives of the next `steps` time steps of the model, at least one, of each robot under constant motor torques,
@@ -23,8 +23,8 @@ impl Batch {
     ///
     /// # Errors
     /// [`Error::Length`] unless there are torques for each robot; [`Error::OutOfRange`] for torques beyond the motors'
-    /// limit, and for zero steps; [`Error::Inconsistent`] for other models than `contact`, and for a parameter without
-    /// derivative; [`Error::Memory`]; [`Error::Interrupted`] in [`crate::stoppable`].
+    /// limit, and for zero steps; [`Error::Inconsistent`] for a model or ground without derivatives, and for a parameter
+    /// without derivative; [`Error::Memory`]; [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn jacobians(
         &mut self,
         wheel_torques: &[Wheels<f64>],
@@ -33,7 +33,7 @@ impl Batch {
     ) -> Result<Vec<Option<Jacobian>>> {
         let n = self.len();
         self.expect_len("wheel_torques", wheel_torques.len(), n)?;
-        let with_loads = self.has_losses();
+        let coordinates = self.derivative_coordinates();
         for (i, torques) in wheel_torques.iter().enumerate() {
             let params = self.params(i)?;
             let limit = params.max_wheel_torque;
@@ -46,7 +46,7 @@ impl Batch {
         if steps == 0 {
             return Err(Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() });
         }
-        require_memory("the derivatives", n, bytes_of(parameters.len(), with_loads))?;
+        require_memory("the derivatives", n, bytes_of(parameters.len(), coordinates))?;
         let found = Mutex::new((0..n).map(|_| None).collect::<Vec<_>>());
         let failure = Mutex::new(None);
         let next = AtomicUsize::new(0);
@@ -59,7 +59,7 @@ impl Batch {
                     return;
                 }
                 let robot =
-                    watch.check().and_then(|()| chunks[i / width].differentiated(i % width, parameters, with_loads));
+                    watch.check().and_then(|()| chunks[i / width].differentiated(i % width, parameters, coordinates));
                 let jacobian = robot.map(|mut robot| robot.advance(wheel_torques[i], steps));
                 match jacobian {
                     Err(error) | Ok(Err(error @ Error::Interrupted)) => {

@@ -10,7 +10,7 @@ use ballbot_base::params::Params;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::wheels::{WHEELS, Wheels};
 use ballbot_contact::{Constants, ContactState, advance};
-use ballbot_gradients::{Differentiated, ROLLING, along_rolling, rolling_change};
+use ballbot_gradients::{Coordinates, Differentiated, ROLLING, along_rolling, rolling_change};
 use nalgebra::{Matrix3, SMatrix, SVector, Vector3};
 
 /// Number of coordinates of a rolling robot.
@@ -343,9 +343,8 @@ fn simulate(
 fn expand(problem: &Problem, setpoints: &[Setpoint], motion: &Motion, out: &mut Vec<Expansion>) -> bool {
     let objective = &problem.horizon.objective;
     let start = motion.stages[0].start.clone();
-    let Ok(mut robot) = Differentiated::new(&problem.params, &problem.constants, start, None, &[], false) else {
-        return false;
-    };
+    let new = Differentiated::new(&problem.params, &problem.constants, start, None, &[], Coordinates::All);
+    let Ok(mut robot) = new else { return false };
     out.clear();
     for (stage, setpoint) in motion.stages.iter().zip(setpoints).take(motion.len()) {
         let torques = Wheels(stage.torques.into());

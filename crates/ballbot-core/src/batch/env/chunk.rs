@@ -13,7 +13,7 @@ use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
-use ballbot_gradients::{Differentiated, Parameter};
+use ballbot_gradients::{Coordinates, Differentiable, Parameter};
 use nalgebra::Vector3;
 
 /// Environments of any one task. Indices count within the chunk.
@@ -130,7 +130,12 @@ pub trait Chunk: Send + Sync {
     ///
     /// # Errors
     /// As [`crate::Ballbot::jacobian`].
-    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated>;
+    fn differentiated(
+        &self,
+        i: usize,
+        parameters: &[Parameter],
+        coordinates: Coordinates,
+    ) -> Result<Box<dyn Differentiable>>;
 
     /// Last readings of the sensors, if the robot has any; before its first episode, readings of the robot at rest.
     fn readings(&self, i: usize) -> Option<Readings<f64>>;

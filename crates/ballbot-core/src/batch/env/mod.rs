@@ -38,7 +38,7 @@ use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
-use ballbot_gradients::{Differentiated, Parameter};
+use ballbot_gradients::{Coordinates, Differentiable, Parameter};
 use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 use rand_chacha::rand_core::SeedableRng;
@@ -497,8 +497,13 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.robots.contacts(i)
     }
 
-    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
-        self.robots.differentiated(i, parameters, with_loads)
+    fn differentiated(
+        &self,
+        i: usize,
+        parameters: &[Parameter],
+        coordinates: Coordinates,
+    ) -> Result<Box<dyn Differentiable>> {
+        self.robots.differentiated(i, parameters, coordinates)
     }
 
     fn readings(&self, i: usize) -> Option<Readings<f64>> {

@@ -19,7 +19,7 @@ use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
-use ballbot_gradients::{Differentiated, Parameter};
+use ballbot_gradients::{Coordinates, Differentiable, Differentiated, Parameter};
 use ballbot_lanes::ContactLanes;
 use nalgebra::Vector3;
 
@@ -93,7 +93,12 @@ pub trait Robots: Send + Sync {
     ///
     /// # Errors
     /// As [`Ballbot::jacobian`].
-    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated>;
+    fn differentiated(
+        &self,
+        i: usize,
+        parameters: &[Parameter],
+        coordinates: Coordinates,
+    ) -> Result<Box<dyn Differentiable>>;
 
     /// Parameters of robot `i`.
     fn params(&self, i: usize) -> &Params;
@@ -217,8 +222,13 @@ impl Robots for Single {
         self.robot.contacts()
     }
 
-    fn differentiated(&self, _: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
-        self.robot.differentiated(parameters, with_loads)
+    fn differentiated(
+        &self,
+        _: usize,
+        parameters: &[Parameter],
+        coordinates: Coordinates,
+    ) -> Result<Box<dyn Differentiable>> {
+        self.robot.differentiated(parameters, coordinates)
     }
 
     fn params(&self, _: usize) -> &Params {
@@ -325,9 +335,15 @@ impl Robots for ContactLanes {
         self.lane(i).contacts(&self.constants(i), self.ground())
     }
 
-    fn differentiated(&self, i: usize, parameters: &[Parameter], with_loads: bool) -> Result<Differentiated> {
+    fn differentiated(
+        &self,
+        i: usize,
+        parameters: &[Parameter],
+        coordinates: Coordinates,
+    ) -> Result<Box<dyn Differentiable>> {
         let (params, constants) = (self.lane_params(i), self.constants(i));
-        Differentiated::new(params, &constants, self.lane(i), self.shared_ground(), parameters, with_loads)
+        let ground = self.shared_ground();
+        Ok(Box::new(Differentiated::new(params, &constants, self.lane(i), ground, parameters, coordinates)?))
     }
 
     fn params(&self, i: usize) -> &Params {
