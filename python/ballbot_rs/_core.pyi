@@ -850,7 +850,7 @@ class Jacobians:
         """The states after each motion by the states before, shape (N, n, n)."""
     @property
     def B(self) -> _Array:
-        """The states by the torques, shape (N, n, 3)."""
+        """The states by the torques, shape (N, n, 3); by k torques of each robot, (N, n, 3 k)."""
     @property
     def P(self) -> _Array:
         """The states by the parameters, shape (N, n, k)."""
@@ -859,7 +859,7 @@ class Jacobians:
         """The contact forces by the states before, shape (N, 9, n)."""
     @property
     def D(self) -> _Array:
-        """The contact forces by the torques, shape (N, 9, 3)."""
+        """The contact forces by the torques, shape (N, 9, 3) or (N, 9, 3 k)."""
     @property
     def Q(self) -> _Array:
         """The contact forces by the parameters, shape (N, 9, k)."""
@@ -1803,9 +1803,10 @@ class Batch:
         self, wheel_torques: npt.ArrayLike, steps: int = 1, parameters: Sequence[str] | None = None
     ) -> Jacobians:
         """Derivatives of the next `steps` time steps of the model for each robot under constant motor torques (shape
-        (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. The robots do not move. A robot whose bot
-        touches the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or
-        roller friction, the contact forces of the last step are states of all.
+        (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. Torques of the shape (num_envs, k, 3) are held
+        for `steps` one after the other, and B has three columns for each. The robots do not move. A robot whose bot touches
+        the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or roller
+        friction, the contact forces of the last step are states of all.
 
         Raises:
             ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,

@@ -68,6 +68,27 @@ pub trait Differentiable {
         }
         Err(too_sensitive(steps))
     }
+
+    /// Advances the robot by `steps` time steps under each of some torques, at least one, N·m. B and D have three columns
+    /// for each.
+    ///
+    /// # Errors
+    /// As [`Differentiable::advance`].
+    fn advance_under(&mut self, torques: &[Wheels<f64>], steps: usize) -> Result<Jacobian> {
+        let (first, others) = torques.split_first().ok_or_else(|| Error::OutOfRange {
+            name: "wheel torques of a robot".into(),
+            value: 0.0,
+            limit: "at least 1".into(),
+        })?;
+        let first = self.advance(*first, steps)?;
+        let whole = others
+            .iter()
+            .try_fold(first, |before, torques| Ok(before.followed_under_others_by(self.advance(*torques, steps)?)))?;
+        if whole.is_finite() {
+            return Ok(whole);
+        }
+        Err(too_sensitive(steps * torques.len()))
+    }
 }
 
 fn too_sensitive(steps: usize) -> Error {
@@ -110,21 +131,39 @@ pub struct Jacobian {
     kinds: Option<[Kinds; 2]>,
 }
 
-/// Memory of a [`Jacobian`] of these states with respect to a number of parameters, bytes.
-pub fn bytes_of(parameters: usize, coordinates: Coordinates) -> usize {
+/// Memory of a [`Jacobian`] of these states with respect to some torques of the wheels and parameters, bytes.
+pub fn bytes_of(coordinates: Coordinates, torques: usize, parameters: usize) -> usize {
     let states = coordinates.count();
-    size_of::<Jacobian>() + (states + FORCES) * (states + WHEELS + parameters) * size_of::<f64>()
+    size_of::<Jacobian>() + (states + FORCES) * (states + WHEELS * torques + parameters) * size_of::<f64>()
 }
 
 impl Jacobian {
     /// The derivatives of this motion and the next, under the same torques.
     fn followed_by(&self, next: Self) -> Self {
+        let (b, d) = (&next.a * &self.b + &next.b, &next.c * &self.b + &next.d);
+        self.joined(next, b, d)
+    }
+
+    /// The derivatives of this motion and the next, under torques of its own, which are further columns of B and D.
+    fn followed_under_others_by(&self, next: Self) -> Self {
+        let beside = |before: DMatrix<f64>, after: &DMatrix<f64>| {
+            let columns = before.ncols();
+            let mut both = before.resize_horizontally(columns + after.ncols(), 0.0);
+            both.columns_mut(columns, after.ncols()).copy_from(after);
+            both
+        };
+        let (b, d) = (beside(&next.a * &self.b, &next.b), beside(&next.c * &self.b, &next.d));
+        self.joined(next, b, d)
+    }
+
+    /// The derivatives of this motion and the next, with those by the torques given.
+    fn joined(&self, next: Self, b: DMatrix<f64>, d: DMatrix<f64>) -> Self {
         Self {
             a: &next.a * &self.a,
-            b: &next.a * &self.b + next.b,
+            b,
             p: &next.a * &self.p + next.p,
             c: &next.c * &self.a,
-            d: &next.c * &self.b + next.d,
+            d,
             q: &next.c * &self.p + next.q,
             modes_changed: self.modes_changed
                 || next.modes_changed

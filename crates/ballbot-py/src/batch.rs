@@ -1093,9 +1093,10 @@ impl PyBatch {
     }
 
     /// Derivatives of the next `steps` time steps of the model for each robot under constant motor torques (shape
-    /// (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. The robots do not move. A robot whose bot
-    /// touches the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or
-    /// roller friction, the contact forces of the last step are states of all.
+    /// (num_envs, 3), N·m), without its motors' model; see `Ballbot.jacobian`. Torques of the shape (num_envs, k, 3) are held
+    /// for `steps` one after the other, and B has three columns for each. The robots do not move. A robot whose bot touches
+    /// the floor, or that diverges, has zeros, and False in `Jacobians.valid`. If one robot has rolling, spinning or roller
+    /// friction, the contact forces of the last step are states of all.
     ///
     /// Raises:
     ///     ValueError: a wrong shape; a torque beyond a robot's `max_wheel_torque`; fewer than one step; an unknown parameter,
@@ -1112,11 +1113,13 @@ impl PyBatch {
     ) -> PyResult<PyJacobians> {
         let steps = count("steps", steps, 1)?;
         let mut inner = self.inner.write()?;
-        let torques = jacobian::torques(wheel_torques, Some(inner.batch.len()))?;
+        let n = inner.batch.len();
+        let torques = jacobian::torques_of_robots(wheel_torques, n)?;
+        let numbers = torques.len() / n * ballbot_core::WHEELS;
         let parameters = jacobian::parameters(parameters)?;
         let batch = &mut inner.batch;
         let jacobians = interruptible(py, || batch.jacobians(&torques, steps, &parameters))?;
-        Ok(PyJacobians::new(jacobians, parameters, batch.derivative_coordinates()))
+        Ok(PyJacobians::new(jacobians, numbers, parameters, batch.derivative_coordinates()))
     }
 
     /// The complete state of environment `index`, including its robot's parameters, for `restore`; a controller's

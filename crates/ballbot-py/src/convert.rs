@@ -75,6 +75,11 @@ fn untyped<'py, T: Number>(name: &str, value: &Bound<'py, PyAny>, most: usize) -
     Ok(array)
 }
 
+/// Number of dimensions of an array-like, which [`read_elements`] then reads.
+pub(crate) fn dimensions<T: Number>(name: &str, value: &Bound<'_, PyAny>, most: usize) -> PyResult<usize> {
+    Ok(untyped::<T>(name, value, most)?.ndim())
+}
+
 /// Count of elements of an array that only memory limits.
 pub(crate) const ANY_COUNT: usize = usize::MAX;
 

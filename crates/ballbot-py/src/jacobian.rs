@@ -1,6 +1,6 @@
 //! `Jacobian` and `Jacobians`.
 
-use crate::convert::{ANY_COUNT, elements, finite_elements, matrix, names};
+use crate::convert::{ANY_COUNT, dimensions, elements, finite_elements, matrix, names};
 use crate::errors::{not_pickled, to_python};
 use crate::state::{PyContacts, PyState};
 use ballbot_core::fields::Fields;
@@ -32,9 +32,21 @@ pub(crate) struct PyJacobian {
 /// Largest number of motions whose derivatives are computed at once: 10 GB.
 const MOST_MOTIONS: usize = 1 << 20;
 
-/// Torques of robots or motions, shape (n, 3).
-pub(crate) fn torques(value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Vec<Wheels<f64>>> {
-    let numbers: Vec<f64> = elements("wheel_torques", value, &[n, Some(WHEELS)], WHEELS * MOST_MOTIONS)?;
+/// Torques of motions, shape (T, 3).
+pub(crate) fn torques(value: &Bound<'_, PyAny>) -> PyResult<Vec<Wheels<f64>>> {
+    torques_of_shape(value, &[None, Some(WHEELS)])
+}
+
+/// Torques of `n` robots, shape (n, 3), or (n, k, 3).
+pub(crate) fn torques_of_robots(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Wheels<f64>>> {
+    match dimensions::<f64>("wheel_torques", value, WHEELS * MOST_MOTIONS)? {
+        3 => torques_of_shape(value, &[Some(n), None, Some(WHEELS)]),
+        _ => torques_of_shape(value, &[Some(n), Some(WHEELS)]),
+    }
+}
+
+fn torques_of_shape(value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<Wheels<f64>>> {
+    let numbers: Vec<f64> = elements("wheel_torques", value, shape, WHEELS * MOST_MOTIONS)?;
     Ok(numbers.chunks_exact(WHEELS).map(|torques| Wheels([torques[0], torques[1], torques[2]])).collect())
 }
 
@@ -174,13 +186,20 @@ impl PyJacobian {
 #[pyclass(name = "Jacobians", module = "ballbot_rs", frozen, subclass)]
 pub(crate) struct PyJacobians {
     jacobians: Vec<Option<Jacobian>>,
+    /// Numbers of the torques of a motion.
+    torques: usize,
     parameters: Vec<Parameter>,
     states: Vec<String>,
 }
 
 impl PyJacobians {
-    pub(crate) fn new(jacobians: Vec<Option<Jacobian>>, parameters: Vec<Parameter>, coordinates: Coordinates) -> Self {
-        Self { jacobians, parameters, states: coordinates.names() }
+    pub(crate) fn new(
+        jacobians: Vec<Option<Jacobian>>,
+        torques: usize,
+        parameters: Vec<Parameter>,
+        coordinates: Coordinates,
+    ) -> Self {
+        Self { jacobians, torques, parameters, states: coordinates.names() }
     }
 
     fn stacked<'py>(
@@ -224,10 +243,10 @@ impl PyJacobians {
         self.stacked(py, [n, n], |jacobian| &jacobian.a)
     }
 
-    /// The states by the torques, shape (N, n, 3).
+    /// The states by the torques, shape (N, n, 3); by k torques of each robot, (N, n, 3 k).
     #[getter(B)]
     fn b<'py>(&self, py: Python<'py>) -> Stack<'py> {
-        self.stacked(py, [self.states.len(), WHEELS], |jacobian| &jacobian.b)
+        self.stacked(py, [self.states.len(), self.torques], |jacobian| &jacobian.b)
     }
 
     /// The states by the parameters, shape (N, n, k).
@@ -242,10 +261,10 @@ impl PyJacobians {
         self.stacked(py, [FORCES, self.states.len()], |jacobian| &jacobian.c)
     }
 
-    /// The contact forces by the torques, shape (N, 9, 3).
+    /// The contact forces by the torques, shape (N, 9, 3) or (N, 9, 3 k).
     #[getter(D)]
     fn d<'py>(&self, py: Python<'py>) -> Stack<'py> {
-        self.stacked(py, [FORCES, WHEELS], |jacobian| &jacobian.d)
+        self.stacked(py, [FORCES, self.torques], |jacobian| &jacobian.d)
     }
 
     /// The contact forces by the parameters, shape (N, 9, k).
@@ -306,8 +325,8 @@ impl PyJacobians {
     }
 
     fn __repr__(&self) -> String {
-        let (n, k) = (self.states.len(), self.parameters.len());
-        format!("<Jacobians: {} motions, {n} states, 3 torques, {k} parameters>", self.jacobians.len())
+        let (n, m, k) = (self.states.len(), self.torques, self.parameters.len());
+        format!("<Jacobians: {} motions, {n} states, {m} torques, {k} parameters>", self.jacobians.len())
     }
 }
 
@@ -323,7 +342,7 @@ impl PyMotionJacobians {
         parameters: Vec<Parameter>,
         coordinates: Coordinates,
     ) -> PyResult<Py<Self>> {
-        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), parameters, coordinates);
+        let all = PyJacobians::new(jacobians.into_iter().map(Some).collect(), WHEELS, parameters, coordinates);
         Py::new(py, PyClassInitializer::from(all).add_subclass(Self))
     }
 }

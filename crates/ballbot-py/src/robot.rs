@@ -174,7 +174,7 @@ impl PyBallbot {
         parameters: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Py<PyMotionJacobians>> {
         let steps = count("steps", steps, 1)?;
-        let torques = jacobian::torques(wheel_torques, None)?;
+        let torques = jacobian::torques(wheel_torques)?;
         let parameters = jacobian::parameters(parameters)?;
         let robot = self.0.read()?;
         let robot = &*robot;

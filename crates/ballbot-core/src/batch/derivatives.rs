@@ -16,13 +16,14 @@ impl Batch {
         self.model().coordinates((0..self.len()).any(|i| self.params(i).is_ok_and(Params::has_losses)))
     }
 
-    /// Derivatives of the next `steps` time steps of the model, at least one, of each robot under constant motor torques,
-    /// N·m, without its motors' model: see [`Ballbot::jacobian`](crate::Ballbot::jacobian). The robots do not move. `None`
-    /// for a robot without derivatives: its bot touches the floor, or it diverges. If one robot has losses, the contact
-    /// forces of the last step are states of all.
+    /// Derivatives of the next time steps of the model of each robot under motor torques, N·m, without its motors' model: see
+    /// [`Ballbot::jacobian`](crate::Ballbot::jacobian). `wheel_torques` has the same number of torques for each robot, at
+    /// least one; each is held for `steps` time steps, at least one, and is three columns of B. The robots do not move.
+    /// `None` for a robot without derivatives: its bot touches the floor, or it diverges. If one robot has losses, the
+    /// contact forces of the last step are states of all.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there are torques for each robot; [`Error::OutOfRange`] for torques beyond the motors'
+    /// [`Error::Length`] unless there are as many torques for each robot; [`Error::OutOfRange`] for torques beyond the motors'
     /// limit, and for zero steps; [`Error::Inconsistent`] for a model or ground without derivatives, and for a parameter
     /// without derivative; [`Error::Memory`]; [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn jacobians(
@@ -32,13 +33,14 @@ impl Batch {
         parameters: &[Parameter],
     ) -> Result<Vec<Option<Jacobian>>> {
         let n = self.len();
-        self.expect_len("wheel_torques", wheel_torques.len(), n)?;
+        let each = wheel_torques.len() / n;
+        self.expect_len("wheel_torques", wheel_torques.len(), n * each.max(1))?;
         let coordinates = self.derivative_coordinates();
         for (i, torques) in wheel_torques.iter().enumerate() {
-            let params = self.params(i)?;
-            let limit = params.max_wheel_torque;
+            let limit = self.params(i / each)?.max_wheel_torque;
             for (wheel, &torque) in torques.iter().enumerate() {
-                let name = format_args!("wheel_torques[{i}, {wheel}]");
+                let place = if each == 1 { i.to_string() } else { format!("{}, {}", i / each, i % each) };
+                let name = format_args!("wheel_torques[{place}, {wheel}]");
                 let words = format_args!("within ±max_wheel_torque = {limit} N·m");
                 check(name, torque, words, |torque| torque.abs() <= limit)?;
             }
@@ -46,7 +48,7 @@ impl Batch {
         if steps == 0 {
             return Err(Error::OutOfRange { name: "steps".into(), value: 0.0, limit: "at least 1".into() });
         }
-        require_memory("the derivatives", n, bytes_of(parameters.len(), coordinates))?;
+        require_memory("the derivatives", n, bytes_of(coordinates, each, parameters.len()))?;
         let found = Mutex::new((0..n).map(|_| None).collect::<Vec<_>>());
         let failure = Mutex::new(None);
         let next = AtomicUsize::new(0);
@@ -60,7 +62,7 @@ impl Batch {
                 }
                 let robot =
                     watch.check().and_then(|()| chunks[i / width].differentiated(i % width, parameters, coordinates));
-                let jacobian = robot.map(|mut robot| robot.advance(wheel_torques[i], steps));
+                let jacobian = robot.map(|mut robot| robot.advance_under(&wheel_torques[i * each..][..each], steps));
                 match jacobian {
                     Err(error) | Ok(Err(error @ Error::Interrupted)) => {
                         next.store(n, Ordering::Relaxed);

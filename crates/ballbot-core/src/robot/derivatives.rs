@@ -33,7 +33,7 @@ impl Ballbot {
     ) -> Result<Jacobian> {
         let wheel_torques = self.checked(wheel_torques.into())?;
         let coordinates = self.derivative_coordinates();
-        require_memory("the derivatives", 1, bytes_of(parameters.len(), coordinates))?;
+        require_memory("the derivatives", 1, bytes_of(coordinates, 1, parameters.len()))?;
         self.differentiated(parameters, coordinates)?.advance(wheel_torques, steps)
     }
 
@@ -49,7 +49,7 @@ impl Ballbot {
         parameters: &[Parameter],
     ) -> Result<Vec<Jacobian>> {
         let coordinates = self.derivative_coordinates();
-        require_memory("the derivatives", wheel_torques.len(), bytes_of(parameters.len(), coordinates))?;
+        require_memory("the derivatives", wheel_torques.len(), bytes_of(coordinates, 1, parameters.len()))?;
         let mut robot = self.differentiated(parameters, coordinates)?;
         wheel_torques.iter().map(|torques| robot.advance(self.checked(*torques)?, steps)).collect()
     }
