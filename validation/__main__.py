@@ -34,7 +34,7 @@ def _head(found: Sequence[tuple[Topic, Findings]]) -> str:
 
 def versions() -> str:
     """Versions of what ran, in a line."""
-    names = ["ballbot-rs", "numpy", "pin", "mujoco", "pybullet"]
+    names = ["ballbot-rs", "numpy", "pin", "mujoco", "mujoco-mjx", "pybullet"]
     found = {name: metadata.version(name) for name in names if any(metadata.distributions(name=name))}
     return (
         f"Python {platform.python_version()}, "

@@ -13,6 +13,7 @@ import numpy as np
 
 import ballbot_rs as bb
 from validation.claim import Claim
+from validation.engines.rotations import product
 from validation.mechanics import Array, unstable_pole
 from validation.topic import Findings
 
@@ -78,7 +79,7 @@ def errors_of_differences() -> Array:
             ball_velocity=(0.1, -0.05, 0.0),
             ball_angular_velocity=(0.4, 1.0, 0.2),
             body_position=(0.0, 0.0, height + 3e-6),
-            body_quaternion=_product(np.array(start.body_quaternion), turn),
+            body_quaternion=product(np.array(start.body_quaternion), turn),
             body_angular_velocity=(0.1, 0.2, -0.3),
             wheel_speeds=(2.0, -3.0, 1.0),
         )
@@ -100,11 +101,6 @@ def errors_of_differences() -> Array:
 
 def _is_velocity(name: str) -> bool:
     return name.startswith(("ball_velocity", "body_velocity", "body_angular_velocity", "wheel_speed"))
-
-
-def _product(a: Array, b: Array) -> Array:
-    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
-    return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
 
 
 def rolling(params: bb.Params, sim_dt: float) -> tuple[Array, Array]:

@@ -17,6 +17,12 @@ def matrix(quaternion: Array) -> Array:
     )
 
 
+def product(a: Array, b: Array) -> Array:
+    """Product of two quaternions (4): the rotation by b, then by a."""
+    vector = a[0] * b[1:] + b[0] * a[1:] + np.cross(a[1:], b[1:])
+    return np.array([a[0] * b[0] - a[1:] @ b[1:], *vector])
+
+
 def attitude(tilt: Array, yaw: Array) -> Array:
     """Quaternions (n, 4) of bodies rotated by `yaw` (n), then tilted by rotation vectors `tilt` (n, 2), rad."""
     angle = np.hypot(tilt[:, 0], tilt[:, 1])
