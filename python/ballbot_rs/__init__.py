@@ -88,7 +88,8 @@ if TYPE_CHECKING:
     from ballbot_rs.control.sb3_policy import save
     from ballbot_rs.envs.sb3 import BallbotVecEnv
     from ballbot_rs.envs.sb3_grouped import GroupedVecEnv
-    from ballbot_rs.optimal.differentiable import DifferentiableBatch
+    from ballbot_rs.optimal.differentiable_jax import DifferentiableJaxBatch
+    from ballbot_rs.optimal.differentiable_torch import DifferentiableBatch
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -105,6 +106,7 @@ __all__ = [
     "ControllerError",
     "ControllerInfo",
     "DifferentiableBatch",
+    "DifferentiableJaxBatch",
     "DivergedError",
     "Force",
     "GoalEnv",
@@ -179,12 +181,13 @@ __all__ = [
     "write_terrain",
 ]
 
-#: Names whose modules import PyTorch, loaded at their first use.
+#: Names whose modules import PyTorch or JAX, loaded at their first use, and the extra that they need.
 _LEARNING = {
-    "BallbotVecEnv": "ballbot_rs.envs.sb3",
-    "DifferentiableBatch": "ballbot_rs.optimal.differentiable",
-    "GroupedVecEnv": "ballbot_rs.envs.sb3_grouped",
-    "save": "ballbot_rs.control.sb3_policy",
+    "BallbotVecEnv": ("ballbot_rs.envs.sb3", "train"),
+    "DifferentiableBatch": ("ballbot_rs.optimal.differentiable_torch", "train"),
+    "DifferentiableJaxBatch": ("ballbot_rs.optimal.differentiable_jax", "jax"),
+    "GroupedVecEnv": ("ballbot_rs.envs.sb3_grouped", "train"),
+    "save": ("ballbot_rs.control.sb3_policy", "train"),
 }
 
 register_environments()
@@ -197,8 +200,9 @@ def __getattr__(name: str) -> Any:
 
     from ballbot_rs._extras import require
 
-    with require(name, "train"):
-        return getattr(importlib.import_module(_LEARNING[name]), name)
+    module, extra = _LEARNING[name]
+    with require(name, extra):
+        return getattr(importlib.import_module(module), name)
 
 
 def __dir__() -> list[str]:

@@ -123,8 +123,8 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
-    # Its numbers are tensors of PyTorch.
-    "DifferentiableBatch",
+    # Their numbers are of PyTorch and of JAX.
+    *("DifferentiableBatch", "DifferentiableJaxBatch"),
     # As others of the same class.
     *("GroupedVectorObservations", "GroupedVecEnv"),
     *(f"{name}VectorEnv" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")),

@@ -715,7 +715,8 @@ NOT_CALLED = {
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
-    *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr", "DifferentiableBatch"),
+    *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
+    *("DifferentiableBatch", "DifferentiableJaxBatch"),
     *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")
       for kind in ("Env", "VectorEnv")),
 }  # fmt: skip

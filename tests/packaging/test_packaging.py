@@ -20,7 +20,7 @@ LEARNING = {
     "control/sb3_archive.py",
     "control/sb3_policy.py",
     "envs/_sb3_functions.py",
-    "optimal/differentiable.py",
+    "optimal/differentiable_torch.py",
     "envs/sb3.py",
     "envs/sb3_grouped.py",
     "training/callbacks.py",
@@ -51,7 +51,7 @@ gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
 import ballbot_rs.analysis.episodes, ballbot_rs.cli
 ballbot_rs.cli.parser()
 ballbot_rs.analysis.episodes.evaluate("lqr", episodes=1, env_options={"model": "planar"})
-heavy = {"torch", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh"}
+heavy = {"torch", "jax", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh"}
 print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """
     assert run_python(code).strip() == "[]"
@@ -66,6 +66,10 @@ print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
             "main(['evaluate', 'balance', '--controller', 'x.zip'])",
             "a policy file needs torch: install it with `pip install -e '.[train]'`",
         ),
+        (
+            "ballbot_rs.DifferentiableJaxBatch",
+            "DifferentiableJaxBatch needs jax: install it with `pip install -e '.[jax]'`",
+        ),
         ("main(['view'])", "the page needs viser: install it with `pip install -e '.[view]'`"),
     ],
 )
@@ -74,7 +78,7 @@ def test_without_the_learner_the_message_names_what_to_install(use, message):
 import sys
 class Hidden:
     def find_spec(self, name, path=None, target=None):
-        hidden = {{"torch": "torch", "stable_baselines3": "torch", "viser": "viser"}}
+        hidden = {{"torch": "torch", "jax": "jax", "stable_baselines3": "torch", "viser": "viser"}}
         if name.split(".")[0] in hidden:
             raise ModuleNotFoundError(f"No module named {{name!r}}", name=hidden[name.split(".")[0]])
 sys.meta_path.insert(0, Hidden())
@@ -132,6 +136,8 @@ def test_imports_go_downwards(module):
     roots = {name.split(".")[0] for name in imports_of(module)}
     if module not in LEARNING:
         assert not roots & {"torch", "stable_baselines3"}
+    if module != "optimal/differentiable_jax.py":
+        assert "jax" not in roots
     if not module.startswith("training/on_ray/"):
         assert "ray" not in roots
     if not module.startswith("media/figures/"):

@@ -32,6 +32,7 @@ LEFT_OUT = {
     "optimize_trajectory": "seconds a call; tests/optimal has its bad input",
     "OptimizedTrajectory": "a plain record",
     "DifferentiableBatch": "needs PyTorch; tests/optimal has its bad input",
+    "DifferentiableJaxBatch": "needs JAX; as DifferentiableBatch",
     "TimeVaryingLqr": "made by OptimizedTrajectory.law; tests/optimal has it",
     "Trajectory": "a plain record; tests/analysis has its files",
     "Metrics": "a plain record",

@@ -3,6 +3,7 @@
 import inspect
 
 import ballbot_rs
+from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 #: Every name of `ballbot_rs.__all__` is in one group; a test checks this.
 GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
@@ -101,7 +102,14 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "optimal": (
         "Linear models and optimal motions",
-        ("linearize", "optimize_trajectory", "OptimizedTrajectory", "TimeVaryingLqr", "DifferentiableBatch"),
+        (
+            "linearize",
+            "optimize_trajectory",
+            "OptimizedTrajectory",
+            "TimeVaryingLqr",
+            "DifferentiableBatch",
+            "DifferentiableJaxBatch",
+        ),
     ),
     "identification": ("Identification", ("identify", "IdentifiedParams", "SensorLog", "record_log")),
     "errors": ("Errors", ("BallbotError", "InvalidInputError", "UrdfError", "DivergedError", "ControllerError")),
@@ -129,7 +137,9 @@ def _directive(name: str) -> str:
         kind = "function" if callable(thing) else "data"
         return f".. auto{kind}:: ballbot_rs.{name}\n"
     kind = "exception" if issubclass(thing, Exception) else "class"
-    return f".. auto{kind}:: ballbot_rs.{name}\n   :members:\n"
+    # Bases of the others are of other libraries, or have their own entry.
+    inherited = "   :inherited-members:\n" if issubclass(thing, DifferentiableRobots) else ""
+    return f".. auto{kind}:: ballbot_rs.{name}\n   :members:\n{inherited}"
 
 
 def _deployment() -> str:

@@ -1,38 +1,22 @@
-"""Batches whose motion PyTorch differentiates."""
+"""What differentiable batches share, whichever library differentiates their states."""
 
-from typing import Any
+import abc
+from typing import Any, Generic, TypeVar
 
 import numpy as np
-import torch
+import numpy.typing as npt
 
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.optimal import tangent
 
+Tensor = TypeVar("Tensor")
 
-class DifferentiableBatch:
-    """Robots of a batch whose states PyTorch differentiates, through contact and slip.
 
-    For policies that follow the gradient of what their robots do:
+class DifferentiableRobots(abc.ABC, Generic[Tensor]):
+    """Robots of a batch whose states a library of arrays differentiates."""
 
-        robots = DifferentiableBatch(Batch(64))
-        states = robots.reset(seeds)
-        for _ in range(32):
-            states, ended = robots.step(states, policy(states))
-            loss = loss + cost(states)[~ended].sum()
-        loss.backward()
-
-    States are float64 tensors, shape (n, 32), rows as `State.to_array`. The gradients are exact with the modes that the
-    contacts took, as `Batch.jacobians`, along changes that leave quaternions of unit length. A robot whose episode ends
-    starts another, and its new state has no gradient; neither has the state of a robot whose bot touches the floor. A
-    step takes as long as 25 steps without derivatives.
-
-    Args:
-        batch: in the model "contact", with `autoreset` "same_step", ideal motors and without pushes.
-
-    Raises:
-        ValueError: another batch.
-    """
+    _library: Any
 
     def __init__(self, batch: Batch) -> None:
         pushed = batch.task == "push" or any(event["term"] == "push" for event in batch.options["events"])
@@ -47,32 +31,35 @@ class DifferentiableBatch:
         self.batch = batch
         self._limits = batch.action_torques[:, None]
 
-    def reset(self, seeds: Any = None) -> torch.Tensor:
+    def reset(self, seeds: Any = None) -> Tensor:
         """Begins new episodes, as `Batch.reset`, and returns the first states."""
         self.batch.reset(seeds=seeds)
         return self.states()
 
-    def states(self) -> torch.Tensor:
+    def states(self) -> Tensor:
         """The present states, without gradient: from here on `step` differentiates."""
-        return torch.from_numpy(np.array(self.batch.states()))
+        return self._tensor(self.batch.states())
 
-    @staticmethod
-    def deviations(states: torch.Tensor) -> torch.Tensor:
+    @classmethod
+    def deviations(cls, states: Any) -> Tensor:
         """What a policy needs of states, shape (n, 9): from rest upright at the origin, in the heading frame.
 
         Position (2, m), tilt about x and y (2, sine), velocity (2, m/s), and rates of the body (3, rad/s).
         """
-        w, x, y, z = states[:, 16:20].unbind(1)
+        w, x, y, z = (states[:, i] for i in range(16, 20))
         sine, cosine = 2.0 * w * z / (w**2 + z**2), (w**2 - z**2) / (w**2 + z**2)
 
-        def turned(along_x: torch.Tensor, along_y: torch.Tensor) -> torch.Tensor:
-            return torch.stack([cosine * along_x + sine * along_y, cosine * along_y - sine * along_x], 1)
+        def turned(along_x: Any, along_y: Any) -> tuple[Any, Any]:
+            return cosine * along_x + sine * along_y, cosine * along_y - sine * along_x
 
+        position, velocity = turned(states[:, 0], states[:, 1]), turned(states[:, 7], states[:, 8])
         # The body leans towards +x by a rotation about +y.
         tilt = turned(2.0 * (w * x - y * z), 2.0 * (x * z + w * y))
-        return torch.cat([turned(*states[:, :2].T), tilt, turned(*states[:, 7:9].T), states[:, 23:26]], 1)
+        rates = (states[:, i] for i in range(23, 26))
+        stacked: Tensor = cls._library.stack([*position, *tilt, *velocity, *rates], 1)
+        return stacked
 
-    def step(self, states: torch.Tensor, wheel_torques: torch.Tensor) -> tuple[torch.Tensor, torch.Tensor]:
+    def step(self, states: Any, wheel_torques: Any) -> tuple[Tensor, Tensor]:
         """Advances by one control step: states and whether the episode ended, shape (n,), bool.
 
         Args:
@@ -82,44 +69,44 @@ class DifferentiableBatch:
         Raises:
             ValueError: other states than the present states, or torques that are out of range.
         """
-        before, now = states.detach().numpy(), self.batch.states()
-        if before.shape != now.shape or not np.array_equal(before, now):
+        return self._linked(self._tensor(states), self._tensor(wheel_torques))
+
+    @abc.abstractmethod
+    def _tensor(self, numbers: Any) -> Tensor:
+        """Numbers as float64 of the library."""
+
+    @abc.abstractmethod
+    def _linked(self, states: Tensor, torques: Tensor) -> tuple[Tensor, Tensor]:
+        """States and ends of `_advance`, the states with its derivatives by the arguments."""
+
+    def _check_shapes(self, states: tuple[int, ...], torques: tuple[int, ...]) -> None:
+        n = self.batch.num_envs
+        for name, shape, width in [("states", states, tangent.NUMBERS), ("wheel_torques", torques, 3)]:
+            if tuple(shape) != (n, width):
+                raise InvalidInputError(f"{name} must have the shape ({n}, {width}), not {tuple(shape)}")
+
+    def _advance(self, states: npt.ArrayLike, torques: npt.ArrayLike) -> tuple[npt.NDArray[Any], ...]:
+        """Advances by one control step: states, ends, and derivatives of the states by the states and torques before.
+
+        Shapes (n, 32), (n,), (n, 32, 32) and (n, 32, 3).
+        """
+        before, held = np.asarray(states), np.asarray(torques)
+        if not np.array_equal(before, self.batch.states()):
             raise InvalidInputError(
                 "the states are not the present states of the batch: pass what the last step returned"
             )
-        torques = wheel_torques.detach().double().numpy()
-        fits = torques.shape == (len(now), 3) and bool((np.abs(torques) <= self._limits).all())
-        if not fits:
+        if not (np.abs(held) <= self._limits).all():
             raise InvalidInputError(
-                f"wheel_torques must have the shape ({len(now)}, 3) and be within {self._limits.min():g} N·m: "
-                "limit them in the policy, as with limit * torch.tanh(...), so that the limit has its gradient"
+                f"wheel_torques up to {np.abs(held).max():g} N·m: must be within {self._limits.min():g} N·m; "
+                "limit them in the policy, as with limit * tanh(...), so that the limit has its gradient"
             )
-        actions = (torques / self._limits).astype(np.float32)
+        actions = (held / self._limits).astype(np.float32)
         found = self.batch.jacobians(actions * self._limits, self.batch.substeps)
         _, _, terminated, truncated = self.batch.step(actions)
-        ended, after = terminated | truncated, np.array(self.batch.states())
+        ended, after = terminated | truncated, self.batch.states()
         keep = (found.valid & ~ended)[:, None, None]
         # Contact forces of the last step, on which small losses depend, are left out.
         n = tangent.COORDINATES
         out = tangent.numbers_by_change(after)
-        by_state = out @ (keep * found.A[:, :n, :n]) @ tangent.change_by_numbers(before)
-        by_torques = out @ (keep * found.B[:, :n])
-        matrices = torch.from_numpy(by_state), torch.from_numpy(by_torques)
-        return _Step.apply(states, wheel_torques.double(), torch.from_numpy(after), *matrices), torch.from_numpy(ended)
-
-
-class _Step(torch.autograd.Function):
-    """States with known derivatives by the states and torques before."""
-
-    @staticmethod
-    def forward(
-        ctx: Any, _states: torch.Tensor, _torques: torch.Tensor, after: torch.Tensor, *matrices: torch.Tensor
-    ) -> torch.Tensor:
-        ctx.save_for_backward(*matrices)
-        return after
-
-    @staticmethod
-    def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
-        by_state, by_torques = ctx.saved_tensors
-        row = gradient[:, None]
-        return (row @ by_state)[:, 0], (row @ by_torques)[:, 0], None, None, None
+        by_states = out @ (keep * found.A[:, :n, :n]) @ tangent.change_by_numbers(before)
+        return after, ended, by_states, out @ (keep * found.B[:, :n])

@@ -1,0 +1,71 @@
+"""Batches whose motion JAX differentiates."""
+
+from typing import Any
+
+import jax
+import jax.numpy as jnp
+from jax.experimental import io_callback
+
+from ballbot_rs._core import Batch
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.optimal import tangent
+from ballbot_rs.optimal.differentiable import DifferentiableRobots
+
+
+class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
+    """Robots of a batch whose states JAX differentiates, as `DifferentiableBatch` with PyTorch.
+
+    `step` may be called in `jax.jit`, `jax.lax.scan` and `jax.grad`, forward and in reverse:
+
+        robots = DifferentiableJaxBatch(Batch(64))
+
+        def move(states, _):
+            states, ended = robots.step(states, policy(parameters, states))
+            ...
+
+    The batch is stateful, so a compiled step calls back into Python, in order, and `jax.vmap` and `jax.checkpoint` of a
+    step are errors. `reset` and `states` are called outside compiled functions. Bad input within them is an error of
+    JAX with the message of ours.
+    """
+
+    _library = jnp
+
+    def __init__(self, batch: Batch) -> None:
+        super().__init__(batch)
+        n = batch.num_envs
+        shapes = (n, tangent.NUMBERS), (n,), (n, tangent.NUMBERS, tangent.NUMBERS), (n, tangent.NUMBERS, 3)
+        self._found = [jax.ShapeDtypeStruct(shape, bool if len(shape) == 1 else float) for shape in shapes]
+
+    def _tensor(self, numbers: Any) -> jax.Array:
+        if not jax.config.jax_enable_x64:
+            raise InvalidInputError(
+                "states are float64: enable them first, with jax.config.update('jax_enable_x64', True)"
+            )
+        return jnp.asarray(numbers, dtype=jnp.float64)
+
+    def _linked(self, states: jax.Array, torques: jax.Array) -> tuple[jax.Array, jax.Array]:
+        self._check_shapes(states.shape, torques.shape)
+        values = jax.lax.stop_gradient((states, torques))
+        if any(isinstance(value, jax.core.Tracer) for value in values):
+            found = io_callback(self._advance, self._found, *values, ordered=True)
+        else:
+            found = map(jnp.asarray, self._advance(*values))
+        after, ended, *matrices = found
+        return _step(states, torques, after, *matrices), ended
+
+
+def _after(
+    _states: jax.Array, _torques: jax.Array, after: jax.Array, _by_states: jax.Array, _by_torques: jax.Array
+) -> jax.Array:
+    return after
+
+
+def _change(primals: tuple[jax.Array, ...], tangents: tuple[jax.Array, ...]) -> tuple[jax.Array, jax.Array]:
+    _, _, after, by_states, by_torques = primals
+    by_both, change = jnp.concatenate([by_states, by_torques], 2), jnp.concatenate(tangents[:2], 1)
+    return after, (by_both @ change[..., None])[..., 0]
+
+
+#: States with known derivatives by the states and torques before.
+_step = jax.custom_jvp(_after)
+_step.defjvp(_change)
