@@ -276,6 +276,32 @@ def test_robots_of_a_batch_have_the_derivatives_of_single_robots():
         np.testing.assert_allclose(all_of_them.P[i, :30], one.P, rtol=1e-8, atol=1e-11)
 
 
+def test_a_batch_has_columns_for_each_of_several_torques():
+    batch = bb.Batch(3, params=["paper", "kugle", "rezero"])
+    batch.reset()
+    torques = np.random.default_rng(0).uniform(-0.05, 0.05, (3, 4, 3))
+    found = batch.jacobians(torques, 2, ["body_mass"])
+    assert found.B.shape == (3, 30, 12)
+    assert found.D.shape == (3, 9, 12)
+    for i in range(3):
+        robot = bb.Ballbot(batch.params(i), sim_dt=batch.sim_dt)
+        robot.reset(batch.state(i))
+        parts = robot.jacobians(torques[i], 2, ["body_mass"])
+        for row in range(30):
+            weights = np.zeros((4, 30))
+            weights[-1, row] = 1.0
+            by_state, by_torques, by_mass = parts.vjp(weights)
+            np.testing.assert_allclose(found.A[i, row], by_state, rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(found.B[i, row], by_torques.ravel(), rtol=1e-8, atol=1e-9)
+            np.testing.assert_allclose(found.P[i, row], by_mass, rtol=1e-8, atol=1e-9)
+    for wrong in (np.zeros((3, 0, 3)), np.zeros((2, 4, 3)), np.zeros((3, 4, 2)), np.zeros(3)):
+        with pytest.raises(ValueError, match="wheel_torques"):
+            batch.jacobians(wrong)
+    with pytest.raises(ValueError, match=r"wheel_torques\[1, 2, 0\] = 99"):
+        torques[1, 2, 0] = 99.0
+        batch.jacobians(torques)
+
+
 def test_a_robot_that_falls_has_no_derivatives_and_leaves_its_neighbors_theirs():
     batch = bb.Batch(9)
     params = bb.Params.paper()

@@ -47,6 +47,54 @@ def test_gradients_by_torques_equal_differences():
         assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("actuators", "width"),
+    [
+        ({"delay": 0.01, "strength": (1.0, 0.9, 0.8)}, 35),
+        ({"lag": 0.03}, 35),
+        ({"delay": 0.016, "lag": 0.02}, 41),
+        ({"delay": 0.004}, 35),
+    ],
+)
+def test_gradients_pass_delay_and_lag_of_motors(actuators, width):
+    made = bb.DifferentiableBatch(bb.Batch(3, num_threads=1, actuators=actuators))
+    assert made.width == width
+    torques = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, 3, 3))
+
+    def run(values):
+        states, total = made.reset([0, 1, 2]), 0.0
+        for step in range(STEPS):
+            states, ended = made.step(states, values[step])
+            assert not ended.any()
+            total = total + loss_of(states)
+        return total
+
+    leaf = torch.tensor(torques, requires_grad=True)
+    run(leaf).backward()
+    for index in [(0, 0, 0), (0, 1, 2), (2, 2, 1), (3, 0, 1)]:
+        ends = []
+        for change in (2e-3, -2e-3):
+            changed = torques.copy()
+            changed[index] += change
+            ends.append(float(run(torch.tensor(changed))))
+        assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
+    # A command that has yet to arrive has no gradient.
+    assert made.batch.options["actuators"].get("delay", 0.0) < 0.01 or not leaf.grad[-1].any()
+
+
+def test_motors_begin_an_episode_with_nothing_in_transit():
+    made = bb.DifferentiableBatch(bb.Batch(4, num_threads=1, actuators={"delay": 0.02, "lag": 0.01}))
+    states = made.reset([0, 1, 2, 3])
+    for _ in range(300):
+        states, ended = made.step(states, torch.full((4, 3), 0.2))
+        if ended.any():
+            break
+    assert ended.any()
+    assert not states[ended, 32:].any()
+    assert states[~ended, 32:].all()
+    assert made.step(states, torch.zeros(4, 3))[0].isfinite().all()
+
+
 def test_gradients_by_states_equal_differences():
     made = robots(1)
     states = made.states().requires_grad_()
@@ -106,9 +154,10 @@ def test_deviations_are_in_the_heading_frame():
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"model": "spatial"}, "only contact"),
+        ({"model": "spatial"}, "model spatial: expected 'contact'"),
         ({"autoreset": "disabled"}, "same_step"),
-        ({"actuators": {"lag": 0.01}}, "actuators"),
+        ({"actuators": {"speed_limit": 10.0}}, "speed_limit = 10.0: only delay, strength, lag"),
+        ({"events": "mild"}, "events that change the motors: actuators.strength, actuators.delay"),
         ({"task": "push"}, "pushes"),
         ({"events": [{"term": "push", "range": [0.0, 1.0], "at": 0.0}]}, "pushes"),
     ],

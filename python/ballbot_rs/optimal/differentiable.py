@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.optimal import tangent
+from ballbot_rs.optimal.held_motors import HeldMotors
 
 Tensor = TypeVar("Tensor")
 
@@ -19,26 +20,36 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
     _library: Any
 
     def __init__(self, batch: Batch) -> None:
-        pushed = batch.task == "push" or any(event["term"] == "push" for event in batch.options["events"])
+        events = [event["term"] for event in batch.options["events"]]
+        pushed = batch.task == "push" or "push" in events
+        motors = [term for term in events if term.startswith("actuators.") or term == "max_wheel_torque"]
         for fits, what in [
-            (batch.model == "contact", f"the model {batch.model}: only contact has derivatives"),
+            (batch.model == "contact", f"the model {batch.model}: expected 'contact'"),
             (batch.autoreset == "same_step", f"autoreset={batch.autoreset!r}: expected 'same_step'"),
-            (batch.options["actuators"] is None, "actuators: derivatives are without the model of the motors"),
+            (not motors, f"events that change the motors: {', '.join(motors)}"),
             (not pushed, "pushes, which the derivatives do not know"),
         ]:
             if not fits:
                 raise InvalidInputError(f"a differentiable batch cannot have {what}")
         self.batch = batch
         self._limits = batch.action_torques[:, None]
+        self._motors = HeldMotors(batch.options["actuators"], batch.sim_dt, batch.substeps)
+        self._motor_rows = np.zeros((batch.num_envs, self._motors.width))
+        #: Count of numbers of a state: of `State.to_array`, then of its motors.
+        self.width = tangent.NUMBERS + self._motors.width
 
     def reset(self, seeds: Any = None) -> Tensor:
         """Begins new episodes, as `Batch.reset`, and returns the first states."""
         self.batch.reset(seeds=seeds)
+        self._motor_rows[:] = 0.0
         return self.states()
 
     def states(self) -> Tensor:
         """The present states, without gradient: from here on `step` differentiates."""
-        return self._tensor(self.batch.states())
+        return self._tensor(self._present())
+
+    def _present(self) -> npt.NDArray[np.float64]:
+        return np.hstack([self.batch.states(), self._motor_rows])
 
     @classmethod
     def deviations(cls, states: Any) -> Tensor:
@@ -81,32 +92,44 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
 
     def _check_shapes(self, states: tuple[int, ...], torques: tuple[int, ...]) -> None:
         n = self.batch.num_envs
-        for name, shape, width in [("states", states, tangent.NUMBERS), ("wheel_torques", torques, 3)]:
+        for name, shape, width in [("states", states, self.width), ("wheel_torques", torques, 3)]:
             if tuple(shape) != (n, width):
                 raise InvalidInputError(f"{name} must have the shape ({n}, {width}), not {tuple(shape)}")
 
     def _advance(self, states: npt.ArrayLike, torques: npt.ArrayLike) -> tuple[npt.NDArray[Any], ...]:
         """Advances by one control step: states, ends, and derivatives of the states by the states and torques before.
 
-        Shapes (n, 32), (n,), (n, 32, 32) and (n, 32, 3).
+        Shapes (n, width), (n,), (n, width, width) and (n, width, 3).
         """
-        before, held = np.asarray(states), np.asarray(torques)
-        if not np.array_equal(before, self.batch.states()):
+        before, commands = np.asarray(states), np.asarray(torques)
+        if not np.array_equal(before, self._present()):
             raise InvalidInputError(
                 "the states are not the present states of the batch: pass what the last step returned"
             )
-        if not (np.abs(held) <= self._limits).all():
+        if not (np.abs(commands) <= self._limits).all():
             raise InvalidInputError(
-                f"wheel_torques up to {np.abs(held).max():g} N·m: must be within {self._limits.min():g} N·m; "
+                f"wheel_torques up to {np.abs(commands).max():g} N·m: must be within {self._limits.min():g} N·m; "
                 "limit them in the policy, as with limit * tanh(...), so that the limit has its gradient"
             )
-        actions = (held / self._limits).astype(np.float32)
-        found = self.batch.jacobians(actions * self._limits, self.batch.substeps)
+        actions = (commands / self._limits).astype(np.float32)
+        inputs = self._motors.inputs(actions * self._limits, self._motor_rows)
+        held = self._motors.torques(inputs)
+        found = self.batch.jacobians(held, self.batch.substeps // held.shape[1])
         _, _, terminated, truncated = self.batch.step(actions)
-        ended, after = terminated | truncated, self.batch.states()
+        ended = terminated | truncated
+        by_inputs = self._motors.next_by_inputs()
+        self._motor_rows = inputs.reshape(len(inputs), -1) @ by_inputs.T
+        self._motor_rows[ended] = 0.0
+        after = self._present()
         keep = (found.valid & ~ended)[:, None, None]
         # Contact forces of the last step, on which small losses depend, are left out.
-        n = tangent.COORDINATES
-        out = tangent.numbers_by_change(after)
-        by_states = out @ (keep * found.A[:, :n, :n]) @ tangent.change_by_numbers(before)
-        return after, ended, by_states, out @ (keep * found.B[:, :n])
+        n, robot = tangent.COORDINATES, slice(0, tangent.NUMBERS)
+        out = tangent.numbers_by_change(after[:, robot])
+        by_states = np.zeros((len(after), self.width, self.width))
+        by_states[:, robot, robot] = out @ found.A[:, :n, :n] @ tangent.change_by_numbers(before[:, robot])
+        # By the command, then by what the motors keep.
+        by_commands = np.empty((len(after), self.width, 3 + self._motors.width))
+        by_commands[:, robot] = out @ self._motors.by_inputs(found.B[:, :n])
+        by_commands[:, tangent.NUMBERS :] = by_inputs
+        by_states[:, :, tangent.NUMBERS :] = by_commands[:, :, 3:]
+        return after, ended, keep * by_states, keep * by_commands[:, :, :3]

@@ -8,7 +8,6 @@ from jax.experimental import io_callback
 
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.optimal import tangent
 from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 
@@ -32,8 +31,8 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
 
     def __init__(self, batch: Batch) -> None:
         super().__init__(batch)
-        n = batch.num_envs
-        shapes = (n, tangent.NUMBERS), (n,), (n, tangent.NUMBERS, tangent.NUMBERS), (n, tangent.NUMBERS, 3)
+        n, width = batch.num_envs, self.width
+        shapes = (n, width), (n,), (n, width, width), (n, width, 3)
         self._found = [jax.ShapeDtypeStruct(shape, bool if len(shape) == 1 else float) for shape in shapes]
 
     def _tensor(self, numbers: Any) -> jax.Array:

@@ -19,13 +19,15 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
             loss = loss + cost(states)[~ended].sum()
         loss.backward()
 
-    States are float64 tensors, shape (n, 32), rows as `State.to_array`. The gradients are exact with the modes that the
+    States are float64 tensors, shape (n, width), rows as `State.to_array`; motors with delay or lag add the commands in
+    transit, newest first, and the torques of the lag, three each, N·m. The gradients are exact with the modes that the
     contacts took, as `Batch.jacobians`, along changes that leave quaternions of unit length. A robot whose episode ends
     starts another, and its new state has no gradient; neither has the state of a robot whose bot touches the floor. A
-    step takes as long as 25 steps without derivatives.
+    step takes as long as 25 steps without derivatives, and twice as long with a lag.
 
     Args:
-        batch: in the model "contact", with `autoreset` "same_step", ideal motors and without pushes.
+        batch: in the model "contact", with `autoreset` "same_step" and without pushes; of the effects of motors with
+            `delay`, `strength` and `lag` alone. From here on only `reset` and `step` of this object move it.
 
     Raises:
         ValueError: another batch.
