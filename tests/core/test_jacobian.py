@@ -297,8 +297,8 @@ def test_a_batch_has_columns_for_each_of_several_torques():
     for wrong in (np.zeros((3, 0, 3)), np.zeros((2, 4, 3)), np.zeros((3, 4, 2)), np.zeros(3)):
         with pytest.raises(ValueError, match="wheel_torques"):
             batch.jacobians(wrong)
+    torques[1, 2, 0] = 99.0
     with pytest.raises(ValueError, match=r"wheel_torques\[1, 2, 0\] = 99"):
-        torques[1, 2, 0] = 99.0
         batch.jacobians(torques)
 
 

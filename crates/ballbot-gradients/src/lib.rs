@@ -144,7 +144,7 @@ impl Jacobian {
         self.joined(next, b, d)
     }
 
-    /// The derivatives of this motion and the next, under torques of its own, which are further columns of B and D.
+    /// The derivatives of this motion and the next, under other torques, which are further columns of B and D.
     fn followed_under_others_by(&self, next: Self) -> Self {
         let beside = |before: DMatrix<f64>, after: &DMatrix<f64>| {
             let columns = before.ncols();

@@ -17,7 +17,7 @@ _LINEAR = ("delay", "strength", "lag")
 class HeldMotors:
     """The torques of a control step, by its command, the commands in transit and the torque of the lag.
 
-    The rows of a robot's motors, `width` numbers, are the commands in transit, newest first, then the torque of the lag;
+    The rows of a robot's motors, `width` numbers, are commands in transit, newest first, then the torque of the lag;
     of three wheels each, N·m. They are zero at the start of an episode.
 
     Args:
