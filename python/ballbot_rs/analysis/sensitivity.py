@@ -7,8 +7,9 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import State
+from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import tilt_components_of
 from ballbot_rs.analysis import pushes as impulses_of
 from ballbot_rs.analysis.actors import core_law, make_actor
@@ -28,6 +29,10 @@ CHANGE: Final = 0.1
 STEP: Final = 0.05
 #: What changes, with its unit.
 QUANTITIES: Final = {"tilt": "deg", "ball": "mm", "wheel load": "%", "torque": "mN·m"}
+#: Parameters that are shown.
+SHOWN: Final = 16
+#: Control steps between two reports of progress.
+CHUNK: Final = 20
 
 _ROWS: Final = ("states", "wheel_normal_forces", "torques", "terminated")
 
@@ -40,6 +45,8 @@ class Sensitivity:
     model: str
     #: For example `body_com_offset_x`.
     names: tuple[str, ...]
+    #: The value of each in the robot, in its unit.
+    values: Array
     #: The change of each, in its unit.
     changes: Array
     units: tuple[str, ...]
@@ -47,13 +54,14 @@ class Sensitivity:
     #: its load in equilibrium, and of a wheel's torque.
     effects: Mapping[str, Array]
 
-    def largest(self, count: int) -> "Sensitivity":
+    def largest(self, count: int = SHOWN) -> "Sensitivity":
         """The parameters with the largest effects, relative to the largest of each quantity, in this order."""
         sizes = np.max([effect / max(effect.max(), 1e-300) for effect in self.effects.values()], axis=0)
         order = np.argsort(-sizes, kind="stable")[:count]
         return dataclasses.replace(
             self,
             names=tuple(self.names[i] for i in order),
+            values=self.values[order],
             changes=self.changes[order],
             units=tuple(self.units[i] for i in order),
             effects={name: effect[order] for name, effect in self.effects.items()},
@@ -74,6 +82,7 @@ def collect(
     controller: Source,
     fields: Sequence[str] | None = None,
     *,
+    robot: Params | None = None,
     tilt: npt.ArrayLike = (0.08, 0.05),
     yaw: float = 0.0,
     push: Push | None = None,
@@ -81,6 +90,7 @@ def collect(
     task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
     num_threads: int | None = None,
+    progress: Progress = no_progress,
 ) -> Sensitivity:
     """Simulates the robot, and robots with each parameter slightly larger and smaller, under one controller.
 
@@ -89,6 +99,7 @@ def collect(
     Args:
         controller: a name, a path or an object, as in `compare`.
         fields: parameters of `Params`, vectors with all their components; None takes `default_fields`.
+        robot: whose parameters change; None is the nominal robot.
         tilt: components (x, y), rad.
         yaw: heading, rad.
         push: an impulse on the body.
@@ -96,6 +107,7 @@ def collect(
         task: name of the task, as in `compare`.
         env_options: options of the environment; they override the options that a policy was trained with.
         num_threads: threads that step the robots; None takes all cores.
+        progress: called with the number of steps done and their total.
 
     Raises:
         ValueError: events or sensors, whose effects are random; an unknown parameter; a robot that falls; or as
@@ -117,7 +129,7 @@ def collect(
         )
 
     nominal = batch_of(1)
-    base = Robot(nominal.nominal_params(0), Motors.of(None))
+    base = Robot(nominal.nominal_params(0) if robot is None else robot, Motors.of(None))
     excluded = [name for name in fields or () if name in MOTORS or name in BIASES]
     if excluded:
         raise InvalidInputError(f"{excluded[0]} is not a parameter of the robot: expected one of {default_fields()}")
@@ -127,11 +139,12 @@ def collect(
     batch = batch_of(1 + ends.size)
     # Made for the nominal robot, so before the others are changed.
     loop = ClosedLoop(batch, core_law(found, batch) or make_actor(found, batch))
+    batch.set_params(0, base.params)
     for sign, values in enumerate(ends):
         for j, value in enumerate(values):
             changed = np.where(np.arange(len(values)) == j, value, unknowns.start)
             batch.set_params(1 + sign * len(values) + j, unknowns.robot(changed, base).params)
-    rows = _rows(loop, batch, tilt, yaw, push, seconds)
+    rows = _rows(loop, batch, tilt, yaw, push, seconds, progress)
     spans = ends[1] - ends[0]
     effects = {}
     for name, numbers in rows.items():
@@ -144,6 +157,7 @@ def collect(
         controller=found.name,
         model=batch.model,
         names=unknowns.names,
+        values=unknowns.start,
         changes=CHANGE * unknowns.scales,
         units=tuple(unit_of(field) for field, _ in unknowns.places),
         effects=effects,
@@ -151,30 +165,41 @@ def collect(
 
 
 def _rows(
-    loop: ClosedLoop, batch: Any, tilt: npt.ArrayLike, yaw: float, push: Push | None, seconds: float
+    loop: ClosedLoop,
+    batch: Any,
+    tilt: npt.ArrayLike,
+    yaw: float,
+    push: Push | None,
+    seconds: float,
+    progress: Progress,
 ) -> dict[str, Array]:
     """The quantities of all robots over time, shape (rows, n, components)."""
     n, steps = batch.num_envs, max(round(seconds / batch.control_dt), 1)
     robots = [batch.params(i) for i in range(n)]
     loop.reset(seeds=[0] * n, starts=[batch.on_ground(State.at_equilibrium(one, tilt=tilt, yaw=yaw)) for one in robots])
-    given, points = None, None
+    given, points = np.zeros((steps, n, 3)), None
     if push is not None:
         impulses_of.check([push], [], seconds)
-        given = np.zeros((steps, n, 3))
         for step, parts in impulses_of.impulses([push], [], steps, batch.control_dt).items():
             given[step] = np.sum([impulse for impulse, _ in parts], axis=0)
         points = None if push.point is None else np.tile(push.point, (n, 1))
-    read = loop.rows(steps, _ROWS, impulses=given, points=points)
-    fallen = np.flatnonzero(read["terminated"].any(axis=1))
-    if len(fallen):
-        raise InvalidInputError(
-            f"a robot falls at {batch.control_dt * (fallen[0] + 1):g} s: sensitivities need a motion that stays upright"
-        )
+    states, loads, torques = [np.expand_dims(batch.states(), 0)], [], []
+    for first in range(0, steps, CHUNK):
+        count = min(CHUNK, steps - first)
+        read = loop.rows(count, _ROWS, impulses=given[first : first + count], points=points)
+        fallen = np.flatnonzero(read["terminated"].any(axis=1))
+        if len(fallen):
+            time = batch.control_dt * (first + fallen[0] + 1)
+            raise InvalidInputError(f"a robot falls at {time:g} s: sensitivities need a motion that stays upright")
+        # The first row is the last of the steps before.
+        states.append(read["states"][1:])
+        loads.append(read["wheel_normal_forces"][1:])
+        torques.append(read["torques"])
+        progress(first + count, steps)
     com = np.array([one.body_com for one in robots])
     return {
-        "tilt": np.degrees(tilt_components_of(read["states"], com)),
-        "ball": 1e3 * read["states"][..., :2],
-        # Forces are zero before the first step.
-        "wheel load": 100.0 * read["wheel_normal_forces"][1:] / np.array(robots[0].equilibrium_wheel_loads),
-        "torque": 1e3 * read["torques"],
+        "tilt": np.degrees(tilt_components_of(np.concatenate(states), com)),
+        "ball": 1e3 * np.concatenate(states)[..., :2],
+        "wheel load": 100.0 * np.concatenate(loads) / np.array(robots[0].equilibrium_wheel_loads),
+        "torque": 1e3 * np.concatenate(torques),
     }

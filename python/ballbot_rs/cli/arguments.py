@@ -279,16 +279,12 @@ class Scenario:
 
     def of(self, controller: Source) -> Trajectory:
         """The trajectory under a controller."""
-        return run(
-            controller,
-            seconds=self.seconds,
-            tilt=self.tilt,
-            yaw=self.yaw,
-            push=self.push,
-            task=self.task,
-            env_options=self.env_options,
-            seed=self.seed,
-        )
+        return run(controller, **self.motion, seed=self.seed)
+
+    @property
+    def motion(self) -> dict[str, Any]:
+        """The fields without the seed, as arguments."""
+        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "seed"}
 
 
 def add_scenario(command: Any, seconds: float) -> None:

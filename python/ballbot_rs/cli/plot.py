@@ -145,18 +145,10 @@ def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence
         owners = [short(one.controller) for one in maps]
         drawn.append(_Drawn("recovery_map", recovery_map.draw(maps, inches), "recovery_map", owners, tables))
     if "sensitivity" in selected:
-        effects = [
-            sensitive.collect(
-                controller,
-                tilt=chosen.tilt,
-                yaw=chosen.yaw,
-                push=chosen.push,
-                seconds=chosen.seconds,
-                task=chosen.task,
-                env_options=chosen.env_options,
-            )
-            for controller in found
-        ]
+        effects = []
+        for controller in found:
+            with bar(f"sensitivity of {controller.name}", quiet) as progress:
+                effects.append(sensitive.collect(controller, **chosen.motion, progress=progress))
         tables = [functools.partial(of_sensitivity, one) for one in effects]
         owners = [short(one.controller) for one in effects]
         drawn.append(_Drawn("sensitivity", sensitivity.draw(effects, inches), "sensitivity", owners, tables))

@@ -1,5 +1,6 @@
 """Controllers by name, by path or as objects."""
 
+import copy
 import dataclasses
 import importlib.util
 import inspect
@@ -52,8 +53,8 @@ class ResolvedController:
     task: str | None = None
     #: Makes the law of one robot from its parameters and the time between two calls, s.
     make_law: Callable[[Params, float], Law] | None = None
-    #: Whether each call of `make_law` makes another law; else it resets and returns the existing law.
-    is_made: bool = True
+    #: The law that `make_law` resets and returns; None: each call makes another law.
+    existing: Law | None = None
     #: Control period of the law, s; None takes the task's.
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
@@ -66,6 +67,20 @@ class ResolvedController:
         assert self.make_law is not None
         return self.make_law(params, control_dt)
 
+    def copied(self) -> "ResolvedController":
+        """The controller for other robots at the same time, without memory in common.
+
+        Raises:
+            TypeError: an object that cannot be copied.
+        """
+        if self.existing is None:
+            return self
+        try:
+            law = copy.deepcopy(self.existing)
+        except TypeError as error:
+            raise TypeError(f"{self.name} cannot be copied: {error}") from error
+        return dataclasses.replace(self, make_law=_from_object(law, self.name).make_law, existing=law)
+
     def laws(self, count: int, params: Params, control_dt: float) -> Laws:
         """The feedback law on each of `count` robots, within the torque of their motors.
 
@@ -74,7 +89,7 @@ class ResolvedController:
             ControllerError: a law in Python cannot be made.
         """
         limit = params.max_wheel_torque
-        return Laws(self.name, lambda: self.law(params, control_dt), count, limit, is_made=self.is_made)
+        return Laws(self.name, lambda: self.law(params, control_dt), count, limit, is_made=self.existing is None)
 
 
 def find(
@@ -253,7 +268,7 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
 
     options = getattr(law, "env_options", None)
     options = options if isinstance(options, Mapping) else {}
-    return ResolvedController(name, options, make_law=fresh, is_made=False, control_dt=_control_dt(name, law))
+    return ResolvedController(name, options, make_law=fresh, existing=law, control_dt=_control_dt(name, law))
 
 
 def _from_class(cls: type, name: str | None) -> ResolvedController:

@@ -14,6 +14,7 @@ from ballbot_rs.viewer.panels.plots import Plots
 from ballbot_rs.viewer.panels.record import RecordPanel
 from ballbot_rs.viewer.panels.robot import ParameterPanel, RobotPanel, chosen
 from ballbot_rs.viewer.panels.run import RunPanel
+from ballbot_rs.viewer.panels.sensitivity import SensitivityPanel
 from ballbot_rs.viewer.panels.status import Status
 from ballbot_rs.viewer.scene.robot import URDFS, Look, from_params, from_urdf
 from ballbot_rs.viewer.scene.scene import Scene, frame_robots, screen_ray
@@ -63,6 +64,7 @@ class Page:
             self.robot = RobotPanel(server, submit, session, self.run.task)
         with tabs.add_tab("Parameters"):
             self._parameters = ParameterPanel(server, submit, session)
+            self.sensitivity = SensitivityPanel(server, submit, lambda: self.run.push)
         with tabs.add_tab("Plots"):
             self._plots = Plots(server)
         with tabs.add_tab("Record"):
@@ -139,7 +141,7 @@ class Page:
             if now >= self._next_status:
                 self._next_status = now + STATUS_PERIOD
                 self._status.show(session, frame)
-                for panel in (self.run, self.robot, self._parameters, self._record):
+                for panel in (self.run, self.robot, self._parameters, self.sensitivity, self._record):
                     panel.show(session)
             if now >= self._next_plot and self._server.get_clients():
                 self._next_plot = now + PLOT_PERIOD
@@ -190,5 +192,6 @@ class View:
 
     def stop(self) -> None:
         """Ends the simulation and the server."""
+        self._page.sensitivity.stop()
         self.runner.stop()
         self.server.stop()

@@ -10,9 +10,6 @@ from ballbot_rs.analysis.sensitivity import CHANGE, QUANTITIES, Sensitivity
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, below, figure
 
-#: Parameters that are shown.
-SHOWN = 16
-
 
 def draw(sensitivities: Sequence[Sensitivity], width: float | None = None) -> Figure:
     """A panel per quantity, a row per parameter, a color per controller; the parameters with the largest effects.
@@ -22,7 +19,7 @@ def draw(sensitivities: Sequence[Sensitivity], width: float | None = None) -> Fi
         width: of the figure, inches; None is 9.
     """
     wide = 9.0 if width is None else width
-    first = sensitivities[0].largest(SHOWN)
+    first = sensitivities[0].largest()
     places, count = np.arange(len(first.names)), len(sensitivities)
     panels = (1, 4) if wide >= FULL_WIDTH else (4, 1)
     row = 0.19 + 0.07 * (count - 1)

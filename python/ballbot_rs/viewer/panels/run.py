@@ -80,13 +80,18 @@ class RunPanel:
 
     def _add_push(self) -> None:
         gui = self._gui
-        azimuth = gui.add_slider(
+        self._azimuth = gui.add_slider(
             "Azimuth (deg)", min=0, max=355, step=5, initial_value=0, hint="of the push, from x, seen from above"
         )
-        impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
+        self._impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
         push = gui.add_button("Push")
-        push.on_click(on_client(self._submit, lambda: bound(Session.push, math.radians(azimuth.value), impulse.value)))
+        push.on_click(on_client(self._submit, lambda: bound(Session.push, *self.push)))
         add_note(gui, "Drag the robot with the mouse to pull it.")
+
+    @property
+    def push(self) -> tuple[float, float]:
+        """Direction of the push, rad, and its impulse, N·s."""
+        return math.radians(self._azimuth.value), self._impulse.value
 
     def show(self, session: Session) -> None:
         """Shows the state of the session."""

@@ -20,8 +20,8 @@ T = TypeVar("T")
 #: How long an interrupted call may take to end, s.
 GRACE = 0.05
 
-#: Abandoned calls; running calls keep their thread alive.
-_left: "weakref.WeakSet[_Job]" = weakref.WeakSet()
+#: Abandoned calls and calls beside the simulation; running calls keep their thread alive.
+_left: "weakref.WeakSet[Job]" = weakref.WeakSet()
 
 #: Length of a trial, s, and its initial tilts, rad: the page's initial tilt, and perpendicular to it.
 TRIAL_SECONDS = 3.0
@@ -35,7 +35,9 @@ class Interrupted(Exception):
     """The wait for a call was ended by `Watchdog.cancel`."""
 
 
-class _Job:
+class Job:
+    """A call in another thread."""
+
     def __init__(self, function: Callable[[], Any]) -> None:
         self.function = function
         #: Whether the caller may stop waiting, and whether the call has ended.
@@ -44,6 +46,7 @@ class _Job:
         self.error: BaseException | None = None
 
     def run(self) -> None:
+        """Calls the function, in the present thread."""
         try:
             self.result = self.function()
         except BaseException as error:
@@ -56,8 +59,8 @@ class Watchdog:
     """One thread for calls, one at a time; a new thread after a call that did not return."""
 
     def __init__(self) -> None:
-        self._jobs: queue.SimpleQueue[_Job | None] | None = None
-        self._current: _Job | None = None
+        self._jobs: queue.SimpleQueue[Job | None] | None = None
+        self._current: Job | None = None
         self._canceled = False
 
     def call(
@@ -75,7 +78,7 @@ class Watchdog:
             TimeoutError: the function has not returned in time.
             Interrupted: `cancel` was called.
         """
-        job = _Job(function)
+        job = Job(function)
         self._current = job
         if self._canceled:
             raise Interrupted(f"{what} was interrupted")
@@ -95,7 +98,7 @@ class Watchdog:
             raise Interrupted(f"{what} was interrupted")
         raise TimeoutError(f"{what} took longer than {seconds:g} s")
 
-    def _leave(self, job: _Job, interrupt: Callable[[], None] | None) -> None:
+    def _leave(self, job: Job, interrupt: Callable[[], None] | None) -> None:
         """Abandons a call, whose thread ends when, and if, the call does."""
         assert self._jobs is not None
         self._jobs.put(None)
@@ -116,20 +119,28 @@ class Watchdog:
         if self._jobs is not None:
             self._jobs.put(None)
 
-    def _thread(self) -> "queue.SimpleQueue[_Job | None]":
+    def _thread(self) -> "queue.SimpleQueue[Job | None]":
         if self._jobs is None:
-            jobs: queue.SimpleQueue[_Job | None] = queue.SimpleQueue()
+            jobs: queue.SimpleQueue[Job | None] = queue.SimpleQueue()
             threading.Thread(target=_work, args=(jobs,), name="ballbot-watched", daemon=True).start()
             self._jobs = jobs
         return self._jobs
 
 
 def is_any_left() -> bool:
-    """Whether an abandoned call still runs."""
+    """Whether an abandoned call, or a call beside the simulation, still runs."""
     return any(not job.done.is_set() for job in list(_left))
 
 
-def _work(jobs: "queue.SimpleQueue[_Job | None]") -> None:
+def begin(function: Callable[[], Any]) -> Job:
+    """Calls a function in a thread of its own, beside the simulation."""
+    job = Job(function)
+    _left.add(job)
+    threading.Thread(target=job.run, name="ballbot-beside", daemon=True).start()
+    return job
+
+
+def _work(jobs: "queue.SimpleQueue[Job | None]") -> None:
     while (job := jobs.get()) is not None:
         job.run()
         # Do not keep its result until the next call.

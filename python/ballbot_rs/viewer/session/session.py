@@ -147,6 +147,11 @@ class Session(Player):
         return self._controller.name
 
     @property
+    def resolved(self) -> ResolvedController:
+        """The controller, not on any robot yet."""
+        return self._controller
+
+    @property
     def task(self) -> str:
         """Name of the task."""
         return self._objective.task

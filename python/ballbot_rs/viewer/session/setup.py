@@ -199,13 +199,14 @@ class Setup:
         """The sensors with changed errors."""
         return changed_sensors(self.sensors, self.changes)
 
-    def batch(self, index: int) -> Batch:
-        """The environment of robot `index`: an episode ends only on the floor.
+    @property
+    def options(self) -> dict[str, Any]:
+        """Options of the environment of a robot: an episode ends only on the floor.
 
         The estimator is for the nominal robot, since a robot does not measure its changes.
 
         Raises:
-            ValueError: invalid robot, motors, sensors or events.
+            ValueError: invalid robot, motors or sensors.
         """
         estimates = self.sensors is not None
         decided = {
@@ -223,10 +224,17 @@ class Setup:
         }
         if "fall_tilt" in option_names(self.task):
             decided["fall_tilt"] = math.pi
-        options = {**self.task_options, **decided}
+        return {**self.task_options, **decided}
+
+    def batch(self, index: int) -> Batch:
+        """The environment of robot `index`.
+
+        Raises:
+            ValueError: invalid robot, motors, sensors or events.
+        """
         seed = (self.seed + index) % 2**64
-        batch = new_batch(1, task=self.task, autoreset="disabled", num_threads=1, seed=seed, options=options)
-        if estimates and self.params != self.nominal:
+        batch = new_batch(1, task=self.task, autoreset="disabled", num_threads=1, seed=seed, options=self.options)
+        if self.sensors is not None and self.params != self.nominal:
             batch.set_params(0, self.params)
         return batch
 
