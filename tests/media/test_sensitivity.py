@@ -62,6 +62,46 @@ def test_a_parameter_without_effect_has_none_and_losses_of_zero_have_one():
     assert set(found.largest(2).names) == {"floor_rolling_friction", "roller_friction"}
 
 
+@pytest.mark.parametrize("robot", ["rezero", "asroballet"])
+def test_at_a_limit_of_a_parameter_the_difference_is_one_sided(robot):
+    """The balls of these are thin shells, or static and dynamic friction are equal: the derivatives are of one side."""
+    names = ("ball_inertia", "wheel_static_friction", "wheel_dynamic_friction")
+    found = sensitivity.collect("lqr", names, env_options={"params": robot}, seconds=1.0)
+    # The same motion with the parameter away from its limit.
+    params = bb.Params.preset(robot)
+    away = params.replace(ball_inertia=0.995 * params.ball_inertia)
+    inside = sensitivity.collect("lqr", names, robot=away, env_options={"params": robot}, seconds=1.0)
+    for name, effects in inside.effects.items():
+        assert found.effects[name][0] == pytest.approx(effects[0], rel=0.05)
+        assert effects[0] > 0.0
+
+
+def test_parameters_that_the_model_fixes_are_left_out():
+    planar = {"model": "planar"}
+    found = sensitivity.collect("lqr", ("wheel_azimuths", "body_mass"), env_options=planar, seconds=1.0)
+    assert found.names == ("body_mass",)
+    with pytest.raises(ValueError, match="the model planar allows no other values of wheel_azimuths"):
+        sensitivity.collect("lqr", ("wheel_azimuths",), env_options=planar)
+
+
+def test_on_uneven_ground_a_larger_ball_starts_on_it():
+    ground = {"terrain": bb.Terrain.generate("wave", size_x=4.0, size_y=4.0)}
+    found = sensitivity.collect("lqr", ("ball_radius",), env_options=ground, seconds=0.5)
+    assert found.effects["ball"][0] > 0.0
+
+
+def test_progress_is_reported_to_the_end_and_may_end_the_computation():
+    reports = []
+    sensitivity.collect("lqr", ("body_mass",), seconds=0.5, progress=lambda *report: reports.append(report))
+    assert reports == [(20, 50), (40, 50), (50, 50)]
+
+    def stop(*_):
+        raise InterruptedError
+
+    with pytest.raises(InterruptedError):
+        sensitivity.collect("lqr", ("body_mass",), progress=stop)
+
+
 @pytest.mark.parametrize(
     ("call", "message"),
     [

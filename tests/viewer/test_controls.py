@@ -9,6 +9,7 @@ import pytest
 
 pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
 
+from ballbot_rs.analysis.sensitivity import SHOWN
 from ballbot_rs.viewer.panels.plots import PLOTS
 from ballbot_rs.viewer.server.download import KINDS
 from ballbot_rs.viewer.session import Session
@@ -229,6 +230,23 @@ def test_every_slider_of_the_robot_is_on_the_page(opened):
         "[...document.querySelectorAll('label')].filter(l => l.offsetParent).map(l => l.innerText.trim())"
     )
     assert {change.label for change in CHANGES.values()} <= set(shown)
+
+
+def test_sensitivities_are_folded_and_come_as_a_table_of_the_width_of_the_panel(opened):
+    _, page, _ = opened
+    open_tab(page, "Parameters")
+    compute, table = named("Compute sensitivities"), "document.querySelector('.ballbot-table')"
+    assert not page.evaluate(f"Boolean({compute})")
+    # Once: a second click folds it again.
+    page.evaluate("[...document.querySelectorAll('div')].findLast(e => e.innerText.trim() === 'Sensitivity').click()")
+    page.click(*page.place_of(compute))
+    page.wait_for(table)
+    assert page.evaluate(f"{table}.rows.length") == SHOWN + 1
+    panel, shown = (rectangle(page, one) for one in ("document.querySelector('.ballbot-status')", table))
+    assert panel[0] <= shown[0]
+    assert shown[2] <= panel[2]
+    texts = page.evaluate(f"{table}.innerText")
+    assert [(text, ratio) for text, ratio in page.evaluate(CONTRASTS) if text in texts and ratio < 4.5] == []
 
 
 def test_a_link_restores_what_was_chosen(opened):

@@ -98,7 +98,8 @@ def collect(
 
     Args:
         controller: a name, a path or an object, as in `compare`.
-        fields: parameters of `Params`, vectors with all their components; None takes `default_fields`.
+        fields: parameters of `Params`, vectors with all their components; None takes `default_fields`. The result
+            is without those that the model fixes, as `planar` the azimuths of the wheels.
         robot: whose parameters change; None is the nominal robot.
         tilt: components (x, y), rad.
         yaw: heading, rad.
@@ -139,27 +140,35 @@ def collect(
     batch = batch_of(1 + ends.size)
     # Made for the nominal robot, so before the others are changed.
     loop = ClosedLoop(batch, core_law(found, batch) or make_actor(found, batch))
-    batch.set_params(0, base.params)
+    for i in range(batch.num_envs):
+        batch.set_params(i, base.params)
     for sign, values in enumerate(ends):
         for j, value in enumerate(values):
             changed = np.where(np.arange(len(values)) == j, value, unknowns.start)
-            batch.set_params(1 + sign * len(values) + j, unknowns.robot(changed, base).params)
-    rows = _rows(loop, batch, tilt, yaw, push, seconds, progress)
+            try:
+                batch.set_params(1 + sign * len(values) + j, unknowns.robot(changed, base).params)
+            except InvalidInputError:
+                # At a limit, such as the inertia of a thin shell, the difference is one-sided.
+                ends[sign, j] = unknowns.start[j]
     spans = ends[1] - ends[0]
+    free = np.flatnonzero(spans)
+    if not len(free):
+        raise InvalidInputError(f"the model {batch.model} allows no other values of {', '.join(unknowns.fields)}")
+    rows = _rows(loop, batch, tilt, yaw, push, seconds, progress)
     effects = {}
     for name, numbers in rows.items():
-        lower, higher = numbers[:, 1:].reshape(len(numbers), 2, len(spans), -1).swapaxes(0, 1)
-        slopes = (higher - lower) / spans[:, None]
+        lower, higher = numbers[:, 1:].reshape(len(numbers), 2, len(spans), -1)[:, :, free].swapaxes(0, 1)
+        slopes = (higher - lower) / spans[free, None]
         # Components of a vector together, wheels each for itself.
         sizes_of = np.linalg.norm(slopes, axis=-1) if name in ("tilt", "ball") else np.abs(slopes).max(axis=-1)
-        effects[name] = sizes_of.max(axis=0) * CHANGE * unknowns.scales
+        effects[name] = sizes_of.max(axis=0) * CHANGE * unknowns.scales[free]
     return Sensitivity(
         controller=found.name,
         model=batch.model,
-        names=unknowns.names,
-        values=unknowns.start,
-        changes=CHANGE * unknowns.scales,
-        units=tuple(unit_of(field) for field, _ in unknowns.places),
+        names=tuple(unknowns.names[i] for i in free),
+        values=unknowns.start[free],
+        changes=CHANGE * unknowns.scales[free],
+        units=tuple(unit_of(unknowns.places[i][0]) for i in free),
         effects=effects,
     )
 
@@ -176,7 +185,8 @@ def _rows(
     """The quantities of all robots over time, shape (rows, n, components)."""
     n, steps = batch.num_envs, max(round(seconds / batch.control_dt), 1)
     robots = [batch.params(i) for i in range(n)]
-    loop.reset(seeds=[0] * n, starts=[batch.on_ground(State.at_equilibrium(one, tilt=tilt, yaw=yaw)) for one in robots])
+    starts = [batch.on_ground(State.at_equilibrium(one, tilt=tilt, yaw=yaw), i) for i, one in enumerate(robots)]
+    loop.reset(seeds=[0] * n, starts=starts)
     given, points = np.zeros((steps, n, 3)), None
     if push is not None:
         impulses_of.check([push], [], seconds)

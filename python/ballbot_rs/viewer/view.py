@@ -192,6 +192,6 @@ class View:
 
     def stop(self) -> None:
         """Ends the simulation and the server."""
-        self._page.sensitivity.stop()
         self.runner.stop()
+        self._page.sensitivity.stop()
         self.server.stop()

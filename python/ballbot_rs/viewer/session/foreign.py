@@ -20,7 +20,7 @@ T = TypeVar("T")
 #: How long an interrupted call may take to end, s.
 GRACE = 0.05
 
-#: Abandoned calls and calls beside the simulation; running calls keep their thread alive.
+#: Abandoned calls and calls next to the simulation; running calls keep their thread alive.
 _left: "weakref.WeakSet[Job]" = weakref.WeakSet()
 
 #: Length of a trial, s, and its initial tilts, rad: the page's initial tilt, and perpendicular to it.
@@ -128,15 +128,15 @@ class Watchdog:
 
 
 def is_any_left() -> bool:
-    """Whether an abandoned call, or a call beside the simulation, still runs."""
+    """Whether an abandoned call, or a call next to the simulation, still runs."""
     return any(not job.done.is_set() for job in list(_left))
 
 
 def begin(function: Callable[[], Any]) -> Job:
-    """Calls a function in a thread of its own, beside the simulation."""
+    """Calls a function in a separate thread, next to the simulation."""
     job = Job(function)
     _left.add(job)
-    threading.Thread(target=job.run, name="ballbot-beside", daemon=True).start()
+    threading.Thread(target=job.run, name="ballbot-background", daemon=True).start()
     return job
 
 

@@ -1,7 +1,8 @@
-"""Sensitivities of the present robot under its controller, computed beside the simulation."""
+"""Sensitivities of the present robot under its controller, computed next to the simulation."""
 
 import math
 import time
+from pathlib import Path
 from typing import Final
 
 from ballbot_rs._machine import threads
@@ -9,6 +10,7 @@ from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.sensitivity import Sensitivity, collect
 from ballbot_rs.viewer.session.foreign import Job, begin
 from ballbot_rs.viewer.session.session import Session
+from ballbot_rs.viewer.session.setup import NEUTRAL
 
 #: Simulated time, and duration of the push as in the task push, s: the impact of a sudden push hides all other loads.
 SECONDS: Final = 4.0
@@ -74,9 +76,11 @@ class _Computation:
         # As the task has it, in place of the floor.
         options.pop("fall_tilt", None)
         push = Push((impulse * math.cos(direction), impulse * math.sin(direction), 0.0), 0.0, PUSH_DURATION)
+        robot = setup.name if setup.changes == NEUTRAL else f"{setup.name} as changed"
+        name = Path(session.controller).name
         self.conditions = (
-            f"{session.controller} on {setup.name}, {setup.model}, task {setup.task}: {impulse:g} N·s to "
-            f"{math.degrees(direction):.0f} deg over {PUSH_DURATION:g} s, then {SECONDS - PUSH_DURATION:g} s"
+            f"{name} on {robot}, {setup.model}, task {setup.task}: {SECONDS:g} s with a push of {impulse:g} N·s to "
+            f"{math.degrees(direction):.0f} deg over {PUSH_DURATION:g} s"
         )
         self.fraction, self.is_stopped = 0.0, False
         self.ends = time.monotonic() + MAX_SECONDS
