@@ -1,4 +1,4 @@
-"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies, controllers, estimators as C99."""
+"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies, controllers, estimators, link as C99."""
 
 import argparse
 import json
@@ -12,7 +12,7 @@ from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import settings
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, policy_header
+from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, link_header, policy_header
 
 #: Options of the environment that a controller in C depends on.
 OF_CONTROLLERS = ("params", "control_dt", "max_wheel_torque")
@@ -23,7 +23,8 @@ OF_ESTIMATORS = ("params", "control_dt", "sensors")
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
-        "export", help="write a policy as ONNX, which runs without PyTorch, or policies, controllers, estimators as C99"
+        "export",
+        help="write a policy as ONNX, which runs without PyTorch, or policies, controllers, estimators, the link as C99",
     )
     command.add_argument(
         "policy", type=Path, nargs="?", metavar="RUN", help="a training run, or a policy file; for C an ONNX file, too"
@@ -49,11 +50,12 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--estimator", action="store_true", help="the estimator as C, for the robot of --robot and its --sensors"
     )
+    command.add_argument("--link", action="store_true", help="the frames of ballbot link as C, for any robot")
     shared.add_robot(command)
     shared.add_output(
         command,
         "FILE.onnx|FILE.h",
-        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h)",
+        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, estimator.h, or link.h)",
     )
     command.add_argument("--json", action="store_true", help="print what the file is for as JSON")
     command.set_defaults(carry_out=run)
@@ -61,8 +63,9 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
-    if (arguments.policy is not None) + (arguments.controller is not None) + arguments.estimator != 1:
-        raise ValueError("export takes one of RUN, --controller and --estimator")
+    given = (arguments.policy is not None, arguments.controller is not None, arguments.estimator, arguments.link)
+    if sum(given) != 1:
+        raise ValueError("export takes one of RUN, --controller, --estimator and --link")
     if arguments.controller is not None:
         _export_controller(arguments)
         return
@@ -70,6 +73,9 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--controller-option {arguments.controller_option[0]} needs --controller")
     if arguments.estimator:
         _export_estimator(arguments)
+        return
+    if arguments.link:
+        _export_link(arguments)
         return
     arguments.policy = policy_file.in_run(arguments.policy)
     target = arguments.output
@@ -127,15 +133,27 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
     """The file, and options of the environment out of the known options."""
     if arguments.task is not None:
         raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
-    target = arguments.output or Path(f"{arguments.controller or 'estimator'}.h")
-    if target.suffix != ".h":
-        raise ValueError(f"{target}: the name of a C header ends in .h")
+    target = _header(arguments, f"{arguments.controller or 'estimator'}.h")
     options = shared.env_options(arguments)
     if others := sorted(set(options) - set(known)):
         raise ValueError(
             f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"
         )
     return target, {**options, "params": settings.params_of(options.get("params", "paper"))}
+
+
+def _header(arguments: argparse.Namespace, otherwise: str) -> Path:
+    target: Path = arguments.output or Path(otherwise)
+    if target.suffix != ".h":
+        raise ValueError(f"{target}: the name of a C header ends in .h")
+    return target
+
+
+def _export_link(arguments: argparse.Namespace) -> None:
+    if arguments.task is not None or shared.env_options(arguments):
+        raise ValueError("--link does not depend on task, robot or environment: leave out their options")
+    target = _header(arguments, "link.h")
+    _write(arguments, target, link_header(), {"link": str(target)})
 
 
 def _export_estimator(arguments: argparse.Namespace) -> None:
@@ -168,4 +186,4 @@ def _write(arguments: argparse.Namespace, target: Path, text: str, report: dict[
     if arguments.json:
         print(json.dumps(report, indent=2))
         return
-    print(f"wrote {target} ({len(text) / 1024:.0f} KiB): C99, with no dependency but <math.h>")
+    print(f"wrote {target} ({len(text) / 1024:.0f} KiB): C99, which needs only its standard headers")

@@ -103,13 +103,14 @@ def constants(values: Mapping[str, Any], prefix: str = "BALLBOT") -> str:
     return text
 
 
-def guarded(kind: str, name: str, head: str, body: str) -> str:
+def guarded(kind: str, name: str, head: str, body: str, includes: Sequence[str] = ("math.h",)) -> str:
     """A header with a guard that is unique among headers of its kind; including two of a kind is an error."""
     digest = hashlib.sha256(body.encode()).hexdigest()[:8].upper()
     guard = f"BALLBOT_{name.upper()}_{digest}_H"
+    included = "".join(f"#include <{file}>\n" for file in includes)
     return (
         f"{head}#ifndef {guard}\n#define {guard}\n\n"
         f"#ifdef BALLBOT_{kind.upper()}_KNOWN\n"
         f'#error "another {kind} of ballbot is included already: a translation unit takes one"\n'
-        f"#endif\n#define BALLBOT_{kind.upper()}_KNOWN\n\n#include <math.h>\n\n{body}\n#endif\n"
+        f"#endif\n#define BALLBOT_{kind.upper()}_KNOWN\n\n{included}\n{body}\n#endif\n"
     )

@@ -1,0 +1,1 @@
+"""Robots linked to a controller in another process or on a board."""
