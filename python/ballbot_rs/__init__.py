@@ -73,6 +73,10 @@ from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.result import IdentifiedParams
+from ballbot_rs.link.estimated import EstimatedController
+from ballbot_rs.link.faults import LinkFaults
+from ballbot_rs.link.link import Link
+from ballbot_rs.link.peer import LinkPeer
 from ballbot_rs.media.terrain_files import read_terrain, write_terrain
 from ballbot_rs.optimal.law import TimeVaryingLqr
 from ballbot_rs.optimal.linear import linearize
@@ -108,6 +112,7 @@ __all__ = [
     "DifferentiableBatch",
     "DifferentiableJaxBatch",
     "DivergedError",
+    "EstimatedController",
     "Force",
     "GoalEnv",
     "GoalVectorEnv",
@@ -119,6 +124,9 @@ __all__ = [
     "Jacobian",
     "Jacobians",
     "LinearModel",
+    "Link",
+    "LinkFaults",
+    "LinkPeer",
     "Lqr",
     "Metrics",
     "MotionJacobians",

@@ -11,7 +11,7 @@ import signal
 import socket
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from types import FrameType
 from typing import Final, NoReturn
 
@@ -25,6 +25,9 @@ _TERMINAL_RESET: Final = "\r\x1b[2K\x1b[?25h"
 
 #: Time that Python has to call its handler, s.
 GRACE: Final = 0.05
+
+#: Called before the process ends without unwinding, to end what would outlive it.
+endings: Final[set[Callable[[], object]]] = set()
 
 _is_installed = False
 _is_quiet = False
@@ -125,6 +128,8 @@ def _leave(number: int) -> NoReturn:
         while True:
             threading.Event().wait()
     _files.delete_unfinished()
+    for end in list(endings):
+        end()
     reset = _TERMINAL_RESET if os.isatty(2) else ""
     if not _is_quiet:
         with contextlib.suppress(OSError):

@@ -17,6 +17,13 @@ def about_vertical(angle: Array) -> Array:
     return np.stack([np.cos(0.5 * angle), zero, zero, np.sin(0.5 * angle)], axis=-1)
 
 
+def to_vertical(direction: Array) -> Array:
+    """The shortest rotation of a direction above the horizontal plane, shape (3,), to the vertical."""
+    x, y, z = direction / np.linalg.norm(direction)
+    quaternion = np.array([1.0 + z, y, -x, 0.0])
+    return np.asarray(quaternion / np.linalg.norm(quaternion))
+
+
 def product(a: Array, b: Array) -> Array:
     """The quaternion product a b."""
     aw, ax, ay, az = np.moveaxis(a, -1, 0)

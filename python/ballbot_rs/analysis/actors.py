@@ -106,10 +106,12 @@ class PolicyActor:
 
 
 class LawActor:
-    """A law in Python, on the states that the task of a batch observes."""
+    """A law in Python, on the states that the task of a batch observes, or on the readings of the sensors."""
 
     def __init__(self, laws: Laws, batch: Batch) -> None:
         self._laws, self._batch = laws, batch
+        if laws.reads_sensors and batch.options["sensors"] is None:
+            raise InvalidInputError(f"{laws.name} reads sensors, and the robots have none: name them (sensors=)")
 
     def __call__(
         self,
@@ -125,7 +127,9 @@ class LawActor:
         else:
             setpoints = [self._setpoint(one) for one in setpoint]
         states: Any
-        if laws.is_batched:
+        if laws.reads_sensors:
+            states = batch.readings() if laws.is_batched else [batch.readings(i) for i in range(batch.num_envs)]
+        elif laws.is_batched:
             states = batch.estimates() if observes_estimates(batch) else batch.states()
         else:
             seen = batch.estimate if observes_estimates(batch) else batch.state

@@ -4,7 +4,6 @@ Quaternions are (w, x, y, z), except in the transforms of an MCAP file, whose fo
 """
 
 import io
-import json
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
@@ -13,9 +12,9 @@ from typing import TYPE_CHECKING, Any, Final
 import numpy as np
 
 from ballbot_rs import _files
-from ballbot_rs._core import __version__
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._mcap import NUMBER, McapWriter, object_schema
 from ballbot_rs.analysis.columns import Array, Quantity, columns, quantities
 
 if TYPE_CHECKING:
@@ -67,35 +66,29 @@ def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
         ModuleNotFoundError: mcap is not installed.
     """
     file = _path(path, ".mcap")
-    with require("an MCAP file", "mcap"):
-        from mcap.writer import CompressionType, Writer
     packed = io.BytesIO()
-    # Compressed chunks need more packages; a file of some MB does without.
-    writer = Writer(packed, compression=CompressionType.NONE)
-    writer.start(profile="", library=f"ballbot_rs {__version__}")
+    writer = McapWriter(packed)
     groups: dict[str, list[Quantity]] = {}
     for quantity in quantities(trajectory):
         groups.setdefault(quantity.group, []).append(quantity)
-    channels = {group: _channel(writer, f"/{group}", f"ballbot.{group}", _schema(of)) for group, of in groups.items()}
-    frames = _channel(writer, "/tf", "foxglove.FrameTransforms", _TRANSFORMS)
+    channels = {group: writer.channel(f"/{group}", f"ballbot.{group}", _schema(of)) for group, of in groups.items()}
+    frames = writer.channel("/tf", "foxglove.FrameTransforms", _TRANSFORMS)
     for row, time in enumerate(trajectory.times):
         nanoseconds = round(float(time) * 1e9)
         for group, of in groups.items():
             message = {quantity.name: _value(quantity, row) for quantity in of}
             message = {name: value for name, value in message.items() if value is not None}
             if message:
-                _add(writer, channels[group], nanoseconds, message)
-        _add(writer, frames, nanoseconds, _transforms(trajectory, row, nanoseconds))
-    writer.add_metadata(
-        "ballbot",
+                writer.add(channels[group], nanoseconds, message)
+        writer.add(frames, nanoseconds, _transforms(trajectory, row, nanoseconds))
+    writer.finish(
         {
             "controller": trajectory.controller,
             "model": trajectory.model,
             "params": trajectory.params.to_toml(),
             "fell_at": "" if trajectory.fell_at is None else repr(trajectory.fell_at),
-        },
+        }
     )
-    writer.finish()
     _files.write(file, packed.getvalue())
 
 
@@ -106,33 +99,15 @@ def _path(path: str | PathLike[str], suffix: str) -> Path:
     return file
 
 
-def _channel(writer: Any, topic: str, name: str, schema: Mapping[str, Any]) -> int:
-    schema_id = writer.register_schema(name, "jsonschema", json.dumps(schema).encode())
-    channel: int = writer.register_channel(topic, "json", schema_id)
-    return channel
-
-
-def _add(writer: Any, channel: int, nanoseconds: int, message: Mapping[str, Any]) -> None:
-    data = json.dumps(message, allow_nan=False).encode()
-    writer.add_message(channel, log_time=nanoseconds, data=data, publish_time=nanoseconds)
-
-
-def _object(properties: Mapping[str, Any], **more: Any) -> dict[str, Any]:
-    return {"type": "object", "properties": dict(properties), **more}
-
-
-_NUMBER: Final = {"type": "number"}
-
-
 def _schema(of: list[Quantity]) -> dict[str, Any]:
     properties = {}
     for quantity in of:
         doc = f"{quantity.doc}, {quantity.unit}" if quantity.unit else quantity.doc
         if quantity.axes:
-            properties[quantity.name] = _object(dict.fromkeys(quantity.axes, _NUMBER), description=doc)
+            properties[quantity.name] = object_schema(dict.fromkeys(quantity.axes, NUMBER), description=doc)
         else:
-            properties[quantity.name] = {**_NUMBER, "description": doc}
-    return _object(properties)
+            properties[quantity.name] = {**NUMBER, "description": doc}
+    return object_schema(properties)
 
 
 def _value(quantity: Quantity, row: int) -> Any:
@@ -144,18 +119,18 @@ def _value(quantity: Quantity, row: int) -> Any:
     return dict(zip(quantity.axes, values, strict=True)) if quantity.axes else values[0]
 
 
-_TIME: Final = _object({"sec": {"type": "integer"}, "nsec": {"type": "integer"}}, title="time")
-_TRANSFORMS: Final = _object(
+_TIME: Final = object_schema({"sec": {"type": "integer"}, "nsec": {"type": "integer"}}, title="time")
+_TRANSFORMS: Final = object_schema(
     {
         "transforms": {
             "type": "array",
-            "items": _object(
+            "items": object_schema(
                 {
                     "timestamp": _TIME,
                     "parent_frame_id": {"type": "string"},
                     "child_frame_id": {"type": "string"},
-                    "translation": _object(dict.fromkeys("xyz", _NUMBER)),
-                    "rotation": _object(dict.fromkeys("xyzw", _NUMBER)),
+                    "translation": object_schema(dict.fromkeys("xyz", NUMBER)),
+                    "rotation": object_schema(dict.fromkeys("xyzw", NUMBER)),
                 }
             ),
         }

@@ -20,6 +20,7 @@ from ballbot_rs.cli import (
     export,
     identify,
     info,
+    link,
     list_names,
     plot,
     record,
@@ -43,7 +44,7 @@ EPILOG = (
 )
 
 COMPLETION = "--print-completion"
-COMMANDS = (train, tune, evaluate, compare, report, export, plot, record, view, record_log, identify, list_names, info)
+COMMANDS = (train, tune, evaluate, compare, report, export, plot, record, view, record_log, identify, link, list_names, info)
 
 
 class Parser(argparse.ArgumentParser):

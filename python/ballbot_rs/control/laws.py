@@ -4,6 +4,9 @@ A law of one robot is called as `law(state)`, `law(state, setpoint)` or `law(sta
 wheel torques, N·m. A batched law has the attribute `batched = True` and is called once for all robots, as
 `law(states)` or `law(states, setpoints)`: states of shape (n, 32), rows as `State.to_array`, and a dict of arrays by
 the parts of a setpoint, shape (n, 2) or (n,); it returns torques of shape (n, 3).
+
+A law with the attribute `reads_sensors = True` is called with the last readings of the sensors in place of the state, a
+dict as `Batch.readings`.
 """
 
 import copy
@@ -39,6 +42,11 @@ class Law(Protocol):
 def is_batched(law: Any) -> bool:
     """Whether a law is called once for all robots."""
     return bool(getattr(law, "batched", False))
+
+
+def reads_sensors(law: Any) -> bool:
+    """Whether a law is called with readings of sensors in place of a state."""
+    return bool(getattr(law, "reads_sensors", False))
 
 
 def followed_parts(law: Any) -> tuple[str, ...]:
@@ -109,14 +117,16 @@ class Laws:
         self._make, self._count, self._max_torque, self._is_made = make, count, max_torque, is_made
         self.reset()
         self.is_batched = is_batched(self._laws[0])
+        self.reads_sensors = reads_sensors(self._laws[0])
         self.follows = followed_parts(self._laws[0])
         self._call = self._form(self._laws[0])
 
-    def torques(self, states: Array | Sequence[State], setpoints: Sequence[Setpoint]) -> Array:
+    def torques(self, states: Array | Sequence[Any] | Mapping[str, Array], setpoints: Sequence[Setpoint]) -> Array:
         """Wheel torques for the next control step, shape (n, 3), N·m.
 
         Args:
-            states: of all robots; for a batched law also an array, shape (n, 32).
+            states: of all robots, or the readings of a law that reads sensors; for a batched law also an array, shape
+                (n, 32).
             setpoints: one per robot.
 
         Raises:
@@ -125,9 +135,11 @@ class Laws:
             TypeError: torques that are not numbers.
         """
         if self.is_batched:
-            rows = states if isinstance(states, np.ndarray) else np.array([state.to_array() for state in states])
+            rows: Any = states
+            if not isinstance(states, (np.ndarray, Mapping)):
+                rows = np.array([state.to_array() for state in states])
             parts = {part: np.array([setpoint[part] for setpoint in setpoints]) for part in PARTS}
-            torques = self._numbers(self._answer(self._laws[0], rows, parts), (len(rows), 3))
+            torques = self._numbers(self._answer(self._laws[0], rows, parts), (len(setpoints), 3))
         else:
             answers = [
                 self._numbers(self._answer(law, state, setpoint), (3,))

@@ -23,6 +23,7 @@ from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
+from ballbot_rs.link.transports import is_address
 
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
@@ -102,8 +103,8 @@ def find(
     """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
 
     Args:
-        source: one of `NAMES`, the path of a policy, "file.py:NAME" (a function, an object or a class), or such a
-            function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
+        source: one of `NAMES`, the path of a policy, the address of a `Link`, "file.py:NAME" (a function, an object or
+            a class), or such a function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
             wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are instantiated for each robot, with
             the robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name`
             and `control_dt` (s) and the method `reset` are optional, and so is `env_options` of an object, the options
@@ -124,6 +125,13 @@ def find(
         env_id_of(task)
     if isinstance(source, ResolvedController):
         return source
+    # A link is a law, hence made of this module.
+    from ballbot_rs.link.link import Link
+
+    if isinstance(source, str) and trusted and is_address(source):
+        source = Link(source)
+    if isinstance(source, Link):
+        return source.resolved()
     if not isinstance(source, (str, PathLike)):
         return _from_object(source)
     name = fspath(source)

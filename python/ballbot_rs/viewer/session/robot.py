@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State, Terrain
 from ballbot_rs._errors import DivergedError
-from ballbot_rs._quaternions import conjugate, product
+from ballbot_rs._quaternions import conjugate, product, to_vertical
 from ballbot_rs.analysis.lying import lying_robot
 from ballbot_rs.viewer.session.setup import Setup
 
@@ -261,7 +261,7 @@ def without_slip(params: Params, state: State, plane: Terrain | None) -> State:
     """
     up = np.array([0.0, 0.0, 1.0]) if plane is None else plane.normal(0.0, 0.0)
     # From the inertial frame to a frame with the ground's normal as its z axis.
-    level = _rotation_to_vertical(up)
+    level = to_vertical(up)
     there = conjugate(level)
     velocity = _turn(level, state.ball_velocity)
     found = State.rolling(params, velocity[:2], product(level, state.body_quaternion), state.body_angular_velocity)
@@ -277,12 +277,6 @@ def without_slip(params: Params, state: State, plane: Terrain | None) -> State:
         body_velocity=_turn(there, found.body_velocity),
         wheel_angles=state.wheel_angles,
     )
-
-
-def _rotation_to_vertical(up: FloatArray) -> FloatArray:
-    """The shortest rotation, (w, x, y, z), of a unit vector above the horizontal plane to the vertical."""
-    quaternion = np.array([1.0 + up[2], up[1], -up[0], 0.0])
-    return np.asarray(quaternion / np.linalg.norm(quaternion))
 
 
 def _turn(quaternion: FloatArray, vector: FloatArray) -> FloatArray:

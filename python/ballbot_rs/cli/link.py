@@ -1,0 +1,147 @@
+"""`ballbot link`: a simulated robot whose controller is another process or a board; or that controller."""
+
+import argparse
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+from ballbot_rs import _interrupts, _toml
+from ballbot_rs._core import ACTUATORS, SENSORS
+from ballbot_rs._errors import ControllerError
+from ballbot_rs._reading import read_regular
+from ballbot_rs.analysis.trajectory import Trajectory
+from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import settings
+from ballbot_rs.cli.numbers import MAX_SEED, real, whole
+from ballbot_rs.control.laws import Law, reads_sensors
+from ballbot_rs.control.resolve import find
+from ballbot_rs.link.estimated import CONTROL_DT, EstimatedController
+from ballbot_rs.link.faults import MAX_DELAY, LinkFaults
+from ballbot_rs.link.link import MAX_COUNT, MAX_SECONDS, ON_TIMEOUT, Link
+from ballbot_rs.link.peer import MAX_IDLE, LinkPeer
+
+#: Options of the environment that a controller with its estimator depends on.
+OF_PEERS = ("params", "sensors", "control_dt")
+
+
+def add_to(commands: Any) -> None:
+    """Adds the command to the parser."""
+    command = commands.add_parser("link", help="simulate a robot whose controller is another process or a board")
+    command.add_argument(
+        "address",
+        metavar="ADDRESS",
+        help="udp://HOST:PORT, serial:/dev/NAME?baud=RATE, or exec:COMMAND for a child process; with --peer "
+        "stdio: for such a child process",
+    )
+    shared.add_task(command)
+    command.add_argument(
+        "--peer",
+        metavar="NAME|FILE.py:NAME",
+        help="be the controller: a law of ours on the estimator of --robot and --sensors, or your own",
+    )
+    command.add_argument("--idle", type=real(0.0, MAX_IDLE), default=600.0, help="s without readings that end a peer")
+    shared.add_robot(command, otherwise="the robot's own, else")
+    shared.add_events(command)
+    shared.add_seed(command, "seed of events, sensors and faults (default 0)", 0, MAX_SEED)
+    command.add_argument("--real-time", action="store_true", help="keep to the clock (default: wait for the torques)")
+    seconds = real(0.0, MAX_SECONDS)
+    command.add_argument("--timeout", type=seconds, default=0.1, help="s until readings are repeated (default 0.1)")
+    command.add_argument("--retries", type=whole(0, MAX_COUNT), default=3, help="repetitions in a step (default 3)")
+    command.add_argument(
+        "--on-timeout", choices=ON_TIMEOUT, default="hold", help="torques of a step without torques (default hold)"
+    )
+    command.add_argument("--hold", type=whole(0, MAX_COUNT), default=10, help="most steps that hold (default 10)")
+    command.add_argument("--give-up", type=seconds, default=5.0, help="s without torques that end the run (default 5)")
+    command.add_argument("--connect", type=seconds, default=10.0, help="the same for the first torques (default 10)")
+    faults = command.add_argument_group("faults of the line (probabilities of a frame, in each direction)")
+    for name in ("drop", "corrupt", "duplicate", "delay"):
+        faults.add_argument(f"--{name}", type=real(0.0, 1.0), default=0.0, help="(default 0)")
+    faults.add_argument("--delay-time", type=real(0.0, MAX_DELAY), default=0.02, help="of --delay, s (default 0.02)")
+    command.add_argument("--log", type=Path, metavar="FILE.mcap", help="the whole exchange")
+    shared.add_scenario(command, seconds=5.0)
+    command.add_argument("--json", action="store_true", help="print the result as JSON")
+    command.set_defaults(carry_out=run)
+
+
+def run(arguments: argparse.Namespace) -> None:
+    """Carries the command out."""
+    _use_own_stages(arguments)
+    if arguments.peer is not None:
+        LinkPeer(_law(arguments), arguments.address, idle=arguments.idle).serve()
+        return
+    # Ctrl-C ends the child process and completes the log.
+    with _interrupts.patient(), _link(arguments) as link:
+        try:
+            trajectory = shared.scenario(arguments).of(link.open())
+        except ControllerError:
+            print(link.statistics.text(), file=sys.stderr)
+            raise
+    _print(arguments, link, trajectory)
+
+
+def _use_own_stages(arguments: argparse.Namespace) -> None:
+    """Motors and sensors are the robot's own, unless they are named."""
+    robot = arguments.robot
+    for stage, known in (("actuators", ACTUATORS), ("sensors", SENSORS)):
+        if robot is None or getattr(arguments, stage) is not None:
+            continue
+        if Path(robot).suffix == ".toml":
+            has_own = stage in _toml.loads(read_regular(Path(robot), shared.MAX_ROBOT_FILE).decode())
+        else:
+            has_own = robot in known
+        if has_own:
+            setattr(arguments, stage, robot)
+
+
+def _law(arguments: argparse.Namespace) -> Law:
+    options = shared.env_options(arguments)
+    if others := sorted(set(options) - {*OF_PEERS, "actuators"}):
+        raise ValueError(f"a peer does not depend on {', '.join(others)}, only on {', '.join(OF_PEERS)}")
+    found = find(arguments.peer)
+    params = settings.params_of(options.get("params", "paper"))
+    control_dt = options.get("control_dt") or found.control_dt or CONTROL_DT
+    if found.make_law is not None and reads_sensors(law := found.law(params, control_dt)):
+        return law
+    return EstimatedController(found, params, options.get("sensors", "exact"), control_dt)
+
+
+def _link(arguments: argparse.Namespace) -> Link:
+    return Link(
+        arguments.address,
+        real_time=arguments.real_time,
+        timeout=arguments.timeout,
+        retries=arguments.retries,
+        on_timeout=arguments.on_timeout,
+        hold=arguments.hold,
+        give_up=arguments.give_up,
+        connect=arguments.connect,
+        faults=LinkFaults(
+            arguments.drop,
+            arguments.corrupt,
+            arguments.duplicate,
+            arguments.delay,
+            arguments.delay_time,
+            arguments.seed,
+        ),
+        log=arguments.log,
+    )
+
+
+def _print(arguments: argparse.Namespace, link: Link, trajectory: Trajectory) -> None:
+    if arguments.json:
+        report = {
+            "address": link.address,
+            "model": trajectory.model,
+            "seconds": float(trajectory.times[-1]),
+            "fell_at": trajectory.fell_at,
+            "log": None if arguments.log is None else str(arguments.log),
+            **link.statistics.report(),
+        }
+        print(json.dumps(report, indent=2))
+        return
+    fell_at = trajectory.fell_at
+    print(f"upright for {trajectory.times[-1]:.2f} s" if fell_at is None else f"fell at {fell_at:.2f} s")
+    print(link.statistics.text())
+    if arguments.log is not None:
+        print(f"wrote {arguments.log}")

@@ -1,0 +1,143 @@
+"""A controller on the readings of sensors: the estimator as it is exported to C, compiled here, and any law."""
+
+import ctypes
+import shutil
+import subprocess
+from collections.abc import Mapping
+from os import PathLike
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _files
+from ballbot_rs._core import Params, State
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._quaternions import to_vertical
+from ballbot_rs.control.resolve import Source, find
+from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.deployment.estimator import estimator_header
+
+Array = npt.NDArray[np.float64]
+
+#: Time between two calls where the controller has none, s.
+CONTROL_DT: Final = 0.01
+
+_COMPILERS: Final = ("cc", "gcc", "clang")
+
+_SOURCE: Final = """\
+#include "estimator.h"
+
+typedef char state_has_no_padding[sizeof(ballbot_state) == 17 * sizeof(double) ? 1 : -1];
+
+int size(void);
+void begin(ballbot_estimator *estimator, const ballbot_state *state);
+void update(ballbot_estimator *estimator, const double *gyro, const double *force, const double *rates,
+            ballbot_state *state);
+
+int size(void)
+{
+    return (int)sizeof(ballbot_estimator);
+}
+
+void begin(ballbot_estimator *estimator, const ballbot_state *state)
+{
+    ballbot_estimator_begin(estimator, state);
+}
+
+void update(ballbot_estimator *estimator, const double *gyro, const double *force, const double *rates,
+            ballbot_state *state)
+{
+    ballbot_estimator_update(estimator, gyro, force, rates, state);
+}
+"""
+
+
+class EstimatedController:
+    """Any controller on readings of an IMU and encoders, as it runs on a robot: a law that reads sensors.
+
+    The estimator is the C99 of `ballbot export --estimator`, compiled with the C compiler of this computer. It begins
+    with the first readings of an episode, at rest at the origin with yaw 0, in the attitude that the accelerometer
+    measures.
+
+    Args:
+        controller: a name, or a law or class of laws in Python; a policy observes more than a state.
+        params: the robot, the name of a preset, or None for the paper's.
+        sensors: as `sensors=` of an environment: the errors that the estimator expects.
+        control_dt: time between two calls, s; None is the controller's, else 0.01 s.
+
+    Raises:
+        ValueError: a policy, or a number out of range.
+        OSError: there is no C compiler.
+    """
+
+    reads_sensors = True
+
+    def __init__(
+        self,
+        controller: Source,
+        params: Params | str | None = None,
+        sensors: Mapping[str, Any] | str = "exact",
+        control_dt: float | None = None,
+    ) -> None:
+        found = find(controller)
+        if found.make_law is None:
+            raise InvalidInputError(f"{found.name} is a policy, which observes more than the state of a robot")
+        self.name = found.name
+        self.control_dt = control_dt or found.control_dt or CONTROL_DT
+        robot = params if isinstance(params, Params) else Params.preset(params or "paper")
+        self._ball_radius = robot.ball_radius
+        self._library = _compiled(estimator_header(robot, sensors, self.control_dt))
+        self._memory = ctypes.create_string_buffer(self._library.size())
+        self._state = np.zeros(17)
+        self._angles: Array | None = None
+        self._laws = found.laws(1, robot, self.control_dt)
+
+    def reset(self) -> None:
+        """Forgets the episode."""
+        self._angles = None
+        self._laws.reset()
+
+    def __call__(
+        self, readings: Mapping[str, Array], position: Array, velocity: Array, yaw: float, yaw_rate: float
+    ) -> Array:
+        """Torques for the next control step, shape (3,), N·m; arguments as of `Link`."""
+        angles = np.array(readings["wheel_angles"], dtype=np.float64)
+        if self._angles is None:
+            self._state[:] = 0.0
+            self._state[:4] = to_vertical(np.asarray(readings["specific_force"]))
+            self._library.begin(self._memory, _pointer(self._state))
+            self._angles = angles
+        rates = (angles - self._angles) / self.control_dt
+        self._angles = angles
+        read = [np.ascontiguousarray(readings[name], dtype=np.float64) for name in ("gyro", "specific_force")]
+        self._library.update(self._memory, *map(_pointer, (*read, rates, self._state)))
+        setpoint = Setpoint(position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
+        torques: Array = self._laws.torques([self._estimate()], [setpoint])[0]
+        return torques
+
+    def _estimate(self) -> State:
+        """The state in the memory of the C, in the order of `ballbot_state`."""
+        quaternion, rate, position, velocity, ball_rate, wheel_speeds = np.split(self._state, (4, 7, 9, 11, 14))
+        return State(
+            np.append(position, self._ball_radius), np.append(velocity, 0.0), ball_rate, quaternion, rate, wheel_speeds
+        )
+
+
+def _pointer(numbers: Array) -> Any:
+    return numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
+
+
+def _compiled(header: str) -> ctypes.CDLL:
+    compiler = next(filter(None, map(shutil.which, _COMPILERS)), None)
+    if compiler is None:
+        raise OSError(f"the estimator needs a C compiler: none of {', '.join(_COMPILERS)} is in PATH")
+    with _files.scratch_folder() as folder:
+        (folder / "estimator.h").write_text(header, encoding="ascii")
+        source, library = folder / "estimator.c", folder / "estimator.so"
+        source.write_text(_SOURCE, encoding="ascii")
+        command: list[str | PathLike[str]] = [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-o", library, source]
+        done = subprocess.run([*command, "-lm"], capture_output=True, text=True, check=False)
+        if done.returncode != 0:
+            raise OSError(f"{compiler} failed: {done.stderr.strip().splitlines()[-1:]}")
+        return ctypes.CDLL(str(library))

@@ -1,0 +1,291 @@
+"""A controller in another process or on a board, as a law: readings go out, torques come back."""
+
+import math
+import time
+import weakref
+from collections.abc import Mapping
+from os import PathLike
+from pathlib import Path
+from secrets import randbits
+from types import TracebackType
+from typing import Any, Final, Literal, NoReturn
+
+import numpy as np
+import numpy.typing as npt
+from typing_extensions import Self
+
+from ballbot_rs._checks import check_bounded, check_count
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.link.channel import Channel
+from ballbot_rs.link.faults import LinkFaults
+from ballbot_rs.link.frames import WRAP, Frame, check_library
+from ballbot_rs.link.layout import READINGS, Flag, Kind
+from ballbot_rs.link.log import ExchangeLog
+from ballbot_rs.link.statistics import Statistics
+from ballbot_rs.link.transports import check_address, connect
+
+Array = npt.NDArray[np.float64]
+
+ON_TIMEOUT: Final = ("hold", "zero")
+
+#: Time between two calls where nothing else determines it, s.
+CONTROL_DT: Final = 0.01
+
+#: Longest times of options, s, and most steps or repetitions.
+MAX_SECONDS: Final = 3600.0
+MAX_COUNT: Final = 1_000_000
+
+
+class Link:
+    """A controller of one robot in another process or on a board, for `simulate` and whatever else takes a law.
+
+    At each control step it sends the readings of the sensors and the setpoint, and gets torques: docs/link.md has the
+    frames. It opens the line at the first step, and closes it in `close`, at the end of a `with`, or when it is
+    collected.
+
+    In lockstep the simulation waits: readings without an answer within `timeout` are sent again, `retries` times. In
+    real time a step takes `control_dt` of the clock and torques must arrive within it. Without torques the robot gets
+    the last torques for up to `hold` steps (`on_timeout="hold"`), then zero torque; after `give_up` the run ends.
+
+    Args:
+        address: udp://HOST:PORT, serial:/dev/NAME?baud=RATE, or exec:COMMAND for a child process.
+        control_dt: time between two calls, s; None is the task's.
+        real_time: whether the simulation keeps to the clock instead of waiting for the controller.
+        timeout: time until readings are sent again, s; not in real time.
+        retries: how often they are.
+        on_timeout: "hold" or "zero".
+        hold: most steps in sequence with the last torques.
+        give_up: time of waiting without any torques after which the run ends, s.
+        connect: the same for the first torques, s.
+        faults: of the line, on purpose.
+        log: a file of the whole exchange, FILE.mcap.
+
+    Raises:
+        ValueError: a malformed address, or a number out of range.
+        ModuleNotFoundError: a library for the line or the log is missing; the message states what to install.
+    """
+
+    name = "link"
+    reads_sensors = True
+
+    def __init__(
+        self,
+        address: str,
+        *,
+        control_dt: float | None = None,
+        real_time: bool = False,
+        timeout: float = 0.1,
+        retries: int = 3,
+        on_timeout: Literal["hold", "zero"] = "hold",
+        hold: int = 10,
+        give_up: float = 5.0,
+        connect: float = 10.0,
+        faults: LinkFaults | None = None,
+        log: str | PathLike[str] | None = None,
+    ) -> None:
+        check_library()
+        check_address(address)
+        if on_timeout not in ON_TIMEOUT:
+            raise InvalidInputError(f"on_timeout = {on_timeout!r}: expected one of {', '.join(ON_TIMEOUT)}")
+        self.address = address
+        self.control_dt = None if control_dt is None else check_bounded("control_dt", control_dt, 1e-6, MAX_SECONDS)
+        #: Counts and times so far.
+        self.statistics = Statistics()
+        self._real_time = bool(real_time)
+        self._timeout = check_bounded("timeout", timeout, 1e-6, MAX_SECONDS)
+        self._attempts = 1 + _count("retries", retries)
+        self._hold = _count("hold", hold) if on_timeout == "hold" else 0
+        self._give_up = check_bounded("give_up", give_up, 0.0, MAX_SECONDS)
+        self._connect = check_bounded("connect", connect, 0.0, MAX_SECONDS)
+        self._faults = faults
+        self._log = None if log is None else ExchangeLog(Path(log))
+        self._channel: Channel | None = None
+        self._period = self.control_dt or CONTROL_DT
+        # Another simulation may have talked to the controller: its numbers are most likely others.
+        self._sequence = randbits(32)
+        self._answered: int | None = None
+        self._due: float | None = None
+        self._silence, self._missed = 0.0, 0
+        self._last = np.zeros(3)
+        self.reset()
+
+    def resolved(self) -> ResolvedController:
+        """The law as `find` returns it: it needs sensors, and learns its period from the robot that it is put on."""
+
+        def begin(_: Any, control_dt: float) -> "Link":
+            self._period = control_dt
+            self.reset()
+            return self
+
+        return ResolvedController(
+            self.name, {"sensors": "exact"}, make_law=begin, is_made=False, control_dt=self.control_dt
+        )
+
+    def open(self) -> Self:
+        """Opens the line, if it is not open.
+
+        Raises:
+            OSError: there is no such port, host or program.
+        """
+        if self._channel is None:
+            channel = Channel(connect(self.address), Kind.TORQUES, self.statistics, self._faults, self._log)
+            self._channel = channel
+            self._closing = weakref.finalize(self, _close, channel, self._log, self.statistics)
+        return self
+
+    def close(self) -> None:
+        """Sends STOP and closes the line and the log; a child process ends within a second."""
+        if self._channel is not None:
+            self._channel = None
+            self._answered = self._due = None
+            self._closing()
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, traceback: TracebackType | None
+    ) -> None:
+        self.close()
+
+    def __deepcopy__(self, _: Any) -> NoReturn:
+        raise TypeError("a link drives one robot: run one episode at a time")
+
+    def reset(self) -> None:
+        """Begins an episode: the next readings have the flag RESET."""
+        self._step = 0
+        self._last = np.zeros(3)
+        self._due = None
+
+    def __call__(
+        self, readings: Mapping[str, Array], position: Array, velocity: Array, yaw: float, yaw_rate: float
+    ) -> Array:
+        """Torques for the next control step, shape (3,), N·m.
+
+        Args:
+            readings: as `Batch.readings(0)`.
+            position: of the setpoint, m, shape (2,).
+            velocity: m/s, shape (2,).
+            yaw: rad.
+            yaw_rate: rad/s.
+
+        Raises:
+            TimeoutError: no torques for longer than `give_up`, or at first `connect`.
+            ConnectionError: the other side is gone for good, such as a child process that has ended.
+            OSError: the line cannot be opened.
+        """
+        self.open()
+        parts = {"position": position, "velocity": velocity, "yaw": yaw, "yaw_rate": yaw_rate, **readings}
+        numbers = np.concatenate([np.atleast_1d(parts[field.name]) for field in READINGS])
+        self._sequence = (self._sequence + 1) % WRAP
+        flags = Flag.RESET if self._step == 0 else Flag(0)
+        time_of_step = round(1e6 * self._period * self._step) % WRAP
+        self._step += 1
+        self.statistics.steps += 1
+        frame = Frame(Kind.READINGS, int(flags), self._sequence, time_of_step, tuple(numbers.tolist()))
+        return self._torques_of(self._exchange(frame), frame)
+
+    def _exchange(self, frame: Frame) -> Frame | None:
+        """Sends readings and returns their answer; None without an answer in time."""
+        begins = self._begin_step()
+        if self._answered is None:
+            answer = self._ask(frame, begins + self._connect, self._timeout)
+        elif self._due is not None:
+            answer = self._ask(frame, self._due + self._period, math.inf)
+        else:
+            answer = self._ask(frame, begins + self._attempts * self._timeout, self._timeout)
+        now = time.perf_counter()
+        if answer is None:
+            self._silence += now - begins
+            return None
+        if self._answered is None and self._due is not None:
+            # So the clock begins with it.
+            self._due = now
+        if self._answered is not None:
+            # The first answer has the start of the controller in it.
+            self.statistics.round_trips.append(now - begins)
+        self._answered, self._silence, self._missed = answer.sequence, 0.0, 0
+        return answer
+
+    def _begin_step(self) -> float:
+        """Waits for the time of the step, in real time; returns the time."""
+        if not self._real_time:
+            return time.perf_counter()
+        if self._due is None:
+            self._due = time.perf_counter()
+            return self._due
+        self._due += self._period
+        while time.perf_counter() < self._due:
+            self._receive(None, self._due)
+        begins = time.perf_counter()
+        self.statistics.delays.append(begins - self._due)
+        if begins > self._due + self._period:
+            # The simulation itself was too slow: what is missed is not made up for.
+            self.statistics.overruns += 1
+            self._due = begins
+        return begins
+
+    def _ask(self, frame: Frame, ends: float, timeout: float) -> Frame | None:
+        """Sends readings, and again after each timeout, until their answer or a time."""
+        assert self._channel is not None
+        repetitions = 0
+        while True:
+            if self._log is not None:
+                self._log.sent(frame, repetitions)
+            self._channel.send(frame)
+            answer = self._receive(frame.sequence, min(ends, time.perf_counter() + timeout))
+            if answer is not None or time.perf_counter() >= ends:
+                return answer
+            repetitions += 1
+            self.statistics.repeated += 1
+
+    def _receive(self, sequence: int | None, deadline: float) -> Frame | None:
+        """The answer to the readings of a number, None at the deadline; other answers are counted and ignored."""
+        assert self._channel is not None
+        while (answer := self._channel.receive(deadline)) is not None:
+            fate = self._fate(answer, sequence)
+            if self._log is not None:
+                self._log.received(answer, fate)
+            if fate == "accepted":
+                return answer
+            self.statistics.count(fate)
+            if time.perf_counter() >= deadline:
+                break
+        return None
+
+    def _fate(self, answer: Frame, sequence: int | None) -> str:
+        if answer.sequence == sequence:
+            return "accepted"
+        return "duplicated" if answer.sequence == self._answered else "late"
+
+    def _torques_of(self, answer: Frame | None, frame: Frame) -> Array:
+        statistics = self.statistics
+        if answer is not None:
+            statistics.answered += 1
+            statistics.count_status(answer.flags & 0xFF)
+            self._last = np.array(answer.numbers)
+            return self._last
+        self._missed += 1
+        if self._answered is None or self._silence >= self._give_up:
+            raise TimeoutError(
+                f"no torques from {self.address} for {self._silence:.2g} s and {self._missed} steps "
+                f"({statistics.answered} of {statistics.steps} steps were answered, {statistics.corrupted} frames were "
+                "corrupted)"
+            )
+        is_held = self._missed <= self._hold
+        statistics.count("held" if is_held else "zeroed")
+        if self._log is not None:
+            self._log.missed(frame, "held" if is_held else "zeroed")
+        return self._last if is_held else np.zeros(3)
+
+
+def _count(name: str, value: int) -> int:
+    return 0 if value == 0 else min(check_count(name, value), MAX_COUNT)
+
+
+def _close(channel: Channel, log: ExchangeLog | None, statistics: Statistics) -> None:
+    zeros = (0.0,) * sum(field.count for field in READINGS)
+    channel.close(Frame(Kind.READINGS, int(Flag.STOP), 0, 0, zeros))
+    if log is not None:
+        log.close(statistics)

@@ -1,0 +1,115 @@
+"""The controller's side of a link in Python, to try a controller before there is a board."""
+
+import time
+from typing import Any, Final
+
+import numpy as np
+
+from ballbot_rs._checks import check_bounded
+from ballbot_rs.control.laws import Law, Laws
+from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.link.channel import Channel
+from ballbot_rs.link.frames import WRAP, Frame, check_library
+from ballbot_rs.link.layout import READINGS, Field, Flag, Kind, Status
+from ballbot_rs.link.statistics import Statistics
+from ballbot_rs.link.transports import ClosedError, listen
+
+#: Readings that begin an episode and are at most as far behind the last readings are late, not a new simulation's.
+LATE: Final = 1024
+
+#: Longest time without readings, s.
+MAX_IDLE: Final = 86_400.0
+
+_READINGS: Final = ("gyro", "specific_force", "wheel_angles")
+
+
+class LinkPeer:
+    """Answers the readings of a simulation with the torques of a law that reads sensors.
+
+    Readings that it has answered already get the same answer, without another call of the law; late readings get none.
+    Before the first RESET its status is `starting`, and for readings that are not finite `not_finite`, both with zero
+    torque.
+
+    Args:
+        law: called with readings (`gyro`, `specific_force`, `wheel_angles`) and, if it takes one, a setpoint, as in
+            `simulate`; its `reset` is called at each RESET.
+        address: udp://HOST:PORT to listen at, serial:/dev/NAME?baud=RATE, or stdio: for a child process.
+        idle: time without readings after which `serve` ends, s.
+
+    Raises:
+        ValueError: a malformed address, or a number out of range.
+        OSError: there is no such port, or another program has it.
+    """
+
+    def __init__(self, law: Law, address: str, *, idle: float = 600.0) -> None:
+        check_library()
+        self._idle = check_bounded("idle", idle, 0.0, MAX_IDLE)
+        # The simulation limits the torques.
+        self._laws = Laws(getattr(law, "name", type(law).__name__), lambda: law, 1, np.inf, is_made=False)
+        #: Counts of frames.
+        self.statistics = Statistics()
+        self._channel = Channel(listen(address), Kind.READINGS, self.statistics)
+        self._last: Frame | None = None
+        self._answer: Frame | None = None
+        self._has_begun = False
+
+    def serve(self) -> None:
+        """Answers until the simulation stops, its side is closed, or there were no readings for `idle`.
+
+        Raises:
+            TimeoutError: there were no readings for `idle`.
+            ControllerError: the law failed.
+        """
+        try:
+            while (readings := self._channel.receive(time.perf_counter() + self._idle)) is not None:
+                if readings.flags & Flag.STOP:
+                    return
+                answer = self._answer_to(readings)
+                if answer is not None:
+                    self._channel.send(answer)
+            raise TimeoutError(f"no readings for {self._idle:g} s")
+        except ClosedError:
+            pass
+        finally:
+            self._channel.close()
+
+    def _answer_to(self, readings: Frame) -> Frame | None:
+        if self._last is not None:
+            steps = (readings.sequence - self._last.sequence) % WRAP
+            if steps == 0:
+                self.statistics.repeated += 1
+                return self._answer
+            if steps >= WRAP - LATE or (steps >= WRAP // 2 and not readings.flags & Flag.RESET):
+                self.statistics.late += 1
+                return None
+        status, torques = self._step(readings)
+        self._last = readings
+        self._answer = Frame(Kind.TORQUES, int(status), readings.sequence, readings.time, torques)
+        return self._answer
+
+    def _step(self, readings: Frame) -> tuple[Status, tuple[float, ...]]:
+        zero = (0.0, 0.0, 0.0)
+        if readings.flags & Flag.RESET:
+            if self._has_begun:
+                self._laws.reset()
+            self._has_begun = True
+        if not self._has_begun:
+            return Status.STARTING, zero
+        if not np.isfinite(readings.numbers).all():
+            return Status.NOT_FINITE, zero
+        parts = _parts(readings)
+        read: Any = {name: parts.pop(name) for name in _READINGS}
+        return Status.RUNNING, tuple(self._laws.torques([read], [Setpoint(**parts)])[0].tolist())
+
+
+def _parts(readings: Frame) -> dict[str, Any]:
+    """The numbers by field."""
+    left = np.array(readings.numbers)
+    parts: dict[str, Any] = {}
+    for field in READINGS:
+        parts[field.name], left = _part(field, left), left[field.count :]
+    return parts
+
+
+def _part(field: Field, numbers: Any) -> Any:
+    return float(numbers[0]) if field.count == 1 else numbers[: field.count]
