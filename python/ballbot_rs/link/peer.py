@@ -90,8 +90,7 @@ class LinkPeer:
     def _step(self, readings: Frame) -> tuple[Status, tuple[float, ...]]:
         zero = (0.0, 0.0, 0.0)
         if readings.flags & Flag.RESET:
-            if self._has_begun:
-                self._laws.reset()
+            self._laws.reset(np.ones(1, dtype=bool))
             self._has_begun = True
         if not self._has_begun:
             return Status.STARTING, zero

@@ -1,0 +1,238 @@
+import sys
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.link.frames import Frame, encode
+from ballbot_rs.link.layout import Flag, Kind, Status
+from tests.support.links import Board, Damping, free_address, peer_command, pty_pair, same, serving
+
+#: Noise, a delay of the motors and a moving setpoint: all of it is in the simulation.
+SCENE = {"sensors": "kugle", "actuators": {"delay": 0.004, "lag": 0.01}, "tilt": (0.05, -0.02), "seconds": 0.3}
+TARGET = {"reference": {"position": (0.01, 0.0)}}
+
+
+def in_process():
+    return bb.simulate(Damping(), **SCENE, **TARGET)
+
+
+def test_child_process_gives_the_states_of_the_process_bit_for_bit(tmp_path):
+    with bb.Link(f"exec:{peer_command(tmp_path)} stdio:") as link:
+        assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+    assert link.statistics.answered == 30
+
+
+def test_udp_gives_the_states_of_the_process_bit_for_bit():
+    address = free_address()
+    with serving(Damping(), address), bb.Link(address) as link:
+        assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+
+
+def test_serial_port_gives_the_states_of_the_process_bit_for_bit():
+    with pty_pair() as (ours, theirs), serving(Damping(), theirs), bb.Link(f"{ours}?baud=921600") as link:
+        assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+
+
+def test_address_names_a_controller_everywhere():
+    address = free_address()
+    with serving(Damping(), address):
+        assert same(bb.simulate(address, **SCENE, **TARGET), in_process())
+
+
+def test_episodes_begin_with_reset_and_time_zero():
+    law, address = Damping(), free_address()
+    with serving(law, address), bb.Link(address) as link:
+        first = bb.simulate(link, **SCENE, **TARGET)
+        again = bb.simulate(link, **SCENE, **TARGET)
+    assert same(first, again)
+    # A repetition, on a slow machine, is no call.
+    assert law.calls == link.statistics.answered == 60
+
+
+def test_readings_carry_flags_clock_and_setpoint():
+    seen = []
+
+    def answer(frame):
+        seen.append(frame)
+        return [encode(Frame(Kind.TORQUES, 0, frame.sequence, frame.time, (0.0, 0.0, 0.0)))]
+
+    board = Board()
+    with board.answering(answer), bb.Link(board.address) as link:
+        motion = bb.simulate(
+            link,
+            seconds=0.05,
+            reference={"position": (1.0, 2.0), "velocity": (3.0, 4.0), "yaw": 5.0, "yaw_rate": 6.0},
+            env_options={"control_dt": 0.004},
+        )
+    assert [frame.flags for frame in seen] == [Flag.RESET] + [0] * (len(seen) - 1)
+    assert [frame.time for frame in seen] == [4000 * i for i in range(len(seen))]
+    steps = np.diff([frame.sequence for frame in seen]) % 2**32
+    assert (steps == 1).all()
+    assert seen[0].numbers[9:] == (1.0, 2.0, 3.0, 4.0, 5.0, 6.0)
+    # Exact sensors at rest: gravity as the accelerometer reads it.
+    assert seen[0].numbers[:6] == pytest.approx((0, 0, 0, 0, 0, motion.params.gravity), abs=1e-12)
+
+
+def test_evaluate_runs_one_episode_and_rejects_more():
+    address = free_address()
+    with serving(Damping(), address), bb.Link(address) as link:
+        assert bb.evaluate(link, episodes=1).episodes == 1
+        with pytest.raises(TypeError, match="link cannot be copied for 2 robots: a link drives one robot"):
+            bb.evaluate(link, episodes=2)
+
+
+def answered_with(torques, flags=0):
+    board = Board()
+    return board, board.answering(
+        lambda frame: [encode(Frame(Kind.TORQUES, flags, frame.sequence, frame.time, torques))]
+    )
+
+
+def test_torques_beyond_the_limit_are_scaled_as_of_any_law():
+    board, answering = answered_with((10.0, -20.0, 5.0))
+    with answering, bb.Link(board.address) as link:
+        motion = bb.simulate(link, seconds=0.03)
+    limit = motion.params.max_wheel_torque
+    assert motion.torques[0] == pytest.approx(limit * np.array([0.5, -1.0, 0.25]))
+
+
+def test_torques_that_are_not_finite_end_the_run():
+    board, answering = answered_with((0.0, float("nan"), 0.0))
+    with (
+        answering,
+        bb.Link(board.address) as link,
+        pytest.raises(bb.InvalidInputError, match="link gave the torques .*nan"),
+    ):
+        bb.simulate(link, seconds=0.03)
+
+
+def test_status_of_the_controller_is_counted():
+    board, answering = answered_with((0.0, 0.0, 0.0), Status.LIMIT)
+    with answering, bb.Link(board.address) as link:
+        bb.simulate(link, seconds=0.03)
+    assert link.statistics.statuses == {"limit": 3}
+
+
+def test_law_that_reads_sensors_needs_sensors():
+    with pytest.raises(bb.InvalidInputError, match="damping reads sensors, and the robots have none"):
+        bb.simulate(Damping(), seconds=0.1)
+
+
+@pytest.mark.parametrize("batched", [False, True])
+def test_law_in_the_process_reads_sensors(batched):
+    class Reader:
+        reads_sensors = True
+
+        def __call__(self, readings):
+            return -0.01 * readings["gyro"]
+
+    Reader.batched = batched
+    law = Reader()
+    motion = bb.simulate(law, sensors="exact", tilt=(0.05, 0.0), seconds=0.1)
+    assert motion.torques[3] == pytest.approx(-0.01 * motion.states[3].body_angular_velocity, abs=1e-7)
+
+
+def test_estimated_controller_is_the_controller_of_the_simulation():
+    """With exact sensors the estimator in C differs from the core's by rounding."""
+    options = {"sensors": "exact", "seconds": 1.0}
+    linked = bb.simulate(bb.EstimatedController("lqr"), **options)
+    ours = bb.simulate("lqr", observation="sensors", **options)
+    assert np.abs(linked.torques - ours.torques).max() < 1e-6
+    tilted = bb.simulate(bb.EstimatedController("lqr"), **options, tilt=(0.08, 0.05))
+    assert tilted.fell_at is None
+    assert tilted.states[-1].tilt < 0.02
+
+
+def test_estimated_controller_over_a_link_is_the_same_bit_for_bit():
+    address = free_address()
+    scene = {**SCENE, "seconds": 0.5}
+    with serving(bb.EstimatedController("lqr", sensors="kugle"), address), bb.Link(address) as link:
+        assert same(
+            bb.simulate(link, **scene), bb.simulate(bb.EstimatedController("lqr", sensors="kugle"), **scene)
+        )
+
+
+@pytest.mark.parametrize(
+    ("address", "message"),
+    [
+        ("tcp://localhost:1", "'tcp://localhost:1' is not an address of a link"),
+        ("udp://localhost", "not udp://HOST:PORT"),
+        ("udp://localhost:70000", "not udp://HOST:PORT"),
+        ("udp://localhost:9000/x", "not udp://HOST:PORT"),
+        ("serial:", "not serial:/dev/NAME"),
+        ("serial:/dev/x?baud=fast", "not serial:/dev/NAME"),
+        ("serial:/dev/x?parity=1", "not serial:/dev/NAME"),
+        ("exec:", "names no command"),
+        ("exec:'", "is not a command"),
+        ("stdio:", "is the address of a controller"),
+    ],
+)
+def test_malformed_addresses_are_rejected(address, message):
+    with pytest.raises(bb.InvalidInputError, match=message):
+        bb.Link(address)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"timeout": 0.0}, "timeout = 0"),
+        ({"timeout": float("nan")}, "timeout = nan"),
+        ({"retries": -1}, "retries = -1"),
+        ({"hold": -1}, "hold = -1"),
+        ({"give_up": -1.0}, "give_up = -1"),
+        ({"connect": float("inf")}, "connect = inf"),
+        ({"on_timeout": "fall"}, "on_timeout = 'fall'"),
+        ({"control_dt": 0.0}, "control_dt = 0"),
+        ({"log": "exchange.csv"}, "must end in .mcap"),
+    ],
+)
+def test_options_out_of_range_are_rejected(options, message):
+    with pytest.raises(ValueError, match=message):
+        bb.Link("udp://127.0.0.1:9", **options)
+
+
+@pytest.mark.parametrize("options", [{"drop": 1.5}, {"corrupt": -0.1}, {"delay_time": 11.0}, {"delay": float("nan")}])
+def test_faults_out_of_range_are_rejected(options):
+    (name,) = options
+    with pytest.raises(ValueError, match=f"{name} = .* is out of range"):
+        bb.LinkFaults(**options)
+
+
+def test_program_that_does_not_exist_is_an_error():
+    with pytest.raises(FileNotFoundError, match="no-such-program"):
+        bb.Link("exec:no-such-program").open()
+
+
+def test_port_that_does_not_exist_is_an_error():
+    with pytest.raises(OSError, match="no-such-port"):
+        bb.Link("serial:/dev/no-such-port").open()
+
+
+def test_print_of_a_controller_does_not_disturb_its_frames(tmp_path):
+    command = peer_command(tmp_path)
+    script = tmp_path / "peer.py"
+    script.write_text(script.read_text().replace("(Damping()", "(Loud()").replace("bb.LinkPeer", "class Loud(Damping):\n"
+        "    def __call__(self, readings, position):\n        print('a line')\n"
+        "        return super().__call__(readings, position)\n\n\nbb.LinkPeer"))
+    with bb.Link(f"exec:{command} stdio:") as link:
+        assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+    assert link.statistics.broken == 0
+
+
+def test_link_is_reopened_after_it_was_closed():
+    address = free_address()
+    link = bb.Link(address)
+    for _ in range(2):
+        with serving(Damping(), address), link:
+            assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+
+
+def test_missing_library_is_named(monkeypatch):
+    from ballbot_rs.link import frames
+
+    frames.check_library.cache_clear()
+    monkeypatch.setitem(sys.modules, "cobs", None)
+    with pytest.raises(ModuleNotFoundError, match=r"the link needs cobs: install it with .*\[link\]"):
+        bb.Link("udp://127.0.0.1:9")
+    frames.check_library.cache_clear()
