@@ -36,6 +36,8 @@ _handled = -math.inf
 _patience = 0
 _holding = 0
 _held: list[int] = []
+_staying = 0
+_deferred: list[int] = []
 # Reentrant: a second signal may interrupt the thread that ends the process, and then ends it.
 _leaving = threading.RLock()
 
@@ -70,6 +72,20 @@ def held_back() -> Iterator[None]:
             _raise(number)
 
 
+@contextlib.contextmanager
+def unbroken() -> Iterator[None]:
+    """A context at whose end signals take effect, such as the start of a child process that is in `endings` then."""
+    global _staying
+    _staying += 1
+    try:
+        with held_back():
+            yield
+    finally:
+        _staying -= 1
+        if _deferred and not _staying:
+            _leave(_deferred.pop())
+
+
 def exit_code(number: int) -> int:
     """The exit code of a process that a signal ended, as a shell counts it."""
     return 128 + number
@@ -102,7 +118,7 @@ def _on_signal(number: int, _: FrameType | None) -> None:
     _handled = time.monotonic()
     if not _patience:
         _leave(number)
-    if _holding:
+    elif _holding:
         _held.append(number)
     else:
         _raise(number)
@@ -122,7 +138,10 @@ def _watch(wakeups: socket.socket) -> None:
                 _leave(number)
 
 
-def _leave(number: int) -> NoReturn:
+def _leave(number: int) -> None:
+    if _staying:
+        _deferred.append(number)
+        return
     # Two threads come here; the first ends the process, the second must not print again.
     if not _leaving.acquire(blocking=False):
         while True:

@@ -73,7 +73,7 @@ def test_every_truncation_is_detected(frame):
     wire = encode(frame)
     for length in range(1, len(wire) - 1):
         for part in (wire[:length], wire[-1 - length : -1]):
-            with pytest.raises(FrameError, match="broken|corrupted"):
+            with pytest.raises(FrameError, match=r"broken|corrupted"):
                 decode(part)
 
 

@@ -46,7 +46,7 @@ def test_episodes_begin_with_reset_and_time_zero():
         first = bb.simulate(link, **SCENE, **TARGET)
         again = bb.simulate(link, **SCENE, **TARGET)
     assert same(first, again)
-    # A repetition, on a slow machine, is no call.
+    # A repetition, on a slow machine, is not a call.
     assert law.calls == link.statistics.answered == 60
 
 
@@ -102,7 +102,7 @@ def test_torques_that_are_not_finite_end_the_run():
     with (
         answering,
         bb.Link(board.address) as link,
-        pytest.raises(bb.InvalidInputError, match="link gave the torques .*nan"),
+        pytest.raises(bb.InvalidInputError, match=r"link gave the torques .*nan"),
     ):
         bb.simulate(link, seconds=0.03)
 
@@ -148,9 +148,7 @@ def test_estimated_controller_over_a_link_is_the_same_bit_for_bit():
     address = free_address()
     scene = {**SCENE, "seconds": 0.5}
     with serving(bb.EstimatedController("lqr", sensors="kugle"), address), bb.Link(address) as link:
-        assert same(
-            bb.simulate(link, **scene), bb.simulate(bb.EstimatedController("lqr", sensors="kugle"), **scene)
-        )
+        assert same(bb.simulate(link, **scene), bb.simulate(bb.EstimatedController("lqr", sensors="kugle"), **scene))
 
 
 @pytest.mark.parametrize(
@@ -212,9 +210,16 @@ def test_port_that_does_not_exist_is_an_error():
 def test_print_of_a_controller_does_not_disturb_its_frames(tmp_path):
     command = peer_command(tmp_path)
     script = tmp_path / "peer.py"
-    script.write_text(script.read_text().replace("(Damping()", "(Loud()").replace("bb.LinkPeer", "class Loud(Damping):\n"
-        "    def __call__(self, readings, position):\n        print('a line')\n"
-        "        return super().__call__(readings, position)\n\n\nbb.LinkPeer"))
+    script.write_text(
+        script.read_text()
+        .replace("(Damping()", "(Loud()")
+        .replace(
+            "bb.LinkPeer",
+            "class Loud(Damping):\n"
+            "    def __call__(self, readings, position):\n        print('a line')\n"
+            "        return super().__call__(readings, position)\n\n\nbb.LinkPeer",
+        )
+    )
     with bb.Link(f"exec:{command} stdio:") as link:
         assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
     assert link.statistics.broken == 0

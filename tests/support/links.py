@@ -8,10 +8,13 @@ import socket
 import sys
 import threading
 import tty
+from pathlib import Path
 
 import numpy as np
 
 import ballbot_rs as bb
+from ballbot_rs.link.frames import decode
+from ballbot_rs.link.layout import Flag
 from tests.support.paths import ROOT
 
 #: A law that is quick to start, in a file for other processes; it does not balance.
@@ -118,8 +121,6 @@ class Board:
     @contextlib.contextmanager
     def answering(self, answer):
         """Calls `answer(frame)` in a thread for each frame of readings; it returns the datagrams to send."""
-        from ballbot_rs.link.frames import decode
-        from ballbot_rs.link.layout import Flag
 
         def work():
             while not self._done.is_set():
@@ -149,3 +150,10 @@ def same(first, second):
         and all(one == other for one, other in zip(first.states, second.states, strict=True))
         and np.array_equal(first.torques, second.torques)
     )
+
+
+def is_alive(process):
+    """Whether a process runs; a killed one may remain as a zombie until its parent collects it."""
+    with contextlib.suppress(OSError):
+        return Path(f"/proc/{process}/stat").read_text().split()[2] != "Z"
+    return False

@@ -44,7 +44,22 @@ EPILOG = (
 )
 
 COMPLETION = "--print-completion"
-COMMANDS = (train, tune, evaluate, compare, report, export, plot, record, view, record_log, identify, link, list_names, info)
+COMMANDS = (
+    train,
+    tune,
+    evaluate,
+    compare,
+    report,
+    export,
+    plot,
+    record,
+    view,
+    record_log,
+    identify,
+    link,
+    list_names,
+    info,
+)
 
 
 class Parser(argparse.ArgumentParser):

@@ -1,4 +1,4 @@
-"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies, controllers, estimators, link as C99."""
+"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies and what else a robot needs as C99."""
 
 import argparse
 import json
@@ -24,7 +24,7 @@ def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
         "export",
-        help="write a policy as ONNX, which runs without PyTorch, or policies, controllers, estimators, the link as C99",
+        help="write a policy as ONNX, which runs without PyTorch, or policy, controller, estimator, link as C99",
     )
     command.add_argument(
         "policy", type=Path, nargs="?", metavar="RUN", help="a training run, or a policy file; for C an ONNX file, too"

@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import real_array
-from ballbot_rs._core import Controller, State
+from ballbot_rs._core import Controller
 from ballbot_rs._errors import ControllerError, InvalidInputError
 from ballbot_rs.control.setpoints import PARTS, Setpoint
 
@@ -35,7 +35,7 @@ class Law(Protocol):
     bool.
     """
 
-    def __call__(self, state: Any, /) -> npt.ArrayLike:
+    def __call__(self, *arguments: Any, **parts: Any) -> npt.ArrayLike:
         """Wheel torques for the next control step."""
 
 

@@ -104,11 +104,11 @@ def find(
 
     Args:
         source: one of `NAMES`, the path of a policy, the address of a `Link`, "file.py:NAME" (a function, an object or
-            a class), or such a function, object or class. They are called with a `State`, or a `State` and a `Setpoint`, and return three
-            wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are instantiated for each robot, with
-            the robot as `params` and the time between two calls as `control_dt` if they take them. Attributes `name`
-            and `control_dt` (s) and the method `reset` are optional, and so is `env_options` of an object, the options
-            of the environment that it is made for.
+            a class), or such a function, object or class. They are called with a `State`, or a `State` and a
+            `Setpoint`, and return three wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are
+            instantiated for each robot, with the robot as `params` and the time between two calls as `control_dt` if
+            they take them. Attributes `name` and `control_dt` (s) and the method `reset` are optional, and so is
+            `env_options` of an object, the options of the environment that it is made for.
         task: the task; None is the task that a policy file names. A file that does not name its task needs `task` or
             `env_options`.
         env_options: options of the environment that such a policy file was trained with.

@@ -1,6 +1,5 @@
 """The frames of the lockstep link as a C99 header."""
 
-from collections.abc import Sequence
 from typing import Final
 
 from ballbot_rs import __version__
@@ -50,7 +49,7 @@ def _head() -> list[str]:
         "        send(frame, ballbot_link_encode_torques(&torques, frame));",
         "    }",
         "",
-        "Readings with the sequence of the last ones are a repetition, as their answer was lost: send that answer again.",
+        "Readings with the sequence of the last ones are a repetition, as their answer was lost: send it again.",
         "Memory: all of it is in `ballbot_link_decoder`; nothing is allocated.",
     ]
 
@@ -110,7 +109,7 @@ def _member(field: Field) -> str:
 
 
 def _array(field: Field) -> str:
-    return "" if field.count == 1 else f"[{field.count}]"
+    return "" if field.length == 1 else f"[{field.length}]"
 
 
 def _put(field: Field, kind: Kind) -> str:
@@ -125,12 +124,12 @@ def _get(field: Field) -> str:
 
 
 def _put_payload(field: Field) -> str:
-    return f"    ballbot_link_put_doubles(&to, {_pointer('from', field)}, {field.count});\n"
+    return f"    ballbot_link_put_doubles(&to, {_pointer('from', field)}, {field.length});\n"
 
 
 def _get_payload(field: Field) -> str:
-    return f"    ballbot_link_get_doubles(&from, {_pointer('to', field)}, {field.count});\n"
+    return f"    ballbot_link_get_doubles(&from, {_pointer('to', field)}, {field.length});\n"
 
 
 def _pointer(of: str, field: Field) -> str:
-    return f"{'&' if field.count == 1 else ''}{of}->{field.name}"
+    return f"{'&' if field.length == 1 else ''}{of}->{field.name}"

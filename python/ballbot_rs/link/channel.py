@@ -6,7 +6,7 @@ import itertools
 import time
 from typing import Final
 
-from ballbot_rs.link.faults import LinkFaults, FaultyLine
+from ballbot_rs.link.faults import FaultyLine, LinkFaults
 from ballbot_rs.link.frames import Frame, FrameError, decode, encode
 from ballbot_rs.link.layout import END, Kind
 from ballbot_rs.link.log import ExchangeLog

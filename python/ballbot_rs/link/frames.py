@@ -1,4 +1,4 @@
-"""Frames as bytes: a header, numbers and a checksum, stuffed by COBS so that a zero ends them (`layout` has the bytes)."""
+"""Frames as bytes: header, numbers and checksum, stuffed by COBS so that a zero ends them (`layout` has the bytes)."""
 
 import functools
 import struct
@@ -11,7 +11,7 @@ from ballbot_rs.link.layout import CHECKSUM, END, HEADER, LONGEST, PAYLOADS, VER
 _HEADER: Final = struct.Struct(format_of(HEADER))
 _CHECKSUM: Final = struct.Struct(format_of((CHECKSUM,)))
 _FORMATS: Final = {kind: struct.Struct(format_of((*HEADER, *fields))) for kind, fields in PAYLOADS.items()}
-_SIZES: Final = {kind: size_of(kind) for kind in Kind}
+_SIZES: Final[dict[int, int]] = {kind: size_of(kind) for kind in Kind}
 
 #: Numbers of the header wrap here.
 WRAP: Final = 2**32

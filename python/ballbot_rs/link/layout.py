@@ -22,14 +22,14 @@ class Field(NamedTuple):
     name: str
     #: As of `struct`: B, H and I are unsigned integers of 1, 2 and 4 bytes, d is a float of 8 bytes.
     type: str
-    count: int
+    length: int
     unit: str
     doc: str
 
     @property
     def size(self) -> int:
         """Bytes."""
-        return self.count * struct.calcsize(f"<{self.type}")
+        return self.length * struct.calcsize(f"<{self.type}")
 
 
 class Kind(enum.IntEnum):
@@ -91,7 +91,7 @@ CHECKSUM: Final = Field("crc", "I", 1, "", "CRC-32 of header and payload, as `zl
 
 def format_of(fields: Sequence[Field]) -> str:
     """The format of `struct` for fields, little-endian without padding."""
-    return "<" + "".join(f"{field.count}{field.type}" for field in fields)
+    return "<" + "".join(f"{field.length}{field.type}" for field in fields)
 
 
 def size_of(kind: Kind) -> int:

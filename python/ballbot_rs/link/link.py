@@ -176,7 +176,8 @@ class Link:
             OSError: the line cannot be opened.
         """
         self.open()
-        parts = {"position": position, "velocity": velocity, "yaw": yaw, "yaw_rate": yaw_rate, **readings}
+        setpoint = {"position": position, "velocity": velocity, "yaw": yaw, "yaw_rate": yaw_rate}
+        parts: dict[str, Any] = {**setpoint, **readings}
         numbers = np.concatenate([np.atleast_1d(parts[field.name]) for field in READINGS])
         self._sequence = (self._sequence + 1) % WRAP
         flags = Flag.RESET if self._step == 0 else Flag(0)
@@ -285,7 +286,7 @@ def _count(name: str, value: int) -> int:
 
 
 def _close(channel: Channel, log: ExchangeLog | None, statistics: Statistics) -> None:
-    zeros = (0.0,) * sum(field.count for field in READINGS)
+    zeros = (0.0,) * sum(field.length for field in READINGS)
     channel.close(Frame(Kind.READINGS, int(Flag.STOP), 0, 0, zeros))
     if log is not None:
         log.close(statistics)

@@ -26,7 +26,7 @@ _HEADER: Final = {
 
 def _schema_of(field: Field) -> dict[str, Any]:
     doc = {"description": f"{field.doc}, {field.unit}"}
-    return {**NUMBER, **doc} if field.count == 1 else {"type": "array", "items": NUMBER, **doc}
+    return {**NUMBER, **doc} if field.length == 1 else {"type": "array", "items": NUMBER, **doc}
 
 
 #: Schemas of the messages, by topic.
@@ -100,6 +100,6 @@ def _numbers(frame: Frame, fields: Sequence[Field]) -> dict[str, Any]:
     left = [number if math.isfinite(number) else None for number in frame.numbers]
     named: dict[str, Any] = {}
     for field in fields:
-        part, left = left[: field.count], left[field.count :]
-        named[field.name] = part[0] if field.count == 1 else part
+        part, left = left[: field.length], left[field.length :]
+        named[field.name] = part[0] if field.length == 1 else part
     return named

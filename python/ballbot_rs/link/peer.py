@@ -106,9 +106,9 @@ def _parts(readings: Frame) -> dict[str, Any]:
     left = np.array(readings.numbers)
     parts: dict[str, Any] = {}
     for field in READINGS:
-        parts[field.name], left = _part(field, left), left[field.count :]
+        parts[field.name], left = _part(field, left), left[field.length :]
     return parts
 
 
 def _part(field: Field, numbers: Any) -> Any:
-    return float(numbers[0]) if field.count == 1 else numbers[: field.count]
+    return float(numbers[0]) if field.length == 1 else numbers[: field.length]

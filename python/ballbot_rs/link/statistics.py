@@ -11,6 +11,8 @@ from ballbot_rs.link.layout import Status
 #: Percentiles of times.
 _PERCENTILES: Final = (50, 90, 99)
 
+_STATUSES: Final[dict[int, str]] = {status: status.name.lower() for status in Status}
+
 #: Most intervals and columns of a histogram.
 _INTERVALS: Final = 12
 _COLUMNS: Final = 40
@@ -53,7 +55,7 @@ class Statistics:
 
     def count_status(self, code: int) -> None:
         """Adds an answer with a status."""
-        name = Status(code).name.lower() if code in iter(Status) else f"status {code}"
+        name = _STATUSES.get(code, f"status {code}")
         self.statuses[name] = self.statuses.get(name, 0) + 1
 
     def report(self) -> dict[str, Any]:
@@ -68,7 +70,18 @@ class Statistics:
     def text(self) -> str:
         """Lines for a terminal: the counts that are not zero, and a histogram of each time."""
         lines = [f"{self.answered} of {self.steps} steps answered in time"]
-        names = ("held", "zeroed", "overruns", "repeated", "unsent", "late", "duplicated", "broken", "corrupted", "unknown")
+        names = (
+            "held",
+            "zeroed",
+            "overruns",
+            "repeated",
+            "unsent",
+            "late",
+            "duplicated",
+            "broken",
+            "corrupted",
+            "unknown",
+        )
         counts = {name: getattr(self, name) for name in names}
         counts |= {name.replace("_", " "): count for name, count in self.statuses.items() if name != "running"}
         if any(counts.values()):

@@ -260,11 +260,16 @@ class Child(Stream):
     """A child process, which reads its standard input and writes its standard output."""
 
     def __init__(self, command: Sequence[str]) -> None:
-        # Ctrl-C in a terminal reaches only this process, which ends the child and what the child has started.
-        self._process = subprocess.Popen(
-            command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
-        )
-        _interrupts.endings.add(self._kill)
+        try:
+            # Ctrl-C in a terminal reaches only this process, which ends the child and what the child has started.
+            with _interrupts.unbroken():
+                self._process = subprocess.Popen(
+                    command, stdin=subprocess.PIPE, stdout=subprocess.PIPE, bufsize=0, start_new_session=True
+                )
+                _interrupts.endings.add(self._kill)
+        except KeyboardInterrupt:
+            self.close()
+            raise
         assert self._process.stdin is not None
         assert self._process.stdout is not None
         super().__init__(self._process.stdout.fileno(), self._process.stdin.fileno())
