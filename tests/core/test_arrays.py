@@ -122,6 +122,8 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 #: Types without arrays.
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
+    # It copies what it is given, as tests/link compares.
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     # Their numbers are of PyTorch and of JAX.
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

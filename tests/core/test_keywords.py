@@ -714,6 +714,8 @@ NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
+    # tests/link calls them.
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

@@ -8,7 +8,7 @@ from cobs import cobs
 
 from ballbot_rs.deployment import link_header
 from ballbot_rs.link.frames import Frame, encode
-from ballbot_rs.link.layout import LONGEST, READINGS, Flag, Kind, Status
+from ballbot_rs.link.layout import LATE, LONGEST, READINGS, Flag, Kind, Status
 from tests.support.c_code import compiled
 
 #: The header behind plain arrays: integers are flags, sequence and time.
@@ -22,6 +22,7 @@ int feed(const uint8_t *bytes, int count, uint8_t *kinds);
 void counts(uint32_t *to);
 void readings(uint32_t *integers, double *numbers);
 void torques(uint32_t *integers, double *numbers);
+int order(uint32_t last, uint32_t flags, uint32_t sequence);
 int encode_readings(const uint32_t *integers, const double *numbers, uint8_t *frame);
 int encode_torques(const uint32_t *integers, const double *numbers, uint8_t *frame);
 
@@ -76,6 +77,16 @@ void torques(uint32_t *integers, double *numbers)
     integers[1] = found.sequence;
     integers[2] = found.time;
     memcpy(numbers, found.torques, sizeof found.torques);
+}}
+
+int order(uint32_t last, uint32_t flags, uint32_t sequence)
+{{
+    ballbot_link_torques answer = {{0}};
+    ballbot_link_readings readings = {{0}};
+    answer.sequence = last;
+    readings.flags = (uint16_t)flags;
+    readings.sequence = sequence;
+    return ballbot_link_order(&answer, &readings);
 }}
 
 int encode_readings(const uint32_t *integers, const double *numbers, uint8_t *frame)
@@ -188,6 +199,20 @@ def test_c_counts_another_version_or_kind(library, place, value):
     packed[place] = value
     assert fed(library, cobs.encode(bytes(packed) + struct.pack("<I", zlib.crc32(packed))) + b"\0") == []
     assert counted(library) == {"frames": 0, "broken": 0, "corrupted": 0, "unknown": 1}
+
+
+@pytest.mark.parametrize("last", [0, 5000, 2**32 - 1])
+def test_order_of_readings_in_c(library, last):
+    """As tests/link/test_lines_that_fail.py has it for the peer in Python."""
+    for flags, steps, expected in (
+        *((flags, 0, 0) for flags in (0, Flag.RESET)),
+        *((flags, step, 1) for flags in (0, Flag.RESET) for step in (1, 2, 2**31 - 1)),
+        *((0, step, -1) for step in (-1, -1024, -1025, 2**31)),
+        *((Flag.RESET, step, -1) for step in (-1, -LATE)),
+        *((Flag.RESET, step, 1) for step in (-LATE - 1, 2**31)),
+    ):
+        found = library.order(ctypes.c_uint32(last), ctypes.c_uint32(flags), ctypes.c_uint32(last + steps))
+        assert found == expected, (flags, steps)
 
 
 def test_names_of_c_are_names_of_python():

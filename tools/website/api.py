@@ -77,6 +77,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "Reference",
             "Setpoint",
             "save",
+            "Link",
+            "LinkFaults",
+            "LinkPeer",
+            "EstimatedController",
         ),
     ),
     "analysis": (

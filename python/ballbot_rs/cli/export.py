@@ -1,4 +1,4 @@
-"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies and what else a robot needs as C99."""
+"""`ballbot export`: a policy as an ONNX file, which runs without PyTorch; policies and what a robot needs as C99."""
 
 import argparse
 import json

@@ -60,6 +60,8 @@ class ResolvedController:
     control_dt: float | None = None
     #: Ends a call of the policy in another thread, where that is possible.
     interrupt: Callable[[], None] | None = None
+    #: Longest time of a call, s; None is the limit for any controller, where there is one.
+    max_call: float | None = None
     #: Events of the environment that a policy was trained in; evaluation uses nominal robots unless they are requested.
     events: Sequence[Mapping[str, Any]] = ()
 

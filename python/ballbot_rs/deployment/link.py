@@ -6,6 +6,7 @@ from ballbot_rs import __version__
 from ballbot_rs.deployment.c_text import comment, guarded, piece
 from ballbot_rs.link.layout import (
     HEADER,
+    LATE,
     LONGEST,
     PAYLOADS,
     VERSION,
@@ -27,7 +28,7 @@ _OPEN: Final = tuple(field for field in HEADER if field.name not in ("version", 
 
 def link_header() -> str:
     """The text of a C99 header with the frames of the lockstep link: encode, decode, and a decoder of a stream."""
-    body = "\n".join((_constants(), piece("link"), *map(_frame, Kind)))
+    body = "\n".join((_constants(), piece("link"), *map(_frame, Kind), piece("link_order")))
     return guarded("link", "link", comment(_head()), body, includes=("stdint.h", "string.h"))
 
 
@@ -43,13 +44,17 @@ def _head() -> list[str]:
         "    uint8_t frame[BALLBOT_LINK_LONGEST];",
         "    if (ballbot_link_feed(&decoder, byte) == BALLBOT_LINK_READINGS) {",
         "        ballbot_link_decode_readings(&decoder, &readings);",
-        "        torques.sequence = readings.sequence;",
-        "        torques.time = readings.time;",
-        "        ...",
-        "        send(frame, ballbot_link_encode_torques(&torques, frame));",
+        "        order = ballbot_link_order(&torques, &readings);    (1 at the first readings)",
+        "        if (order > 0) {",
+        "            torques.sequence = readings.sequence;",
+        "            torques.time = readings.time;",
+        "            ...",
+        "        }",
+        "        if (order >= 0) {",
+        "            send(frame, ballbot_link_encode_torques(&torques, frame));",
+        "        }",
         "    }",
         "",
-        "Readings with the sequence of the last ones are a repetition, as their answer was lost: send it again.",
         "Memory: all of it is in `ballbot_link_decoder`; nothing is allocated.",
     ]
 
@@ -67,6 +72,7 @@ def _constants() -> str:
         listed = ",\n".join(f"    BALLBOT_LINK_{member.name} = {member.value}" for member in members)
         text += f"\n/* {of.capitalize()}. */\nenum {{\n{listed}\n}};\n"
     cases = "".join(f"    case BALLBOT_LINK_{kind.name}:\n        return {size_of(kind)};\n" for kind in Kind)
+    text += f"\n/* Readings with RESET so far behind the last readings are late. */\n#define BALLBOT_LINK_LATE {LATE}\n"
     return text + (
         "\n/* Bytes of header, payload and checksum of a kind, 0 for an unknown kind. */\n"
         "static inline int ballbot_link_size(int kind)\n{\n"

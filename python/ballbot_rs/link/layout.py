@@ -12,6 +12,9 @@ from typing import Final, NamedTuple
 #: Of this layout; the first byte of a frame.
 VERSION: Final = 1
 
+#: Readings with RESET that are at most as far behind the last readings are late, others are of a new simulation.
+LATE: Final = 1024
+
 #: Ends every frame on the wire, and is in none of them.
 END: Final = b"\x00"
 

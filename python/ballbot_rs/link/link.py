@@ -32,6 +32,9 @@ ON_TIMEOUT: Final = ("hold", "zero")
 #: Time between two calls where nothing else determines it, s.
 CONTROL_DT: Final = 0.01
 
+#: Time of a call beyond its waiting, s.
+GRACE: Final = 1.0
+
 #: Longest times of options, s, and most steps or repetitions.
 MAX_SECONDS: Final = 3600.0
 MAX_COUNT: Final = 1_000_000
@@ -119,7 +122,12 @@ class Link:
             return self
 
         return ResolvedController(
-            self.name, {"sensors": "exact"}, make_law=begin, is_made=False, control_dt=self.control_dt
+            self.name,
+            {"sensors": "exact"},
+            make_law=begin,
+            is_made=False,
+            control_dt=self.control_dt,
+            max_call=self._connect + self._attempts * self._timeout + GRACE,
         )
 
     def open(self) -> Self:

@@ -10,12 +10,9 @@ from ballbot_rs.control.laws import Law, Laws
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.frames import WRAP, Frame, check_library
-from ballbot_rs.link.layout import READINGS, Field, Flag, Kind, Status
+from ballbot_rs.link.layout import LATE, READINGS, Field, Flag, Kind, Status
 from ballbot_rs.link.statistics import Statistics
 from ballbot_rs.link.transports import ClosedError, listen
-
-#: Readings that begin an episode and are at most as far behind the last readings are late, not a new simulation's.
-LATE: Final = 1024
 
 #: Longest time without readings, s.
 MAX_IDLE: Final = 86_400.0
@@ -79,7 +76,7 @@ class LinkPeer:
             if steps == 0:
                 self.statistics.repeated += 1
                 return self._answer
-            if steps >= WRAP - LATE or (steps >= WRAP // 2 and not readings.flags & Flag.RESET):
+            if steps >= WRAP - (LATE if readings.flags & Flag.RESET else WRAP // 2):
                 self.statistics.late += 1
                 return None
         status, torques = self._step(readings)

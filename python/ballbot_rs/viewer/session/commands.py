@@ -169,7 +169,8 @@ class Balancing:
             for reference, state in zip(self._references, states, strict=True):
                 reference.advance(self.setpoint, state.ball_position[:2], driver.control_dt)
         targets = [reference.position for reference in self._references] or np.zeros(2)
-        found: Torques = call(lambda: driver.torques(states, targets))
+        inputs: Sequence[Any] = robots.readings if driver.reads_sensors else states
+        found: Torques = call(lambda: driver.torques(inputs, targets))
         return found
 
     def reset(self) -> None:
@@ -276,7 +277,7 @@ class Commanding:
         if self._policy is not None:
             policy, observations = self._policy, robots.observations
             return call(lambda: policy.torques(observations))
-        states = robots.seen
+        states: Sequence[Any] = robots.readings if self._law.reads_sensors else robots.seen
         setpoints = [Setpoint(**{part: parts[part] for part in PARTS}) for parts in robots.setpoints]
         return call(lambda: self._law.follow(states, setpoints))
 

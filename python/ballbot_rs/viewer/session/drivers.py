@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
 from ballbot_rs.control.reference import largest_lead
-from ballbot_rs.control.resolve import NAMES, ResolvedController
+from ballbot_rs.control.resolve import NAMES, ResolvedController, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK
@@ -38,6 +38,8 @@ class Driver(Protocol):
     max_torque: float
     #: Whether it contains foreign code, which may never return.
     is_foreign: bool
+    #: Whether it takes readings of sensors in place of states.
+    reads_sensors: bool
 
     def reset(self, robot: int | None = None) -> None:
         """Clears the memory of past steps, of all robots or of one."""
@@ -49,7 +51,7 @@ class BalancingDriver(Driver, Protocol):
     #: Whether it moves the robot to a position.
     follows_position: bool
 
-    def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
+    def torques(self, states: Sequence[Any], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m.
 
         `setpoints` are positions of the ball, m: one per robot, shape (n, 2), or one for all, shape (2,).
@@ -91,13 +93,14 @@ class LawDriver:
         self.is_foreign = controller.name not in NAMES
         self._laws = controller.laws(num_robots, params, self.control_dt)
         self.follows_position = "position" in self._laws.follows
+        self.reads_sensors = self._laws.reads_sensors
         self._num_robots = num_robots
 
-    def torques(self, states: Sequence[State], setpoints: npt.ArrayLike) -> Torques:
+    def torques(self, states: Sequence[Any], setpoints: npt.ArrayLike) -> Torques:
         """Wheel torques for the next `control_dt`, shape (n, 3), N·m."""
         return self.follow(states, [Setpoint(position=place) for place in _one_each(setpoints, states)])
 
-    def follow(self, states: Sequence[State], setpoints: Sequence[Setpoint]) -> Torques:
+    def follow(self, states: Sequence[Any], setpoints: Sequence[Setpoint]) -> Torques:
         """The same for setpoints with all parts, one per robot."""
         return self._laws.torques(states, setpoints)
 
@@ -117,6 +120,7 @@ class PolicyDriver:
     def __init__(self, controller: ResolvedController, params: Params, num_robots: int) -> None:
         assert controller.policy is not None
         self.follows_position = self.is_foreign = True
+        self.reads_sensors = False
         self._policy = controller.policy
         # All models observe a state alike, with any motors; `contact` accepts every state, even fallen or slipping.
         fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
@@ -177,8 +181,13 @@ class PolicyDriver:
 
 
 def lead_of(controller: ResolvedController, params: Params) -> float:
-    """Largest distance of a controller's target from the ball, m, at which no wheel is close to slipping."""
+    """Largest distance of a controller's target from the ball, m, at which no wheel is close to slipping.
+
+    A controller that reads sensors has a state of the robot only while it drives it: for it the distance is for `lqr`.
+    """
     driver = make_driver(controller, params, 1)
+    if driver.reads_sensors:
+        driver = make_driver(find("lqr"), params, 1)
     # The torque at which no wheel of the upright robot slips, within the motors' limit.
     limit = new_batch(1, num_threads=1, options={"params": params}).max_wheel_torque
     rest = [State.at_equilibrium(params)]
@@ -204,6 +213,7 @@ class TaskPolicy:
     def __init__(self, controller: ResolvedController, params: Params, task: str, options: Mapping[str, Any]) -> None:
         assert controller.policy is not None
         self.is_foreign = True
+        self.reads_sensors = False
         self._policy = controller.policy
         # The given ground is made already, which takes longest.
         trained = {**controller.env_options, "params": params, "terrain": options.get("terrain")}

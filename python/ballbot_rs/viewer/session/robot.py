@@ -198,6 +198,11 @@ class Robot:
         return self.state if self._setup.sensors is None else self._batch.estimate(0)
 
     @property
+    def readings(self) -> dict[str, FloatArray]:
+        """The last readings of its sensors."""
+        return self._batch.readings(0)
+
+    @property
     def observation(self) -> npt.NDArray[np.float32]:
         """The task's observation, shape (m,); for a robot that lies, at the end of the episode."""
         observation: npt.NDArray[np.float32] = self._batch.observations()[0]

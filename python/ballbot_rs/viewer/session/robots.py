@@ -73,6 +73,11 @@ class Robots:
         return [robot.seen for robot in self]
 
     @property
+    def readings(self) -> list[dict[str, FloatArray]]:
+        """Readings of the sensors of all robots."""
+        return [robot.readings for robot in self]
+
+    @property
     def observations(self) -> npt.NDArray[np.float32]:
         """The task's observation of each robot, shape (n, m)."""
         return np.array([robot.observation for robot in self])

@@ -215,7 +215,7 @@ class Session(Player):
         task_options = {**task_options, "terrain": terrain}
         objective = objective_of(controller, params, num_robots, task, task_options)
         driver = objective.driver
-        sensors = self._sensors if observation == "sensors" else None
+        sensors = self._sensors if observation == "sensors" or driver.reads_sensors else None
         steps_alone = task == DEFAULT_TASK and sensors is None
         setup = Setup(
             robot,
@@ -246,7 +246,7 @@ class Session(Player):
 
     def _watched(self, controller: ResolvedController, function: Callable[[], T], seconds: float) -> T:
         """The result of a function that calls a controller, with a time limit."""
-        return self.watchdog.call(controller.name, function, seconds, controller.interrupt)
+        return self.watchdog.call(controller.name, function, controller.max_call or seconds, controller.interrupt)
 
     def params_of(self, robot: str) -> Params:
         """Parameters of a robot by name. Raises ValueError for an unknown name."""
