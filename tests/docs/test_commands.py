@@ -16,7 +16,7 @@ PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md"]
 PAGES += sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md"))
 EXTRAS = _toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 #: Of the shell, of git and of others, without names of ours.
-FREE = ("git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv")
+FREE = ("cc", "git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv")
 
 
 def commands(page: str) -> Iterator[str]:

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
-from typing import Any, Final, TypeAlias
+from typing import Any, Final, Protocol, TypeAlias, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -23,7 +23,6 @@ from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
-from ballbot_rs.link.transports import is_address
 
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
@@ -95,6 +94,18 @@ class ResolvedController:
         return Laws(self.name, lambda: self.law(params, control_dt), count, limit, is_made=self.existing is None)
 
 
+@runtime_checkable
+class Resolvable(Protocol):
+    """A law that needs more than its call and its attributes."""
+
+    def resolved(self) -> ResolvedController:
+        """The law as `find` returns it."""
+
+
+#: Makers of laws from an address, by its scheme.
+SCHEMES: Final[dict[str, Callable[[str], Resolvable]]] = {}
+
+
 def find(
     source: Source,
     *,
@@ -127,12 +138,9 @@ def find(
         env_id_of(task)
     if isinstance(source, ResolvedController):
         return source
-    # A link is a law, hence made of this module.
-    from ballbot_rs.link.link import Link
-
-    if isinstance(source, str) and trusted and is_address(source):
-        source = Link(source)
-    if isinstance(source, Link):
+    if isinstance(source, str) and trusted and (scheme := source.partition(":")[0]) in SCHEMES:
+        return SCHEMES[scheme](source).resolved()
+    if isinstance(source, Resolvable):
         return source.resolved()
     if not isinstance(source, (str, PathLike)):
         return _from_object(source)

@@ -16,6 +16,7 @@ from typing_extensions import Self
 
 from ballbot_rs._checks import check_bounded, check_count
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.faults import LinkFaults
@@ -23,7 +24,7 @@ from ballbot_rs.link.frames import WRAP, Frame, check_library
 from ballbot_rs.link.layout import READINGS, Flag, Kind
 from ballbot_rs.link.log import ExchangeLog
 from ballbot_rs.link.statistics import Statistics
-from ballbot_rs.link.transports import check_address, connect
+from ballbot_rs.link.transports import SCHEMES, check_address, connect
 
 Array = npt.NDArray[np.float64]
 
@@ -298,3 +299,6 @@ def _close(channel: Channel, log: ExchangeLog | None, statistics: Statistics) ->
     channel.close(Frame(Kind.READINGS, int(Flag.STOP), 0, 0, zeros))
     if log is not None:
         log.close(statistics)
+
+
+resolve.SCHEMES.update(dict.fromkeys(SCHEMES, Link))

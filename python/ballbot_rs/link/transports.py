@@ -24,7 +24,7 @@ from ballbot_rs.link.frames import Splitter
 from ballbot_rs.link.layout import END
 
 #: How addresses begin.
-SCHEMES: Final = ("udp:", "serial:", "exec:", "stdio:")
+SCHEMES: Final = ("udp", "serial", "exec", "stdio")
 FORMS: Final = "udp://HOST:PORT, serial:/dev/NAME?baud=RATE or exec:COMMAND"
 
 BAUD: Final = 115_200
@@ -51,11 +51,6 @@ class Transport(Protocol):
 
     def close(self) -> None:
         """Releases everything; a child process ends within a second."""
-
-
-def is_address(text: str) -> bool:
-    """Whether a text is an address of a link."""
-    return text.startswith(SCHEMES)
 
 
 def check_address(address: str) -> None:
@@ -102,9 +97,9 @@ def listen(address: str) -> Transport:
 
 
 def _split(address: str) -> tuple[str, str]:
-    if not is_address(address):
+    scheme, colon, rest = address.partition(":")
+    if not colon or scheme not in SCHEMES:
         raise InvalidInputError(f"'{address}' is not an address of a link: expected {FORMS}")
-    scheme, _, rest = address.partition(":")
     return scheme, rest
 
 
