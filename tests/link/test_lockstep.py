@@ -7,6 +7,7 @@ import ballbot_rs as bb
 from ballbot_rs.link.frames import Frame, encode
 from ballbot_rs.link.layout import Flag, Kind, Status
 from tests.support.links import Board, Damping, free_address, peer_command, pty_pair, same, serving
+from tests.support.paths import ASSETS
 
 #: Noise, a delay of the motors and a moving setpoint: all of it is in the simulation.
 SCENE = {"sensors": "kugle", "actuators": {"delay": 0.004, "lag": 0.01}, "tilt": (0.05, -0.02), "seconds": 0.3}
@@ -149,6 +150,17 @@ def test_estimated_controller_over_a_link_is_the_same_bit_for_bit():
     scene = {**SCENE, "seconds": 0.5}
     with serving(bb.EstimatedController("lqr", sensors="kugle"), address), bb.Link(address) as link:
         assert same(bb.simulate(link, **scene), bb.simulate(bb.EstimatedController("lqr", sensors="kugle"), **scene))
+
+
+def test_estimated_controller_rejects_a_policy():
+    with pytest.raises(bb.InvalidInputError, match=r"balance.onnx is a policy"):
+        bb.EstimatedController(str(ASSETS / "policies" / "balance.onnx"))
+
+
+def test_estimated_controller_needs_a_compiler(monkeypatch):
+    monkeypatch.setenv("PATH", "")
+    with pytest.raises(OSError, match="the estimator needs a C compiler: none of cc, gcc, clang is in PATH"):
+        bb.EstimatedController("lqr")
 
 
 @pytest.mark.parametrize(

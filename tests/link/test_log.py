@@ -81,4 +81,19 @@ def test_log_has_what_was_rejected_and_what_was_missed(tmp_path):
 def test_log_that_cannot_be_written_is_an_error(tmp_path):
     (tmp_path / "file").write_text("")
     with pytest.raises(OSError, match="not written"):
-        bb.Link(free_address(), log=tmp_path / "file" / "exchange.mcap")
+        bb.Link(free_address(), log=tmp_path / "file" / "exchange.mcap").open()
+
+
+def test_link_that_was_never_opened_writes_nothing(tmp_path):
+    with bb.Link(free_address(), log=tmp_path / "exchange.mcap"):
+        pass
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_link_that_is_reopened_writes_its_log_again(tmp_path):
+    path, address = tmp_path / "exchange.mcap", free_address()
+    link = bb.Link(address, log=path)
+    for steps in (2, 3):
+        with serving(Damping(), address), link:
+            bb.simulate(link, seconds=0.01 * steps)
+        assert len({message["sequence"] for message in read(path)[0]["/link/readings"]}) == steps

@@ -57,6 +57,7 @@ def board(tmp_path):
     return program
 
 
+@pytest.mark.slow("repeats lost frames")
 def test_controller_of_the_page_is_the_controller_of_the_package(board):
     """The controller in C differs from the core's by rounding; lost frames change nothing."""
     robot = {"robot": "kugle", "sensors": "kugle", "tilt": (0.03, -0.02), "seconds": 1.0}

@@ -36,7 +36,7 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 MAX_ROBOT_FILE = 1 << 20
 
 CONTROLLER_METAVAR = "NAME|PATH"
-CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, or FILE.py:NAME with your own"
+CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, FILE.py:NAME with your own, or a link's address"
 
 
 def add_task(command: Any, *others: str) -> None:

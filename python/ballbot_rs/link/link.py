@@ -22,7 +22,7 @@ from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.faults import LinkFaults
 from ballbot_rs.link.frames import WRAP, Frame, check_library
 from ballbot_rs.link.layout import READINGS, Flag, Kind
-from ballbot_rs.link.log import ExchangeLog
+from ballbot_rs.link.log import ExchangeLog, check_file
 from ballbot_rs.link.statistics import Statistics
 from ballbot_rs.link.transports import SCHEMES, check_address, connect
 
@@ -45,7 +45,7 @@ class Link:
     """A controller of one robot in another process or on a board, for `simulate` and whatever else takes a law.
 
     At each control step it sends the readings of the sensors and the setpoint, and gets torques: docs/link.md has the
-    frames. It opens the line at the first step, and closes it in `close`, at the end of a `with`, or when it is
+    frames. It opens line and log at the first step, and closes them in `close`, at the end of a `with`, or when it is
     collected.
 
     In lockstep the simulation waits: readings without an answer within `timeout` are sent again, `retries` times. In
@@ -103,7 +103,10 @@ class Link:
         self._give_up = check_bounded("give_up", give_up, 0.0, MAX_SECONDS)
         self._connect = check_bounded("connect", connect, 0.0, MAX_SECONDS)
         self._faults = faults
-        self._log = None if log is None else ExchangeLog(Path(log))
+        self._log_file = None if log is None else Path(log)
+        if self._log_file is not None:
+            check_file(self._log_file)
+        self._log: ExchangeLog | None = None
         self._channel: Channel | None = None
         self._period = self.control_dt or CONTROL_DT
         # Another simulation may have talked to the controller: its numbers are most likely others.
@@ -135,9 +138,10 @@ class Link:
         """Opens the line, if it is not open.
 
         Raises:
-            OSError: there is no such port, host or program.
+            OSError: there is no such port, host or program, or the log cannot be written.
         """
         if self._channel is None:
+            self._log = None if self._log_file is None else ExchangeLog(self._log_file)
             channel = Channel(connect(self.address), Kind.TORQUES, self.statistics, self._faults, self._log)
             self._channel = channel
             self._closing = weakref.finalize(self, _close, channel, self._log, self.statistics)

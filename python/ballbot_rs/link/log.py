@@ -45,17 +45,21 @@ _TOPICS: Final = {
 }
 
 
+def check_file(path: Path) -> None:
+    """Raises ValueError for a name that does not end in .mcap."""
+    if path.suffix != ".mcap":
+        raise InvalidInputError(f"{path}: the name of the file must end in .mcap")
+
+
 class ExchangeLog:
     """A file, which is complete once it is closed.
 
     Raises:
-        ValueError: a name that does not end in .mcap.
         ModuleNotFoundError: mcap is not installed.
+        OSError: the file cannot be written.
     """
 
     def __init__(self, path: Path) -> None:
-        if path.suffix != ".mcap":
-            raise InvalidInputError(f"{path}: the name of the file must end in .mcap")
         with contextlib.ExitStack() as stack:
             unfinished = stack.enter_context(_files.replacing(path))
             self._writer = McapWriter(stack.enter_context(unfinished.open("wb")))

@@ -33,7 +33,7 @@ BAUD: Final = 115_200
 _CHUNK: Final = 4096
 
 #: How long a child process has to leave by itself, s.
-_GRACE: Final = 0.3
+_GRACE: Final = 0.5
 
 
 class ClosedError(ConnectionError):
