@@ -361,6 +361,20 @@ def test_peer_accepts_another_simulation(asked):
     assert asked(frame_of(11)).sequence == 11
 
 
+def test_peer_of_another_rate_is_an_error():
+    address = free_address()
+    law = Damping()
+    law.control_dt = 0.005
+    peer = bb.LinkPeer(law, address)
+    host, port = address.removeprefix("udp://").split(":")
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.connect((host, int(port)))
+        client.send(encode(frame_of(1, Flag.RESET)))
+        client.send(encode(frame_of(2)._replace(time=10_000)))
+        with pytest.raises(bb.InvalidInputError, match=r"has control_dt = 0\.01 s, and Damping is made for 0\.005 s"):
+            peer.serve()
+
+
 def test_peer_without_a_simulation_ends():
     with pytest.raises(TimeoutError, match=r"no readings for 0\.1 s"):
         bb.LinkPeer(Damping(), free_address(), idle=0.1).serve()

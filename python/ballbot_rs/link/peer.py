@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 
 from ballbot_rs._checks import check_bounded
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Law, Laws
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
@@ -43,6 +44,7 @@ class LinkPeer:
         self._idle = check_bounded("idle", idle, 0.0, MAX_IDLE)
         # The simulation limits the torques.
         self._laws = Laws(getattr(law, "name", type(law).__name__), lambda: law, 1, np.inf, is_made=False)
+        self._period: float | None = getattr(law, "control_dt", None)
         #: Counts of frames.
         self.statistics = Statistics()
         self._channel = Channel(listen(address), Kind.READINGS, self.statistics)
@@ -56,6 +58,7 @@ class LinkPeer:
         Raises:
             TimeoutError: there were no readings for `idle`.
             ControllerError: the law failed.
+            ValueError: the law has another `control_dt` than the simulation.
         """
         try:
             while (readings := self._channel.receive(time.perf_counter() + self._idle)) is not None:
@@ -79,10 +82,20 @@ class LinkPeer:
             if steps >= WRAP - (LATE if readings.flags & Flag.RESET else WRAP // 2):
                 self.statistics.late += 1
                 return None
+            if steps == 1 and not readings.flags & Flag.RESET:
+                self._check_period((readings.time - self._last.time) % WRAP)
         status, torques = self._step(readings)
         self._last = readings
         self._answer = Frame(Kind.TORQUES, int(status), readings.sequence, readings.time, torques)
         return self._answer
+
+    def _check_period(self, microseconds: int) -> None:
+        """Raises ValueError if the law was made for another time between two calls."""
+        if self._period is not None and abs(microseconds - 1e6 * self._period) > 1.0:
+            raise InvalidInputError(
+                f"the simulation has control_dt = {1e-6 * microseconds:g} s, and {self._laws.name} is made for "
+                f"{self._period:g} s"
+            )
 
     def _step(self, readings: Frame) -> tuple[Status, tuple[float, ...]]:
         zero = (0.0, 0.0, 0.0)
