@@ -129,7 +129,7 @@ class Link:
             self.name,
             {"sensors": "exact"},
             make_law=begin,
-            is_made=False,
+            existing=self,
             control_dt=self.control_dt,
             max_call=self._connect + self._attempts * self._timeout + GRACE,
         )
