@@ -12,19 +12,32 @@ from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 
 class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
-    """Robots of a batch whose states JAX differentiates, as `DifferentiableBatch` with PyTorch.
+    """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library.
 
-    `step` may be called in `jax.jit`, `jax.lax.scan` and `jax.grad`, forward and in reverse:
-
+        jax.config.update("jax_enable_x64", True)
         robots = DifferentiableJaxBatch(Batch(64))
 
-        def move(states, _):
-            states, ended = robots.step(states, policy(parameters, states))
-            ...
+        @jax.jit
+        @jax.grad
+        def gradient(parameters, states):
+            def move(states, _):
+                states, ended = robots.step(states, policy(parameters, states))
+                return states, jnp.where(ended, 0.0, cost(states)).sum()
 
-    The batch is stateful, so a compiled step calls back into Python, in order, and `jax.vmap` and `jax.checkpoint` of a
-    step are errors. `reset` and `states` are called outside compiled functions. Bad input within them is an error of
-    JAX with the message of ours.
+            return jax.lax.scan(move, states, length=32)[1].sum()
+
+        gradient(parameters, robots.reset(seeds))
+
+    Derivatives are forward or in reverse, and of first order: second ones take the first of a step as constant. A
+    compiled step calls back into Python, in order; what it rejects is an error of JAX with the same message. `reset`
+    and `states` belong outside compiled functions. `jax.vmap` and `jax.checkpoint` of a step are errors, because the
+    robots cannot repeat it.
+
+    Args:
+        batch: as of `DifferentiableBatch`.
+
+    Raises:
+        ValueError: another batch, or later an array while JAX has no float64.
     """
 
     _library = jnp
