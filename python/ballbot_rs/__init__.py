@@ -77,6 +77,7 @@ from ballbot_rs.link.estimated import EstimatedController
 from ballbot_rs.link.faults import LinkFaults
 from ballbot_rs.link.link import Link
 from ballbot_rs.link.peer import LinkPeer
+from ballbot_rs.media.robot_files import write_urdf
 from ballbot_rs.media.terrain_files import read_terrain, write_terrain
 from ballbot_rs.optimal.law import TimeVaryingLqr
 from ballbot_rs.optimal.linear import linearize
@@ -187,6 +188,7 @@ __all__ = [
     "virtual_to_wheel_torques",
     "wheel_to_virtual_torques",
     "write_terrain",
+    "write_urdf",
 ]
 
 #: Names whose modules import PyTorch or JAX, loaded at their first use, and the extra that they need.

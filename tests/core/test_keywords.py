@@ -318,9 +318,9 @@ def _optimized(**arguments: Any) -> Any:
     return [found.torques, found.iterations]
 
 
-def _written(terrain: bb.Terrain, path: str, **arguments: Any) -> bytes:
+def _written(write: Callable[..., Path], path: str, **arguments: Any) -> bytes:
     with tempfile.TemporaryDirectory() as folder:
-        return bb.write_terrain(terrain, Path(folder) / path, **arguments).read_bytes()
+        return write(path=Path(folder) / path, **arguments).read_bytes()
 
 
 def _read(path: bb.Terrain, **arguments: Any) -> Any:
@@ -631,7 +631,16 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {"kind": "mix", "seed": 3},
     ),
     "read_terrain": (_read, {"path": BOWL, "cell": 0.05, "height": 0.1}, {"path": GENTLE, "cell": 0.06, "height": 0.2}),
-    "write_terrain": (_written, {"terrain": BOWL, "path": "a.png"}, {"terrain": GENTLE, "path": "a.stl", "cell": 0.02}),
+    "write_terrain": (
+        functools.partial(_written, bb.write_terrain),
+        {"terrain": BOWL, "path": "a.png"},
+        {"terrain": GENTLE, "path": "a.stl", "cell": 0.02},
+    ),
+    "write_urdf": (
+        functools.partial(_written, bb.write_urdf),
+        {"params": "paper", "path": "a.urdf"},
+        {"params": "kugle", "path": None, "part": "bot"},
+    ),
     "register": (lambda **_: None, {}, {"env_id": None, "task": None}),
     "identify": (
         functools.partial(_identify, bb.identify),

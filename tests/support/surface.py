@@ -54,6 +54,7 @@ LEFT_OUT = {
     "Robots": "the input of tasks in Python; made only by the package",
     "read_terrain": "reads files; tests/media has its bad input",
     "write_terrain": "writes files; tests/media has its bad input",
+    "write_urdf": "as write_terrain",
     "_contacts_of": "what pickle calls",
     "_terrain_of": "what pickle calls",
     "_toml_table": "the parser behind load_scenarios; tests/scenarios has its bad input",

@@ -18,6 +18,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "terrain_kinds",
             "read_terrain",
             "write_terrain",
+            "write_urdf",
             "load_actuators",
             "load_sensors",
             "load_events",

@@ -82,5 +82,5 @@ def robot_geometry(params: Params | None = None) -> RobotGeometry:
         inertia -= across * (np.eye(3) - about_axle) + _offset_inertia(params.wheel_mass, center - whole_com)
         wheel_inertias.append(across * (np.eye(3) - about_axle) + params.wheel_inertia * about_axle)
     # Rounding errors off the diagonal would make Bullet rotate the frame.
-    inertia[np.abs(inertia) < 1e-12] = 0.0
+    inertia[np.abs(inertia) < 1e-12 * np.abs(inertia).max()] = 0.0
     return RobotGeometry(params, contacts, drives, axles, centers, Link(mass, com, inertia), np.array(wheel_inertias))
