@@ -86,7 +86,7 @@ def odometry(
 
 def transforms(state: bb.State, imu_position: npt.ArrayLike, nanoseconds: int) -> list[Fields]:
     """`geometry_msgs/TransformStamped` of body and ball in `odom`, and of the IMU in `base_link`."""
-    poses = [
+    poses: list[tuple[str, str, npt.ArrayLike, npt.ArrayLike]] = [
         ("odom", "base_link", state.body_position, state.body_quaternion),
         ("odom", "ball", state.ball_position, state.ball_quaternion),
         ("base_link", "imu_link", imu_position, (1.0, 0.0, 0.0, 0.0)),

@@ -103,6 +103,19 @@ def test_mujoco_reads_the_same_masses_axles_and_joints(name, tmp_path):
     assert [joint.type[0] for joint in map(model.joint, ("base_link_joint", "ball_joint"))] == [0, 0]
 
 
+def test_mujoco_rejects_a_body_whose_heavy_wheels_break_the_triangle_inequality(tmp_path):
+    mujoco = pytest.importorskip("mujoco")
+
+    def breaks(params):
+        least, middle, largest = np.linalg.eigvalsh(robot_geometry(params).body.inertia)
+        return largest > (least + middle) * (1.0 + 1e-6)
+
+    params = next(filter(breaks, sample_robots(60)))
+    check_read_back(params, tmp_path)
+    with pytest.raises(ValueError, match=r"A \+ B >= C"):
+        mujoco.MjModel.from_xml_path(str(bb.write_urdf(params, tmp_path / "robot.urdf")))
+
+
 def test_links_and_joints_have_their_names(tmp_path):
     root = ET.parse(bb.write_urdf(str(ROBOTS / "kugle.toml"), tmp_path / "new" / "kugle.urdf")).getroot()
     wheels = [f"wheel_{i}" for i in range(3)]
