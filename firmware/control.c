@@ -1,0 +1,59 @@
+#include "parts.h"
+
+#include "control.h"
+
+#ifdef BALLBOT_POLICY_KNOWN
+#define CONTROL_DT BALLBOT_POLICY_CONTROL_DT
+static ballbot_policy control;
+#else
+#define CONTROL_DT BALLBOT_CONTROL_DT
+static ballbot_controller control;
+#endif
+
+_Static_assert((uint32_t)(1e6 * CONTROL_DT + 0.5) == PERIOD_US, "the controller has another rate than the firmware");
+
+static void narrow(const double *from, ballbot_real *to, int count)
+{
+    while (count--) {
+        *to++ = (ballbot_real)*from++;
+    }
+}
+
+void control_begin(void)
+{
+#ifdef BALLBOT_POLICY_KNOWN
+    ballbot_policy_reset(&control);
+#else
+    ballbot_reset(&control);
+#endif
+}
+
+void control_step(const estimate *estimated, const target *wanted, double torques[3])
+{
+    ballbot_setpoint setpoint = {0};
+    ballbot_state state;
+    ballbot_real found[3];
+    int i;
+    narrow(estimated->quaternion, state.quaternion, 4);
+    narrow(estimated->rate, state.rate, 3);
+    narrow(estimated->ball_position, state.ball_position, 2);
+    narrow(estimated->ball_velocity, state.ball_velocity, 2);
+    narrow(estimated->ball_rate, state.ball_rate, 3);
+    narrow(estimated->wheel_speeds, state.wheel_speeds, 3);
+    narrow(wanted->position, setpoint.position, 2);
+    narrow(wanted->velocity, setpoint.velocity, 2);
+    narrow(&wanted->yaw, &setpoint.yaw, 1);
+    narrow(&wanted->yaw_rate, &setpoint.yaw_rate, 1);
+#ifdef BALLBOT_POLICY_KNOWN
+    {
+        ballbot_real rows[BALLBOT_POLICY_ROWS];
+        ballbot_policy_observe(&control, &state, &setpoint, rows);
+        ballbot_policy_step(&control, rows, found);
+    }
+#else
+    ballbot_step(&control, &state, &setpoint, found);
+#endif
+    for (i = 0; i < 3; i++) {
+        torques[i] = (double)found[i];
+    }
+}

@@ -1,0 +1,142 @@
+/* The loop of a robot's computer: readings arrive over the link, torques leave. */
+#include <math.h>
+
+#include "board.h"
+#include "link.h"
+#include "parts.h"
+
+enum {
+    LOST = 3, /* most control steps in a row whose readings may be missing */
+    NUMBERS = 15
+};
+
+/* All readings and setpoints are doubles in a row, from gyro to yaw_rate. */
+_Static_assert(
+    sizeof(ballbot_link_readings) - offsetof(ballbot_link_readings, gyro) == NUMBERS * sizeof(double), "gaps in readings");
+
+/* Running, or why not until the next RESET: after a pause the robot is not where the estimator has it. */
+static uint16_t condition = BALLBOT_LINK_STARTING;
+static ballbot_link_torques answer = {.sequence = UINT32_MAX};
+static estimate estimated;
+static double wheel_angles[3]; /* of the last readings that were used */
+static uint32_t used;          /* their time, us */
+static uint32_t heard;         /* when they came, ms */
+
+static int are_finite(const double *values, int count)
+{
+    while (count > 0 && isfinite(*values)) {
+        values++;
+        count--;
+    }
+    return count == 0;
+}
+
+/* The estimate after readings that are `periods` control steps later than the last ones. */
+static void observe(const ballbot_link_readings *readings, uint32_t periods)
+{
+    double rates[3];
+    int i;
+    for (i = 0; i < 3; i++) {
+        rates[i] = (readings->wheel_angles[i] - wheel_angles[i]) / (1e-6 * PERIOD_US * periods);
+        wheel_angles[i] = readings->wheel_angles[i];
+    }
+    used = readings->time;
+    /* Those that are missing count as equal. */
+    while (periods-- > 0) {
+        estimator_update(readings->gyro, readings->specific_force, rates, &estimated);
+    }
+}
+
+static int has_fallen(void)
+{
+    const double *q = estimated.quaternion;
+    return !(1 - 2 * (q[1] * q[1] + q[2] * q[2]) > cos(LARGEST_TILT));
+}
+
+/* The status after readings, and the torques if it is running. */
+static uint16_t respond(const ballbot_link_readings *readings, double torques[3])
+{
+    const target wanted = {
+        {readings->position[0], readings->position[1]},
+        {readings->velocity[0], readings->velocity[1]},
+        readings->yaw,
+        readings->yaw_rate};
+    /* Unsigned, so that it holds where the clock wraps. */
+    uint32_t periods = (readings->time - used + PERIOD_US / 2) / PERIOD_US;
+    if (readings->flags & (BALLBOT_LINK_RESET | BALLBOT_LINK_STOP)) {
+        condition = BALLBOT_LINK_STARTING;
+    }
+    if (!are_finite(readings->gyro, NUMBERS)) {
+        return BALLBOT_LINK_NOT_FINITE;
+    }
+    if (readings->flags & BALLBOT_LINK_RESET) {
+        estimator_begin();
+        control_begin();
+        memcpy(wheel_angles, readings->wheel_angles, sizeof wheel_angles);
+        periods = 1;
+        condition = BALLBOT_LINK_RUNNING;
+    } else if (condition == BALLBOT_LINK_RUNNING && (periods == 0 || periods > 1 + LOST)) {
+        condition = BALLBOT_LINK_STALE;
+    }
+    if (condition != BALLBOT_LINK_RUNNING) {
+        return condition;
+    }
+    observe(readings, periods);
+    control_step(&estimated, &wanted, torques);
+    if (has_fallen() || !are_finite(torques, 3)) {
+        condition = BALLBOT_LINK_LIMIT;
+    }
+    return condition;
+}
+
+static void send(uint16_t status)
+{
+    uint8_t frame[BALLBOT_LINK_TORQUES_LONGEST];
+    answer.flags = status;
+    if (status != BALLBOT_LINK_RUNNING) {
+        memset(answer.torques, 0, sizeof answer.torques);
+    }
+    board_write(frame, (size_t)ballbot_link_encode_torques(&answer, frame));
+}
+
+static void receive(const ballbot_link_readings *readings)
+{
+    const int is_repeated = readings->sequence == answer.sequence && readings->time == answer.time;
+    uint16_t status = answer.flags;
+    heard = board_milliseconds();
+    /* The answer was lost. A repeated RESET may be a new one, and gives the same again. */
+    if (!is_repeated || readings->flags & BALLBOT_LINK_RESET) {
+        const uint32_t before = board_count();
+        status = respond(readings, answer.torques);
+        if (TRACE) {
+            board_trace(board_count() - before);
+        }
+        answer.sequence = readings->sequence;
+        answer.time = readings->time;
+    }
+    send(status);
+}
+
+int main(void)
+{
+    static ballbot_link_decoder decoder;
+    static ballbot_link_readings readings;
+    static const uint8_t end = 0;
+    board_begin();
+    /* Ends what a reset may have left of a frame. This one answers nothing: the board is up. */
+    board_write(&end, 1);
+    send(condition);
+    for (;;) {
+        const int byte = board_read();
+        if (byte < 0) {
+            board_sleep();
+        } else if (ballbot_link_feed(&decoder, (uint8_t)byte) == BALLBOT_LINK_READINGS) {
+            ballbot_link_decode_readings(&decoder, &readings);
+            receive(&readings);
+        }
+        if (condition == BALLBOT_LINK_RUNNING && board_milliseconds() - heard > WATCHDOG_MS) {
+            condition = BALLBOT_LINK_STALE;
+            send(condition);
+        }
+    }
+}

@@ -1,0 +1,34 @@
+/* The exported parts. Each is a separate C file, since the estimator may need double precision where the controller does
+ * with single: between them all numbers are double. */
+#ifndef PARTS_H
+#define PARTS_H
+
+#include <stdint.h>
+
+/* As `ballbot_state` of the exported headers. */
+typedef struct {
+    double quaternion[4];
+    double rate[3];
+    double ball_position[2];
+    double ball_velocity[2];
+    double ball_rate[3];
+    double wheel_speeds[3];
+} estimate;
+
+/* A robot at rest, upright, at the origin. */
+void estimator_begin(void);
+void estimator_update(
+    const double gyro[3], const double specific_force[3], const double wheel_rates[3], estimate *estimated);
+
+/* Of a controller or of a policy, for which velocity and yaw rate are the command of its task. */
+typedef struct {
+    double position[2];
+    double velocity[2];
+    double yaw;
+    double yaw_rate;
+} target;
+
+void control_begin(void);
+void control_step(const estimate *estimated, const target *wanted, double torques[3]);
+
+#endif
