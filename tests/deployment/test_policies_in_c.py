@@ -17,6 +17,7 @@ from tests.support.onnx_policies import SHIPPED
 from tests.support.paths import ROOT
 
 TOLERANCE = 1e-6
+VELOCITY = SHIPPED.with_name("velocity.onnx")
 OLD = ROOT / "tests" / "control" / "policy_0_1_0.onnx"
 
 
@@ -195,3 +196,20 @@ def test_rows_from_a_state_match_the_task(tmp_path):
             np.testing.assert_allclose(found, rows, atol=1e-5)
             rows = env.step(in_c.step(found) / env.max_wheel_torque)[0]
     assert np.abs(rows[[6, 7, 8, 13, 14, 15]]).min() > 0.0
+
+
+def test_rows_from_a_state_and_a_commanded_velocity_match_the_task(tmp_path):
+    """The setpoint's velocity is in the inertial frame, the task's command in the heading frame."""
+    in_c = CPolicy(tmp_path, policy_header(VELOCITY))
+    env = bb.VelocityEnv(scale_observations=False)
+    for seed in range(5):
+        rows = env.reset(seed=seed)[0]
+        in_c.reset()
+        for _ in range(50):
+            x, y, yaw_rate = env.command
+            w, _, _, z = env.state.body_quaternion
+            cos, sin = (w * w - z * z) / (w * w + z * z), 2.0 * w * z / (w * w + z * z)
+            found = in_c.observe(env.state, velocity=(cos * x - sin * y, sin * x + cos * y), yaw_rate=yaw_rate)
+            np.testing.assert_allclose(found, rows, atol=1e-5)
+            rows = env.step(in_c.step(found) / env.max_wheel_torque)[0]
+    assert np.abs(rows[[5, 9, 10, 11, 12, 13, 14, 15, 16]]).min() > 0.0

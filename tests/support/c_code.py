@@ -1,6 +1,7 @@
 """C headers, compiled and called."""
 
 import ctypes
+import re
 import subprocess
 import tempfile
 from pathlib import Path
@@ -224,7 +225,7 @@ static ballbot_policy policy;
 void reset(void);
 void act(int count, const double *observations, double *actions);
 void step(const double *rows, double *torques);
-void observe(const double *from, const double *position, double *to);
+void observe(const double *from, const double *target, double *to);
 
 {read_state}
 
@@ -264,14 +265,17 @@ void step(const double *rows, double *torques)
     }}
 }}
 
-void observe(const double *from, const double *position, double *to)
+void observe(const double *from, const double *target, double *to)
 {{
     const ballbot_state state = read_state(from);
     ballbot_setpoint setpoint = {{0}};
     ballbot_real rows[BALLBOT_POLICY_ROWS];
     int i;
-    setpoint.position[0] = (ballbot_real)position[0];
-    setpoint.position[1] = (ballbot_real)position[1];
+    for (i = 0; i < 2; i++) {{
+        setpoint.position[i] = (ballbot_real)target[i];
+        setpoint.velocity[i] = (ballbot_real)target[2 + i];
+    }}
+    setpoint.yaw_rate = (ballbot_real)target[4];
     ballbot_policy_observe(&policy, &state, &setpoint, rows);
     for (i = 0; i < BALLBOT_POLICY_ROWS; i++) {{
         to[i] = (double)rows[i];
@@ -286,6 +290,7 @@ class CPolicy:
     def __init__(self, folder, header, real="double"):
         folder = Path(tempfile.mkdtemp(dir=folder))
         (folder / "policy.h").write_text(header, encoding="utf-8")
+        self._rows = int(re.search(r"#define BALLBOT_POLICY_ROWS (\d+)", header)[1])
         source = POLICY.format(header=folder / "policy.h", read_state=READ_STATE)
         self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
         self._library.reset()
@@ -307,10 +312,10 @@ class CPolicy:
         self._library.step(pointer(given), pointer(torques))
         return torques
 
-    def observe(self, state, position):
-        """Rows of an observation in their units, from a state and the position setpoint."""
-        given, target = np.ascontiguousarray(state_row(state)), np.ascontiguousarray(position, dtype=float)
-        rows = np.zeros(16)
+    def observe(self, state, position=(0.0, 0.0), velocity=(0.0, 0.0), yaw_rate=0.0):
+        """Rows of an observation in their units, from a state and a setpoint."""
+        given, target = np.ascontiguousarray(state_row(state)), np.array([*position, *velocity, yaw_rate])
+        rows = np.zeros(self._rows)
         self._library.observe(pointer(given), pointer(target), pointer(rows))
         return rows
 

@@ -14,13 +14,20 @@ from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.spaces import history_ages
 
-#: Rows of observations, by their names, from a `ballbot_view`, a `ballbot_state` and the last action.
+#: Rows of observations, by their names, from a `ballbot_view`, a state, a setpoint and the last action.
 _ROWS: Final = {
     **{f"gravity direction, body {axis}": f"view.gravity[{i}]" for i, axis in enumerate("xyz")},
     **{f"body rate about body {axis}": f"state->rate[{i}]" for i, axis in enumerate("xyz")},
     **{f"wheel speed {i}": f"state->wheel_speeds[{i}]" for i in range(3)},
     **{f"ball position from the setpoint, heading {axis}": f"view.position[{i}]" for i, axis in enumerate("xy")},
     **{f"ball velocity, heading {axis}": f"view.velocity[{i}]" for i, axis in enumerate("xy")},
+    **{f"commanded velocity, heading {axis}": f"view.commanded[{i}]" for i, axis in enumerate("xy")},
+    "commanded rate of the heading": "setpoint->yaw_rate",
+    **{
+        f"error of the velocity, heading {axis}": f"view.commanded[{i}] - view.velocity[{i}]"
+        for i, axis in enumerate("xy")
+    },
+    "error of the heading's rate": "setpoint->yaw_rate - view.yaw_rate",
     **{f"last action, wheel {i}": f"policy->action[{i}]" for i in range(3)},
 }
 
