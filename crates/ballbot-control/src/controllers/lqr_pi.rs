@@ -9,7 +9,7 @@ use crate::parts::outer::Outer;
 use crate::parts::position_loop::SecondOrder;
 use crate::parts::riccati;
 use crate::parts::tracking::{Deviation, Tracking};
-use crate::{Law, Limited, MOTION_PARTS, NamedLaw, Plant, Sample};
+use crate::{Constants, Law, Limited, MOTION_PARTS, NamedLaw, Plant, Sample};
 use ballbot_base::error::Result;
 use ballbot_base::fields::Limit;
 use ballbot_base::kinematics::Omniwheels;
@@ -173,6 +173,18 @@ impl LqrPi {
 impl Law for LqrPi {
     const MEMORY: usize = 2;
     const PARTS: &'static [&'static str] = MOTION_PARTS;
+
+    fn constants(&self) -> Option<Constants> {
+        let constants = self
+            .tracking
+            .add_to(Constants::default())
+            .matrix("virtual_wheel", &self.loops.map(|loops| loops.wheels.0))
+            .matrix("wheel_rates", &self.wheel_rates())
+            .matrix("outer_gains", &self.outer_gains())
+            .matrix("inner_gains", &self.inner_gains())
+            .vector("yaw_gains", &self.yaw.gains());
+        Some(self.outer.add_to(constants))
+    }
 
     fn kept(&self) -> usize {
         Self::MEMORY + self.delayed.kept() + self.observer.kept()
