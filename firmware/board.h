@@ -1,33 +1,23 @@
-/* What the firmware needs from a board: replace board.c, board.h and board.ld for another one. */
+/* What a board is: a folder of boards/ with board.c, board.ld and board.mk. A lab writes these for its own. */
 #ifndef BOARD_H
 #define BOARD_H
 
-#include <stddef.h>
 #include <stdint.h>
 
-enum { BOARD_SERIAL_IRQ = 37 }; /* USART1 */
+/* Of the core, Hz. */
+extern const uint32_t board_clock;
 
-/* Starts the tick, the counter and the serial ports. */
+/* Begins the ports and the counter. */
 void board_begin(void);
 
-/* Sleeps until an interrupt, unless there is one already. */
-void board_sleep(void);
+/* Sends a byte over the link, or over a second port for measurements. Waits for room. */
+void board_send(uint8_t byte);
+void board_trace(uint8_t byte);
 
-/* The next byte of the link, -1 if there is none. */
-int board_read(void);
+/* Every interrupt that `board_begin` has enabled. Calls `cortex_received` with each byte of the link. */
+void board_interrupt(void);
 
-void board_write(const uint8_t *bytes, size_t count);
-
-/* A word on the second serial port, for measurements. */
-void board_trace(uint32_t word);
-
-/* Time since the start, which wraps. */
-uint32_t board_milliseconds(void);
-
-/* A free counter for measurements, which wraps: instructions under `qemu -icount shift=0`. */
+/* A counter for measurements, which wraps. */
 uint32_t board_count(void);
-
-void board_tick_interrupt(void);
-void board_serial_interrupt(void);
 
 #endif

@@ -14,10 +14,15 @@ static void widen(const ballbot_real *from, double *to, int count)
     }
 }
 
-void estimator_begin(void)
+void estimator_begin(const double specific_force[3])
 {
-    static const ballbot_state upright = {{1, 0, 0, 0}, {0}, {0}, {0}, {0}, {0}};
-    ballbot_estimator_begin(&estimator, &upright);
+    /* The shortest rotation of its direction to the vertical. */
+    const double x = specific_force[0], y = specific_force[1];
+    const double z = specific_force[2] + sqrt(x * x + y * y + specific_force[2] * specific_force[2]);
+    const double length = sqrt(x * x + y * y + z * z);
+    const ballbot_state start = {
+        {(ballbot_real)(z / length), (ballbot_real)(y / length), (ballbot_real)(-x / length), 0}, {0}, {0}, {0}, {0}, {0}};
+    ballbot_estimator_begin(&estimator, &start);
 }
 
 void estimator_update(

@@ -1,18 +1,15 @@
 /* The loop of a robot's computer: readings arrive over the link, torques leave. */
 #include <math.h>
+#include <stddef.h>
 
 #include "board.h"
+#include "cortex.h"
 #include "link.h"
 #include "parts.h"
 
 enum {
-    LOST = 3, /* most control steps in a row whose readings may be missing */
-    NUMBERS = 15
+    LOST = 3 /* most control steps in a row whose readings may be missing */
 };
-
-/* All readings and setpoints are doubles in a row, from gyro to yaw_rate. */
-_Static_assert(
-    sizeof(ballbot_link_readings) - offsetof(ballbot_link_readings, gyro) == NUMBERS * sizeof(double), "gaps in readings");
 
 /* Running, or why not until the next RESET: after a pause the robot is not where the estimator has it. */
 static uint16_t condition = BALLBOT_LINK_STARTING;
@@ -29,6 +26,13 @@ static int are_finite(const double *values, int count)
         count--;
     }
     return count == 0;
+}
+
+static int are_readable(const ballbot_link_readings *r)
+{
+    return are_finite(r->gyro, 3) && are_finite(r->specific_force, 3) && are_finite(r->wheel_angles, 3)
+        && are_finite(r->position, 2) && are_finite(r->velocity, 2) && are_finite(&r->yaw, 1)
+        && are_finite(&r->yaw_rate, 1);
 }
 
 /* The estimate after readings that are `periods` control steps later than the last ones. */
@@ -66,11 +70,11 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
     if (readings->flags & (BALLBOT_LINK_RESET | BALLBOT_LINK_STOP)) {
         condition = BALLBOT_LINK_STARTING;
     }
-    if (!are_finite(readings->gyro, NUMBERS)) {
+    if (!are_readable(readings)) {
         return BALLBOT_LINK_NOT_FINITE;
     }
     if (readings->flags & BALLBOT_LINK_RESET) {
-        estimator_begin();
+        estimator_begin(readings->specific_force);
         control_begin();
         memcpy(wheel_angles, readings->wheel_angles, sizeof wheel_angles);
         periods = 1;
@@ -92,25 +96,35 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
 static void send(uint16_t status)
 {
     uint8_t frame[BALLBOT_LINK_TORQUES_LONGEST];
+    int size, i;
     answer.flags = status;
     if (status != BALLBOT_LINK_RUNNING) {
         memset(answer.torques, 0, sizeof answer.torques);
     }
-    board_write(frame, (size_t)ballbot_link_encode_torques(&answer, frame));
+    size = ballbot_link_encode_torques(&answer, frame);
+    for (i = 0; i < size; i++) {
+        board_send(frame[i]);
+    }
+}
+
+static void trace(uint32_t count)
+{
+    int i;
+    for (i = 0; TRACE && i < 32; i += 8) {
+        board_trace((uint8_t)(count >> i));
+    }
 }
 
 static void receive(const ballbot_link_readings *readings)
 {
     const int is_repeated = readings->sequence == answer.sequence && readings->time == answer.time;
     uint16_t status = answer.flags;
-    heard = board_milliseconds();
-    /* The answer was lost. A repeated RESET may be a new one, and gives the same again. */
+    heard = cortex_milliseconds();
+    /* Repeated where the answer was lost. A RESET may be of another simulation, and gives the same again. */
     if (!is_repeated || readings->flags & BALLBOT_LINK_RESET) {
         const uint32_t before = board_count();
         status = respond(readings, answer.torques);
-        if (TRACE) {
-            board_trace(board_count() - before);
-        }
+        trace(board_count() - before);
         answer.sequence = readings->sequence;
         answer.time = readings->time;
     }
@@ -121,20 +135,18 @@ int main(void)
 {
     static ballbot_link_decoder decoder;
     static ballbot_link_readings readings;
-    static const uint8_t end = 0;
     board_begin();
-    /* Ends what a reset may have left of a frame. This one answers nothing: the board is up. */
-    board_write(&end, 1);
+    cortex_begin(board_clock);
+    /* Ends what a reset may have left of a frame. The first frame answers nothing: the board is up. */
+    board_send(0);
     send(condition);
     for (;;) {
-        const int byte = board_read();
-        if (byte < 0) {
-            board_sleep();
-        } else if (ballbot_link_feed(&decoder, (uint8_t)byte) == BALLBOT_LINK_READINGS) {
+        const int byte = cortex_next();
+        if (byte >= 0 && ballbot_link_feed(&decoder, (uint8_t)byte) == BALLBOT_LINK_READINGS) {
             ballbot_link_decode_readings(&decoder, &readings);
             receive(&readings);
         }
-        if (condition == BALLBOT_LINK_RUNNING && board_milliseconds() - heard > WATCHDOG_MS) {
+        if (condition == BALLBOT_LINK_RUNNING && cortex_milliseconds() - heard > WATCHDOG_MS) {
             condition = BALLBOT_LINK_STALE;
             send(condition);
         }
