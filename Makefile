@@ -39,7 +39,7 @@ SOAK_ROBOTS ?= 5000
 SOAK_MINUTES ?= 60
 SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-all test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-all test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions firmware firmware-page fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -63,6 +63,8 @@ help:
 	@echo "make transfer  train policies with and without random robots, judge them elsewhere, report in docs/transfer.md (as long, and again for the policies)"
 	@echo "make bench   compare with MuJoCo and PyBullet, report in docs/benchmark.md; bench-core: the Rust core alone"
 	@echo "make instructions  compare each model's instruction counts with the kept ones (needs valgrind); ACCEPT=1 keeps new ones"
+	@echo "make firmware  build the reference firmware of the folder firmware (CONTROLLER=, ROBOT=, RATE=, ...: its README)"
+	@echo "make firmware-page  run it in QEMU and count its instructions, tables in docs/firmware.md"
 	@echo "make fuzz    feed the readers of URDFs, visuals and STLs with broken files, each for MINUTES=$(MINUTES) (needs cargo-fuzz and a nightly compiler)"
 	@echo "make soak    SOAK_CONTACT=$(SOAK_CONTACT) steps of contact, SOAK_RIGID=$(SOAK_RIGID) of rigid, SOAK_ROBOTS=$(SOAK_ROBOTS) robots, the page SOAK_MINUTES=$(SOAK_MINUTES) under load (hours)"
 	@echo "make cad     build the paper's robot as solids, weigh it, write assets/meshes and the visuals of assets/bot.urdf"
@@ -91,6 +93,7 @@ test: $(INSTALLED)
 
 test-all: test
 	@sh tools/install_chromium.sh
+	@sh tools/install_firmware_tools.sh
 	$(PYTEST) -m slow
 
 test-builds: $(INSTALLED)
@@ -163,6 +166,13 @@ bench-core:
 
 instructions:
 	$(PYTHON) tools/instructions.py $(if $(ACCEPT),--accept)
+
+# The folder sees files from within.
+firmware: $(INSTALLED)
+	$(MAKE) -C firmware $(foreach name,CONTROLLER ROBOT SENSORS,$(if $(wildcard $($(name))),$(name)=$(abspath $($(name)))))
+
+firmware-page: $(INSTALLED)
+	$(BIN)/python -m validation.firmware
 
 fuzz:
 	@cargo fuzz --version >/dev/null 2>&1 || { echo "cargo-fuzz is missing: cargo install cargo-fuzz" >&2; exit 1; }
