@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any, Final
 
 import numpy as np
@@ -45,7 +46,13 @@ class Episode:
 
 
 def run(
-    controller: str, address: str, seconds: float, seed: int = 0, at_end: Callable[[], None] = lambda: None
+    controller: str,
+    address: str,
+    seconds: float,
+    *,
+    seed: int = 0,
+    sensors: Path = SENSORS,
+    at_end: Callable[[], None] = lambda: None,
 ) -> Episode:
     """Runs the paper's robot in the task `velocity` from rest, with commands that change every 3 to 8 s.
 
@@ -54,6 +61,7 @@ def run(
         address: of the firmware.
         seconds: of the simulation.
         seed: of commands and sensors.
+        sensors: a file of the sensors for which the firmware was built.
         at_end: called before the line is closed.
 
     Raises:
@@ -70,7 +78,7 @@ def run(
         control_dt=CONTROL_DT,
         max_episode_steps=steps + 1,
         max_wheel_torque=limit,
-        sensors=str(SENSORS),
+        sensors=str(sensors),
         observation="sensors",
         **dict.fromkeys(("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"), 0.0),
     )

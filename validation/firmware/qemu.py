@@ -10,6 +10,7 @@ from typing import Final, NamedTuple
 
 ROOT: Final = Path(__file__).parents[2]
 SENSORS: Final = Path(__file__).with_name("sensors.toml")
+COARSE_SENSORS: Final = Path(__file__).with_name("coarse.toml")
 
 #: In seconds: of a build, and of an answer of QEMU's monitor.
 _BUILD: Final = 300.0
@@ -26,10 +27,12 @@ class Board(NamedTuple):
     shift: int
     #: Instructions in one count.
     per_count: int
+    #: Whether the manual of its core has the times of instructions: one that issues two at once has none.
+    has_times: bool
 
 
 #: By the names of QEMU's machines, which are folders of firmware/boards.
-BOARDS: Final = {"netduinoplus2": Board("Cortex-M4F", 0, 1), "mps2-an500": Board("Cortex-M7", 3, 5)}
+BOARDS: Final = {"netduinoplus2": Board("Cortex-M4F", 0, 1, True), "mps2-an500": Board("Cortex-M7", 3, 5, False)}
 
 
 class Memory(NamedTuple):
@@ -74,7 +77,9 @@ def memory(elf: Path) -> Memory:
     return Memory(flash, data + sizes[".bss"], stack)
 
 
-def address(elf: Path, board: str, *, counts: Path | None = None, monitor: Path | None = None) -> str:
+def address(
+    elf: Path, board: str, *, counts: Path | None = None, monitor: Path | None = None, executed: Path | None = None
+) -> str:
     """The address of a `Link` to the firmware.
 
     Args:
@@ -82,12 +87,15 @@ def address(elf: Path, board: str, *, counts: Path | None = None, monitor: Path 
         board: one of `BOARDS`.
         counts: a file for what the firmware writes to its second port; the board's clock then counts instructions.
         monitor: a socket for `command`.
+        executed: a file for the address of each instruction that is executed, 70 bytes each.
     """
     words = ["qemu-system-arm", "-machine", board, "-display", "none", "-kernel", str(elf), "-serial", "stdio"]
     words += ["-serial", "null" if counts is None else f"file:{counts}"]
     words += ["-monitor", "none" if monitor is None else f"unix:{monitor},server=on,wait=off"]
     if counts is not None:
         words += ["-icount", f"shift={BOARDS[board].shift}"]
+    if executed is not None:
+        words += ["-singlestep", "-d", "exec,nochain", "-D", str(executed)]
     return "exec:" + shlex.join(words)
 
 
