@@ -44,7 +44,7 @@ class Board:
         return self._channel.receive(time.perf_counter() + seconds)
 
     def send(self, step, flags=0, **readings):
-        """Sends the readings of a step: those of a robot at rest, except for the given ones."""
+        """Sends the readings of a step: of a robot at rest, except for the given ones."""
         self._channel.send(self.frame(step, flags, **readings))
 
     def send_bytes(self, wire):

@@ -18,7 +18,7 @@ _PART: Final = re.compile(
 )
 
 #: Of the simulation, for each build.
-SECONDS: Final = 20.0
+SECONDS: Final = 5.0
 
 #: Clock of the microcontroller, Hz, and control steps in a second, for which the table has the load.
 CLOCK: Final = 168e6

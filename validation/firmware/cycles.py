@@ -10,7 +10,7 @@ from validation.firmware import episode, qemu
 #: Steps that are executed one instruction at a time, of which the last counts.
 _STEPS: Final = 3
 
-#: Fewest and most cycles by the name of an instruction, from Arm's Cortex-M4 Technical Reference Manual (100166): single
+#: Fewest and most cycles by the name of an instruction, by Arm's Cortex-M4 Technical Reference Manual (100166): single
 #: loads and stores take 2, and 1 in a row; a division depends on its numbers; IT may be folded. All others take 1.
 _TIMES: Final = (
     (r"[su]div", 2, 12),

@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 import ballbot_rs as bb
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.link.link import Link
 from validation.firmware.qemu import ROOT, SENSORS
 
 Array = npt.NDArray[np.float64]
@@ -85,7 +84,7 @@ def run(
     batch.reset()
     law = None if policy else bb.Controller(controller, "paper", CONTROL_DT)
     torques, expected = np.zeros((2, steps, 3))
-    with Link(address, control_dt=CONTROL_DT, timeout=_TIMEOUT) as link:
+    with bb.Link(address, control_dt=CONTROL_DT, timeout=_TIMEOUT) as link:
         for step in range(steps):
             estimate = batch.estimate(0)
             if law:
