@@ -3,7 +3,7 @@
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +21,9 @@ CONTROLLERS: Final[Mapping[str, str]] = {
     "velocity.onnx": str(POLICY),
 }
 CONTROL_DT: Final = 0.01
+
+#: Computes torques and the setpoint from which they follow, by the parts of a link.
+Compute: TypeAlias = Callable[[], tuple[Array, dict[str, Any]]]
 
 #: Longest wait for an answer, which QEMU gives in milliseconds on a computer that does nothing else, s.
 _TIMEOUT: Final = 5.0
@@ -68,32 +71,17 @@ def run(
     """
     steps = round(seconds / CONTROL_DT)
     policy = OnnxPolicy(POLICY) if controller == "velocity.onnx" else None
-    limit = policy.env_options["max_wheel_torque"] if policy else bb.Params.paper().max_wheel_torque
-    batch = bb.Batch(
-        1,
-        "velocity",
-        seed=seed,
-        num_threads=1,
-        control_dt=CONTROL_DT,
-        max_episode_steps=steps + 1,
-        max_wheel_torque=limit,
-        sensors=str(sensors),
-        observation="sensors",
-        **dict.fromkeys(("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"), 0.0),
-    )
+    limit = bb.Params.paper().max_wheel_torque if policy is None else float(policy.env_options["max_wheel_torque"])
+    options: dict[str, Any] = dict.fromkeys(("reset_tilt", "reset_yaw", "reset_ball_speed", "reset_tilt_rate"), 0.0)
+    options |= {"control_dt": CONTROL_DT, "max_episode_steps": steps + 1, "max_wheel_torque": limit}
+    options |= {"sensors": str(sensors), "observation": "sensors"}
+    batch = bb.Batch(1, "velocity", seed=seed, num_threads=1, **options)
     batch.reset()
-    law = None if policy else bb.Controller(controller, "paper", CONTROL_DT)
+    compute = _law(controller, batch) if policy is None else _policy(policy, batch)
     torques, expected = np.zeros((2, steps, 3))
     with bb.Link(address, control_dt=CONTROL_DT, timeout=_TIMEOUT) as link:
         for step in range(steps):
-            estimate = batch.estimate(0)
-            if law:
-                setpoint = batch.setpoint(0)
-                target = {part: setpoint[part] for part in ("position", "velocity", "yaw", "yaw_rate")}
-                expected[step] = law(estimate, **target)
-            else:
-                target = _target_of(batch.command(0), estimate)
-                expected[step] = limit * np.clip(policy.act(batch.observations()[0]), -1.0, 1.0)
+            expected[step], target = compute()
             torques[step] = link(batch.readings(0), **target)
             if batch.step([torques[step] / limit])[2][0]:
                 raise RuntimeError(f"the robot falls after {step * CONTROL_DT:.2f} s")
@@ -101,15 +89,28 @@ def run(
         return Episode(torques, expected, batch.metrics(0), link.statistics.statuses)
 
 
-def _target_of(command: Array, estimate: bb.State) -> dict[str, Any]:
-    """The setpoint of a command of the task, whose velocity is in the heading frame."""
-    w, _, _, z = estimate.body_quaternion
-    heading = 2.0 * np.arctan2(z, w)
-    x, y, yaw_rate = command
-    cos, sin = np.cos(heading), np.sin(heading)
-    return {
-        "position": np.zeros(2),
-        "velocity": np.array([cos * x - sin * y, sin * x + cos * y]),
-        "yaw": 0.0,
-        "yaw_rate": yaw_rate,
-    }
+def _law(name: str, batch: bb.Batch) -> Compute:
+    """A law on the estimate and the setpoint of the task, less its acceleration, which the link does not carry."""
+    law = bb.Controller(name, "paper", CONTROL_DT)
+
+    def compute() -> tuple[Array, dict[str, Any]]:
+        setpoint = batch.setpoint(0)
+        target = {part: setpoint[part] for part in ("position", "velocity", "yaw", "yaw_rate")}
+        return law(batch.estimate(0), **target), target
+
+    return compute
+
+
+def _policy(policy: OnnxPolicy, batch: bb.Batch) -> Compute:
+    """A policy on the observation of the task, whose commanded velocity is in the heading frame."""
+
+    def compute() -> tuple[Array, dict[str, Any]]:
+        w, _, _, z = batch.estimate(0).body_quaternion
+        x, y, yaw_rate = batch.command(0)
+        yaw = 2.0 * np.arctan2(z, w)
+        velocity = np.array([np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y])
+        target = {"position": np.zeros(2), "velocity": velocity, "yaw": 0.0, "yaw_rate": yaw_rate}
+        action = np.clip(policy.act(batch.observations()[0]), -1.0, 1.0).astype(np.float64)
+        return batch.max_wheel_torque * action, target
+
+    return compute
