@@ -54,7 +54,9 @@ def main() -> int:
     head = ["core", "controller", "precision", "flash, bytes", "RAM, bytes", "instructions, median", "worst"]
     head += ["cycles per instruction", f"worst, of {1e3 / RATE:g} ms at {CLOCK / 1e6:g} MHz"]
     written = table(head, [row(build) for build in BUILDS])
-    PAGE.write_text(_PART.sub(rf"\g<1>{written}\g<2>", PAGE.read_text(encoding="utf-8")), encoding="utf-8")
+    page, count = _PART.subn(rf"\g<1>{written}\g<2>", PAGE.read_text(encoding="utf-8"))
+    assert count == 1, f"{PAGE} lacks the marks of the generated part"
+    PAGE.write_text(page, encoding="utf-8")
     print(f"wrote {PAGE}")
     return 0
 
