@@ -14,6 +14,7 @@ enum {
 /* Running, or why not until the next RESET: after a pause the robot is not where the estimator has it. */
 static uint16_t condition = BALLBOT_LINK_STARTING;
 static ballbot_link_torques answer = {.sequence = UINT32_MAX};
+static int has_answered; /* readings of this simulation */
 static estimate estimated;
 static double wheel_angles[3]; /* of the last readings that were used */
 static uint32_t used;          /* their time, us */
@@ -117,16 +118,21 @@ static void trace(uint32_t count)
 
 static void receive(const ballbot_link_readings *readings)
 {
-    const int is_repeated = readings->sequence == answer.sequence && readings->time == answer.time;
+    const int stops = readings->flags & BALLBOT_LINK_STOP;
+    const int order = stops || !has_answered ? 1 : ballbot_link_order(&answer, readings);
     uint16_t status = answer.flags;
-    heard = cortex_milliseconds();
-    /* Repeated where the answer was lost. A RESET may be of another simulation, and gives the same again. */
-    if (!is_repeated || readings->flags & BALLBOT_LINK_RESET) {
+    if (order < 0) {
+        return;
+    }
+    /* If they are repeated, the answer was lost. */
+    if (order > 0) {
         const uint32_t before = board_count();
+        heard = cortex_milliseconds();
         status = respond(readings, answer.torques);
         trace(board_count() - before);
         answer.sequence = readings->sequence;
         answer.time = readings->time;
+        has_answered = !stops;
     }
     send(status);
 }

@@ -55,7 +55,7 @@ class Board:
     def frame(step, flags=0, **readings):
         """READINGS of a step."""
         parts = {**REST, **readings}
-        numbers = np.concatenate([np.broadcast_to(parts.get(field.name, 0.0), field.count) for field in READINGS])
+        numbers = np.concatenate([np.broadcast_to(parts.get(field.name, 0.0), field.length) for field in READINGS])
         return Frame(Kind.READINGS, flags, step % WRAP, step * PERIOD % WRAP, tuple(numbers.tolist()))
 
     def ask(self, step, flags=0, **readings):
@@ -140,16 +140,16 @@ def test_lost_frames_are_bridged_and_the_wheels_keep_their_rates(board):
     """Wheels that turn uniformly: their rates do not jump where readings are missing."""
     turned = np.array([0.02, -0.01, 0.03])
 
-    def run(steps):
-        board.begin()
-        return [board.ask(step, wheel_angles=step * turned) for step in steps]
+    def run(first, steps):
+        board.begin(first)
+        return [board.ask(first + step, wheel_angles=step * turned) for step in steps]
 
-    whole, holey = run(range(1, 12)), run([1, 2, 3, 7, 8, 11])
+    whole, holey = run(0, range(1, 12)), run(1000, [1, 2, 3, 7, 8, 11])
     for status, torques in holey:
         assert status == Status.RUNNING
         assert np.isfinite(torques).all()
     np.testing.assert_allclose(holey[-1][1], whole[-1][1], atol=1e-9)
-    assert is_zero(board.ask(11 + LOST + 2), Status.STALE)
+    assert is_zero(board.ask(1011 + LOST + 2), Status.STALE)
 
 
 def test_repeated_readings_are_answered_again_without_a_step(board):
@@ -160,6 +160,16 @@ def test_repeated_readings_are_answered_again_without_a_step(board):
         assert again[0] == once[0]
         np.testing.assert_array_equal(again[1], once[1])
     assert board.ask(2)[0] == Status.RUNNING
+
+
+def test_late_readings_are_ignored(board):
+    board.begin()
+    for step in range(1, 6):
+        board.ask(step)
+    board.send(3, gyro=(0.5, 0.0, 0.0))
+    board.send(0, Flag.RESET)
+    assert board.receive(0.3) is None
+    assert board.ask(6)[0] == Status.RUNNING
 
 
 def test_damaged_frames_are_not_answered(board):
