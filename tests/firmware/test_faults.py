@@ -139,7 +139,7 @@ def test_too_many_readings_that_are_not_finite_end_the_episode(board):
 
 
 def test_lost_frames_are_bridged_and_the_wheels_keep_their_rates(built):
-    """Wheels that turn uniformly: the estimate does not change where readings are missing, nor torques without memory."""
+    """Wheels that turn uniformly: missing readings change no estimate, and no torque of a law without memory."""
     turned = np.array([0.0002, -0.0001, 0.0003])
     with Board(built(WATCHDOG_MS=60_000)) as board:
 
