@@ -3,7 +3,7 @@
 use ballbot_core::control::{
     Controller, LimitOptions, Lqr, Motion, Mpc, NamedLaw, Reference, Setpoint, Turning, controller_kind,
 };
-use ballbot_core::gradients::Differentiated;
+use ballbot_core::gradients::{Coordinates, Differentiable, Differentiated};
 use ballbot_core::planning::{self, Nmpc, NmpcOptions};
 use ballbot_core::sim::ContactMotion;
 use ballbot_core::{Ballbot, Model, ModelKind, Params, State, Wheels};
@@ -219,8 +219,10 @@ fn derivatives_along_rolling_are_the_same_as_of_the_whole_jacobian() {
         state.body_angular_velocity = Vector3::new(0.3, 0.2, -0.4);
         let mut motion = ContactMotion::new(&params, 0.002);
         motion.place(&state);
-        let robot =
-            || Differentiated::new(&params, motion.constants(), motion.memory().clone(), None, &[], false).unwrap();
+        let robot = || {
+            let memory = motion.memory().clone();
+            Differentiated::new(&params, motion.constants(), memory, None, &[], Coordinates::All).unwrap()
+        };
         let torques = Wheels([0.1, -0.05, 0.02]);
         for steps in [1, 5, 100] {
             let whole = robot().advance(torques, steps).unwrap().rolling(&params).unwrap();
