@@ -12,7 +12,7 @@ use ballbot_base::state::State;
 use ballbot_base::wheels::WHEELS;
 use nalgebra::{DMatrix, Matrix3, Vector3};
 
-/// Names of the coordinates of rolling, with changes as in [`state_names`](crate::state_names). Attitude of the ball and
+/// Names of the coordinates of rolling, with changes as in [`Coordinates::names`](crate::Coordinates::names). Attitude of the ball and
 /// wheel angles are left out: nothing depends on them.
 pub const ROLLING: [&str; 11] = [
     "ball_position_x",
