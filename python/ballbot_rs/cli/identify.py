@@ -2,7 +2,6 @@
 
 import argparse
 import json
-from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs import _files
@@ -12,6 +11,7 @@ from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
+from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
 #: Models that a fit can use.
@@ -21,7 +21,7 @@ _MODELS: Final = tuple(name for name in MODELS if name != "planar")
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
-    command.add_argument("log", type=Path, metavar="LOG", help="a log, .csv or .npz; docs/identify.md has its columns")
+    shared.add_log(command)
     command.add_argument(
         "--robot",
         default="paper",
@@ -69,10 +69,11 @@ def run(arguments: argparse.Namespace) -> None:
     if out is not None and out.suffix != ".toml":
         raise ValueError(f"{out}: the name of a robot's file ends in .toml")
     params = settings.params_of(shared.robot_option(arguments.robot))
+    log = SensorLog.read(arguments.log, arguments.columns)
     actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
     with bar("identifying", arguments.quiet or arguments.json) as progress:
         found = identify(
-            arguments.log,
+            log,
             params,
             tuple(name.strip() for name in arguments.fields.split(",")),
             actuators=actuators,
@@ -86,8 +87,11 @@ def run(arguments: argparse.Namespace) -> None:
     if out is not None:
         _files.write(out, found.to_toml())
     if arguments.json:
-        print(json.dumps({**found.to_dict(), "file": None if out is None else str(out)}, indent=2))
+        report = None if log.report is None else log.report.to_dict()
+        print(json.dumps({**found.to_dict(), "log": report, "file": None if out is None else str(out)}, indent=2))
         return
+    if log.report is not None:
+        print("\n".join(log.report.lines()) + "\n")
     print(found.table())
     print(
         f"\n{found.measurements} measurements in {found.windows} windows, condition number "

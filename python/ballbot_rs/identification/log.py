@@ -3,12 +3,10 @@
 import csv
 import dataclasses
 import io
-import zlib
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import IO, Final
-from zipfile import BadZipFile, ZipFile
+from typing import Final
 
 import numpy as np
 import numpy.typing as npt
@@ -17,11 +15,12 @@ from ballbot_rs import _files
 from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._reading import read_regular
+from ballbot_rs.identification.column_map import ColumnMap
+from ballbot_rs.identification.merge import LogReport, merged
+from ballbot_rs.identification.recording import from_table
+from ballbot_rs.identification.tables import MAX_LOG_FILE, csv_columns, npz_columns
 
 Array = npt.NDArray[np.float64]
-
-#: Largest log file, bytes: an hour at 1 kHz with all columns.
-MAX_LOG_FILE: Final = 1 << 30
 
 #: Columns of a file by field of `SensorLog`.
 COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
@@ -61,6 +60,7 @@ class SensorLog:
         accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the
             previous row, divided by the time between them, minus gravity. At rest upright it is (0, 0, 9.81). None:
             not measured.
+        report: how `read` brought quantities with different time stamps to common rows; None for other logs.
 
     Raises:
         ValueError: a wrong shape, a number that is not finite, a time that does not increase, or a magnitude that no
@@ -72,6 +72,7 @@ class SensorLog:
     wheel_angles: Array
     gyro: Array
     accelerations: Array | None = None
+    report: LogReport | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
         for name, columns in COLUMNS.items():
@@ -96,23 +97,38 @@ class SensorLog:
         return float(np.median(np.diff(self.time)))
 
     @classmethod
-    def read(cls, path: str | PathLike[str]) -> "SensorLog":
+    def read(cls, path: str | PathLike[str], columns: str | PathLike[str] | None = None) -> "SensorLog":
         """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
 
-        Columns: `time` (s), `torque_0` to `torque_2` (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`,
-        `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²).
+        Without a map the columns are `time` (s), `torque_0` to `torque_2` (N·m), `wheel_angle_0` to `wheel_angle_2`
+        (rad), `gyro_x`, `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²). A map names other
+        columns, units, signs and time stamps; docs/identify.md has its keys, and how different rates, gaps and clocks
+        are brought to common rows. `report` has the result.
+
+        Args:
+            path: the log.
+            columns: a TOML file with a column map.
 
         Raises:
             ValueError: a column is missing, a cell is not a number, or as the constructor; the message has the file.
-            OSError: the file cannot be read.
+            OSError: a file cannot be read.
         """
         path = Path(path)
         if path.suffix not in (".csv", ".npz"):
             raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+        found = None if columns is None else ColumnMap.load(columns)
+        known = found.names if found else {title for titles in COLUMNS.values() for title in titles}
         contents = read_regular(path, MAX_LOG_FILE)
         try:
-            columns = _csv_columns(contents) if path.suffix == ".csv" else _npz_columns(contents)
-            return cls(**_fields(columns))
+            table = (
+                csv_columns(contents, known, found is not None)
+                if path.suffix == ".csv"
+                else npz_columns(contents, known)
+            )
+            if found is None:
+                return cls(**_fields(table))
+            fields, report = merged(from_table(table, found), found.clock_offset)
+            return cls(**fields, report=report)
         except (ValueError, csv.Error) as error:
             raise InvalidInputError(f"{path}: {error}") from error
 
@@ -151,91 +167,11 @@ def _fields(columns: Mapping[str, Array]) -> dict[str, Array]:
             hint = did_you_mean(missing[0], columns)
             raise InvalidInputError(f"column {', '.join(missing)} is missing; there are {', '.join(columns)}{hint}")
         values = [columns[title] for title in titles]
+        for title, column in zip(titles, values, strict=True):
+            if len(column) != len(columns["time"]):
+                raise InvalidInputError(f"{title} has {len(column)} rows, time has {len(columns['time'])}")
         fields[name] = values[0] if name == "time" else np.stack(values, axis=-1)
     return fields
-
-
-def _csv_columns(contents: bytes) -> dict[str, Array]:
-    rows = csv.reader(io.StringIO(contents.decode("utf-8-sig"), newline=""))
-    header = [title.strip() for title in next(rows, [])]
-    if len(set(header)) < len(header):
-        raise InvalidInputError(f"two columns have one name: {', '.join(header)}")
-    known = {title for titles in COLUMNS.values() for title in titles}
-    kept = [(place, title) for place, title in enumerate(header) if title in known]
-    numbers: list[list[float]] = []
-    for count, row in enumerate(rows):
-        if not row:
-            continue
-        if len(row) != len(header):
-            raise InvalidInputError(f"row {count} has {len(row)} cells, the header has {len(header)}")
-        try:
-            numbers.append([float(row[place]) for place, _ in kept])
-        except ValueError:
-            place, title = next(one for one in kept if not _is_number(row[one[0]]))
-            raise InvalidInputError(f"{title} of row {count} is '{row[place]}', not a number") from None
-    values = np.array(numbers, dtype=np.float64).reshape(len(numbers), len(kept))
-    return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
-
-
-#: Exceptions of NumPy and the archive for broken files.
-_UNREADABLE: Final = (
-    OSError,
-    EOFError,
-    LookupError,
-    ValueError,
-    TypeError,
-    AttributeError,
-    RuntimeError,
-    BadZipFile,
-    zlib.error,
-)
-
-
-def _is_number(text: str) -> bool:
-    try:
-        float(text)
-    except ValueError:
-        return False
-    return True
-
-
-def _npz_columns(contents: bytes) -> dict[str, Array]:
-    """Columns by name; ignored columns are empty."""
-    known = {title for titles in COLUMNS.values() for title in titles}
-    try:
-        with ZipFile(io.BytesIO(contents)) as archive:
-            names = {name.removesuffix(".npy"): name for name in archive.namelist()}
-            found = dict.fromkeys(names, np.zeros(0))
-            read = [name for name in names if name in known]
-            # A few bytes can unpack to, or claim to be, any number of rows.
-            rows = {}
-            for name in read:
-                with archive.open(names[name]) as member:
-                    rows[name] = _npy_rows(name, member)
-            if (total := sum(rows.values())) > MAX_LOG_FILE:
-                raise InvalidInputError(f"the columns have {total} bytes, the limit is {MAX_LOG_FILE}")
-            for name in read:
-                with archive.open(names[name]) as member:
-                    found[name] = np.lib.format.read_array(member, allow_pickle=False)
-    except InvalidInputError:
-        raise
-    except _UNREADABLE as error:
-        raise InvalidInputError(f"not an npz file: {error}") from error
-    for name in read:
-        if len(found[name]) != len(found.get("time", found[name])):
-            raise InvalidInputError(f"{name} has {len(found[name])} rows, time has {len(found['time'])}")
-    return found
-
-
-def _npy_rows(name: str, member: IO[bytes]) -> int:
-    """Bytes of one row of numbers, from the header of its file."""
-    version = np.lib.format.read_magic(member)
-    # Later versions are for names of fields, which plain numbers do not have.
-    read = {(1, 0): np.lib.format.read_array_header_1_0, (2, 0): np.lib.format.read_array_header_2_0}[version]
-    shape, _, dtype = read(member)
-    if dtype.kind not in "fiu" or len(shape) != 1:
-        raise InvalidInputError(f"{name} is of type {dtype} with shape {shape}, not one row of numbers")
-    return int(shape[0]) * int(dtype.itemsize)
 
 
 def _check_finite(name: str, array: Array) -> None:

@@ -1,0 +1,125 @@
+"""Offset between the clocks of IMU and encoders, from the motion that both measure.
+
+At the frequencies of an excited robot, changes of the body's rates are a linear function of changes of the wheels'
+speeds: both follow from the same torques, and gravity changes amplitudes but no phases. The function is fitted at
+each lag, so neither the robot's parameters nor the signs of columns are needed; the offset is the lag at which it
+explains most.
+"""
+
+import dataclasses
+import itertools
+from collections.abc import Sequence
+from typing import Final
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs.identification.recording import MAX_GAP, Series
+
+Array = npt.NDArray[np.float64]
+
+#: Largest offset that is searched, s.
+MAX_LAG: Final = 0.25
+#: Least explained fraction of the gyroscope's changes.
+LEAST_EXPLAINED: Final = 0.5
+#: Moving averages over this time are subtracted, s: slower changes are of gravity and friction.
+SLOW: Final = 0.5
+#: Blocks whose separate offsets give the standard error, and the shortest, s.
+BLOCKS: Final = 8
+SHORTEST: Final = 1.0
+#: Lags per sample in the refined search.
+FINE: Final = 10
+#: Most samples of a search: a longer log is searched at its beginning.
+MAX_SAMPLES: Final = 100_000
+
+
+@dataclasses.dataclass(frozen=True)
+class Offset:
+    """Time of the IMU's clock minus time of the encoders' clock."""
+
+    #: s.
+    value: float
+    #: Standard error, s.
+    error: float
+    #: Fraction of the gyroscope's changes that the encoders explain at the offset.
+    explained: float
+
+
+def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
+    """The offset; None if the motion does not determine it."""
+    step = max(gyro.step, wheel_angles.step)
+    first = max(gyro.time[0], wheel_angles.time[0]) + MAX_LAG + 2.0 * step
+    last = min(gyro.time[-1], wheel_angles.time[-1]) - MAX_LAG - 2.0 * step
+    times = first + step * np.arange(min(max(int((last - first) / step), 0), MAX_SAMPLES))
+    blocks = min(BLOCKS, int((last - first) / SHORTEST))
+    if blocks < 2:
+        return None
+    # Both as mean rates over two steps: equal filters do not shift them against each other.
+    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(_trapezoids(gyro), axis=0)])
+    speeds = _fast(_mean_rates(wheel_angles.time, wheel_angles.values, times, step), step)
+    usable = _near(wheel_angles.time, times, wheel_angles.step)
+
+    def explained(lags: Array, spans: Sequence[slice]) -> Array:
+        found = np.empty((len(spans), len(lags)))
+        for index, lag in enumerate(lags):
+            rates = _fast(_mean_rates(gyro.time, integral, times + lag, step), step)
+            kept = usable & _near(gyro.time, times + lag, gyro.step)
+            found[:, index] = [_explained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
+        return found
+
+    coarse = step * np.arange(-int(MAX_LAG / step), int(MAX_LAG / step) + 1)
+    peak = int(np.argmax(explained(coarse, [slice(None)])[0]))
+    if peak in (0, len(coarse) - 1):
+        return None
+    lags = coarse[peak] + step / FINE * np.arange(-2 * FINE, 2 * FINE + 1, 2)
+    edges = np.linspace(0, len(times), blocks + 1).astype(int)
+    parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    whole, *own = explained(lags, [slice(None), *parts])
+    value, best = _peak(lags, whole)
+    if best < LEAST_EXPLAINED:
+        return None
+    spread = np.std([_peak(lags, one)[0] for one in own], ddof=1)
+    return Offset(value, float(spread / np.sqrt(blocks)), best)
+
+
+def _trapezoids(series: Series) -> Array:
+    return np.asarray(0.5 * (series.values[1:] + series.values[:-1]) * np.diff(series.time)[:, None])
+
+
+def _mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
+    """Mean rates over two steps around each place, shape (n, 3)."""
+    ends = [np.stack([np.interp(places + side, time, one) for one in integral.T], axis=-1) for side in (step, -step)]
+    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+
+
+def _fast(rates: Array, step: float) -> Array:
+    """Rates minus their moving average."""
+    half = max(int(0.5 * SLOW / step), 1)
+    sums = np.concatenate([np.zeros((1, 3)), np.cumsum(rates, axis=0)])
+    places = np.arange(len(rates))
+    low, high = np.maximum(places - half, 0), np.minimum(places + half + 1, len(rates))
+    return np.asarray(rates - (sums[high] - sums[low]) / (high - low)[:, None])
+
+
+def _near(time: Array, places: Array, step: float) -> npt.NDArray[np.bool_]:
+    """Whether places are between samples that are no gap apart."""
+    after = np.clip(np.searchsorted(time, places), 1, len(time) - 1)
+    return np.asarray(time[after] - time[after - 1] <= MAX_GAP * step)
+
+
+def _explained(causes: Array, effects: Array) -> float:
+    """Fraction of the effects' squares that a linear function of the causes explains; each column counts equally."""
+    if len(causes) < 2 * causes.shape[1]:
+        return 0.0
+    scale = np.sqrt((effects**2).mean(axis=0))
+    scaled = effects / np.where(scale > 0.0, scale, 1.0)
+    rest = scaled - causes @ np.linalg.lstsq(causes, scaled, rcond=1e-9)[0]
+    return 1.0 - float((rest**2).sum() / max((scaled**2).sum(), 1e-300))
+
+
+def _peak(lags: Array, values: Array) -> tuple[float, float]:
+    """The place and height of the maximum, between samples, of a smooth curve."""
+    best = int(np.clip(np.argmax(values), 1, len(values) - 2))
+    a, b, c = np.polyfit(lags[best - 1 : best + 2] - lags[best], values[best - 1 : best + 2], 2)
+    shift = np.clip(-b / (2.0 * a), -np.ptp(lags), np.ptp(lags)) if a < 0.0 else 0.0
+    return float(lags[best] + shift), float(c + b * shift + a * shift**2)
