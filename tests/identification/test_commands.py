@@ -56,7 +56,7 @@ def test_a_log_becomes_a_robot_that_other_commands_accept(capsys, log, tmp_path)
     ("arguments", "message"),
     [
         (("identify", "nowhere.csv"), "nowhere.csv: No such file or directory"),
-        (("identify", "log.txt"), "log.txt: the name of a log ends in .csv or .npz"),
+        (("identify", "log.txt"), "log.txt: the name of a log ends in .csv, .npz or .mcap"),
         (("identify", "LOG", "--fields", "mass"), "unknown field 'mass'"),
         (("identify", "LOG", "--fields", "wheel_mass,body_mass"), "the log does not depend on wheel_mass"),
         (("identify", "LOG", "--robot", "r2d2"), "unknown robot 'r2d2'"),

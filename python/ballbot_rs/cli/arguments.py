@@ -148,7 +148,9 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
 
 def add_log(command: Any) -> None:
     """Adds a log of a robot and its column map."""
-    command.add_argument("log", type=Path, metavar="LOG", help="a log, .csv or .npz; docs/identify.md has its columns")
+    command.add_argument(
+        "log", type=Path, metavar="LOG", help="a log, .csv, .npz or .mcap; docs/identify.md has its columns"
+    )
     command.add_argument(
         "--columns",
         type=Path,

@@ -16,6 +16,7 @@ from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._reading import read_regular
 from ballbot_rs.identification.column_map import ColumnMap
+from ballbot_rs.identification.mcap_log import read_mcap
 from ballbot_rs.identification.merge import LogReport, merged
 from ballbot_rs.identification.recording import from_table
 from ballbot_rs.identification.tables import MAX_LOG_FILE, csv_columns, npz_columns
@@ -34,6 +35,9 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
 UNITS: Final[Mapping[str, str]] = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
 #: Fields that a log may lack.
 OPTIONAL: Final = ("accelerations",)
+
+#: Files that are read.
+SUFFIXES: Final = (".csv", ".npz", ".mcap")
 
 #: Longest median time between two rows, s.
 MAX_STEP: Final = 0.05
@@ -98,12 +102,13 @@ class SensorLog:
 
     @classmethod
     def read(cls, path: str | PathLike[str], columns: str | PathLike[str] | None = None) -> "SensorLog":
-        """A log from a CSV file with a header, or from an npz file with one array a column; other columns are ignored.
+        """A log from a CSV file with a header, an npz file with one array a column, or an MCAP file.
 
-        Without a map the columns are `time` (s), `torque_0` to `torque_2` (N·m), `wheel_angle_0` to `wheel_angle_2`
-        (rad), `gyro_x`, `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`, `acc_y`, `acc_z` (m/s²). A map names other
-        columns, units, signs and time stamps; docs/identify.md has its keys, and how different rates, gaps and clocks
-        are brought to common rows. `report` has the result.
+        Of an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as
+        `effort`, or what `Trajectory.to_mcap` wrote. Of other files: the columns `time` (s), `torque_0` to `torque_2`
+        (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`, `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`,
+        `acc_y`, `acc_z` (m/s²). A map names other columns, units, signs and time stamps; docs/identify.md has its keys,
+        and how different rates, gaps and clocks are brought to common rows. `report` has the result.
 
         Args:
             path: the log.
@@ -112,22 +117,25 @@ class SensorLog:
         Raises:
             ValueError: a column is missing, a cell is not a number, or as the constructor; the message has the file.
             OSError: a file cannot be read.
+            ModuleNotFoundError: an MCAP file, and a library is missing.
         """
         path = Path(path)
-        if path.suffix not in (".csv", ".npz"):
-            raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+        if path.suffix not in SUFFIXES:
+            raise InvalidInputError(f"{path}: the name of a log ends in .csv, .npz or .mcap")
         found = None if columns is None else ColumnMap.load(columns)
-        known = found.names if found else {title for titles in COLUMNS.values() for title in titles}
         contents = read_regular(path, MAX_LOG_FILE)
         try:
-            table = (
-                csv_columns(contents, known, found is not None)
-                if path.suffix == ".csv"
-                else npz_columns(contents, known)
-            )
-            if found is None:
-                return cls(**_fields(table))
-            fields, report = merged(from_table(table, found), found.clock_offset)
+            if path.suffix == ".mcap":
+                series = read_mcap(contents, found)
+            else:
+                known = found.names if found else {title for titles in COLUMNS.values() for title in titles}
+                blanks = found is not None
+                is_csv = path.suffix == ".csv"
+                table = csv_columns(contents, known, blanks) if is_csv else npz_columns(contents, known)
+                if found is None:
+                    return cls(**_fields(table))
+                series = from_table(table, found)
+            fields, report = merged(series, found.clock_offset if found else None)
             return cls(**fields, report=report)
         except (ValueError, csv.Error) as error:
             raise InvalidInputError(f"{path}: {error}") from error
