@@ -9,7 +9,7 @@ explains most.
 import dataclasses
 import itertools
 from collections.abc import Sequence
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -56,25 +56,25 @@ def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
         return None
     # Both as mean rates over two steps: equal filters do not shift them against each other.
     integral = np.concatenate([np.zeros((1, 3)), np.cumsum(_trapezoids(gyro), axis=0)])
-    speeds = _fast(_mean_rates(wheel_angles.time, wheel_angles.values, times, step), step)
-    usable = _near(wheel_angles.time, times, wheel_angles.step)
+    speeds = fast(mean_rates(wheel_angles.time, wheel_angles.values, times, step), step)
+    usable = near(wheel_angles.time, times, wheel_angles.step)
 
-    def explained(lags: Array, spans: Sequence[slice]) -> Array:
+    def fractions(lags: npt.NDArray[np.floating[Any]], spans: Sequence[slice]) -> Array:
         found = np.empty((len(spans), len(lags)))
         for index, lag in enumerate(lags):
-            rates = _fast(_mean_rates(gyro.time, integral, times + lag, step), step)
-            kept = usable & _near(gyro.time, times + lag, gyro.step)
-            found[:, index] = [_explained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
+            rates = fast(mean_rates(gyro.time, integral, times + lag, step), step)
+            kept = usable & near(gyro.time, times + lag, gyro.step)
+            found[:, index] = [explained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
         return found
 
     coarse = step * np.arange(-int(MAX_LAG / step), int(MAX_LAG / step) + 1)
-    peak = int(np.argmax(explained(coarse, [slice(None)])[0]))
+    peak = int(np.argmax(fractions(coarse, [slice(None)])[0]))
     if peak in (0, len(coarse) - 1):
         return None
     lags = coarse[peak] + step / FINE * np.arange(-2 * FINE, 2 * FINE + 1, 2)
     edges = np.linspace(0, len(times), blocks + 1).astype(int)
     parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
-    whole, *own = explained(lags, [slice(None), *parts])
+    whole, *own = fractions(lags, [slice(None), *parts])
     value, best = _peak(lags, whole)
     if best < LEAST_EXPLAINED:
         return None
@@ -86,13 +86,13 @@ def _trapezoids(series: Series) -> Array:
     return np.asarray(0.5 * (series.values[1:] + series.values[:-1]) * np.diff(series.time)[:, None])
 
 
-def _mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
+def mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
     """Mean rates over two steps around each place, shape (n, 3)."""
     ends = [np.stack([np.interp(places + side, time, one) for one in integral.T], axis=-1) for side in (step, -step)]
     return np.asarray((ends[0] - ends[1]) / (2.0 * step))
 
 
-def _fast(rates: Array, step: float) -> Array:
+def fast(rates: Array, step: float) -> Array:
     """Rates minus their moving average."""
     half = max(int(0.5 * SLOW / step), 1)
     sums = np.concatenate([np.zeros((1, 3)), np.cumsum(rates, axis=0)])
@@ -101,13 +101,13 @@ def _fast(rates: Array, step: float) -> Array:
     return np.asarray(rates - (sums[high] - sums[low]) / (high - low)[:, None])
 
 
-def _near(time: Array, places: Array, step: float) -> npt.NDArray[np.bool_]:
+def near(time: Array, places: Array, step: float) -> npt.NDArray[np.bool_]:
     """Whether places are between samples that are no gap apart."""
     after = np.clip(np.searchsorted(time, places), 1, len(time) - 1)
     return np.asarray(time[after] - time[after - 1] <= MAX_GAP * step)
 
 
-def _explained(causes: Array, effects: Array) -> float:
+def explained(causes: Array, effects: Array) -> float:
     """Fraction of the effects' squares that a linear function of the causes explains; each column counts equally."""
     if len(causes) < 2 * causes.shape[1]:
         return 0.0

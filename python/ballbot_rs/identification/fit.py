@@ -26,6 +26,7 @@ from ballbot_rs.identification.determined import (
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Fitted, Robot, fitted
+from ballbot_rs.identification.plausibility import check_log
 from ballbot_rs.identification.problem import Point, Problem
 from ballbot_rs.identification.result import IdentifiedParams, actuators_of, units_of
 from ballbot_rs.identification.simulation import Simulator, check_torques
@@ -122,6 +123,7 @@ def identify(
     if "acc_bias" in unknowns.fields and log.accelerations is None:
         raise InvalidInputError("fields has acc_bias, but the log has no acc_x, acc_y, acc_z")
     check_torques(log, base)
+    check_log(log, base.params)
     settling = (MAX_DELAY if base.motors.delay or "delay" in unknowns.fields else 0.0) + (
         MAX_LAG if base.motors.lag or "lag" in unknowns.fields else 0.0
     )

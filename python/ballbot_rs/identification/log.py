@@ -124,19 +124,20 @@ class SensorLog:
             raise InvalidInputError(f"{path}: the name of a log ends in .csv, .npz or .mcap")
         found = None if columns is None else ColumnMap.load(columns)
         contents = read_regular(path, MAX_LOG_FILE)
+        report = None
         try:
             if path.suffix == ".mcap":
-                series = read_mcap(contents, found)
+                fields, report = merged(read_mcap(contents, found), found.clock_offset if found else None)
             else:
                 known = found.names if found else {title for titles in COLUMNS.values() for title in titles}
-                blanks = found is not None
-                is_csv = path.suffix == ".csv"
+                is_csv, blanks = path.suffix == ".csv", found is not None
                 table = csv_columns(contents, known, blanks) if is_csv else npz_columns(contents, known)
                 if found is None:
-                    return cls(**_fields(table))
-                series = from_table(table, found)
-            fields, report = merged(series, found.clock_offset if found else None)
-            return cls(**fields, report=report)
+                    fields = _fields(table)
+                else:
+                    fields, report = merged(from_table(table, found), found.clock_offset)
+            sensors = (fields["wheel_angles"], fields["gyro"], fields.get("accelerations"))
+            return cls(fields["time"], fields["torques"], *sensors, report=report)
         except (ValueError, csv.Error) as error:
             raise InvalidInputError(f"{path}: {error}") from error
 
@@ -214,8 +215,7 @@ def _check_units(log: SensorLog) -> None:
         row, column = np.unravel_index(rates.argmax(), rates.shape)
         raise InvalidInputError(
             f"{COLUMNS['gyro'][column]} of row {row} is {log.gyro[row, column]:g} rad/s, the limit is ±{MAX_RATE:g} "
-            f"rad/s: "
-            "give rates in rad/s, not deg/s"
+            "rad/s: give rates in rad/s, not deg/s"
         )
     turns = np.abs(np.diff(log.wheel_angles, axis=0))
     # Wheels may turn far during a gap.
@@ -224,14 +224,14 @@ def _check_units(log: SensorLog) -> None:
         row, column = np.unravel_index(turns.argmax(), turns.shape)
         raise InvalidInputError(
             f"{COLUMNS['wheel_angles'][column]} changes by {turns[row, column]:g} rad to row {row + 1}, the limit is "
-            f"{MAX_TURN:.4g} rad: unwrap the encoders, and give angles in rad"
+            f"{MAX_TURN:.4g} rad: unwrap the encoders, and give angles in rad, not deg or ticks"
         )
     if log.accelerations is not None:
         mean = float(np.linalg.norm(log.accelerations, axis=1).mean())
         low, high = SPECIFIC_FORCE
         if not low <= mean <= high:
+            looks = "; it looks like g" if 0.8 < mean < 1.2 else ""
             raise InvalidInputError(
-                f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²: give "
-                f"the specific "
-                "force, gravity included, in m/s²"
+                f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²{looks}"
+                ": give the specific force, gravity included, in m/s²"
             )
