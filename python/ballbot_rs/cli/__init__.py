@@ -25,6 +25,7 @@ from ballbot_rs.cli import (
     plot,
     record,
     record_log,
+    replay,
     report,
     streams,
     train,
@@ -57,6 +58,7 @@ COMMANDS = (
     record_log,
     identify,
     link,
+    replay,
     list_names,
     info,
 )

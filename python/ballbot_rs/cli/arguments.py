@@ -146,19 +146,6 @@ def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others
     )
 
 
-def add_log(command: Any) -> None:
-    """Adds a log of a robot and its column map."""
-    command.add_argument(
-        "log", type=Path, metavar="LOG", help="a log, .csv, .npz or .mcap; docs/identify.md has its columns"
-    )
-    command.add_argument(
-        "--columns",
-        type=Path,
-        metavar="MAP.toml",
-        help="names, units, signs and times of the log's columns (default: as docs/identify.md has them)",
-    )
-
-
 def add_urdf(command: Any) -> None:
     """Adds a robot described by two URDFs."""
     command.add_argument(

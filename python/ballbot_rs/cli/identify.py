@@ -2,62 +2,28 @@
 
 import argparse
 import json
-from typing import Any, Final
+from typing import Any
 
 from ballbot_rs import _files
-from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
+from ballbot_rs._core import load_actuators
 from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
-from ballbot_rs.cli.numbers import real, whole
+from ballbot_rs.cli import log_arguments, settings
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
 from ballbot_rs.identification.log import SensorLog
-from ballbot_rs.identification.windows import WINDOW_LIMITS
-
-#: Models that a fit can use.
-_MODELS: Final = tuple(name for name in MODELS if name != "planar")
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
-    shared.add_log(command)
-    command.add_argument(
-        "--robot",
-        default="paper",
-        metavar="NAME|FILE.toml",
-        help=f"to start from: {', '.join(ROBOTS)}, or a file (default paper)",
-    )
-    command.add_argument(
-        "--actuators",
-        metavar="NAME|FILE",
-        help=f"motors to start from: {', '.join(ACTUATORS)}, or a file (default ideal)",
-    )
+    log_arguments.add_log(command, "to start from: ", "motors to start from: ")
     command.add_argument(
         "--fields",
         default=",".join(FIELDS),
         metavar="NAME,NAME",
         help=f"what to fit (default {','.join(FIELDS)})",
     )
-    command.add_argument("--model", default="contact", help=f"{', '.join(_MODELS)} (default contact)")
-    command.add_argument(
-        "--sim-dt", type=real(0.0, 0.05, above=True), default=0.002, help="time step of the model, s (default 0.002)"
-    )
-    command.add_argument(
-        "--window",
-        type=real(*WINDOW_LIMITS),
-        default=0.5,
-        help="length of the spans that are simulated, s (default 0.5)",
-    )
-    command.add_argument(
-        "--imu-position",
-        type=real(),
-        nargs=3,
-        metavar=("X", "Y", "Z"),
-        default=(0.0, 0.0, 0.0),
-        help="of the accelerometer in the body frame, m (default 0 0 0)",
-    )
-    command.add_argument("--threads", type=whole(1, 256), help="threads of the simulations (default: all cores)")
+    log_arguments.add_simulation(command)
     shared.add_output(command, "FILE.toml", "the robot, for --robot and --actuators (default: none is written)")
     shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)

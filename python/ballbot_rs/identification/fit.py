@@ -3,14 +3,12 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import real_array
-from ballbot_rs._core import MODELS, Params
+from ballbot_rs._core import Params
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
@@ -24,13 +22,10 @@ from ballbot_rs.identification.determined import (
     jackknife_errors,
 )
 from ballbot_rs.identification.log import SensorLog
-from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Fitted, Robot, fitted
-from ballbot_rs.identification.plausibility import check_log
 from ballbot_rs.identification.problem import Point, Problem
 from ballbot_rs.identification.result import IdentifiedParams, actuators_of, units_of
-from ballbot_rs.identification.simulation import Simulator, check_torques
-from ballbot_rs.identification.windows import split
+from ballbot_rs.identification.setup import prepare
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -106,29 +101,22 @@ def identify(
     """
     with require("identification", "identify"):
         import scipy.optimize  # noqa: F401
-    if not isinstance(log, SensorLog):
-        log = SensorLog.read(log)
-    base = Robot(_robot(params), Motors.of(actuators))
-    if any(base.params.floor_tilt):
-        tilt = list(base.params.floor_tilt)
-        raise InvalidInputError(f"params.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
-    offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
-    if offset.shape != (3,) or not np.isfinite(offset).all():
-        raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
-    if model not in MODELS or model == "planar":
-        raise InvalidInputError(f"model = {model!r}: expected {', '.join(name for name in MODELS if name != 'planar')}")
+    log, base, windows, simulator = prepare(
+        log,
+        params,
+        actuators,
+        model=model,
+        sim_dt=sim_dt,
+        window=window,
+        imu_position=imu_position,
+        num_threads=num_threads,
+        fields=fields,
+    )
     if rejection is not None and not rejection > 1.0:
         raise InvalidInputError(f"rejection = {rejection}, it must be above 1")
     unknowns = fitted(fields, base, sim_dt)
     if "acc_bias" in unknowns.fields and log.accelerations is None:
         raise InvalidInputError("fields has acc_bias, but the log has no acc_x, acc_y, acc_z")
-    check_torques(log, base)
-    check_log(log, base.params)
-    settling = (MAX_DELAY if base.motors.delay or "delay" in unknowns.fields else 0.0) + (
-        MAX_LAG if base.motors.lag or "lag" in unknowns.fields else 0.0
-    )
-    windows = split(log, window, sim_dt, settling)
-    simulator = Simulator(log, model, sim_dt, offset, num_threads)
     count = 0
 
     def called() -> None:
@@ -142,16 +130,6 @@ def identify(
     found = _passes(problem, starts, spreads, noise is None, rejection, log)
     progress(count, count)
     return _result(problem, base, log, *found, model, sim_dt, noise is None)
-
-
-def _robot(params: Params | str | PathLike[str] | None) -> Params:
-    if params is None:
-        return Params.paper()
-    if isinstance(params, Params):
-        return params
-    if Path(params).suffix == ".toml":
-        return Params.from_toml(Path(params))
-    return Params.preset(str(params))
 
 
 def _passes(

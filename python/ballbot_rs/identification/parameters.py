@@ -102,6 +102,10 @@ class Fitted:
         return None if field not in BIASES or component is None else (field, component)
 
 
+#: No number is fitted.
+NOTHING: Final = Fitted((), (), (), *(np.zeros(0) for _ in range(4)))
+
+
 def _frozen(value: Any) -> Any:
     return tuple(value) if isinstance(value, list) else value
 

@@ -1,0 +1,146 @@
+"""A log beside its simulation: residuals of the true robot are noise, those of another are not."""
+
+import json
+
+import numpy as np
+import pytest
+
+from ballbot_rs import Params, SensorLog, record_log
+from ballbot_rs.cli import main
+from ballbot_rs.identification.excitation import NOISE
+from ballbot_rs.identification.log import COLUMNS
+from ballbot_rs.identification.replay import replay
+
+PAPER = Params.paper()
+MOTORS = {"delay": 0.006}
+
+
+@pytest.fixture(scope="module")
+def noisy():
+    return record_log(PAPER, 6.0, actuators=MOTORS, seed=1)
+
+
+def changed(log, rows=slice(None), **changes):
+    fields = {name: getattr(log, name) for name in COLUMNS}
+    return SensorLog(**{name: changes.get(name, value)[rows] for name, value in fields.items()})
+
+
+def test_residuals_of_the_robot_that_recorded_the_log_are_its_noise(noisy):
+    done = []
+    found = replay(noisy, PAPER, actuators=MOTORS, num_threads=1, progress=lambda *counts: done.append(counts))
+    assert found.fallen == 0
+    assert len(found.residuals) == 9
+    for one in found.residuals:
+        kind = {"whe": "wheel_angle", "gyr": "gyro", "acc": "acceleration"}[one.column[:3]]
+        # A fit of 8 + 3 numbers to 50 rows of 9 columns takes some of the noise.
+        assert 0.8 * NOISE[kind] < one.rms < 1.05 * NOISE[kind], one
+    assert all(one.explained > 0.98 for one in found.residuals[:6])
+    assert done[-1][0] == done[-1][1]
+
+
+def test_residuals_of_another_robot_exceed_the_noise(noisy):
+    found = replay(noisy, PAPER.replace(wheel_viscous_friction=5e-3), actuators=MOTORS, num_threads=1)
+    true = replay(noisy, PAPER, actuators=MOTORS, num_threads=1)
+    for name in ("wheel_angle", "gyro"):
+        assert np.nanmedian(found.of_windows[name]) > 2.0 * np.nanmedian(true.of_windows[name])
+    assert found.residuals[0].rms > 3.0 * found.residuals[0].noise
+
+
+def test_exact_measurements_are_simulated_exactly():
+    log = record_log(PAPER, 3.0, noise=None, seed=1)
+    found = replay(log, PAPER, num_threads=1)
+    np.testing.assert_allclose(found.simulated[:, :6], found.measured[:, :6], atol=2e-4)
+    np.testing.assert_allclose(found.simulated[:, 6:], found.measured[:, 6:], atol=1e-3)
+    np.testing.assert_allclose(found.simulated_tilt, found.measured_tilt, atol=1e-5)
+    np.testing.assert_allclose(found.simulated_speeds, found.measured_speeds, atol=1e-3)
+    # Of windows that follow each other, the tilts at the end and at the begin are an interval of one row apart.
+    ends, begins = found.windows.bounds[1:-1] - 1, found.windows.bounds[1:-1]
+    rates = 0.5 * (found.measured[ends, 3:5] + found.measured[begins, 3:5])
+    turned = found.measured_tilt[ends] + 0.01 * rates
+    np.testing.assert_allclose(found.measured_tilt[begins], turned, atol=2e-3)
+    assert np.isnan(found.measured[begins, 6:]).all()
+
+
+def test_a_log_without_an_accelerometer_and_with_a_gap(noisy):
+    kept = (noisy.time < 2.0) | (noisy.time > 2.2)
+    log = SensorLog(noisy.time[kept], noisy.torques[kept], noisy.wheel_angles[kept], noisy.gyro[kept])
+    found = replay(log, PAPER, actuators=MOTORS, num_threads=1)
+    assert [one.column for one in found.residuals] == [*COLUMNS["wheel_angles"], *COLUMNS["gyro"]]
+    assert all(np.diff(found.time[found.windows.rows_of(index)]).max() < 0.011 for index in range(len(found.windows)))
+    assert "acceleration" not in found.table()
+    assert repr(found) == f"<Replay of {len(found.windows)} windows with the model contact>"
+    assert found._repr_html_() == f"<pre>{found.table()}</pre>"
+
+
+def test_the_rms_of_the_table_is_the_rms_of_the_rows(noisy):
+    found = replay(noisy, PAPER, num_threads=1)
+    rest = found.measured - found.simulated
+    np.testing.assert_allclose([one.rms for one in found.residuals], np.sqrt(np.nanmean(rest**2, axis=0)))
+    for place, name in ((slice(0, 3), "wheel_angle"), (slice(6, 9), "acceleration")):
+        own = rest[found.windows.rows_of(2), place]
+        ratio = found.of_windows[name][2] / np.sqrt(np.nanmean(own**2))
+        other = found.of_windows[name][3] / np.sqrt(np.nanmean(rest[found.windows.rows_of(3), place] ** 2))
+        assert ratio == pytest.approx(other)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"params": "r2d2"}, "r2d2"),
+        ({"model": "planar"}, "model = 'planar': expected spatial, contact, rigid"),
+        ({"window": 9.0}, "window = 9.0 s is out of range"),
+        ({"sim_dt": 0.1}, "sim_dt = 0.1 s is out of range"),
+        ({"imu_position": (0, 0)}, r"imu_position is \(0, 0\)"),
+        ({"actuators": {"delay": 0.5}}, "delay = 0.5 is out of range"),
+        ({"params": PAPER.replace(floor_tilt=(0.1, 0.0))}, "the floor must be level"),
+    ],
+)
+def test_bad_arguments_are_rejected(noisy, arguments, message):
+    with pytest.raises(ValueError, match=message):
+        replay(noisy, **arguments)
+
+
+def test_a_wrong_unit_is_named_instead_of_simulated(noisy):
+    with pytest.raises(ValueError, match="the sign of gyro_x looks wrong"):
+        replay(changed(noisy, gyro=noisy.gyro * [-1, 1, 1]), PAPER)
+
+
+def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_path):
+    pytest.importorskip("matplotlib")
+    noisy.write(tmp_path / "log.csv")
+    common = [
+        "replay", str(tmp_path / "log.csv"), "--set", "params.body_mass=2.3", "--set", "actuators.delay=0.006",
+        "--threads", "1", "-o", str(tmp_path / "replay.svg"),
+    ]  # fmt: skip
+    assert main(common) == 0
+    out = capsys.readouterr().out
+    assert out.splitlines()[0].split() == ["column", "unit", "measured", "rms", "residual", "rms", "noise", "explained"]
+    assert f"wrote {tmp_path / 'replay.svg'}" in out
+    drawn = (tmp_path / "replay.svg").read_text()
+    assert all(text in drawn for text in ("tilt (deg)", "body rates (deg/s)", "wheel speeds (rad/s)", "simulated"))
+    assert main([*common, "--json", "--begin", "1", "--seconds", "2"]) == 0
+    found = json.loads(capsys.readouterr().out)
+    other = replay(noisy, PAPER.replace(body_mass=2.3), actuators=MOTORS, num_threads=1)
+    assert found["residuals"] == other.to_dict()["residuals"]
+    assert found["file"] == str(tmp_path / "replay.svg")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (("--set", "control_dt=0.01"), "--set control_dt: a replay has params.NAME, actuators.NAME"),
+        (("--set", "params.body_mas=1"), "body_mas"),
+        (("-o", "replay.gif"), "replay.gif: the name of a figure ends in .svg, .pdf, .png"),
+        (("--begin", "99"), "no row from 99 to 103 s: the windows have "),
+        (("--columns", "nowhere.toml"), "nowhere.toml: No such file or directory"),
+    ],
+)
+def test_an_error_of_the_command_is_one_line(noisy, capsys, tmp_path, monkeypatch, arguments, message):
+    pytest.importorskip("matplotlib")
+    monkeypatch.chdir(tmp_path)
+    noisy.write(tmp_path / "log.csv")
+    assert main(["replay", "log.csv", "--threads", "1", *arguments]) == 1
+    err = capsys.readouterr().err
+    assert message in err
+    assert err.count("\n") == 1
+    assert [path.name for path in tmp_path.iterdir()] == ["log.csv"]
