@@ -57,8 +57,8 @@ COMMANDS = (
     view,
     record_log,
     identify,
-    link,
     replay,
+    link,
     list_names,
     info,
 )
