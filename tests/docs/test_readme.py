@@ -40,7 +40,7 @@ def test_the_parser_accepts_the_command_line(page: str, line: str, capsys: pytes
 @pytest.fixture
 def clone(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A working directory with the clone's files, into which a block may write."""
-    for name in ("assets", "crates"):
+    for name in ("assets", "crates", "docs", "firmware"):
         (tmp_path / name).symlink_to(ROOT / name)
     monkeypatch.chdir(tmp_path)
     return tmp_path
