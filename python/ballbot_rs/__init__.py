@@ -72,6 +72,7 @@ from ballbot_rs.envs.vector_env import BallbotVectorEnv
 from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
 from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.replay import Replay, replay
 from ballbot_rs.identification.result import IdentifiedParams
 from ballbot_rs.link.estimated import EstimatedController
 from ballbot_rs.link.faults import LinkFaults
@@ -146,6 +147,7 @@ __all__ = [
     "PushVectorEnv",
     "Reference",
     "Renderer",
+    "Replay",
     "Result",
     "Robots",
     "Scale",
@@ -179,6 +181,7 @@ __all__ = [
     "read_terrain",
     "record_log",
     "register",
+    "replay",
     "run",
     "run_scenarios",
     "save",

@@ -36,6 +36,12 @@ LIMITS = [
     ("identify", "--window", 1, 0.05, 2),
     ("identify", "--imu-position", 3, None, None),
     ("identify", "--threads", 1, 1, 256),
+    ("replay", "--sim-dt", 1, None, 0.05),
+    ("replay", "--window", 1, 0.05, 2),
+    ("replay", "--imu-position", 3, None, None),
+    ("replay", "--threads", 1, 1, 256),
+    ("replay", "--begin", 1, None, None),
+    ("replay", "--seconds", 1, None, 3600),
     ("record", "--still", 1, 0, 3600),
     ("record", "--seed", 1, 0, 2**64 - 1),
     ("record", "--size", 2, 1, 8192),
@@ -77,7 +83,7 @@ def test_a_number_out_of_range_is_rejected(capsys, tmp_path, monkeypatch, comman
     wrong += [] if low is None else [f"{low - 1:g}"]
     wrong += ["0"] if option == "--seconds" else []
     wrong += [] if high is None else [str(high + 1)]
-    given = ["x"] if command in ("report", "identify") else []
+    given = ["x"] if command in ("report", "identify", "replay") else []
     for value in wrong:
         with pytest.raises(SystemExit) as ended:
             main([command, *given, *([f"{option}={value}"] if count == 1 else [option, *[value] * count])])

@@ -115,6 +115,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "TimeVaryingLqr": [lambda: _motion_once().law()],
     "OnnxPolicy": [lambda: bb.OnnxPolicy(ASSETS / "policies" / "balance.onnx")],
     "SensorLog": [lambda: dataclasses.replace(_log_once())],
+    "Replay": [lambda: bb.replay(bb.record_log(seconds=3.0), num_threads=1)],
     "BallbotVecEnv": [_vec_env],
     "Setpoint": [lambda: bb.Setpoint(position=np.array([0.1, 0.2]))],
     "GroupedObservations": [lambda: bb.GroupedObservations(surface._environment())],

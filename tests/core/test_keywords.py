@@ -338,6 +338,11 @@ def _identify(call: Callable[..., Any], log: int, **arguments: Any) -> Any:
     return _progress(call, log=_log(log), **arguments)
 
 
+def _replay(call: Callable[..., Any], log: int, **arguments: Any) -> Any:
+    found, has_messages = _progress(call, log=_log(log), **arguments)
+    return [found.to_dict(), has_messages]
+
+
 GENTLE = bb.Terrain.generate("noise", size_x=3.0, size_y=3.0, cell=0.05)
 TILTED = bb.Scenario("tilted", "", seconds=0.5, tilt=4.0, score="rms_tilt")
 SHORTER = bb.Scenario("tilted", "", seconds=0.4, tilt=4.0, score="rms_tilt")
@@ -660,6 +665,21 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "progress": "messages",
         },
     ),
+    "replay": (
+        functools.partial(_replay, bb.replay),
+        {"log": 0},
+        {
+            "log": 1,
+            "params": PAPER.replace(body_com_height=0.36),
+            "actuators": {"delay": 0.002},
+            "model": "spatial",
+            "sim_dt": 0.01,
+            "window": 0.4,
+            "imu_position": (0.0, 0.0, 0.01),
+            "num_threads": Same(2),
+            "progress": "messages",
+        },
+    ),
     "linearize": (
         bb.linearize,
         {},
@@ -721,6 +741,7 @@ NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
+    "Replay",
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     # tests/link calls them.

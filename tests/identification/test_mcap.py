@@ -63,7 +63,7 @@ def joints_of(log, row, stamp):
 
 
 def recorded(log, offset=0.0, compression="zstd", imus=("/imu",), joints=joints_of):
-    """A file as a robot records it: an IMU at each row with a clock of its own, joint states at every second."""
+    """A file as a robot records it: an IMU at each row with a separate clock, joint states at every second."""
     packed = io.BytesIO()
     kind = mcap_writer.CompressionType[compression.upper()]
     writer = mcap_ros2.Writer(packed, compression=kind, chunk_size=1 << 16)
@@ -146,7 +146,7 @@ def test_a_map_that_does_not_fit_is_rejected(tmp_path, log, old, new, message):
         read(tmp_path, recorded(log), MAP.replace(old, new))
 
 
-def test_a_trajectory_of_our_own_is_a_log(tmp_path):
+def test_what_a_trajectory_writes_is_a_log(tmp_path):
     moved = bb.simulate("lqr", seconds=1.0, tilt=(0.05, 0.0))
     moved.to_mcap(tmp_path / "own.mcap")
     found = SensorLog.read(tmp_path / "own.mcap")

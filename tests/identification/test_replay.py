@@ -1,4 +1,4 @@
-"""A log beside its simulation: residuals of the true robot are noise, those of another are not."""
+"""A log and its simulation: residuals of the true robot are noise, residuals of another robot are not."""
 
 import json
 

@@ -29,6 +29,8 @@ LEFT_OUT = {
     "SensorLog": "reads and writes files; tests/identification has its bad input",
     "identify": "seconds a call; tests/identification has its bad input",
     "record_log": "as identify",
+    "replay": "as identify",
+    "Replay": "a plain record",
     "optimize_trajectory": "seconds a call; tests/optimal has its bad input",
     "OptimizedTrajectory": "a plain record",
     "DifferentiableBatch": "needs PyTorch; tests/optimal has its bad input",

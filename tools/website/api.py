@@ -116,7 +116,10 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "DifferentiableJaxBatch",
         ),
     ),
-    "identification": ("Identification", ("identify", "IdentifiedParams", "SensorLog", "record_log")),
+    "identification": (
+        "Identification",
+        ("identify", "IdentifiedParams", "SensorLog", "record_log", "replay", "Replay"),
+    ),
     "errors": ("Errors", ("BallbotError", "InvalidInputError", "UrdfError", "DivergedError", "ControllerError")),
 }
 

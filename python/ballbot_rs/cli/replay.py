@@ -1,4 +1,4 @@
-"""`ballbot replay`: a log beside a simulation under the same torques, as a table of residuals and a figure."""
+"""`ballbot replay`: a log compared with a simulation under the same torques, as a table of residuals and a figure."""
 
 import argparse
 import json

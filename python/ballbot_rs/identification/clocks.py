@@ -3,7 +3,7 @@
 At the frequencies of an excited robot, changes of the body's rates are a linear function of changes of the wheels'
 speeds: both follow from the same torques, and gravity changes amplitudes but no phases. The function is fitted at
 each lag, so neither the robot's parameters nor the signs of columns are needed; the offset is the lag at which it
-explains most.
+is most likely, with Gaussian residuals of unknown size for each axis.
 """
 
 import dataclasses
@@ -27,6 +27,8 @@ SLOW: Final = 0.5
 #: Blocks whose separate offsets give the standard error, and the shortest, s.
 BLOCKS: Final = 8
 SHORTEST: Final = 1.0
+#: Standard error from the motion between samples, in samples.
+SYSTEMATIC: Final = 0.05
 #: Lags per sample in the refined search.
 FINE: Final = 10
 #: Most samples of a search: a longer log is searched at its beginning.
@@ -59,27 +61,34 @@ def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
     speeds = fast(mean_rates(wheel_angles.time, wheel_angles.values, times, step), step)
     usable = near(wheel_angles.time, times, wheel_angles.step)
 
-    def fractions(lags: npt.NDArray[np.floating[Any]], spans: Sequence[slice]) -> Array:
-        found = np.empty((len(spans), len(lags)))
+    def unexplained_at(lags: npt.NDArray[np.floating[Any]], spans: Sequence[slice]) -> Array:
+        """Fractions by span, lag and axis."""
+        found = np.empty((len(spans), len(lags), 3))
         for index, lag in enumerate(lags):
             rates = fast(mean_rates(gyro.time, integral, times + lag, step), step)
             kept = usable & near(gyro.time, times + lag, gyro.step)
-            found[:, index] = [explained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
+            found[:, index] = [unexplained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
         return found
 
     coarse = step * np.arange(-int(MAX_LAG / step), int(MAX_LAG / step) + 1)
-    peak = int(np.argmax(fractions(coarse, [slice(None)])[0]))
+    peak = int(np.argmax(_likelihood(unexplained_at(coarse, [slice(None)])[0])))
     if peak in (0, len(coarse) - 1):
         return None
     lags = coarse[peak] + step / FINE * np.arange(-2 * FINE, 2 * FINE + 1, 2)
     edges = np.linspace(0, len(times), blocks + 1).astype(int)
     parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
-    whole, *own = fractions(lags, [slice(None), *parts])
-    value, best = _peak(lags, whole)
+    whole, *own = unexplained_at(lags, [slice(None), *parts])
+    best = 1.0 - float(whole.mean(axis=1).min())
     if best < LEAST_EXPLAINED:
         return None
-    spread = np.std([_peak(lags, one)[0] for one in own], ddof=1)
-    return Offset(value, float(spread / np.sqrt(blocks)), best)
+    spread = np.std([_peak(lags, _likelihood(one)) for one in own], ddof=1)
+    error = float(np.hypot(spread / np.sqrt(blocks), SYSTEMATIC * step))
+    return Offset(_peak(lags, _likelihood(whole)), error, best)
+
+
+def _likelihood(fractions: Array) -> Array:
+    """Log-likelihood of each lag per half sample, without constants, from unexplained fractions by lag and axis."""
+    return np.asarray(-np.log(fractions).sum(axis=-1))
 
 
 def _trapezoids(series: Series) -> Array:
@@ -102,24 +111,23 @@ def fast(rates: Array, step: float) -> Array:
 
 
 def near(time: Array, places: Array, step: float) -> npt.NDArray[np.bool_]:
-    """Whether places are between samples that are no gap apart."""
+    """Whether places are between samples without a gap."""
     after = np.clip(np.searchsorted(time, places), 1, len(time) - 1)
     return np.asarray(time[after] - time[after - 1] <= MAX_GAP * step)
 
 
-def explained(causes: Array, effects: Array) -> float:
-    """Fraction of the effects' squares that a linear function of the causes explains; each column counts equally."""
+def unexplained(causes: Array, effects: Array) -> Array:
+    """Fraction of the squares of each effect that no linear function of the causes explains."""
     if len(causes) < 2 * causes.shape[1]:
-        return 0.0
-    scale = np.sqrt((effects**2).mean(axis=0))
-    scaled = effects / np.where(scale > 0.0, scale, 1.0)
-    rest = scaled - causes @ np.linalg.lstsq(causes, scaled, rcond=1e-9)[0]
-    return 1.0 - float((rest**2).sum() / max((scaled**2).sum(), 1e-300))
+        return np.ones(effects.shape[1])
+    rest = effects - causes @ np.linalg.lstsq(causes, effects, rcond=1e-9)[0]
+    squares = (effects**2).sum(axis=0)
+    return np.asarray((rest**2).sum(axis=0) / np.where(squares > 0.0, squares, 1.0)).clip(1e-12, 1.0)
 
 
-def _peak(lags: Array, values: Array) -> tuple[float, float]:
-    """The place and height of the maximum, between samples, of a smooth curve."""
+def _peak(lags: Array, values: Array) -> float:
+    """The place of the maximum, between samples, of a smooth curve."""
     best = int(np.clip(np.argmax(values), 1, len(values) - 2))
-    a, b, c = np.polyfit(lags[best - 1 : best + 2] - lags[best], values[best - 1 : best + 2], 2)
+    a, b, _ = np.polyfit(lags[best - 1 : best + 2] - lags[best], values[best - 1 : best + 2], 2)
     shift = np.clip(-b / (2.0 * a), -np.ptp(lags), np.ptp(lags)) if a < 0.0 else 0.0
-    return float(lags[best] + shift), float(c + b * shift + a * shift**2)
+    return float(lags[best] + shift)

@@ -58,7 +58,7 @@ def read_topics(contents: bytes, wanted: Callable[[str, str, str], bool]) -> dic
     Args:
         contents: of the file.
         wanted: whether a number is read, by topic, name of the message's schema, and path within the message; the
-            path is empty to ask for any.
+            path is empty where the question is whether any is.
 
     Raises:
         ValueError: a broken or truncated file, or more data than the limits.

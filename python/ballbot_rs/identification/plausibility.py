@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.clocks import explained, fast, mean_rates, near
+from ballbot_rs.identification.clocks import fast, mean_rates, near, unexplained
 from ballbot_rs.identification.log import COLUMNS, SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY
 
@@ -86,7 +86,7 @@ def check_log(log: SensorLog, params: Params) -> None:
     if signals is None:
         return
     impulses, rates, speeds = signals
-    fraction = explained(impulses, np.concatenate([rates, speeds], axis=1))
+    fraction = 1.0 - float(unexplained(impulses, np.concatenate([rates, speeds], axis=1)).mean())
     own, of_torques = {}, {}
     for name, measured, response in (("gyro", rates, responses[0]), ("wheel_angles", speeds, responses[1])):
         slope = np.linalg.lstsq(impulses, measured, rcond=1e-9)[0].T
@@ -163,7 +163,7 @@ def _signals(log: SensorLog) -> tuple[Array, Array, Array] | None:
     for delay in np.arange(0.0, MAX_DELAY, step):
         # The mean of an integral over two steps.
         causes = fast(_smoothed(log.time, impulse, times - delay, step), step)[kept]
-        fraction = explained(causes, effects)
+        fraction = 1.0 - float(unexplained(causes, effects).mean())
         if fraction > best[0]:
             best = fraction, causes
     return (best[1], rates, speeds) if best[0] >= LEAST_EXPLAINED else None

@@ -57,7 +57,7 @@ def checked(source: str, clock: str, time: Array, values: Array) -> Series:
         ValueError: too few samples, or a time that does not increase.
     """
     kept = np.isfinite(values).all(axis=1) & np.isfinite(time)
-    # A cell that is empty in all columns is no sample: the file has rows of other rates.
+    # Rows in which all columns are empty belong to quantities with other rates.
     absent = np.isnan(values).all(axis=1)
     missing = int((~kept & ~absent).sum())
     rows = np.flatnonzero(kept)

@@ -1,4 +1,4 @@
-"""A log beside a simulation of it: short windows under the logged torques, each from the start that fits it best."""
+"""A log compared with a simulation: short windows under the logged torques, each from the start that fits it best."""
 
 import dataclasses
 from collections.abc import Mapping, Sequence
@@ -8,6 +8,7 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._arrays import keep_copies
 from ballbot_rs._core import Params
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
@@ -49,7 +50,7 @@ class Residual:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Replay:
-    """A log beside its simulation; m rows in w windows. Rows of windows that fell are NaN in `simulated`."""
+    """A log and its simulation; m rows in w windows. Rows of windows that fell are NaN in `simulated`."""
 
     log: SensorLog
     params: Params
@@ -72,6 +73,9 @@ class Replay:
     #: Windows in which the simulated robot fell.
     fallen: int
 
+    def __post_init__(self) -> None:
+        keep_copies(self)
+
     @property
     def measured_speeds(self) -> Array:
         """Speeds of the wheels from differences of the measured angles, rad/s, shape (m, 3); NaN in first rows."""
@@ -79,7 +83,7 @@ class Replay:
 
     @property
     def simulated_speeds(self) -> Array:
-        """The same of the simulation."""
+        """Speeds of the wheels from differences of the simulated angles, rad/s, shape (m, 3); NaN in first rows."""
         return self._speeds(self.simulated)
 
     def _speeds(self, rows: Array) -> Array:

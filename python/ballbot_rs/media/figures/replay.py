@@ -1,4 +1,4 @@
-"""A log beside its simulation: tilt, body rates and wheel speeds over time, and residuals of all windows."""
+"""A log and its simulation: tilt, body rates and wheel speeds over time, and residuals of all windows."""
 
 from typing import Any, Final
 
@@ -25,7 +25,7 @@ _SENSORS: Final = {"wheel_angle": COLORS[3], "gyro": COLORS[4], "acceleration": 
 
 
 def draw(replay: Replay, begin: float | None = None, seconds: float = 4.0, width: float = 8.0) -> Figure:
-    """Measured (solid) beside simulated (dashed) quantities of a span, and residuals of the whole log.
+    """Measured (solid) and simulated (dashed) quantities of a span, and residuals of the whole log.
 
     Args:
         replay: the replay.
@@ -62,6 +62,7 @@ def draw(replay: Replay, begin: float | None = None, seconds: float = 4.0, width
         ax.set_xlim(first, min(first + seconds, float(replay.time[-1])))
         ax.legend(loc="upper right", ncols=len(names), handlelength=1.2)
         ax.margins(y=0.2)
+    axes[0].set_title(f"{replay.model}, {first:g} to {first + seconds:g} s")
     axes[2].set_xlabel("time (s); lines: begin of a window")
     for name, values in replay.of_windows.items():
         axes[3].plot(replay.begins, values, ".-", color=_SENSORS[name], linewidth=0.8, label=name.replace("_", " "))
