@@ -82,6 +82,15 @@ def test_gradients_pass_delay_and_lag_of_motors(actuators, width):
     assert made.batch.options["actuators"].get("delay", 0.0) < 0.01 or not leaf.grad[-1].any()
 
 
+def test_second_derivatives_are_an_error():
+    made = robots(1)
+    torques = torch.zeros(1, 3, dtype=torch.float64, requires_grad=True)
+    states, _ = made.step(made.states(), torques)
+    (gradient,) = torch.autograd.grad(loss_of(states), torques, create_graph=True)
+    with pytest.raises(RuntimeError, match="once_differentiable"):
+        gradient.sum().backward()
+
+
 def test_motors_begin_an_episode_with_nothing_in_transit():
     made = bb.DifferentiableBatch(bb.Batch(4, num_threads=1, actuators={"delay": 0.02, "lag": 0.01}))
     states = made.reset([0, 1, 2, 3])
@@ -160,6 +169,11 @@ def test_deviations_are_in_the_heading_frame():
         ({"events": "mild"}, "events that change the motors: actuators.strength, actuators.delay"),
         ({"task": "push"}, "pushes"),
         ({"events": [{"term": "push", "range": [0.0, 1.0], "at": 0.0}]}, "pushes"),
+        ({"events": [{"term": "body_mass", "range": [1.0, 2.0], "at": 0.02}]}, "events within an episode: body_mass"),
+        (
+            {"events": [{"term": "ball_mass", "mode": "interval", "every": [0.1, 0.1], "range": [1.0, 2.0]}]},
+            "events within an episode: ball_mass",
+        ),
     ],
 )
 def test_other_batches_are_rejected(options, message):

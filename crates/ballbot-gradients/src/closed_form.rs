@@ -150,7 +150,11 @@ impl<M: Model + Clone> Differentiable for WithoutSlip<M> {
         }
         for (i, parameter) in self.parameters.iter().enumerate() {
             let column = self.column(&nominal, parameter.step(&params, FRICTION), |amount, start| {
-                start.model.set_params(&parameter.changed(&params, amount))
+                start.model.set_params(&parameter.changed(&params, amount)).map_err(|error| {
+                    Error::Inconsistent(format!(
+                        "no derivative with respect to {parameter}: the model does not simulate a robot with another: {error}"
+                    ))
+                })
             })?;
             p.column_mut(i).copy_from_slice(&column);
         }

@@ -75,15 +75,12 @@ pub trait Differentiable {
     /// # Errors
     /// As [`Differentiable::advance`].
     fn advance_under(&mut self, torques: &[Wheels<f64>], steps: usize) -> Result<Jacobian> {
-        let (first, others) = torques.split_first().ok_or_else(|| Error::OutOfRange {
-            name: "wheel torques of a robot".into(),
+        let parts = torques.iter().map(|torques| self.advance(*torques, steps)).collect::<Result<Vec<_>>>()?;
+        let whole = Jacobian::joined(parts).ok_or_else(|| Error::OutOfRange {
+            name: "wheel_torques of a robot".into(),
             value: 0.0,
             limit: "at least 1".into(),
         })?;
-        let first = self.advance(*first, steps)?;
-        let whole = others
-            .iter()
-            .try_fold(first, |before, torques| Ok(before.followed_under_others_by(self.advance(*torques, steps)?)))?;
         if whole.is_finite() {
             return Ok(whole);
         }
@@ -140,41 +137,51 @@ pub fn bytes_of(coordinates: Coordinates, torques: usize, parameters: usize) -> 
 impl Jacobian {
     /// The derivatives of this motion and the next, under the same torques.
     fn followed_by(&self, next: Self) -> Self {
-        let (b, d) = (&next.a * &self.b + &next.b, &next.c * &self.b + &next.d);
-        self.joined(next, b, d)
-    }
-
-    /// The derivatives of this motion and the next, under other torques, which are further columns of B and D.
-    fn followed_under_others_by(&self, next: Self) -> Self {
-        let beside = |before: DMatrix<f64>, after: &DMatrix<f64>| {
-            let columns = before.ncols();
-            let mut both = before.resize_horizontally(columns + after.ncols(), 0.0);
-            both.columns_mut(columns, after.ncols()).copy_from(after);
-            both
-        };
-        let (b, d) = (beside(&next.a * &self.b, &next.b), beside(&next.c * &self.b, &next.d));
-        self.joined(next, b, d)
-    }
-
-    /// The derivatives of this motion and the next, with those by the torques given.
-    fn joined(&self, next: Self, b: DMatrix<f64>, d: DMatrix<f64>) -> Self {
         Self {
             a: &next.a * &self.a,
-            b,
-            p: &next.a * &self.p + next.p,
+            b: &next.a * &self.b + &next.b,
+            p: &next.a * &self.p + &next.p,
             c: &next.c * &self.a,
-            d,
-            q: &next.c * &self.p + next.q,
-            modes_changed: self.modes_changed
-                || next.modes_changed
-                || self.kinds.map(|kinds| kinds[1]) != next.kinds.map(|kinds| kinds[0]),
-            margin: self.margin.min(next.margin),
-            kinds: self.kinds.zip(next.kinds).map(|([first, _], [_, last])| [first, last]),
-            coordinates: self.coordinates,
-            level: self.level,
-            start: self.start.clone(),
-            next: next.next,
-            contacts: next.contacts,
+            d: &next.c * &self.b + &next.d,
+            q: &next.c * &self.p + &next.q,
+            ..next.ends(self)
+        }
+    }
+
+    /// The derivatives of successive motions, each under other torques; B and D have three columns for each motion.
+    fn joined(mut parts: Vec<Self>) -> Option<Self> {
+        let last = parts.pop()?;
+        let columns = WHEELS * parts.len();
+        let mut b = last.b.clone().resize_horizontally(columns + WHEELS, 0.0);
+        let mut d = last.d.clone().resize_horizontally(columns + WHEELS, 0.0);
+        b.columns_mut(columns, WHEELS).copy_from(&last.b);
+        d.columns_mut(columns, WHEELS).copy_from(&last.d);
+        // The state before the last motion, by the state before the motions from `part` on.
+        let mut later = DMatrix::identity(last.a.nrows(), last.a.nrows());
+        let mut p = DMatrix::zeros(last.p.nrows(), last.p.ncols());
+        for (k, part) in parts.iter().enumerate().rev() {
+            let by_torques = &later * &part.b;
+            b.columns_mut(WHEELS * k, WHEELS).copy_from(&(&last.a * &by_torques));
+            d.columns_mut(WHEELS * k, WHEELS).copy_from(&(&last.c * &by_torques));
+            p += &later * &part.p;
+            later *= &part.a;
+        }
+        let (a, c) = (&last.a * &later, &last.c * later);
+        let (p, q) = (&last.p + &last.a * &p, &last.q + &last.c * &p);
+        let ends = parts.iter().rev().fold(last, |whole, part| whole.ends(part));
+        Some(Self { a, b, p, c, d, q, ..ends })
+    }
+
+    /// What is known of the end of this motion, and of its modes and those of a motion `before` together.
+    fn ends(self, before: &Self) -> Self {
+        Self {
+            modes_changed: before.modes_changed
+                || self.modes_changed
+                || before.kinds.map(|kinds| kinds[1]) != self.kinds.map(|kinds| kinds[0]),
+            margin: before.margin.min(self.margin),
+            kinds: before.kinds.zip(self.kinds).map(|([first, _], [_, last])| [first, last]),
+            start: before.start.clone(),
+            ..self
         }
     }
 

@@ -128,6 +128,7 @@ impl Parameter {
         match field.name {
             name if field.required || ["gravity", "friction_critical_velocity"].contains(&name) => STEP * value,
             "body_com_offset" => STEP * params.body_com_height,
+            "body_products_of_inertia" => STEP * params.body_inertia.into_iter().fold(f64::INFINITY, f64::min),
             _ if field.unit == "rad" => STEP,
             _ => linear * value.max(1.0),
         }

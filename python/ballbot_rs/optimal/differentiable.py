@@ -20,14 +20,17 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
     _library: Any
 
     def __init__(self, batch: Batch) -> None:
-        events = [event["term"] for event in batch.options["events"]]
+        events = {event["term"]: event for event in batch.options["events"]}
         pushed = batch.task == "push" or "push" in events
         motors = [term for term in events if term.startswith("actuators.") or term == "max_wheel_torque"]
+        # They change the robot within a step, before its motion.
+        later = [event["term"] for event in batch.options["events"] if event["mode"] != "reset"]
         for fits, what in [
             (batch.model == "contact", f"the model {batch.model}: expected 'contact'"),
             (batch.autoreset == "same_step", f"autoreset={batch.autoreset!r}: expected 'same_step'"),
             (not motors, f"events that change the motors: {', '.join(motors)}"),
             (not pushed, "pushes, which the derivatives do not know"),
+            (not later, f"events within an episode: {', '.join(later)}"),
         ]:
             if not fits:
                 raise InvalidInputError(f"a differentiable batch cannot have {what}")

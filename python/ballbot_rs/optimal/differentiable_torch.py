@@ -3,6 +3,7 @@
 from typing import Any
 
 import torch
+from torch.autograd.function import once_differentiable
 
 from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
@@ -56,6 +57,7 @@ class _Step(torch.autograd.Function):
         return after
 
     @staticmethod
+    @once_differentiable
     def backward(ctx: Any, gradient: torch.Tensor) -> tuple[torch.Tensor | None, ...]:
         row = gradient[:, None]
         return (*((row @ matrix)[:, 0] for matrix in ctx.saved_tensors), None, None, None)

@@ -34,6 +34,10 @@ impl Batch {
     ) -> Result<Vec<Option<Jacobian>>> {
         let n = self.len();
         let each = wheel_torques.len() / n;
+        if wheel_torques.is_empty() {
+            let name = "number of wheel_torques of a robot".into();
+            return Err(Error::OutOfRange { name, value: 0.0, limit: "at least 1".into() });
+        }
         self.expect_len("wheel_torques", wheel_torques.len(), n * each.max(1))?;
         let coordinates = self.derivative_coordinates();
         for (i, torques) in wheel_torques.iter().enumerate() {
