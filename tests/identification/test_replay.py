@@ -83,6 +83,16 @@ def test_the_rms_of_the_table_is_the_rms_of_the_rows(noisy):
         assert ratio == pytest.approx(other)
 
 
+def test_windows_in_groups_give_the_same(noisy, monkeypatch):
+    """Long logs are simulated in groups of windows."""
+    together = replay(noisy, PAPER, num_threads=1)
+    monkeypatch.setattr("ballbot_rs.identification.replay.GROUP", 4)
+    apart = replay(noisy, PAPER, num_threads=1)
+    np.testing.assert_array_equal(apart.simulated, together.simulated)
+    np.testing.assert_array_equal(apart.simulated_tilt, together.simulated_tilt)
+    assert apart.to_dict() == together.to_dict()
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
