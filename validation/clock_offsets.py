@@ -3,7 +3,7 @@
 `python -m validation.clock_offsets` prints the table of docs/identify.md.
 """
 
-import sys
+from collections.abc import Sequence
 
 import ballbot_rs as bb
 from ballbot_rs._core import ROBOTS
@@ -32,16 +32,15 @@ def errors(robot: str, control_dt: float, logs: int = 8) -> tuple[float, float]:
     return worst, relative
 
 
-def markdown() -> str:
+def markdown(robots: Sequence[str] = tuple(ROBOTS), logs: int = 8) -> str:
     """The table."""
     rows = []
-    for robot in ROBOTS:
+    for robot in robots:
         for control_dt in (0.005, 0.01):
-            worst, relative = errors(robot, control_dt)
+            worst, relative = errors(robot, control_dt, logs)
             rows.append([robot, f"{1e3 * control_dt:g} ms", f"{1e3 * worst:.2f} ms", f"{relative:.1f}"])
-    return table(["robot", "rows", "largest error of 8 logs", "in standard errors"], rows)
+    return table(["robot", "rows", f"largest error of {logs} logs", "in standard errors"], rows)
 
 
 if __name__ == "__main__":
     print(markdown())
-    sys.exit(0)

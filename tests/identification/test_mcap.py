@@ -28,6 +28,20 @@ IMU = SEPARATOR.join(
 JOINTS = SEPARATOR.join(
     ["std_msgs/Header header\nstring[] name\nfloat64[] position\nfloat64[] velocity\nfloat64[] effort", HEADER]
 )
+ODOMETRY = SEPARATOR.join(
+    [
+        "std_msgs/Header header\nstring child_frame_id\ngeometry_msgs/PoseWithCovariance pose\n"
+        "geometry_msgs/TwistWithCovariance twist",
+        HEADER,
+        "MSG: geometry_msgs/PoseWithCovariance\ngeometry_msgs/Pose pose\nfloat64[36] covariance",
+        "MSG: geometry_msgs/Pose\ngeometry_msgs/Point position\ngeometry_msgs/Quaternion orientation",
+        "MSG: geometry_msgs/Point\nfloat64 x\nfloat64 y\nfloat64 z",
+        "MSG: geometry_msgs/Quaternion\nfloat64 x\nfloat64 y\nfloat64 z\nfloat64 w",
+        "MSG: geometry_msgs/TwistWithCovariance\ngeometry_msgs/Twist twist\nfloat64[36] covariance",
+        "MSG: geometry_msgs/Twist\ngeometry_msgs/Vector3 linear\ngeometry_msgs/Vector3 angular",
+        VECTOR,
+    ]
+)
 #: ns since 1970.
 BEGIN = 1_760_000_000_123_456_789
 NAMES = ["wheel_2", "wheel_0", "wheel_1"]
@@ -62,6 +76,17 @@ def joints_of(log, row, stamp):
     }
 
 
+def odometry_of(log, row, stamp):
+    zero = dict.fromkeys("xyz", 0.0)
+    angular = dict(zip("xyz", log.gyro[row].tolist(), strict=True))
+    return {
+        "header": {"stamp": stamp_of(stamp), "frame_id": "odom"},
+        "child_frame_id": "body",
+        "pose": {"pose": {"position": zero, "orientation": {**zero, "w": 1.0}}, "covariance": [0.0] * 36},
+        "twist": {"twist": {"linear": zero, "angular": angular}, "covariance": [0.0] * 36},
+    }
+
+
 def recorded(log, offset=0.0, compression="zstd", imus=("/imu",), joints=joints_of):
     """A file as a robot records it: an IMU at each row with a separate clock, joint states at every second."""
     packed = io.BytesIO()
@@ -69,6 +94,7 @@ def recorded(log, offset=0.0, compression="zstd", imus=("/imu",), joints=joints_
     writer = mcap_ros2.Writer(packed, compression=kind, chunk_size=1 << 16)
     imu = writer.register_msgdef("sensor_msgs/msg/Imu", IMU)
     joint = writer.register_msgdef("sensor_msgs/msg/JointState", JOINTS)
+    odometry = writer.register_msgdef("nav_msgs/msg/Odometry", ODOMETRY)
     for row, time in enumerate(log.time):
         stamp = BEGIN + round(time * 1e9)
         for topic in imus:
@@ -76,6 +102,7 @@ def recorded(log, offset=0.0, compression="zstd", imus=("/imu",), joints=joints_
             writer.write_message(topic, imu, message, log_time=stamp + 10**6)
         if row % 2 == 0:
             writer.write_message("/joint_states", joint, joints(log, row, stamp), log_time=stamp + 10**6)
+            writer.write_message("/odom", odometry, odometry_of(log, row, stamp), log_time=stamp + 10**6)
     writer.finish()
     return packed.getvalue()
 
@@ -126,6 +153,13 @@ def test_a_map_names_topics_and_numbers(tmp_path, log):
         ValueError, match=r"2 topics have messages sensor_msgs/msg/Imu; topics: /imu .*, /imu/raw .*map"
     ):
         read(tmp_path, contents)
+
+
+def test_a_map_takes_rates_from_odometry(tmp_path, log):
+    text = MAP.replace("/imu.angular_velocity.", "/odom.twist.twist.angular.").replace("[1, 1, -1]", "1")
+    found = read(tmp_path, recorded(log), text)
+    np.testing.assert_allclose(found.gyro, log.gyro[::2], atol=1e-12)
+    assert found.report.sources[2].name.startswith("/odom twist.twist.angular.x, ")
 
 
 @pytest.mark.parametrize(

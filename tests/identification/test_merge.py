@@ -8,6 +8,7 @@ from ballbot_rs.identification import clocks
 from ballbot_rs.identification.column_map import ColumnMap
 from ballbot_rs.identification.merge import merged
 from ballbot_rs.identification.recording import Series, checked
+from validation import clock_offsets
 
 COLUMNS = {
     "torques": ["u0", "u1", "u2"],
@@ -174,6 +175,13 @@ def test_an_offset_survives_noise_wrong_signs_and_a_gap():
     found = clocks.estimated(gyro, Series("e", "b", log.time, log.wheel_angles))
     assert found.value == pytest.approx(0.02, abs=max(3.0 * found.error, 0.001))
     assert found.error < 0.002
+
+
+def test_offsets_of_noisy_logs_are_within_a_tenth_of_a_sample():
+    worst, relative = clock_offsets.errors("paper", 0.01, logs=3)
+    assert worst < 0.001
+    assert relative < 3.0
+    assert clock_offsets.markdown(["kugle"], logs=2).count("kugle") == 2
 
 
 def test_a_robot_at_rest_does_not_determine_an_offset():
