@@ -172,7 +172,7 @@ impl Jacobian {
         Some(Self { a, b, p, c, d, q, ..ends })
     }
 
-    /// What is known of the end of this motion, and of its modes and those of a motion `before` together.
+    /// The end of this motion, with the modes of a motion `before` and of this motion.
     fn ends(self, before: &Self) -> Self {
         Self {
             modes_changed: before.modes_changed
