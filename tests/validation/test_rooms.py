@@ -16,6 +16,7 @@ ROOMS = (
     "against_engines",
     "paper_replication",
     "benchmarks",
+    "firmware",
 )
 
 
