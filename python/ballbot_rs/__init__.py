@@ -48,6 +48,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.deployment.supervised import Supervised
 from ballbot_rs.envs.grouped import GroupedObservations, GroupedVectorObservations
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.own import Robots, Task
@@ -156,6 +157,7 @@ __all__ = [
     "Setpoint",
     "SpatialModel",
     "State",
+    "Supervised",
     "Task",
     "Terrain",
     "TerrainEnv",

@@ -124,7 +124,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     # It copies what it is given, as tests/link compares.
-    *("Link", "LinkPeer", "LinkFaults", "EstimatedController"),
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     # Their numbers are of PyTorch and of JAX.
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

@@ -744,8 +744,8 @@ NOT_CALLED = {
     "Replay",
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
-    # tests/link calls them.
-    *("Link", "LinkPeer", "LinkFaults", "EstimatedController"),
+    # tests/link and tests/deployment call them.
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

@@ -55,8 +55,8 @@ def test_a_run_and_its_onnx_file_give_the_same_header(tiny_run, tmp_path, capsys
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ([], "takes one of RUN, --controller, --estimator and --link"),
-        (["runs/mine", "--controller", "lqr"], "takes one of RUN, --controller, --estimator and --link"),
+        ([], "takes one of RUN, --controller, --estimator, --supervisor and --link"),
+        (["runs/mine", "--controller", "lqr"], "takes one of RUN, --controller, --estimator, --supervisor and --link"),
         (["--controller", "zero"], "'zero' cannot be written as C: expected one of lqr, pid, lqi"),
         (["--controller", "lqr", "-o", "gains.c"], "gains.c: the name of a C header ends in .h"),
         (
@@ -77,7 +77,7 @@ def test_a_run_and_its_onnx_file_give_the_same_header(tiny_run, tmp_path, capsys
         (["--estimator", "--sensors", "kugle", "--model", "rigid"], "an estimator in C does not depend on model"),
         (
             ["--estimator", "--sensors", "kugle", "--controller", "lqr"],
-            "takes one of RUN, --controller, --estimator and --link",
+            "takes one of RUN, --controller, --estimator, --supervisor and --link",
         ),
         (["--link", "--robot", "kugle"], "--link does not depend on task, robot or environment"),
         (["--link", "-o", "link.c"], "link.c: the name of a C header ends in .h"),

@@ -402,3 +402,61 @@ class CEstimator:
         out = np.zeros(81)
         self._library.covariance(pointer(out))
         return out.reshape(9, 9)
+
+
+#: A supervisor behind arrays of doubles: a state, whether it is fresh, and torques, which it replaces; then its memory.
+SUPERVISOR = """
+#include "{header}"
+
+static ballbot_supervisor supervisor;
+
+void reset(void);
+int supervise(const double *row, int fresh, double *torques, double *memory);
+
+{read_state}
+
+void reset(void)
+{{
+    static const ballbot_supervisor cold = {{{{0}}, {{0}}, 0, 0, 0, 0}};
+    supervisor = cold;
+    ballbot_supervisor_reset(&supervisor);
+}}
+
+int supervise(const double *row, int fresh, double *torques, double *memory)
+{{
+    const ballbot_state state = read_state(row);
+    ballbot_real given[3];
+    int status, i;
+    for (i = 0; i < 3; i++) {{
+        given[i] = (ballbot_real)torques[i];
+    }}
+    status = ballbot_supervise(&supervisor, &state, fresh, given);
+    for (i = 0; i < 3; i++) {{
+        torques[i] = (double)given[i];
+        memory[i] = (double)supervisor.heat[i];
+    }}
+    memory[3] = (double)supervisor.share;
+    return status;
+}}
+"""
+
+
+class CSupervisor:
+    """A supervisor in C."""
+
+    def __init__(self, folder, header, real="double"):
+        folder = Path(tempfile.mkdtemp(dir=folder))
+        (folder / "supervisor.h").write_text(header, encoding="utf-8")
+        source = SUPERVISOR.format(header=folder / "supervisor.h", read_state=READ_STATE)
+        self._library = compiled(folder, source, flags=[f"-DBALLBOT_REAL={real}"])
+        self._library.reset()
+
+    def reset(self):
+        """Begins with cold motors."""
+        self._library.reset()
+
+    def supervise(self, row, torques, fresh=True):
+        """The status, torques (3), heat (3) and share after a state's row (17) and the controller's torques."""
+        given, found, memory = np.array(row, dtype=float), np.array(torques, dtype=float), np.zeros(4)
+        status = self._library.supervise(pointer(given), int(fresh), pointer(found), pointer(memory))
+        return status, found, memory[:3], memory[3]

@@ -44,6 +44,7 @@ LEFT_OUT = {
     "Link": "opens a line; tests/link has its bad input",
     "LinkPeer": "as Link",
     "LinkFaults": "a plain record; tests/link has its bad input",
+    "Supervised": "compiles C; tests/deployment has its bad input",
     "EstimatedController": "compiles C; tests/link has its bad input",
     "Outcome": "a plain record",
     "Tuned": "a plain record",

@@ -82,6 +82,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "LinkFaults",
             "LinkPeer",
             "EstimatedController",
+            "Supervised",
         ),
     ),
     "analysis": (

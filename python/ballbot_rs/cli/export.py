@@ -12,19 +12,29 @@ from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import settings
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.deployment import CONTROLLERS_IN_C, controller_header, estimator_header, link_header, policy_header
+from ballbot_rs.deployment import (
+    CONTROLLERS_IN_C,
+    controller_header,
+    estimator_header,
+    link_header,
+    policy_header,
+    supervisor_header,
+)
 
 #: Options of the environment that a controller in C depends on.
 OF_CONTROLLERS = ("params", "control_dt", "max_wheel_torque")
 #: Options of the environment that an estimator in C depends on.
 OF_ESTIMATORS = ("params", "control_dt", "sensors")
 
+#: Options of the environment that a supervisor in C depends on.
+OF_SUPERVISORS = ("params", "control_dt", "actuators")
+
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
         "export",
-        help="write a policy as ONNX, which runs without PyTorch, or policy, controller, estimator, link as C99",
+        help="write a policy as ONNX, which runs without PyTorch, or it and what a robot needs as C99",
     )
     command.add_argument(
         "policy", type=Path, nargs="?", metavar="RUN", help="a training run, or a policy file; for C an ONNX file, too"
@@ -50,12 +60,23 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--estimator", action="store_true", help="the estimator as C, for the robot of --robot and its --sensors"
     )
+    command.add_argument(
+        "--supervisor", action="store_true", help="the supervisor as C, for the robot of --robot and its --actuators"
+    )
+    command.add_argument(
+        "--limit",
+        action="append",
+        default=[],
+        metavar="NAME=VALUE",
+        help="a limit of that supervisor, for example continuous_torque=0.5, max_speed=40; repeat for more",
+    )
     command.add_argument("--link", action="store_true", help="the frames of ballbot link as C, for any robot")
     shared.add_robot(command)
     shared.add_output(
         command,
         "FILE.onnx|FILE.h",
-        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, estimator.h, or link.h)",
+        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h, supervisor.h, "
+        "link.h)",
     )
     command.add_argument("--json", action="store_true", help="print what the file is for as JSON")
     command.set_defaults(carry_out=run)
@@ -63,9 +84,11 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
-    given = (arguments.policy is not None, arguments.controller is not None, arguments.estimator, arguments.link)
-    if sum(given) != 1:
-        raise ValueError("export takes one of RUN, --controller, --estimator and --link")
+    flags = (arguments.estimator, arguments.supervisor, arguments.link)
+    if sum((arguments.policy is not None, arguments.controller is not None, *flags)) != 1:
+        raise ValueError("export takes one of RUN, --controller, --estimator, --supervisor and --link")
+    if arguments.limit and not arguments.supervisor:
+        raise ValueError(f"--limit {arguments.limit[0]} needs --supervisor")
     if arguments.controller is not None:
         _export_controller(arguments)
         return
@@ -73,6 +96,9 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"--controller-option {arguments.controller_option[0]} needs --controller")
     if arguments.estimator:
         _export_estimator(arguments)
+        return
+    if arguments.supervisor:
+        _export_supervisor(arguments)
         return
     if arguments.link:
         _export_link(arguments)
@@ -133,7 +159,8 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
     """The file, and options of the environment out of the known options."""
     if arguments.task is not None:
         raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
-    target = _header(arguments, f"{arguments.controller or 'estimator'}.h")
+    kind = "supervisor" if arguments.supervisor else "estimator"
+    target = _header(arguments, f"{arguments.controller or kind}.h")
     options = shared.env_options(arguments)
     if others := sorted(set(options) - set(known)):
         raise ValueError(
@@ -165,6 +192,18 @@ def _export_estimator(arguments: argparse.Namespace) -> None:
     except TypeError as error:
         raise ValueError(f"the estimator: {error}") from error
     _write(arguments, target, text, {"estimator": str(target)})
+
+
+def _export_supervisor(arguments: argparse.Namespace) -> None:
+    target, options = _robot_and_options(arguments, "a supervisor", OF_SUPERVISORS)
+    given = settings.assignments(arguments.limit, "--limit")
+    if taken := sorted(set(OF_SUPERVISORS) & set(given)):
+        raise ValueError(f"--limit {taken[0]}: name the robot by --robot and --actuators, and the rest by --set")
+    try:
+        text = supervisor_header(**options, **given)
+    except TypeError as error:
+        raise ValueError(f"the supervisor: {error}") from error
+    _write(arguments, target, text, {"supervisor": str(target), "limits": given})
 
 
 def _export_controller(arguments: argparse.Namespace) -> None:

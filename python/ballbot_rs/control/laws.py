@@ -121,8 +121,27 @@ class Laws:
         self.follows = followed_parts(self._laws[0])
         self._call = self._form(self._laws[0])
 
+    @property
+    def first(self) -> Any:
+        """The law of the first robot."""
+        return self._laws[0]
+
     def torques(self, states: Array | Sequence[Any] | Mapping[str, Array], setpoints: Sequence[Setpoint]) -> Array:
-        """Wheel torques for the next control step, shape (n, 3), N·m.
+        """Wheel torques for the next control step, shape (n, 3), N·m; arguments and other errors as of `desired`.
+
+        Raises:
+            ValueError: torques that are not finite.
+        """
+        torques = self.desired(states, setpoints)
+        if not np.isfinite(torques).all():
+            robot = int(np.flatnonzero(~np.isfinite(torques).all(axis=1))[0])
+            raise InvalidInputError(f"{self.name} gave the torques {torques[robot]} N·m: they must be finite")
+        scale = np.maximum(np.abs(torques).max(axis=1, keepdims=True) / self._max_torque, 1.0)
+        limited: Array = torques / scale
+        return limited
+
+    def desired(self, states: Array | Sequence[Any] | Mapping[str, Array], setpoints: Sequence[Setpoint]) -> Array:
+        """Wheel torques as the law gives them, shape (n, 3), N·m.
 
         Args:
             states: of all robots, or the readings of a law that reads sensors; for a batched law also an array, shape
@@ -131,7 +150,7 @@ class Laws:
 
         Raises:
             ControllerError: a law in Python failed.
-            ValueError: torques of a wrong shape, or that are not finite.
+            ValueError: torques of a wrong shape.
             TypeError: torques that are not numbers.
         """
         if self.is_batched:
@@ -146,12 +165,7 @@ class Laws:
                 for law, state, setpoint in zip(self._laws, states, setpoints, strict=True)
             ]
             torques = np.array(answers)
-        if not np.isfinite(torques).all():
-            robot = int(np.flatnonzero(~np.isfinite(torques).all(axis=1))[0])
-            raise InvalidInputError(f"{self.name} gave the torques {torques[robot]} N·m: they must be finite")
-        scale = np.maximum(np.abs(torques).max(axis=1, keepdims=True) / self._max_torque, 1.0)
-        limited: Array = torques / scale
-        return limited
+        return torques
 
     def reset(self, mask: npt.NDArray[np.bool_] | None = None) -> None:
         """Forgets the past of all robots, or of those in a mask, shape (n,)."""

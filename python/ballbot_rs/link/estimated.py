@@ -1,21 +1,18 @@
 """A controller on the readings of sensors: the estimator as it is exported to C, compiled here, and any law."""
 
 import ctypes
-import shutil
-import subprocess
 from collections.abc import Mapping
-from os import PathLike
 from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs import _files
 from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._quaternions import to_vertical
 from ballbot_rs.control.resolve import Source, find
 from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.deployment.compiled import compiled, pointer
 from ballbot_rs.deployment.estimator import estimator_header
 
 Array = npt.NDArray[np.float64]
@@ -23,13 +20,7 @@ Array = npt.NDArray[np.float64]
 #: Time between two calls where the controller has none, s.
 CONTROL_DT: Final = 0.01
 
-_COMPILERS: Final = ("cc", "gcc", "clang")
-
 _SOURCE: Final = """\
-#include "estimator.h"
-
-typedef char state_has_no_padding[sizeof(ballbot_state) == 17 * sizeof(double) ? 1 : -1];
-
 int size(void);
 void begin(ballbot_estimator *estimator, const ballbot_state *state);
 void update(ballbot_estimator *estimator, const double *gyro, const double *force, const double *rates,
@@ -87,7 +78,7 @@ class EstimatedController:
         self.control_dt = control_dt or found.control_dt or CONTROL_DT
         robot = params if isinstance(params, Params) else Params.preset(params or "paper")
         self._ball_radius = robot.ball_radius
-        self._library = _compiled(estimator_header(robot, sensors, self.control_dt))
+        self._library = compiled("estimator", estimator_header(robot, sensors, self.control_dt), _SOURCE)
         self._memory = ctypes.create_string_buffer(self._library.size())
         self._state = np.zeros(17)
         self._angles: Array | None = None
@@ -106,38 +97,20 @@ class EstimatedController:
         if self._angles is None:
             self._state[:] = 0.0
             self._state[:4] = to_vertical(np.asarray(readings["specific_force"]))
-            self._library.begin(self._memory, _pointer(self._state))
+            self._library.begin(self._memory, pointer(self._state))
             self._angles = angles
         rates = (angles - self._angles) / self.control_dt
         self._angles = angles
         read = [np.ascontiguousarray(readings[name], dtype=np.float64) for name in ("gyro", "specific_force")]
-        self._library.update(self._memory, *map(_pointer, (*read, rates, self._state)))
+        self._library.update(self._memory, *map(pointer, (*read, rates, self._state)))
         setpoint = Setpoint(position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
-        torques: Array = self._laws.torques([self._estimate()], [setpoint])[0]
+        torques: Array = self._laws.torques([self.estimate()], [setpoint])[0]
         return torques
 
-    def _estimate(self) -> State:
-        """The state in the memory of the C, in the order of `ballbot_state`."""
+    def estimate(self) -> State:
+        """The state after the last readings."""
+        # In the order of `ballbot_state`.
         quaternion, rate, position, velocity, ball_rate, wheel_speeds = np.split(self._state, (4, 7, 9, 11, 14))
         return State(
             np.append(position, self._ball_radius), np.append(velocity, 0.0), ball_rate, quaternion, rate, wheel_speeds
         )
-
-
-def _pointer(numbers: Array) -> Any:
-    return numbers.ctypes.data_as(ctypes.POINTER(ctypes.c_double))
-
-
-def _compiled(header: str) -> ctypes.CDLL:
-    compiler = next(filter(None, map(shutil.which, _COMPILERS)), None)
-    if compiler is None:
-        raise OSError(f"the estimator needs a C compiler: none of {', '.join(_COMPILERS)} is in PATH")
-    with _files.scratch_folder() as folder:
-        (folder / "estimator.h").write_text(header, encoding="ascii")
-        source, library = folder / "estimator.c", folder / "estimator.so"
-        source.write_text(_SOURCE, encoding="ascii")
-        command: list[str | PathLike[str]] = [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-o", library, source]
-        done = subprocess.run([*command, "-lm"], capture_output=True, text=True, check=False)
-        if done.returncode != 0:
-            raise OSError(f"{compiler} failed: {done.stderr.strip().splitlines()[-1:]}")
-        return ctypes.CDLL(str(library))

@@ -18,6 +18,14 @@ from ballbot_rs.link.transports import ClosedError, listen
 #: Longest time without readings, s.
 MAX_IDLE: Final = 86_400.0
 
+#: Of a supervised law that has tripped, by its own status.
+_TRIPPED: Final = {
+    "tilt": Status.LIMIT,
+    "speed": Status.LIMIT,
+    "stale": Status.STALE,
+    "not_finite": Status.NOT_FINITE,
+}
+
 _READINGS: Final = ("gyro", "specific_force", "wheel_angles")
 
 
@@ -25,7 +33,8 @@ class LinkPeer:
     """Answers the readings of a simulation with the torques of a law that reads sensors.
 
     Readings that it has answered already get the same answer, without another call of the law; late readings get none.
-    Before the first RESET its status is `starting`, and for readings that are not finite `not_finite`, both with zero
+    The status is of a law that is `Supervised`, with the torques that it ramps down, else `running`.
+    Before the first RESET it is `starting`, and for readings that are not finite `not_finite`, both with zero
     torque.
 
     Args:
@@ -108,7 +117,9 @@ class LinkPeer:
             return Status.NOT_FINITE, zero
         parts = _parts(readings)
         read: Any = {name: parts.pop(name) for name in _READINGS}
-        return Status.RUNNING, tuple(self._laws.torques([read], [Setpoint(**parts)])[0].tolist())
+        torques = self._laws.torques([read], [Setpoint(**parts)])[0]
+        status = _TRIPPED.get(getattr(self._laws.first, "status", ""), Status.RUNNING)
+        return status, tuple(torques.tolist())
 
 
 def _parts(readings: Frame) -> dict[str, Any]:
