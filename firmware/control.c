@@ -1,6 +1,7 @@
 #include "parts.h"
 
 #include "control.h"
+#include "supervisor.h"
 
 #ifdef BALLBOT_POLICY_KNOWN
 #define CONTROL_DT BALLBOT_POLICY_CONTROL_DT
@@ -10,7 +11,11 @@ static ballbot_policy control;
 static ballbot_controller control;
 #endif
 
+static ballbot_supervisor supervisor;
+
 _Static_assert((uint32_t)(1e6 * CONTROL_DT + 0.5) == PERIOD_US, "the controller has another rate than the firmware");
+_Static_assert(
+    (uint32_t)(1e6 * BALLBOT_SUPERVISOR_DT + 0.5) == PERIOD_US, "the supervisor has another rate than the firmware");
 
 static void narrow(const double *from, ballbot_real *to, int count)
 {
@@ -26,14 +31,15 @@ void control_begin(void)
 #else
     ballbot_reset(&control);
 #endif
+    ballbot_supervisor_reset(&supervisor);
 }
 
-void control_step(const estimate *estimated, const target *wanted, double torques[3])
+int control_step(const estimate *estimated, const target *wanted, double torques[3])
 {
     ballbot_setpoint setpoint = {0};
     ballbot_state state;
     ballbot_real found[3];
-    int i;
+    int i, status;
     narrow(estimated->quaternion, state.quaternion, 4);
     narrow(estimated->rate, state.rate, 3);
     narrow(estimated->ball_position, state.ball_position, 2);
@@ -53,7 +59,11 @@ void control_step(const estimate *estimated, const target *wanted, double torque
 #else
     ballbot_step(&control, &state, &setpoint, found);
 #endif
+    status = ballbot_supervise(&supervisor, &state, 1, found);
     for (i = 0; i < 3; i++) {
         torques[i] = (double)found[i];
     }
+    return status < BALLBOT_SUPERVISOR_TILT ? CONTROL_RUNNING
+        : status == BALLBOT_SUPERVISOR_NOT_FINITE ? CONTROL_NOT_FINITE
+                                                  : CONTROL_LIMIT;
 }

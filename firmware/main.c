@@ -52,13 +52,12 @@ static void observe(const ballbot_link_readings *readings, uint32_t periods)
     }
 }
 
-static int has_fallen(void)
+static int is_off(void)
 {
-    const double *q = estimated.quaternion;
-    return !(1 - 2 * (q[1] * q[1] + q[2] * q[2]) > cos(LARGEST_TILT));
+    return condition == BALLBOT_LINK_STARTING || condition == BALLBOT_LINK_STALE;
 }
 
-/* The status after readings, and the torques if it is running. */
+/* The status after readings, and torques, which fall to zero once the supervisor has tripped. */
 static uint16_t respond(const ballbot_link_readings *readings, double torques[3])
 {
     const target wanted = {
@@ -66,8 +65,13 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
         {readings->velocity[0], readings->velocity[1]},
         readings->yaw,
         readings->yaw_rate};
+    static const uint16_t statuses[] = {
+        [CONTROL_RUNNING] = BALLBOT_LINK_RUNNING,
+        [CONTROL_LIMIT] = BALLBOT_LINK_LIMIT,
+        [CONTROL_NOT_FINITE] = BALLBOT_LINK_NOT_FINITE};
     /* Unsigned, so that it holds where the clock wraps. */
     uint32_t periods = (readings->time - used + PERIOD_US / 2) / PERIOD_US;
+    memset(torques, 0, 3 * sizeof *torques);
     if (readings->flags & (BALLBOT_LINK_RESET | BALLBOT_LINK_STOP)) {
         condition = BALLBOT_LINK_STARTING;
     }
@@ -80,17 +84,14 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
         memcpy(wheel_angles, readings->wheel_angles, sizeof wheel_angles);
         periods = 1;
         condition = BALLBOT_LINK_RUNNING;
-    } else if (condition == BALLBOT_LINK_RUNNING && (periods == 0 || periods > 1 + LOST)) {
+    } else if (!is_off() && (periods == 0 || periods > 1 + LOST)) {
         condition = BALLBOT_LINK_STALE;
     }
-    if (condition != BALLBOT_LINK_RUNNING) {
+    if (is_off()) {
         return condition;
     }
     observe(readings, periods);
-    control_step(&estimated, &wanted, torques);
-    if (has_fallen() || !are_finite(torques, 3)) {
-        condition = BALLBOT_LINK_LIMIT;
-    }
+    condition = statuses[control_step(&estimated, &wanted, torques)];
     return condition;
 }
 
@@ -99,9 +100,6 @@ static void send(uint16_t status)
     uint8_t frame[BALLBOT_LINK_TORQUES_LONGEST];
     int size, i;
     answer.flags = status;
-    if (status != BALLBOT_LINK_RUNNING) {
-        memset(answer.torques, 0, sizeof answer.torques);
-    }
     size = ballbot_link_encode_torques(&answer, frame);
     for (i = 0; i < size; i++) {
         board_send(frame[i]);
@@ -152,8 +150,9 @@ int main(void)
             ballbot_link_decode_readings(&decoder, &readings);
             receive(&readings);
         }
-        if (condition == BALLBOT_LINK_RUNNING && cortex_milliseconds() - heard > WATCHDOG_MS) {
+        if (!is_off() && cortex_milliseconds() - heard > WATCHDOG_MS) {
             condition = BALLBOT_LINK_STALE;
+            memset(answer.torques, 0, sizeof answer.torques);
             send(condition);
         }
     }

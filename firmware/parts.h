@@ -29,6 +29,12 @@ typedef struct {
 } target;
 
 void control_begin(void);
-void control_step(const estimate *estimated, const target *wanted, double torques[3]);
+
+/* The torques within the limits of the supervisor; returns its status, of enum `verdict`. */
+int control_step(const estimate *estimated, const target *wanted, double torques[3]);
+
+/* What becomes of the torques: they are used, or used until they have fallen to zero, since a limit was exceeded or numbers
+ * were not finite. */
+enum verdict { CONTROL_RUNNING, CONTROL_LIMIT, CONTROL_NOT_FINITE };
 
 #endif

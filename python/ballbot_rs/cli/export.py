@@ -75,8 +75,8 @@ def add_to(commands: Any) -> None:
     shared.add_output(
         command,
         "FILE.onnx|FILE.h",
-        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h, supervisor.h, "
-        "link.h)",
+        "the file: ONNX, or a header of C99 (default policy.onnx in the run, CONTROLLER.h, or estimator.h, "
+        "supervisor.h, link.h)",
     )
     command.add_argument("--json", action="store_true", help="print what the file is for as JSON")
     command.set_defaults(carry_out=run)

@@ -101,8 +101,8 @@ def supervisor_header(
 def recoverable(robot: Params, max_torque: float) -> tuple[float, float, float]:
     """The basin of a robot on a level floor in its worst direction, and how fast it topples.
 
-    The largest torque that tilts the body back grows linearly with the tilt, as the wheels on the side to which it leans
-    are loaded: docs/safety.md has the closed form that follows.
+    The largest torque that tilts the body back grows linearly with the tilt, as the wheels on the side to which it
+    leans are loaded: docs/safety.md has the closed form that follows.
 
     Returns:
         The largest tilt from equilibrium that a robot at rest recovers from, rad; the largest tilt rate that an
@@ -143,15 +143,13 @@ def _speed(given: float | None, actuators: Mapping[str, Any] | str | PathLike[st
 
 def _head(robot: Params, values: Mapping[str, Any], fraction: float, patience: int, most_missed: int) -> list[str]:
     dt, limit = f"{values['dt']:g}", {name: f"{np.max(value):.6g}" for name, value in values.items()}
-    speed = (
-        "none" if values["max_speed"] == NO_LIMIT else f"{limit['max_speed']} rad/s (given, or 1.2 times the motors')"
-    )
+    speed = f"{limit['max_speed']} rad/s (given, or 1.2 times the motors')"
     return [
         f"The supervisor of the robot {robot_name(robot)}; `ballbot export` of ballbot {__version__}.",
         "docs/safety.md of ballbot has where the limits are from.",
         "",
-        f"Use: call `ballbot_supervisor_reset` once, `ballbot_supervise` every BALLBOT_SUPERVISOR_DT = {dt} s after the",
-        "controller:",
+        f"Use: call `ballbot_supervisor_reset` once, `ballbot_supervise` every BALLBOT_SUPERVISOR_DT = {dt} s after",
+        "the controller:",
         "",
         "    ballbot_supervisor supervisor = {0};",
         "    ballbot_supervisor_reset(&supervisor);",
@@ -159,15 +157,15 @@ def _head(robot: Params, values: Mapping[str, Any], fraction: float, patience: i
         "    status = ballbot_supervise(&supervisor, &state, fresh, torques);",
         "",
         "Beyond these it trips: the torques fall linearly to zero and stay there until a reset.",
-        f"    tilt: {limit['max_tilt']} rad at rest, {limit['max_tilt_rate']} rad/s upright, and sums of their fractions,",
-        f"        for {patience} steps in a row; {fraction:g} of what traction, torques and toppling of the robot allow",
-        f"    speed of a wheel: {speed}",
-        f"    steps in a row without readings, or with numbers that are not finite: {most_missed}; up to these the last",
-        "        torques hold",
+        f"    tilt: {limit['max_tilt']} rad at rest, {limit['max_tilt_rate']} rad/s upright, and sums of fractions,",
+        f"        for {patience} steps in a row; {fraction:g} of what traction, torques and toppling allow",
+        f"    speed of a wheel: {'none' if values['max_speed'] == NO_LIMIT else speed}",
+        f"    steps in a row without readings, or with numbers that are not finite: {most_missed}; up to these",
+        "        the last torques hold",
         "These only reduce the torques, all together:",
         f"    torque of a motor: {limit['max_torque']} N m (given, or of the robot)",
-        f"    heat of a motor: of {limit['continuous_torque']} N m forever (given, or a third of the largest torque), with",
-        f"        the time constant {limit['heating_time']} s (given, or 10 s)",
+        f"    heat of a motor: of {limit['continuous_torque']} N m forever (given, or a third of the largest torque),",
+        f"        with the time constant {limit['heating_time']} s (given, or 10 s)",
         f"Ramp: {limit['ramp_time']} s (given, or the time constant of toppling).",
         "",
         "Units: m, rad, s, N m. Memory: all of it is in `ballbot_supervisor`; nothing is allocated. Precision: double,",
