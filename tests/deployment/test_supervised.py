@@ -135,16 +135,16 @@ def test_a_law_that_gives_nan_or_too_much_is_caught():
 
 
 def test_a_blocked_wheel_heats_its_motor_to_the_limit_and_no_further():
-    """Its controller asks for the largest torque, as an integral does; the others are reduced with it."""
+    """The controller needs the largest torque of one motor, as an integral does; the others are reduced with it."""
     robot = bb.Params.preset("kugle")
-    asked = np.array([robot.max_wheel_torque, 0.1, -0.1])
-    law = bb.Supervised(lambda _: asked, robot, heating_time=1.0)
+    wanted = np.array([robot.max_wheel_torque, 0.1, -0.1])
+    law = bb.Supervised(lambda _: wanted, robot, heating_time=1.0)
     blocked = bb.State.at_equilibrium(robot)
     found = np.array([law(blocked, bb.Setpoint()) for _ in range(1000)])
     assert set(law.counts) == {"running", "heat"}
     assert law.log == [(pytest.approx(-np.log(1.0 - 1.0 / 9.0), abs=0.02), "heat")]
     assert law.heat.max() == pytest.approx(1.0)
-    np.testing.assert_allclose(found[-1], asked / 3.0, rtol=1e-6)
+    np.testing.assert_allclose(found[-1], wanted / 3.0, rtol=1e-6)
 
 
 def test_a_reset_begins_again():

@@ -152,6 +152,19 @@ def test_estimated_controller_over_a_link_is_the_same_bit_for_bit():
         assert same(bb.simulate(link, **scene), bb.simulate(bb.EstimatedController("lqr", sensors="kugle"), **scene))
 
 
+def test_a_supervised_controller_answers_with_its_trip():
+    """It begins beyond what it recovers from: its status is in the statistics, its torques fall to zero."""
+    address, law = free_address(), bb.EstimatedController("lqr", sensors="kugle")
+    scene = {"sensors": "kugle", "tilt": (0.6, 0.0), "seconds": 0.3, "env_options": {"fall_tilt": 1.5}}
+    with serving(bb.Supervised(law, tilt_time=0.05), address), bb.Link(address) as link:
+        motion = bb.simulate(link, **scene)
+    assert link.statistics.statuses["running"] == 4
+    assert link.statistics.statuses["limit"] >= 10
+    largest = np.abs(motion.torques).max(axis=1)
+    assert largest[3] > largest[10] > 0.0
+    assert not largest[4 + 17 :].any()
+
+
 def test_estimated_controller_rejects_a_policy():
     with pytest.raises(bb.InvalidInputError, match=r"balance.onnx is a policy"):
         bb.EstimatedController(str(ASSETS / "policies" / "balance.onnx"))
