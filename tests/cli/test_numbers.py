@@ -42,6 +42,15 @@ LIMITS = [
     ("replay", "--threads", 1, 1, 256),
     ("replay", "--begin", 1, None, None),
     ("replay", "--seconds", 1, None, 3600),
+    ("link", "--idle", 1, 0, 86_400),
+    ("link", "--seed", 1, 0, 2**64 - 1),
+    ("link", "--timeout", 1, 0, 3600),
+    ("link", "--retries", 1, 0, 1_000_000),
+    ("link", "--hold", 1, 0, 1_000_000),
+    ("link", "--give-up", 1, 0, 3600),
+    ("link", "--connect", 1, 0, 3600),
+    *(("link", option, 1, 0, 1) for option in ("--drop", "--corrupt", "--duplicate", "--delay")),
+    ("link", "--delay-time", 1, 0, 10),
     ("record", "--still", 1, 0, 3600),
     ("record", "--seed", 1, 0, 2**64 - 1),
     ("record", "--size", 2, 1, 8192),
@@ -51,7 +60,7 @@ LIMITS = [
     ("record", "--distance", 1, 0.01, 1000),
     *(
         (command, option, count, low, high)
-        for command in ("record", "plot")
+        for command in ("record", "plot", "link")
         for option, count, low, high in (
             ("--seconds", 1, None, 3600),
             ("--tilt", 2, None, None),
@@ -83,7 +92,7 @@ def test_a_number_out_of_range_is_rejected(capsys, tmp_path, monkeypatch, comman
     wrong += [] if low is None else [f"{low - 1:g}"]
     wrong += ["0"] if option == "--seconds" else []
     wrong += [] if high is None else [str(high + 1)]
-    given = ["x"] if command in ("report", "identify", "replay") else []
+    given = ["x"] if command in ("report", "identify", "replay", "link") else []
     for value in wrong:
         with pytest.raises(SystemExit) as ended:
             main([command, *given, *([f"{option}={value}"] if count == 1 else [option, *[value] * count])])

@@ -13,6 +13,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.cli import COMMANDS, main
+from ballbot_rs.link.link import Link
 from tests.support.keywords import Refused, Same, With, changes, fingerprint
 from tests.support.paths import ASSETS
 from tests.support.tiny_config import TINY_CONFIG
@@ -120,6 +121,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--actuators": Refused("kugle"),
                 "--sensors": Refused("kugle"),
                 "--estimator": Refused(""),
+                "--link": Refused(""),
                 "--task": Refused("velocity"),
                 "--output": "b.h",
                 "--json": "",
@@ -130,6 +132,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {"--estimator": "", "--sensors": "kugle", "--output": "a.h"},
             {"--sensors": "{sensors}", "--robot": "kugle", "--set": "control_dt=0.02"},
         ),
+        ({"--link": "", "--output": "a.h"}, {"--output": "b.h", "--robot": Refused("kugle"), "--json": ""}),
     ],
     "identify": [
         (
@@ -242,6 +245,47 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             },
         )
     ],
+    "link": [
+        (
+            {"address": "udp://h:1", "--seconds": "0.1", "--push": "0.1 0 0", "--push-at": "0.0"},
+            {
+                "address": "udp://h:2",
+                "task": "terrain",
+                **ROBOT,
+                **SCENE,
+                "--push": "0.2 0 0",
+                "--push-at": "0.05",
+                "--set": "control_dt=0.02",
+                "--sensors": "kugle",
+                "--events": "mild",
+                "--seed": "1",
+                "--real-time": "",
+                "--timeout": "0.2",
+                "--retries": "1",
+                "--on-timeout": "zero",
+                "--hold": "1",
+                "--give-up": "1",
+                "--connect": "1",
+                **dict.fromkeys(("--drop", "--corrupt", "--duplicate", "--delay", "--delay-time"), "0.1"),
+                "--log": "a.mcap",
+                "--seconds": "0.2",
+                "--json": "",
+            },
+        ),
+        (
+            {"address": "stdio:", "--peer": "lqr"},
+            {
+                "address": "udp://h:1",
+                "--peer": "lqi",
+                "--idle": "1",
+                "--robot": "kugle",
+                "--sensors": "{sensors}",
+                "--set": "control_dt=0.02",
+                "--model": Refused("rigid"),
+                "--events": Refused("mild"),
+            },
+        ),
+    ],
     "train": [
         (
             {"--config": "{config}", "--run": "a", "--episodes": "1", "--no-report": ""},
@@ -296,7 +340,9 @@ NAMED = {
     "policy": "RUN",
     "task": "is of ballbot/Balance-v0, but the task is velocity",
     "--task": "elocity",
+    "--robot": "not depend on task, robot",
     "--model": "not depend on model",
+    "--events": "not depend on events",
     "--sensors": "not depend on sensors",
     "--actuators": "not depend on actuators",
 }
@@ -322,6 +368,32 @@ class Page:
         return repr(fingerprint(self.shown))
 
     def stop(self):
+        pass
+
+
+class Line(Link):
+    """A link without a line, which prints its options and what it would send."""
+
+    def __init__(self, address, **options):
+        print(address, options)
+        super().__init__("udp://127.0.0.1:9")
+        self.address = address
+
+    def open(self):
+        return self
+
+    def __call__(self, readings, **setpoint):
+        print(readings, setpoint)
+        return 0.1 * readings["gyro"]
+
+
+class Peer:
+    """A peer that prints its arguments."""
+
+    def __init__(self, *arguments, **options):
+        print(arguments, options)
+
+    def serve(self):
         pass
 
 
@@ -386,7 +458,7 @@ def test_the_rate_of_a_training_changes_nothing(rate):
 @pytest.fixture
 def outcome(files, tmp_path, monkeypatch, capsys):
     """A function that carries out a command in an empty folder, and returns what it prints and writes."""
-    from ballbot_rs.cli import report, tune, view
+    from ballbot_rs.cli import link, report, tune, view
     from ballbot_rs.media.figures import style
     from ballbot_rs.training import search
     from ballbot_rs.viewer import view as page
@@ -406,6 +478,9 @@ def outcome(files, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(report, "write", write)
     monkeypatch.setattr(style, "save", draw)
     monkeypatch.setattr(page, "View", Page)
+    monkeypatch.setattr(link, "Link", Line)
+    monkeypatch.setattr(link, "LinkPeer", Peer)
+    monkeypatch.setattr(link, "EstimatedController", lambda found, *options: (found.name, fingerprint(options)))
     monkeypatch.setattr(view.webbrowser, "open", lambda url: print(f"opens {url}"))
     monkeypatch.setattr(tune, "_carry_out", lambda search, jobs, tell: print(search, jobs, tell))
     monkeypatch.setattr(search.Search, "finish", lambda _: [])
