@@ -69,6 +69,45 @@ def test_faults_of_a_third_of_the_frames_change_no_state(faults):
     assert peer.statistics.repeated > 0
 
 
+class Counting(Damping):
+    resets = 0
+
+    def reset(self):
+        super().reset()
+        self.resets += 1
+
+
+@pytest.mark.parametrize("options", [{"real_time": True}, {"retries": 0, "timeout": 0.005}, {"timeout": 0.005}])
+def test_every_episode_begins_with_reset_on_a_line_that_loses_it(options):
+    law, address = Counting(), free_address()
+    with (
+        serving(law, address),
+        bb.Link(address, faults=bb.LinkFaults(drop=0.5, seed=1), control_dt=0.005, **options) as link,
+    ):
+        before = law.resets
+        for _ in range(10):
+            bb.simulate(link, sensors="exact", tilt=(0.0, 0.0), seconds=0.01)
+    assert law.resets - before == 10
+    assert link.statistics.repeated > 0
+
+
+def test_reset_is_kept_after_an_episode_that_nobody_answered():
+    board, seen = Board(), []
+
+    def answer(frame):
+        seen.append(frame)
+        return []
+
+    with board.answering(answer), bb.Link(board.address, connect=0.05) as link:
+        law = link.resolved().law(bb.Params.paper(), 0.01)
+        readings = {name: np.zeros(3) for name in ("gyro", "specific_force", "wheel_angles")}
+        for _ in range(2):
+            with pytest.raises(TimeoutError, match="no torques"):
+                law(readings, np.zeros(2), np.zeros(2), 0.0, 0.0)
+    assert seen
+    assert all(frame.flags & Flag.RESET for frame in seen)
+
+
 def test_faults_on_a_serial_port_change_no_state():
     faulty = bb.LinkFaults(drop=0.2, corrupt=0.2, seed=1)
     with (
@@ -241,6 +280,29 @@ class Killer:
 
 def child_of(link):
     return link._channel._transport._process.pid
+
+
+def test_link_that_is_not_opened_completely_leaves_no_child(tmp_path):
+    (tmp_path / "file").write_text("")
+    pid = tmp_path / "pid"
+    script = tmp_path / "child.sh"
+    script.write_text(f"echo $$ > {pid}; exec sleep 300", encoding="utf-8")
+    command = f"exec:sh {script}"
+    with pytest.raises(OSError, match="not written"):
+        bb.Link(command, log=tmp_path / "file" / "exchange.mcap").open()
+    assert not pid.exists() or not pid.read_text() or not is_alive(int(pid.read_text()))
+
+
+def test_log_is_complete_though_the_line_cannot_be_closed(tmp_path, monkeypatch):
+    path, address = tmp_path / "exchange.mcap", free_address()
+    with serving(Damping(), address):
+        link = bb.Link(address, log=path)
+        bb.simulate(link, sensors="exact", seconds=0.05)
+        channel = link._channel
+        monkeypatch.setattr(channel._transport, "close", lambda: 1 / 0)
+        with pytest.raises(ZeroDivisionError):
+            link.close()
+    assert path.exists()
 
 
 def test_child_that_is_killed_ends_the_run(tmp_path):

@@ -201,8 +201,10 @@ def test_malformed_addresses_are_rejected(address, message):
     [
         ({"timeout": 0.0}, "timeout = 0"),
         ({"timeout": float("nan")}, "timeout = nan"),
-        ({"retries": -1}, "retries = -1"),
-        ({"hold": -1}, "hold = -1"),
+        ({"retries": -1}, "retries = -1 is out of range: expected 0 to 1000000"),
+        ({"retries": 10**30}, f"retries = {10**30} is out of range: expected 0 to 1000000"),
+        ({"hold": -1}, "hold = -1 is out of range: expected 0 to 1000000"),
+        ({"faults": {"drop": 0.1}}, r"faults = {'drop': 0.1}: expected LinkFaults"),
         ({"give_up": -1.0}, "give_up = -1"),
         ({"connect": float("inf")}, "connect = inf"),
         ({"on_timeout": "fall"}, "on_timeout = 'fall'"),

@@ -1,20 +1,22 @@
 """A controller in another process or on a board, as a law: readings go out, torques come back."""
 
+import contextlib
 import math
+import operator
 import time
 import weakref
 from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
 from secrets import randbits
-from types import TracebackType
+from types import NoneType, TracebackType
 from typing import Any, Final, Literal, NoReturn
 
 import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self
 
-from ballbot_rs._checks import check_bounded, check_count
+from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import ResolvedController
@@ -50,7 +52,8 @@ class Link:
 
     In lockstep the simulation waits: readings without an answer within `timeout` are sent again, `retries` times. In
     real time a step takes `control_dt` of the clock and torques must arrive within it. Without torques the robot gets
-    the last torques for up to `hold` steps (`on_timeout="hold"`), then zero torque; after `give_up` the run ends.
+    the last torques for up to `hold` steps (`on_timeout="hold"`), then zero torque; after `give_up` the run ends. The
+    first readings of an episode are repeated in either case: without them the controller would not begin the episode.
 
     Args:
         address: udp://HOST:PORT, serial:/dev/NAME?baud=RATE, or exec:COMMAND for a child process.
@@ -61,7 +64,7 @@ class Link:
         on_timeout: "hold" or "zero".
         hold: most steps in sequence with the last torques.
         give_up: time of waiting without any torques after which the run ends, s.
-        connect: the same for the first torques, s.
+        connect: the same for the first torques of an episode, s.
         faults: of the line, on purpose.
         log: a file of the whole exchange, FILE.mcap.
 
@@ -102,6 +105,8 @@ class Link:
         self._hold = _count("hold", hold) if on_timeout == "hold" else 0
         self._give_up = check_bounded("give_up", give_up, 0.0, MAX_SECONDS)
         self._connect = check_bounded("connect", connect, 0.0, MAX_SECONDS)
+        if not isinstance(faults, (LinkFaults, NoneType)):
+            raise InvalidInputError(f"faults = {faults!r}: expected LinkFaults")
         self._faults = faults
         self._log_file = None if log is None else Path(log)
         if self._log_file is not None:
@@ -112,9 +117,6 @@ class Link:
         # Another simulation may have talked to the controller: its numbers are most likely others.
         self._sequence = randbits(32)
         self._answered: int | None = None
-        self._due: float | None = None
-        self._silence, self._missed = 0.0, 0
-        self._last = np.zeros(3)
         self.reset()
 
     def resolved(self) -> ResolvedController:
@@ -141,17 +143,22 @@ class Link:
             OSError: there is no such port, host or program, or the log cannot be written.
         """
         if self._channel is None:
-            self._log = None if self._log_file is None else ExchangeLog(self._log_file)
-            channel = Channel(connect(self.address), Kind.TORQUES, self.statistics, self._faults, self._log)
+            with contextlib.ExitStack() as opened:
+                transport = connect(self.address)
+                opened.callback(transport.close)
+                self._log = None if self._log_file is None else ExchangeLog(self._log_file)
+                channel = Channel(transport, Kind.TORQUES, self.statistics, self._faults, self._log)
+                self._closing = weakref.finalize(self, _close, channel, self._log, self.statistics)
+                opened.pop_all()
             self._channel = channel
-            self._closing = weakref.finalize(self, _close, channel, self._log, self.statistics)
         return self
 
     def close(self) -> None:
         """Sends STOP and closes the line and the log; a child process ends within a second."""
         if self._channel is not None:
             self._channel = None
-            self._answered = self._due = None
+            self._answered = None
+            self.reset()
             self._closing()
 
     def __enter__(self) -> Self:
@@ -169,7 +176,8 @@ class Link:
         """Begins an episode: the next readings have the flag RESET."""
         self._step = 0
         self._last = np.zeros(3)
-        self._due = None
+        self._due: float | None = None
+        self._silence, self._missed = 0.0, 0
 
     def __call__(
         self, readings: Mapping[str, Array], position: Array, velocity: Array, yaw: float, yaw_rate: float
@@ -184,7 +192,7 @@ class Link:
             yaw_rate: rad/s.
 
         Raises:
-            TimeoutError: no torques for longer than `give_up`, or at first `connect`.
+            TimeoutError: no torques for longer than `give_up`, or at the start of an episode `connect`.
             ConnectionError: the other side is gone for good, such as a child process that has ended.
             OSError: the line cannot be opened.
         """
@@ -195,15 +203,17 @@ class Link:
         self._sequence = (self._sequence + 1) % WRAP
         flags = Flag.RESET if self._step == 0 else Flag(0)
         time_of_step = round(1e6 * self._period * self._step) % WRAP
-        self._step += 1
         self.statistics.steps += 1
         frame = Frame(Kind.READINGS, int(flags), self._sequence, time_of_step, tuple(numbers.tolist()))
-        return self._torques_of(self._exchange(frame), frame)
+        torques = self._torques_of(self._exchange(frame), frame)
+        self._step += 1
+        return torques
 
     def _exchange(self, frame: Frame) -> Frame | None:
         """Sends readings and returns their answer; None without an answer in time."""
         begins = self._begin_step()
-        if self._answered is None:
+        if frame.flags & Flag.RESET:
+            # Whatever the line loses, each episode begins with it.
             answer = self._ask(frame, begins + self._connect, self._timeout)
         elif self._due is not None:
             answer = self._ask(frame, self._due + self._period, math.inf)
@@ -213,12 +223,12 @@ class Link:
         if answer is None:
             self._silence += now - begins
             return None
-        if self._answered is None and self._due is not None:
-            # So the clock begins with it.
-            self._due = now
-        if self._answered is not None:
+        if not frame.flags & Flag.RESET:
             # The first answer has the start of the controller in it.
             self.statistics.round_trips.append(now - begins)
+        elif self._due is not None:
+            # So the clock begins with it.
+            self._due = now
         self._answered, self._silence, self._missed = answer.sequence, 0.0, 0
         return answer
 
@@ -281,7 +291,7 @@ class Link:
             self._last = np.array(answer.numbers)
             return self._last
         self._missed += 1
-        if self._answered is None or self._silence >= self._give_up:
+        if frame.flags & Flag.RESET or self._silence >= self._give_up:
             raise TimeoutError(
                 f"no torques from {self.address} for {self._silence:.2g} s and {self._missed} steps "
                 f"({statistics.answered} of {statistics.steps} steps were answered, {statistics.corrupted} frames were "
@@ -295,14 +305,23 @@ class Link:
 
 
 def _count(name: str, value: int) -> int:
-    return 0 if value == 0 else min(check_count(name, value), MAX_COUNT)
+    """The value as an int. Raises ValueError or TypeError unless it is a whole number within the bounds."""
+    try:
+        count = operator.index(value)
+    except TypeError:
+        raise TypeError(f"{name} = {value!r} is not a whole number") from None
+    if not 0 <= count <= MAX_COUNT:
+        raise InvalidInputError(f"{name} = {value} is out of range: expected 0 to {MAX_COUNT}")
+    return count
 
 
 def _close(channel: Channel, log: ExchangeLog | None, statistics: Statistics) -> None:
     zeros = (0.0,) * sum(field.length for field in READINGS)
-    channel.close(Frame(Kind.READINGS, int(Flag.STOP), 0, 0, zeros))
-    if log is not None:
-        log.close(statistics)
+    try:
+        channel.close(Frame(Kind.READINGS, int(Flag.STOP), 0, 0, zeros))
+    finally:
+        if log is not None:
+            log.close(statistics)
 
 
 resolve.SCHEMES.update(dict.fromkeys(SCHEMES, Link))
