@@ -1,9 +1,11 @@
+import copy
 import sys
 
 import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs.control.resolve import find
 from ballbot_rs.link.frames import Frame, encode
 from ballbot_rs.link.layout import Flag, Kind, Status
 from tests.support.links import Board, Damping, free_address, peer_command, pty_pair, same, serving
@@ -163,6 +165,87 @@ def test_a_supervised_controller_answers_with_its_trip():
     largest = np.abs(motion.torques).max(axis=1)
     assert largest[3] > largest[10] > 0.0
     assert not largest[4 + 17 :].any()
+
+
+def test_estimated_controller_rejects_another_period():
+    law = bb.EstimatedController("lqr", control_dt=0.01)
+    with pytest.raises(bb.InvalidInputError, match=r"lqr is made for control_dt = 0\.01 s, .* every 0\.02 s"):
+        bb.simulate(law, sensors="exact", seconds=0.1, env_options={"control_dt": 0.02})
+    assert bb.simulate(law, sensors="exact", seconds=0.05).times[1] == pytest.approx(0.01)
+
+
+class Memory:
+    """A law with a memory."""
+
+    past = 0.0
+
+    def reset(self):
+        self.past = 0.0
+
+    def __call__(self, state):
+        self.past = 0.9 * self.past + state.body_angular_velocity
+        return -0.1 * self.past
+
+
+@pytest.mark.parametrize("controller", ["lqr", Memory()])
+def test_copies_of_an_estimated_controller_have_their_own_memory(controller):
+    law = bb.EstimatedController(controller, sensors="kugle")
+    alone = bb.simulate(law, **SCENE)
+    first, second = copy.deepcopy(law), copy.deepcopy(law)
+    readings = {"gyro": [0.1, 0.2, 0.3], "specific_force": [1.0, 0.0, 9.0], "wheel_angles": [0.0, 0.0, 0.0]}
+    rest = (np.zeros(2), np.zeros(2), 0.0, 0.0)
+    expected = [first(readings, *rest) for _ in range(3)]
+    for torques in expected:
+        assert np.array_equal(second(readings, *rest), torques)
+        # Steps of one between the steps of the other change nothing.
+        first(readings, *rest)
+    assert same(bb.simulate(copy.deepcopy(law), **SCENE), alone)
+
+
+def test_evaluation_of_an_estimated_controller_is_of_its_copies():
+    law = bb.EstimatedController("lqr", sensors="exact")
+    options = {"sensors": "exact", "max_episode_steps": 20}
+    assert bb.evaluate(law, episodes=3, env_options=options).episodes == 3
+
+
+def test_law_that_cannot_be_copied_is_named_whatever_it_raises():
+    class Bad:
+        def __deepcopy__(self, _):
+            raise RuntimeError("one of a kind")
+
+        def __call__(self, _):
+            return np.zeros(3)
+
+    with pytest.raises(TypeError, match="bad cannot be copied: one of a kind"):
+        find(Bad()).copied()
+    with pytest.raises(TypeError, match="bad cannot be copied for 3 robots: one of a kind"):
+        bb.evaluate(Bad(), episodes=3)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"gyro": [1.0]}, r"gyro = \[1\.\]: expected 3 finite numbers"),
+        ({"gyro": [0.0, float("nan"), 0.0]}, r"gyro = .*nan.*: expected 3 finite numbers"),
+        ({"wheel_angles": np.zeros((3, 1))}, "expected 3 finite numbers"),
+        ({"specific_force": [0.0, 0.0, 0.0]}, "no attitude at rest follows from it"),
+        ({"specific_force": [0.0, 0.0, -9.8]}, "no attitude at rest follows from it"),
+    ],
+)
+def test_estimated_controller_rejects_readings_that_are_none(changes, message):
+    law = bb.EstimatedController("lqr")
+    readings = {"gyro": [0.0] * 3, "specific_force": [0.0, 0.0, 9.8], "wheel_angles": [0.0] * 3, **changes}
+    with pytest.raises(bb.InvalidInputError, match=message):
+        law(readings, np.zeros(2), np.zeros(2), 0.0, 0.0)
+
+
+@pytest.mark.parametrize(
+    "options", [{"params": 3}, {"sensors": None}, {"control_dt": 0.0}, {"control_dt": float("nan")}]
+)
+def test_estimated_controller_rejects_options(options):
+    (name,) = options
+    with pytest.raises(ValueError, match=name):
+        bb.EstimatedController("lqr", **options)
 
 
 def test_estimated_controller_rejects_a_policy():

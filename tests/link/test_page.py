@@ -8,6 +8,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.deployment import controller_header, estimator_header, link_header
+from ballbot_rs.link.frames import Frame, decode, encode
 from ballbot_rs.link.layout import CHECKSUM, HEADER, PAYLOADS, Kind, Status, wire_size_of
 from tests.support.c_code import STRICT
 from tests.support.paths import ROOT
@@ -70,6 +71,20 @@ def test_controller_of_the_page_is_the_controller_of_the_package(board):
         assert linked.fell_at is None
         assert np.abs(linked.torques - ours.torques).max() < 1e-6
         assert max(abs(a.tilt - b.tilt) for a, b in zip(linked.states, ours.states, strict=True)) < 1e-9
+
+
+@pytest.mark.parametrize("force", [0.0, -9.8])
+def test_controller_of_the_page_does_not_begin_without_an_attitude(board, force):
+    """Nor is it still in the episode before."""
+    numbers = [0.0] * 15
+    frames = []
+    for sequence, z in enumerate((9.8, force, 9.8)):
+        numbers[5] = z
+        frames.append(encode(Frame(Kind.READINGS, int(sequence < 2), sequence, 0, tuple(numbers))))
+    done = subprocess.run([board], input=b"".join(frames), capture_output=True, timeout=10, check=False)
+    answers = [decode(stuffed) for stuffed in done.stdout.split(b"\0")[:-1]]
+    assert [answer.flags for answer in answers] == [Status.RUNNING, Status.STARTING, Status.STARTING]
+    assert answers[1].numbers == answers[2].numbers == (0.0, 0.0, 0.0)
 
 
 def test_controller_of_the_page_leaves_at_the_end_of_its_input(board):

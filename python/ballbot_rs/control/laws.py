@@ -191,7 +191,7 @@ class Laws:
         """Copies of an object, so that robots do not share memory."""
         try:
             return [copy.deepcopy(first) for _ in range(self._count - 1)]
-        except TypeError as error:
+        except Exception as error:
             raise TypeError(f"{self.name} cannot be copied for {self._count} robots: {error}") from error
 
     def _reset_batched(self, mask: npt.NDArray[np.bool_]) -> None:

@@ -70,7 +70,7 @@ class ResolvedController:
         return self.make_law(params, control_dt)
 
     def copied(self) -> "ResolvedController":
-        """The controller for other robots at the same time, without memory in common.
+        """The controller for other robots at the same time, as `copy.deepcopy` copies its object.
 
         Raises:
             TypeError: an object that cannot be copied.
@@ -79,9 +79,10 @@ class ResolvedController:
             return self
         try:
             law = copy.deepcopy(self.existing)
-        except TypeError as error:
+        except Exception as error:
             raise TypeError(f"{self.name} cannot be copied: {error}") from error
-        return dataclasses.replace(self, make_law=_from_object(law, self.name).make_law, existing=law)
+        found = law.resolved() if isinstance(law, Resolvable) else _from_object(law, self.name)
+        return dataclasses.replace(self, make_law=found.make_law, existing=law)
 
     def laws(self, count: int, params: Params, control_dt: float) -> Laws:
         """The feedback law on each of `count` robots, within the torque of their motors.
