@@ -14,6 +14,7 @@ import pytest
 from cobs import cobs
 
 import ballbot_rs as bb
+from ballbot_rs.link import peer as peer_module
 from ballbot_rs.link.faults import FaultyLine
 from ballbot_rs.link.frames import Frame, decode, encode
 from ballbot_rs.link.layout import READINGS, Flag, Kind, Status
@@ -77,7 +78,9 @@ class Counting(Damping):
         self.resets += 1
 
 
-@pytest.mark.parametrize("options", [{"real_time": True}, {"retries": 0, "timeout": 0.005}, {"timeout": 0.005}])
+@pytest.mark.parametrize(
+    "options", [{"real_time": True, "timeout": 0.01}, {"retries": 0, "timeout": 0.005}, {"timeout": 0.005}]
+)
 def test_every_episode_begins_with_reset_on_a_line_that_loses_it(options):
     law, address = Counting(), free_address()
     with (
@@ -323,6 +326,23 @@ def test_child_that_is_stopped_is_silent_and_is_ended(tmp_path):
         os.kill(child, 0)
 
 
+def test_child_is_collected_after_its_group_has_ended(monkeypatch):
+    """Afterwards the number of the group may be the number of another."""
+    alive = []
+    link = bb.Link("exec:cat").open()
+    process = link._channel._transport._process
+    kill = os.killpg
+
+    def killed(group, number):
+        alive.append(process.returncode is None)
+        kill(group, number)
+
+    monkeypatch.setattr(os, "killpg", killed)
+    link.close()
+    assert alive == [True]
+    assert process.returncode == 0
+
+
 def test_grandchildren_end_with_the_child(tmp_path):
     file = tmp_path / "pid"
     script = tmp_path / "parent.sh"
@@ -421,6 +441,32 @@ def test_peer_accepts_another_simulation(asked):
     assert asked(frame_of(10)) is None
     assert asked(frame_of(10, Flag.RESET)).sequence == 10
     assert asked(frame_of(11)).sequence == 11
+
+
+def test_peer_answers_one_simulation():
+    law, address = Counting(), free_address()
+    with serving(law, address) as peer, bb.Link(address) as first, bb.Link(address, connect=0.3) as second:
+        bb.simulate(first, **SCENE)
+        calls = law.calls
+        with pytest.raises(bb.ControllerError, match="no torques"):
+            bb.simulate(second, **SCENE)
+        # Its STOP does not end the peer either.
+        second.close()
+        assert law.calls == calls
+        assert same(bb.simulate(first, **SCENE), bb.simulate(Damping(), **SCENE))
+    assert peer.statistics.foreign > 1
+
+
+def test_peer_answers_another_simulation_after_a_pause(monkeypatch):
+    monkeypatch.setattr(peer_module, "PAUSE", 0.2)
+    address = free_address()
+    with serving(Damping(), address) as peer, bb.Link(address) as first, bb.Link(address) as second:
+        bb.simulate(first, **SCENE)
+        # It sends RESET again until the first has paused.
+        assert same(bb.simulate(second, **SCENE), bb.simulate(Damping(), **SCENE))
+        first.close()
+        assert same(bb.simulate(second, **SCENE), bb.simulate(Damping(), **SCENE))
+    assert peer.statistics.foreign > 0
 
 
 def test_peer_of_another_rate_is_an_error():

@@ -1,5 +1,10 @@
+import contextlib
 import copy
+import os
+import socket
+import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -8,6 +13,7 @@ import ballbot_rs as bb
 from ballbot_rs.control.resolve import find
 from ballbot_rs.link.frames import Frame, encode
 from ballbot_rs.link.layout import Flag, Kind, Status
+from tests.support.commands import IMPORT_PATH
 from tests.support.links import Board, Damping, free_address, peer_command, pty_pair, same, serving
 from tests.support.paths import ASSETS
 
@@ -266,6 +272,16 @@ def test_estimated_controller_needs_a_compiler(monkeypatch):
         ("udp://localhost", "not udp://HOST:PORT"),
         ("udp://localhost:70000", "not udp://HOST:PORT"),
         ("udp://localhost:9000/x", "not udp://HOST:PORT"),
+        ("udp://localhost:9000#x", "not udp://HOST:PORT"),
+        ("udp://user:word@localhost:9000", "not udp://HOST:PORT"),
+        ("udp://[::1", "not udp://HOST:PORT"),
+        (f"udp://{'a' * 64}:9000", "not udp://HOST:PORT"),
+        ("exec:a\0b", r"'exec:a\\x00b' is not an address of a link"),
+        (None, "None is not an address of a link"),
+        (3, "3 is not an address of a link"),
+        (Path("udp:x"), r"Path\('udp:x'\) is not an address of a link"),
+        ("serial:/dev/x#1", "not serial:/dev/NAME"),
+        ("serial://host/dev/x", "not serial:/dev/NAME"),
         ("serial:", "not serial:/dev/NAME"),
         ("serial:/dev/x?baud=fast", "not serial:/dev/NAME"),
         ("serial:/dev/x?parity=1", "not serial:/dev/NAME"),
@@ -305,6 +321,88 @@ def test_faults_out_of_range_are_rejected(options):
     (name,) = options
     with pytest.raises(ValueError, match=f"{name} = .* is out of range"):
         bb.LinkFaults(**options)
+
+
+def test_error_of_the_system_names_the_address(monkeypatch):
+    with pytest.raises(OSError, match=r"udp://255\.255\.255\.255:9"):
+        bb.Link("udp://255.255.255.255:9").open()
+
+    def unknown(*_, **__):
+        raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
+
+    monkeypatch.setattr(socket, "getaddrinfo", unknown)
+    with pytest.raises(OSError, match="Name or service not known.*udp://nowhere:9"):
+        bb.Link("udp://nowhere:9").open()
+
+
+def test_port_in_use_is_named():
+    board = Board()
+    with board.socket, pytest.raises(OSError, match=board.address):
+        bb.LinkPeer(Damping(), board.address)
+
+
+class Batched(Damping):
+    batched = True
+
+
+@pytest.mark.parametrize("law", [None, 3, "lqr", Damping, Batched(), lambda state: state])
+def test_peer_rejects_what_is_no_law_on_readings(law):
+    with pytest.raises(bb.InvalidInputError, match="is not a law of one robot that reads sensors"):
+        bb.LinkPeer(law, free_address())
+
+
+def test_peer_serves_once():
+    address = free_address()
+    with serving(Damping(), address) as peer, bb.Link(address) as link:
+        bb.simulate(link, sensors="exact", seconds=0.02)
+    with pytest.raises(bb.InvalidInputError, match="a peer serves once"):
+        peer.serve()
+
+
+def test_descriptors_may_have_any_number():
+    resource = pytest.importorskip("resource")
+    soft, hard = resource.getrlimit(resource.RLIMIT_NOFILE)
+    if hard < 1200:
+        pytest.skip("the system permits too few files")
+    resource.setrlimit(resource.RLIMIT_NOFILE, (max(soft, 1200), hard))
+    address = free_address()
+    try:
+        with contextlib.ExitStack() as files:
+            while files.enter_context(Path(os.devnull).open()).fileno() < 1024:
+                pass
+            files.enter_context(serving(Damping(), address))
+            link = files.enter_context(bb.Link(address))
+            assert same(bb.simulate(link, **SCENE, **TARGET), in_process())
+    finally:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (soft, hard))
+
+
+def test_standard_streams_are_as_before_after_a_peer():
+    """Blocking, standard output in its place, and no other file open."""
+    code = """
+import os, sys
+from ballbot_rs.link.transports import listen
+print("before")
+count = len(os.listdir("/dev/fd"))
+line = listen("stdio:")
+assert not os.get_blocking(0)
+print("meanwhile")
+line.close()
+assert os.get_blocking(0) and os.get_blocking(1)
+assert len(os.listdir("/dev/fd")) == count
+print("after")
+"""
+    environment = {**os.environ, "PYTHONPATH": os.pathsep.join(IMPORT_PATH)}
+    done = subprocess.run(
+        [sys.executable, "-c", code],
+        stdin=subprocess.PIPE,
+        capture_output=True,
+        text=True,
+        env=environment,
+        timeout=60,
+        check=False,
+    )
+    assert (done.returncode, done.stdout, done.stderr) == (0, "before\nafter\n", "meanwhile\n")
 
 
 def test_program_that_does_not_exist_is_an_error():

@@ -4,7 +4,7 @@ import contextlib
 import heapq
 import itertools
 import time
-from typing import Final
+from typing import Any, Final
 
 from ballbot_rs.link.faults import FaultyLine, LinkFaults
 from ballbot_rs.link.frames import Frame, FrameError, decode, encode
@@ -43,6 +43,11 @@ class Channel:
         #: Delayed frames by the time at which they continue, of each direction.
         self._delayed: tuple[list[tuple[float, int, bytes]], ...] = ([], [])
         self._numbers = itertools.count()
+
+    @property
+    def sender(self) -> Any:
+        """Address that the last bytes came from; None where there is one other side."""
+        return self._transport.sender
 
     def send(self, frame: Frame) -> None:
         """Sends a frame without waiting."""

@@ -7,7 +7,7 @@ import numpy as np
 
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.control.laws import Law, Laws
+from ballbot_rs.control.laws import Law, Laws, is_batched, reads_sensors
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.frames import WRAP, Frame, check_library
@@ -17,6 +17,9 @@ from ballbot_rs.link.transports import ClosedError, listen
 
 #: Longest time without readings, s.
 MAX_IDLE: Final = 86_400.0
+
+#: Time without readings after which another simulation may take its place, s.
+PAUSE: Final = 1.0
 
 #: Of a supervised law that has tripped, by its own status.
 _TRIPPED: Final = {
@@ -35,7 +38,8 @@ class LinkPeer:
     Readings that it has answered already get the same answer, without another call of the law; late readings get none.
     The status is of a law that is `Supervised`, with the torques that it ramps down, else `running`.
     Before the first RESET it is `starting`, and for readings that are not finite `not_finite`, both with zero
-    torque.
+    torque. Over UDP it answers one simulation: from its RESET until STOP, or until it pauses for `PAUSE` and another
+    begins an episode.
 
     Args:
         law: called with readings (`gyro`, `specific_force`, `wheel_angles`) and, if it takes one, a setpoint, as in
@@ -44,19 +48,26 @@ class LinkPeer:
         idle: time without readings after which `serve` ends, s.
 
     Raises:
-        ValueError: a malformed address, or a number out of range.
+        ValueError: not such a law, a malformed address, or a number out of range.
         OSError: there is no such port, or another program has it.
     """
 
     def __init__(self, law: Law, address: str, *, idle: float = 600.0) -> None:
         check_library()
+        if isinstance(law, type) or not callable(law) or not reads_sensors(law) or is_batched(law):
+            raise InvalidInputError(
+                f"{law!r} is not a law of one robot that reads sensors: a peer needs reads_sensors = True, and an "
+                "object of a class"
+            )
         self._idle = check_bounded("idle", idle, 0.0, MAX_IDLE)
         # The simulation limits the torques.
         self._laws = Laws(getattr(law, "name", type(law).__name__), lambda: law, 1, np.inf, is_made=False)
         self._period: float | None = getattr(law, "control_dt", None)
         #: Counts of frames.
         self.statistics = Statistics()
-        self._channel = Channel(listen(address), Kind.READINGS, self.statistics)
+        self._channel: Channel | None = Channel(listen(address), Kind.READINGS, self.statistics)
+        self._sender: Any = None
+        self._heard = 0.0
         self._last: Frame | None = None
         self._answer: Frame | None = None
         self._has_begun = False
@@ -67,20 +78,38 @@ class LinkPeer:
         Raises:
             TimeoutError: there were no readings for `idle`.
             ControllerError: the law failed.
-            ValueError: the law has another `control_dt` than the simulation.
+            ValueError: the law has another `control_dt` than the simulation, or it has served already.
         """
+        channel, self._channel = self._channel, None
+        if channel is None:
+            raise InvalidInputError("a peer serves once: make another LinkPeer")
         try:
-            while (readings := self._channel.receive(time.perf_counter() + self._idle)) is not None:
+            while (readings := channel.receive(time.perf_counter() + self._idle)) is not None:
+                if self._is_foreign(readings, channel.sender):
+                    self.statistics.foreign += 1
+                    continue
                 if readings.flags & Flag.STOP:
                     return
                 answer = self._answer_to(readings)
                 if answer is not None:
-                    self._channel.send(answer)
+                    channel.send(answer)
             raise TimeoutError(f"no readings for {self._idle:g} s")
         except ClosedError:
             pass
         finally:
-            self._channel.close()
+            channel.close()
+
+    def _is_foreign(self, readings: Frame, sender: Any) -> bool:
+        """Whether readings are of another simulation than the one that it answers."""
+        now = time.perf_counter()
+        is_reset = bool(readings.flags & Flag.RESET)
+        if sender != self._sender:
+            if self._sender is not None and not (is_reset and now - self._heard > PAUSE):
+                return True
+            if is_reset:
+                self._sender, self._last, self._answer = sender, None, None
+        self._heard = now
+        return False
 
     def _answer_to(self, readings: Frame) -> Frame | None:
         if self._last is not None:

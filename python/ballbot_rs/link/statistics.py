@@ -38,6 +38,8 @@ class Statistics:
     #: Torques for readings of the past: too late, or again.
     late: int = 0
     duplicated: int = 0
+    #: Readings of another simulation than the one that the peer answers.
+    foreign: int = 0
     #: Bytes between two zeros that are not a frame, frames with a wrong checksum, frames of another version or kind.
     broken: int = 0
     corrupted: int = 0
@@ -78,6 +80,7 @@ class Statistics:
             "unsent",
             "late",
             "duplicated",
+            "foreign",
             "broken",
             "corrupted",
             "unknown",

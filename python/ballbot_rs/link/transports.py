@@ -13,7 +13,7 @@ import subprocess
 import sys
 import time
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import Any, Final, Protocol
 from urllib.parse import parse_qs, urlsplit
 
@@ -32,6 +32,9 @@ BAUD: Final = 115_200
 #: Bytes that are read at once.
 _CHUNK: Final = 4096
 
+#: Descriptors below can be waited for by `select`, which has finer times than `poll`.
+_SELECTED: Final = 1024
+
 #: How long a child process has to leave by itself, s.
 _GRACE: Final = 0.5
 
@@ -42,6 +45,9 @@ class ClosedError(ConnectionError):
 
 class Transport(Protocol):
     """Carries stuffed frames; `send` and `receive` raise ClosedError where no peer can come back."""
+
+    #: Address that the last frame came from; None where there is one other side.
+    sender: Any
 
     def send(self, wire: bytes) -> bool:
         """Sends a frame with its zero, without waiting; False if the system did not take it."""
@@ -76,7 +82,8 @@ def connect(address: str) -> Transport:
     check_address(address)
     scheme, rest = _split(address)
     if scheme == "udp":
-        return Udp(*_host_and_port(address), is_peer=False)
+        with _named(address):
+            return Udp(*_host_and_port(address), is_peer=False)
     return _serial(address) if scheme == "serial" else Child(_command(rest))
 
 
@@ -84,42 +91,51 @@ def listen(address: str) -> Transport:
     """The controller's side of a link; errors as `connect`."""
     scheme, _ = _split(address)
     if scheme == "udp":
-        return Udp(*_host_and_port(address), is_peer=True)
+        with _named(address):
+            return Udp(*_host_and_port(address), is_peer=True)
     if scheme == "serial":
         return _serial(address)
     if scheme == "stdio":
-        # What the controller prints goes to standard error, not between the frames.
-        sys.stdout.flush()
-        kept = os.dup(sys.stdout.fileno())
-        os.dup2(sys.stderr.fileno(), sys.stdout.fileno())
-        return Stream(sys.stdin.fileno(), kept)
+        return StandardStreams()
     raise InvalidInputError(f"{address} is an address for the simulation: a controller takes udp:, serial: or stdio:")
 
 
 def _split(address: str) -> tuple[str, str]:
-    scheme, colon, rest = address.partition(":")
-    if not colon or scheme not in SCHEMES:
-        raise InvalidInputError(f"'{address}' is not an address of a link: expected {FORMS}")
-    return scheme, rest
+    scheme = address.partition(":")[0] if isinstance(address, str) else ""
+    if scheme not in SCHEMES or ":" not in address or "\0" in address:
+        raise InvalidInputError(f"{address!r} is not an address of a link: expected {FORMS}")
+    return scheme, address[len(scheme) + 1 :]
 
 
 def _host_and_port(address: str) -> tuple[str, int]:
-    parts = urlsplit(address)
-    port = None
-    with contextlib.suppress(ValueError):
-        port = parts.port
-    if not parts.hostname or not port or parts.path or parts.query:
+    try:
+        parts = urlsplit(address)
+        host, port = parts.hostname, parts.port
+        # The resolver takes no other names.
+        (host or "").encode("idna")
+    except ValueError:
+        host = port = None
+    if not host or not port or "@" in address or parts.path or parts.query or parts.fragment:
         raise InvalidInputError(f"'{address}' is not udp://HOST:PORT with a port from 1 to 65535")
-    return parts.hostname, port
+    return host, port
+
+
+@contextlib.contextmanager
+def _named(address: str) -> Iterator[None]:
+    """Adds the address to errors of the system."""
+    try:
+        yield
+    except OSError as error:
+        raise OSError(error.errno, error.strerror, address) from error
 
 
 class Udp:
-    """One frame a datagram. The simulation sends to a port, the controller to whom it heard from last."""
+    """One frame a datagram. The simulation sends to a port, the controller to `sender`."""
 
     def __init__(self, host: str, port: int, *, is_peer: bool) -> None:
         family, kind, _, _, place = socket.getaddrinfo(host, port, type=socket.SOCK_DGRAM)[0]
         self._socket = socket.socket(family, kind)
-        self._to: Any = None if is_peer else place
+        self.sender: Any = None
         try:
             self._socket.setblocking(False)
             if is_peer:
@@ -137,8 +153,8 @@ class Udp:
         try:
             if not self._is_peer:
                 self._socket.send(wire)
-            elif self._to is not None:
-                self._socket.sendto(wire, self._to)
+            elif self.sender is not None:
+                self._socket.sendto(wire, self.sender)
         except (BlockingIOError, ConnectionError):
             return False
         return True
@@ -147,11 +163,9 @@ class Udp:
         """As `Transport`."""
         while _is_readable(self._socket.fileno(), deadline):
             try:
-                datagram, place = self._socket.recvfrom(_CHUNK)
+                datagram, self.sender = self._socket.recvfrom(_CHUNK)
             except (BlockingIOError, ConnectionError):
                 continue
-            if self._is_peer:
-                self._to = place
             return datagram.removesuffix(END)
         return None
 
@@ -162,6 +176,8 @@ class Udp:
 
 class Stream:
     """Bytes of two file descriptors, which are one for a serial port."""
+
+    sender = None
 
     def __init__(self, read_from: int, write_to: int) -> None:
         self._in, self._out = read_from, write_to
@@ -209,6 +225,33 @@ class Stream:
         return ClosedError("the line was closed")
 
 
+class StandardStreams(Stream):
+    """Those of this process; what it prints goes to standard error meanwhile, not between the frames."""
+
+    def __init__(self) -> None:
+        sys.stdout.flush()
+        self._printed = sys.stdout.fileno()
+        read_from, write_to = sys.stdin.fileno(), os.dup(self._printed)
+        # Other processes may use the same open files: a shell the terminal.
+        self._blocking = {descriptor: os.get_blocking(descriptor) for descriptor in (read_from, write_to)}
+        super().__init__(read_from, write_to)
+        os.dup2(sys.stderr.fileno(), self._printed)
+        _interrupts.endings.add(self._restore)
+
+    def close(self) -> None:
+        """As `Transport`."""
+        if self._restore in _interrupts.endings:
+            sys.stdout.flush()
+            _interrupts.endings.discard(self._restore)
+            self._restore()
+            os.dup2(self._out, self._printed)
+            os.close(self._out)
+
+    def _restore(self) -> None:
+        for descriptor, is_blocking in self._blocking.items():
+            os.set_blocking(descriptor, is_blocking)
+
+
 class SerialPort(Stream):
     """A serial port or a pseudoterminal."""
 
@@ -225,7 +268,7 @@ def _port_and_baud(address: str) -> tuple[str, int]:
     parts = urlsplit(address)
     options = {name: values[-1] for name, values in parse_qs(parts.query, keep_blank_values=True).items()}
     baud = options.pop("baud", str(BAUD))
-    if not parts.path or options or not baud.isdecimal():
+    if not parts.path or parts.netloc or parts.fragment or options or not baud.isdecimal():
         raise InvalidInputError(f"'{address}' is not serial:/dev/NAME or serial:/dev/NAME?baud=RATE")
     return parts.path, int(baud)
 
@@ -274,24 +317,44 @@ class Child(Stream):
         for pipe in (self._process.stdin, self._process.stdout):
             if pipe is not None:
                 pipe.close()
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            self._process.wait(_GRACE)
+        self._end()
+
+    def _end(self) -> bool:
+        """Whether it leaves by itself; ends what is left of it and of the processes that it has started."""
+        if self._process.returncode is not None:
+            return True
+        leaves = self._leaves()
+        # Once it is collected, its number may be the number of another group.
         self._kill()
-        self._process.wait()
         _interrupts.endings.discard(self._kill)
+        self._process.wait()
+        return leaves
+
+    def _leaves(self) -> bool:
+        """Whether it ends in time; it is not collected."""
+        ends = time.perf_counter() + _GRACE
+        while time.perf_counter() < ends:
+            # Not on macOS before Python 3.13, where it has the whole time.
+            if hasattr(os, "waitid") and os.waitid(os.P_PID, self._process.pid, os.WEXITED | os.WNOHANG | os.WNOWAIT):
+                return True
+            time.sleep(0.002)
+        return False
 
     def _kill(self) -> None:
-        """Ends what is left of it and of the processes that it has started."""
         with contextlib.suppress(ProcessLookupError, PermissionError):
             os.killpg(self._process.pid, signal.SIGKILL)
 
     def _closed(self) -> ClosedError:
-        with contextlib.suppress(subprocess.TimeoutExpired):
-            return ClosedError(f"its process ended with code {self._process.wait(_GRACE)}")
+        if self._end():
+            return ClosedError(f"its process ended with code {self._process.returncode}")
         return ClosedError("its process closed its output")
 
 
 def _is_readable(descriptor: int, deadline: float) -> bool:
     """Whether there is something to read up to a deadline."""
-    ready, _, _ = select.select([descriptor], [], [], max(deadline - time.perf_counter(), 0.0))
-    return bool(ready)
+    seconds = max(deadline - time.perf_counter(), 0.0)
+    if descriptor < _SELECTED or sys.platform == "win32":
+        return bool(select.select([descriptor], [], [], seconds)[0])
+    poll = select.poll()
+    poll.register(descriptor, select.POLLIN)
+    return bool(poll.poll(1e3 * seconds))
