@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM end the command at once, with one line and no unfinished file; a training run is saved first.
+"""Ctrl-C, SIGTERM and SIGHUP end the command at once, with one line and no unfinished file; training is saved first.
 
 The process ends without unwinding: C++ libraries abort when `KeyboardInterrupt` passes through them, and end slowly.
 Only a part of a command that is `patient` unwinds.
@@ -9,6 +9,7 @@ import math
 import os
 import signal
 import socket
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator
@@ -17,8 +18,10 @@ from typing import Final, NoReturn
 
 from ballbot_rs import _files
 
-#: Message for each signal.
+#: Message for each signal; Windows has no SIGHUP.
 WORDS: Final = {signal.SIGINT: "interrupted", signal.SIGTERM: "terminated"}
+if sys.platform != "win32":
+    WORDS[signal.SIGHUP] = "hung up"
 
 #: Sent to a terminal first: clears the line of a progress bar, and shows the cursor.
 _TERMINAL_RESET: Final = "\r\x1b[2K\x1b[?25h"
@@ -43,7 +46,11 @@ _leaving = threading.RLock()
 
 
 class Terminated(KeyboardInterrupt):
-    """SIGTERM, as an exception that unwinds as Ctrl-C does."""
+    """SIGTERM or SIGHUP, as an exception that unwinds as Ctrl-C does."""
+
+    def __init__(self, number: int) -> None:
+        super().__init__(number)
+        self.number = signal.Signals(number)
 
 
 @contextlib.contextmanager
@@ -125,7 +132,7 @@ def _on_signal(number: int, _: FrameType | None) -> None:
 
 
 def _raise(number: int) -> NoReturn:
-    raise KeyboardInterrupt if number == signal.SIGINT else Terminated
+    raise KeyboardInterrupt if number == signal.SIGINT else Terminated(number)
 
 
 def _watch(wakeups: socket.socket) -> None:

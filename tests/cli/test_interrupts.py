@@ -1,4 +1,4 @@
-"""Ctrl-C and SIGTERM: one line, the exit code of a shell, and no unfinished files."""
+"""Ctrl-C, SIGTERM and SIGHUP: one line, the exit code of a shell, and no unfinished files."""
 
 import os
 import signal
@@ -11,7 +11,11 @@ import pytest
 from ballbot_rs import _files, _interrupts
 from tests.support import commands
 
-ENDINGS = [(signal.SIGINT, 130, "interrupted\n"), (signal.SIGTERM, 143, "terminated\n")]
+ENDINGS = [
+    (signal.SIGINT, 130, "interrupted\n"),
+    (signal.SIGTERM, 143, "terminated\n"),
+    (signal.SIGHUP, 129, "hung up\n"),
+]
 
 
 @pytest.mark.parametrize(("number", "code", "line"), ENDINGS)

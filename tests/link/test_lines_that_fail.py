@@ -329,7 +329,7 @@ def test_child_that_is_stopped_is_silent_and_is_ended(tmp_path):
 def test_child_is_collected_after_its_group_has_ended(monkeypatch):
     """Afterwards the number of the group may be the number of another."""
     alive = []
-    link = bb.Link("exec:cat").open()
+    link = bb.Link("exec:sh -c 'cat > /dev/null'").open()
     process = link._channel._transport._process
     kill = os.killpg
 

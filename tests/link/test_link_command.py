@@ -5,6 +5,7 @@ import time
 
 import pytest
 
+from tests.cli.test_interrupts import ENDINGS
 from tests.link.test_log import read
 from tests.support.commands import command, run, start
 from tests.support.links import is_alive, peer_command
@@ -35,21 +36,27 @@ def test_command_runs_a_peer_of_ours(tmp_path):
 
 
 @pytest.mark.slow("starts a process, which imports the package")
-def test_ctrl_c_ends_soon_without_a_child_and_with_the_log(tmp_path):
+@pytest.mark.parametrize(("number", "code", "line"), ENDINGS)
+def test_signal_ends_soon_without_a_child_and_with_the_log(tmp_path, number, code, line):
     log, pids = tmp_path / "exchange.mcap", tmp_path / "pids"
     script = tmp_path / "start.sh"
-    script.write_text(f"echo $$ > {pids}\nexec {peer_command(tmp_path)} stdio:\n", encoding="utf-8")
+    sleeper = tmp_path / "sleeper"
+    start_both = f"sleep 333 &\necho $! > {sleeper}\necho $$ > {pids}\nexec {peer_command(tmp_path)} stdio:\n"
+    script.write_text(start_both, encoding="utf-8")
     options = ("--real-time", "--seconds", "600", "--tilt", "0", "0", "--sensors", "exact", "--log", log)
     process = start("link", f"exec:sh {script}", *options, "--give-up", "600")
     wait_until(lambda: pids.exists() and pids.read_text())
     time.sleep(1.0)
     began = time.monotonic()
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     _, errors = process.communicate(timeout=10)
-    assert process.returncode == 130, errors
-    assert errors == "interrupted\n"
+    assert process.returncode == code, errors
+    assert "steps answered in time" in errors
+    assert "round trip: median" in errors
+    assert errors.endswith(line)
     assert time.monotonic() - began < 5.0
-    wait_until(lambda: not is_alive(int(pids.read_text())))
+    wait_until(lambda: not is_alive(int(pids.read_text())) and not is_alive(int(sleeper.read_text())))
+    assert not list(tmp_path.glob(".*partial*"))
     topics, _ = read(log)
     assert len(topics["/link/torques"]) > 1
 

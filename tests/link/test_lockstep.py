@@ -331,7 +331,7 @@ def test_error_of_the_system_names_the_address(monkeypatch):
         raise socket.gaierror(socket.EAI_NONAME, "Name or service not known")
 
     monkeypatch.setattr(socket, "getaddrinfo", unknown)
-    with pytest.raises(OSError, match="Name or service not known.*udp://nowhere:9"):
+    with pytest.raises(OSError, match=r"Name or service not known.*udp://nowhere:9"):
         bb.Link("udp://nowhere:9").open()
 
 
@@ -444,8 +444,8 @@ def test_link_is_reopened_after_it_was_closed():
 def test_missing_library_is_named(monkeypatch):
     from ballbot_rs.link import frames
 
-    frames.check_library.cache_clear()
+    frames.cobs_library.cache_clear()
     monkeypatch.setitem(sys.modules, "cobs", None)
     with pytest.raises(ModuleNotFoundError, match=r"the link needs cobs: install it with .*\[link\]"):
         bb.Link("udp://127.0.0.1:9")
-    frames.check_library.cache_clear()
+    frames.cobs_library.cache_clear()

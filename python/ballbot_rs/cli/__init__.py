@@ -1,6 +1,7 @@
 """The `ballbot` command."""
 
 import argparse
+import contextlib
 import importlib
 import os
 import re
@@ -144,7 +145,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         try:
             _carry_out(arguments)
         except KeyboardInterrupt as error:
-            return _interrupted(signal.SIGTERM if isinstance(error, _interrupts.Terminated) else signal.SIGINT)
+            return _interrupted(error.number if isinstance(error, _interrupts.Terminated) else signal.SIGINT)
         except BrokenPipeError:
             return streams.BROKEN_PIPE
         except ERRORS as error:
@@ -177,7 +178,9 @@ def _carry_out(arguments: Sequence[str] | None) -> None:
 
 
 def _interrupted(number: signal.Signals) -> int:
-    print(_interrupts.WORDS[number], file=sys.stderr)
+    # A terminal that has hung up takes no output.
+    with contextlib.suppress(OSError):
+        print(_interrupts.WORDS[number], file=sys.stderr)
     return _interrupts.exit_code(number)
 
 

@@ -1,6 +1,7 @@
 """`ballbot link`: a simulated robot whose controller is another process or a board; or that controller."""
 
 import argparse
+import contextlib
 import json
 import sys
 from pathlib import Path
@@ -53,7 +54,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument("--hold", type=whole(0, MAX_COUNT), default=10, help="most steps that hold (default 10)")
     command.add_argument("--give-up", type=seconds, default=5.0, help="s without torques that end the run (default 5)")
-    command.add_argument("--connect", type=seconds, default=10.0, help="the same for the first torques (default 10)")
+    command.add_argument("--connect", type=seconds, default=10.0, help="the same at the start (default 10)")
     faults = command.add_argument_group("faults of the line (probabilities of a frame, in each direction)")
     for name in ("drop", "corrupt", "duplicate", "delay"):
         faults.add_argument(f"--{name}", type=real(0.0, 1.0), default=0.0, help="(default 0)")
@@ -70,12 +71,14 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.peer is not None:
         LinkPeer(_law(arguments), arguments.address, idle=arguments.idle).serve()
         return
-    # Ctrl-C ends the child process and completes the log.
+    # A signal ends the child process and completes the log.
     with _interrupts.patient(), _link(arguments) as link:
         try:
             trajectory = shared.scenario(arguments).of(link.open())
-        except ControllerError:
-            print(link.statistics.text(), file=sys.stderr)
+        except (ControllerError, KeyboardInterrupt):
+            # A terminal that has hung up takes no output.
+            with contextlib.suppress(OSError):
+                print(link.statistics.text(), file=sys.stderr)
             raise
     _print(arguments, link, trajectory)
 

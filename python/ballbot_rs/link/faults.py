@@ -1,4 +1,4 @@
-"""LinkFaults of a line on purpose: frames lost, damaged, repeated and delayed at given rates."""
+"""Faults of a line on purpose: frames lost, damaged, repeated and delayed at given rates."""
 
 import dataclasses
 

@@ -31,7 +31,7 @@ class Frame(NamedTuple):
 
 
 @functools.cache
-def check_library() -> Any:
+def cobs_library() -> Any:
     """The library of COBS.
 
     Raises:
@@ -54,7 +54,7 @@ def encode(frame: Frame) -> bytes:
     """A frame as it goes over the wire, with the zero that ends it."""
     head = (VERSION, frame.kind, frame.flags, frame.sequence % WRAP, frame.time % WRAP)
     packed = _FORMATS[frame.kind].pack(*head, *frame.numbers)
-    stuffed: bytes = check_library().encode(packed + _CHECKSUM.pack(zlib.crc32(packed)))
+    stuffed: bytes = cobs_library().encode(packed + _CHECKSUM.pack(zlib.crc32(packed)))
     return stuffed + END
 
 
@@ -65,7 +65,7 @@ def decode(stuffed: bytes) -> Frame:
         FrameError: "broken" (wrong COBS code or length), "corrupted" (wrong checksum) or "unknown" (another version or
             kind).
     """
-    cobs = check_library()
+    cobs = cobs_library()
     try:
         whole: bytes = cobs.decode(stuffed)
     except cobs.DecodeError as error:

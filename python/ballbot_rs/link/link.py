@@ -22,7 +22,7 @@ from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.faults import LinkFaults
-from ballbot_rs.link.frames import WRAP, Frame, check_library
+from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import READINGS, Flag, Kind
 from ballbot_rs.link.log import ExchangeLog, check_file
 from ballbot_rs.link.statistics import Statistics
@@ -91,7 +91,7 @@ class Link:
         faults: LinkFaults | None = None,
         log: str | PathLike[str] | None = None,
     ) -> None:
-        check_library()
+        cobs_library()
         check_address(address)
         if on_timeout not in ON_TIMEOUT:
             raise InvalidInputError(f"on_timeout = {on_timeout!r}: expected one of {', '.join(ON_TIMEOUT)}")

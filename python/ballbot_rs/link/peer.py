@@ -10,7 +10,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Law, Laws, is_batched, reads_sensors
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
-from ballbot_rs.link.frames import WRAP, Frame, check_library
+from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import LATE, READINGS, Field, Flag, Kind, Status
 from ballbot_rs.link.statistics import Statistics
 from ballbot_rs.link.transports import ClosedError, listen
@@ -53,7 +53,7 @@ class LinkPeer:
     """
 
     def __init__(self, law: Law, address: str, *, idle: float = 600.0) -> None:
-        check_library()
+        cobs_library()
         if isinstance(law, type) or not callable(law) or not reads_sensors(law) or is_batched(law):
             raise InvalidInputError(
                 f"{law!r} is not a law of one robot that reads sensors: a peer needs reads_sensors = True, and an "
