@@ -346,7 +346,7 @@ class Batched(Damping):
 
 
 @pytest.mark.parametrize("law", [None, 3, "lqr", Damping, Batched(), lambda state: state])
-def test_peer_rejects_what_is_no_law_on_readings(law):
+def test_peer_rejects_other_objects_than_laws_on_readings(law):
     with pytest.raises(bb.InvalidInputError, match="is not a law of one robot that reads sensors"):
         bb.LinkPeer(law, free_address())
 

@@ -13,7 +13,8 @@ from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import LATE, READINGS, Field, Flag, Kind, Status
 from ballbot_rs.link.statistics import Statistics
-from ballbot_rs.link.transports import ClosedError, listen
+from ballbot_rs.link.streams import ClosedError
+from ballbot_rs.link.transports import listen
 
 #: Longest time without readings, s.
 MAX_IDLE: Final = 86_400.0
