@@ -122,6 +122,8 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--sensors": Refused("kugle"),
                 "--estimator": Refused(""),
                 "--link": Refused(""),
+                "--supervisor": Refused(""),
+                "--limit": Refused("ramp_time=0.3"),
                 "--task": Refused("velocity"),
                 "--output": "b.h",
                 "--json": "",
@@ -133,6 +135,10 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {"--sensors": "{sensors}", "--robot": "kugle", "--set": "control_dt=0.02"},
         ),
         ({"--link": "", "--output": "a.h"}, {"--output": "b.h", "--robot": Refused("kugle"), "--json": ""}),
+        (
+            {"--supervisor": "", "--output": "a.h"},
+            {"--limit": "ramp_time=0.3", "--robot": "kugle", "--actuators": "kugle", "--set": "control_dt=0.02"},
+        ),
     ],
     "identify": [
         (
