@@ -57,8 +57,8 @@ class LinkPeer:
         cobs_library()
         if isinstance(law, type) or not callable(law) or not reads_sensors(law) or is_batched(law):
             raise InvalidInputError(
-                f"{law!r} is not a law of one robot that reads sensors: a peer needs reads_sensors = True, and an "
-                "object of a class"
+                f"{law!r} is not a law of one robot that reads sensors: expected an object, not a class, with "
+                "reads_sensors = True"
             )
         self._idle = check_bounded("idle", idle, 0.0, MAX_IDLE)
         # The simulation limits the torques.
