@@ -14,7 +14,7 @@ static void widen(const ballbot_real *from, double *to, int count)
     }
 }
 
-void estimator_begin(const double specific_force[3])
+int estimator_begin(const double specific_force[3])
 {
     /* The shortest rotation of its direction to the vertical. */
     const double x = specific_force[0], y = specific_force[1];
@@ -22,7 +22,11 @@ void estimator_begin(const double specific_force[3])
     const double length = sqrt(x * x + y * y + z * z);
     const ballbot_state start = {
         {(ballbot_real)(z / length), (ballbot_real)(y / length), (ballbot_real)(-x / length), 0}, {0}, {0}, {0}, {0}, {0}};
+    if (!(z > 0)) {
+        return 0;
+    }
     ballbot_estimator_begin(&estimator, &start);
+    return 1;
 }
 
 void estimator_update(

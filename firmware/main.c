@@ -79,7 +79,9 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
         return BALLBOT_LINK_NOT_FINITE;
     }
     if (readings->flags & BALLBOT_LINK_RESET) {
-        estimator_begin(readings->specific_force);
+        if (!estimator_begin(readings->specific_force)) {
+            return condition;
+        }
         control_begin();
         memcpy(wheel_angles, readings->wheel_angles, sizeof wheel_angles);
         periods = 1;

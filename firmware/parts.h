@@ -15,8 +15,9 @@ typedef struct {
     double wheel_speeds[3];
 } estimate;
 
-/* A robot at rest at the origin with the heading 0; the accelerometer gives its attitude. */
-void estimator_begin(const double specific_force[3]);
+/* A robot at rest at the origin with the heading 0; the accelerometer gives its attitude. Returns whether one follows: not
+ * from no force, nor from a force straight down. */
+int estimator_begin(const double specific_force[3]);
 void estimator_update(
     const double gyro[3], const double specific_force[3], const double wheel_rates[3], estimate *estimated);
 

@@ -102,6 +102,14 @@ def test_there_is_no_torque_before_the_first_episode(board):
     board.begin(3)
 
 
+@pytest.mark.parametrize("force", [(0.0, 0.0, 0.0), (0.0, 0.0, -9.81)])
+def test_an_episode_does_not_begin_without_an_attitude(board, force):
+    board.begin()
+    assert is_zero(board.ask(1, Flag.RESET, specific_force=force), Status.STARTING)
+    assert is_zero(board.ask(2), Status.STARTING)
+    board.begin(3)
+
+
 def test_clock_and_sequence_may_wrap(board):
     """2^32 is not a multiple of the step: the clock wraps within it."""
     gyro = np.random.default_rng(0).normal(0.0, 0.01, (20, 3))

@@ -141,7 +141,7 @@ def find(
         return source
     if isinstance(source, str) and trusted and (scheme := source.partition(":")[0]) in SCHEMES:
         return SCHEMES[scheme](source).resolved()
-    if isinstance(source, Resolvable):
+    if isinstance(source, Resolvable) and not isinstance(source, type):
         return source.resolved()
     if not isinstance(source, (str, PathLike)):
         return _from_object(source)
