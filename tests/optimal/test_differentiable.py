@@ -20,43 +20,17 @@ def robots(n: int = 3) -> bb.DifferentiableBatch:
     return made
 
 
-def test_gradients_by_torques_equal_differences():
-    made = robots()
-    kept = [made.batch.snapshot(i) for i in range(3)]
-    torques = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, 3, 3))
-
-    def run(values):
-        for i, snapshot in enumerate(kept):
-            made.batch.restore(i, snapshot)
-        states, total = made.states(), 0.0
-        for step in range(STEPS):
-            states, ended = made.step(states, values[step])
-            assert not ended.any()
-            total = total + loss_of(states)
-        return total
-
-    leaf = torch.tensor(torques, requires_grad=True)
-    run(leaf).backward()
-    for index in [(0, 0, 0), (0, 1, 2), (2, 2, 1), (4, 0, 1)]:
-        ends = []
-        # Torques are rounded to float32, as actions are.
-        for change in (2e-3, -2e-3):
-            changed = torques.copy()
-            changed[index] += change
-            ends.append(float(run(torch.tensor(changed))))
-        assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
-
-
 @pytest.mark.parametrize(
     ("actuators", "width"),
     [
+        ({}, 32),
         ({"delay": 0.01, "strength": (1.0, 0.9, 0.8)}, 35),
         ({"lag": 0.03}, 35),
         ({"delay": 0.016, "lag": 0.02}, 41),
         ({"delay": 0.004}, 35),
     ],
 )
-def test_gradients_pass_delay_and_lag_of_motors(actuators, width):
+def test_gradients_by_torques_equal_differences(actuators, width):
     made = bb.DifferentiableBatch(bb.Batch(3, num_threads=1, actuators=actuators))
     assert made.width == width
     torques = np.random.default_rng(0).uniform(-0.1, 0.1, (STEPS, 3, 3))
@@ -73,13 +47,14 @@ def test_gradients_pass_delay_and_lag_of_motors(actuators, width):
     run(leaf).backward()
     for index in [(0, 0, 0), (0, 1, 2), (2, 2, 1), (3, 0, 1)]:
         ends = []
+        # Torques are rounded to float32, as actions are.
         for change in (2e-3, -2e-3):
             changed = torques.copy()
             changed[index] += change
             ends.append(float(run(torch.tensor(changed))))
         assert float(leaf.grad[index]) == pytest.approx((ends[0] - ends[1]) / 4e-3, rel=2e-3, abs=1e-3)
     # A command that has yet to arrive has no gradient.
-    assert made.batch.options["actuators"].get("delay", 0.0) < 0.01 or not leaf.grad[-1].any()
+    assert actuators.get("delay", 0.0) < 0.01 or not leaf.grad[-1].any()
 
 
 def test_second_derivatives_are_an_error():

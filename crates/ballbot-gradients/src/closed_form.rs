@@ -1,8 +1,7 @@
 //! Derivatives of the closed-form models, which roll without slip and have no modes.
 
-use crate::coordinates::{Coordinates, FORCES};
+use crate::coordinates::{Coordinates, FORCES, INDEPENDENT};
 use crate::parameters::{Parameter, WEIGHTS};
-use crate::rolling::INDEPENDENT;
 use crate::{Differentiable, Jacobian};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::LaneState;

@@ -1,6 +1,5 @@
 //! Coordinates of small changes of a state: like its numbers, but three for an attitude, a rotation vector.
 
-use crate::rolling;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Quat, Vec3};
 use ballbot_base::wheels::Wheels;
@@ -13,6 +12,9 @@ pub const FORCES: usize = 9;
 
 /// The contact forces of the last step on which the losses of a step depend, of the floor and the wheels' normals.
 pub(crate) const LOADS: [usize; 6] = [6, 7, 8, 0, 1, 2];
+
+/// The coordinates that are independent without slip.
+pub(crate) const INDEPENDENT: [usize; 17] = [0, 1, 3, 4, 5, 9, 10, 11, 12, 13, 14, 15, 16, 20, 24, 25, 26];
 
 /// The states of a [`Jacobian`](crate::Jacobian), which depend on the model and the robot.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +39,7 @@ impl Coordinates {
         match self {
             Self::All => COORDINATES,
             Self::AllWithLoads => COORDINATES + LOADS.len(),
-            Self::WithoutSlip => rolling::INDEPENDENT.len(),
+            Self::WithoutSlip => INDEPENDENT.len(),
         }
     }
 
@@ -50,7 +52,7 @@ impl Coordinates {
                 let forces = force_names();
                 all.into_iter().chain(LOADS.map(|force| forces[force].clone())).collect()
             }
-            Self::WithoutSlip => rolling::INDEPENDENT.map(|place| all[place].clone()).into(),
+            Self::WithoutSlip => INDEPENDENT.map(|place| all[place].clone()).into(),
         }
     }
 
@@ -58,7 +60,7 @@ impl Coordinates {
     pub(crate) fn index_of(self, place: usize) -> Option<usize> {
         match self {
             Self::All | Self::AllWithLoads => Some(place),
-            Self::WithoutSlip => rolling::INDEPENDENT.iter().position(|independent| *independent == place),
+            Self::WithoutSlip => INDEPENDENT.iter().position(|independent| *independent == place),
         }
     }
 }

@@ -31,9 +31,6 @@ pub const ROLLING: [&str; 11] = [
 /// Indices of these coordinates among all.
 const PLACES: [usize; ROLLING.len()] = [0, 1, 9, 10, 11, 15, 16, 24, 25, 26, 20];
 
-/// The coordinates that are independent without slip: with attitude of the ball and wheel angles.
-pub(crate) const INDEPENDENT: [usize; 17] = [0, 1, 3, 4, 5, 9, 10, 11, 12, 13, 14, 15, 16, 20, 24, 25, 26];
-
 /// Derivatives in the coordinates of rolling.
 #[derive(Clone, Debug)]
 pub struct RollingJacobian {
