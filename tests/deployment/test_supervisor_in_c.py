@@ -99,11 +99,18 @@ def test_only_a_tilt_that_lasts_trips(tmp_path):
 
 
 @pytest.mark.parametrize("real", ["double", "float"])
-@pytest.mark.parametrize("fault", ["stale", "not_finite"])
+@pytest.mark.parametrize("fault", ["stale", "not_finite", "no attitude", "half an attitude"])
 def test_missing_readings_are_bridged_and_then_trip(fault, real, tmp_path):
     in_c = CSupervisor(tmp_path, supervisor_header("paper", most_missed=2, ramp_time=0.05), real)
     assert in_c.supervise(upright(), [0.1, 0.2, 0.3])[0] == STATUSES.index("running")
-    bad = {"stale": (upright(), [9.0] * 3, False), "not_finite": (upright(rate=math.nan), [9.0] * 3, True)}[fault]
+    bad = {
+        "stale": (upright(), [9.0] * 3, False),
+        "not_finite": (upright(rate=math.nan), [9.0] * 3, True),
+        # As a driver leaves a quaternion that has not begun, and a quaternion that is not normalized.
+        "no attitude": (upright(quaternion=[0.0] * 4), [9.0] * 3, True),
+        "half an attitude": (upright(quaternion=[0.5, 0.5, 0.0, 0.0]), [9.0] * 3, True),
+    }[fault]
+    fault = "stale" if fault == "stale" else "not_finite"
     found = [in_c.supervise(*bad) for _ in range(8)]
     assert [STATUSES[answer[0]] for answer in found] == ["held"] * 2 + [fault] * 6
     expected = np.outer([1.0, 1.0, 0.8, 0.6, 0.4, 0.2, 0.0, 0.0], [0.1, 0.2, 0.3])
@@ -229,6 +236,9 @@ def test_the_command_writes_the_header(tmp_path, capsys):
         ({"basin": 1.5}, "basin = 1.5 is out of range: expected 0.01 to 1"),
         ({"tilt_time": -1.0}, "tilt_time = -1.0 is out of range"),
         ({"control_dt": "fast"}, "control_dt = 'fast' is not a number"),
+        ({"actuators": {"no_load_sped": 30.0}}, "actuators has an unknown option 'no_load_sped'"),
+        ({"actuators": {"speed_limit": -30.0}}, "actuators.speed_limit = -30.0 is out of range"),
+        ({"actuators": {"speed_limit": math.nan}}, "actuators.speed_limit = nan is out of range"),
     ],
 )
 def test_limits_out_of_range_are_rejected(limit, message):

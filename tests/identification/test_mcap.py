@@ -171,7 +171,7 @@ def test_a_map_takes_rates_from_odometry(tmp_path, log):
             r"column /imus.angular_velocity.x: no topic begins so; there are /imu, /joint_states",
         ),
         ("velocity.y", "velocity.w", r"messages of /imu \(sensor_msgs/msg/Imu\) have no number angular_velocity.w"),
-        ('"/imu.angular_velocity.y"', '"/joint_states.effort.wheel_0"', "gyro has numbers of several topics"),
+        ('"/joint_states.effort.wheel_1"', '"/imu.linear_acceleration.x"', "torques has numbers of several topics"),
         ("[columns]", '[columns]\ntime = "/imu.t"', "time column /imu.t: messages have the time of their header"),
     ],
 )

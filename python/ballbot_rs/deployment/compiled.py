@@ -13,6 +13,8 @@ import numpy.typing as npt
 from ballbot_rs import _files
 
 _COMPILERS: Final = ("cc", "gcc", "clang")
+#: Longest time of a compilation, s.
+LONGEST: Final = 60.0
 
 #: States are arrays of doubles.
 _STATE: Final = "typedef char state_has_no_padding[sizeof(ballbot_state) == 17 * sizeof(double) ? 1 : -1];\n"
@@ -42,9 +44,12 @@ def _library(compiler: str, name: str, header: str, source: str) -> ctypes.CDLL:
         file, library = folder / f"{name}.c", folder / f"{name}.so"
         file.write_text(f'#include "{name}.h"\n\n{_STATE}\n{source}', encoding="ascii")
         command: list[str | PathLike[str]] = [compiler, "-std=c99", "-O2", "-shared", "-fPIC", "-o", library, file]
-        done = subprocess.run([*command, "-lm"], capture_output=True, text=True, check=False)
+        try:
+            done = subprocess.run([*command, "-lm"], capture_output=True, text=True, check=False, timeout=LONGEST)
+        except subprocess.TimeoutExpired as error:
+            raise OSError(f"{compiler} did not end within {LONGEST:g} s") from error
         if done.returncode != 0:
-            raise OSError(f"{compiler} failed: {done.stderr.strip().splitlines()[-1:]}")
+            raise OSError(f"{compiler} failed: {' '.join(done.stderr.strip().splitlines()[-1:])}")
         return ctypes.CDLL(str(library))
 
 

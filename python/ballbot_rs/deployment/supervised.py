@@ -2,6 +2,7 @@
 
 import copy
 import ctypes
+import inspect
 from collections.abc import Mapping
 from typing import Any, Final
 
@@ -80,9 +81,12 @@ class Supervised:
         if found.make_law is None:
             raise InvalidInputError(f"{found.name} is a policy, which observes more than the state of a robot")
         self.name = found.name
-        self.control_dt = control_dt or found.control_dt or CONTROL_DT
+        self.control_dt = found.control_dt or CONTROL_DT if control_dt is None else control_dt
         self._given = controller, params, control_dt, limits
-        robot = params if isinstance(params, Params) else Params.preset(params or "paper")
+        robot = params if isinstance(params, Params) else Params.preset("paper" if params is None else params)
+        known = [*inspect.signature(supervisor_header).parameters][2:]
+        if unknown := [name for name in limits if name not in known]:
+            raise InvalidInputError(f"unknown limit {unknown[0]!r}: expected {', '.join(known)}")
         self._library = compiled("supervisor", supervisor_header(robot, self.control_dt, **limits), _SOURCE)
         self._laws = found.laws(1, robot, self.control_dt)
         self.reads_sensors = self._laws.reads_sensors

@@ -137,7 +137,14 @@ def _speed(given: float | None, actuators: Mapping[str, Any] | str | PathLike[st
     if actuators is None:
         return NO_LIMIT
     motors: Mapping[str, Any] = actuators if isinstance(actuators, Mapping) else load_actuators(actuators)
-    own = float(motors.get("speed_limit") or motors.get("no_load_speed") or 0.0)
+    known = load_actuators("ideal")
+    if unknown := [name for name in motors if name not in known]:
+        raise InvalidInputError(f"actuators has an unknown option {unknown[0]!r}: expected {', '.join(known)}")
+    speeds = [
+        check_bounded(f"actuators.{name}", motors.get(name, 0.0), 0.0, NO_LIMIT)
+        for name in ("speed_limit", "no_load_speed")
+    ]
+    own = next(filter(None, speeds), 0.0)
     return BACK_DRIVEN * own if own > 0.0 else NO_LIMIT
 
 

@@ -29,6 +29,8 @@ BLOCKS: Final = 8
 SHORTEST: Final = 1.0
 #: Standard error from the motion between samples, in samples.
 SYSTEMATIC: Final = 0.05
+#: Shortest time between samples of a search, s: lags are found to fractions of it.
+LEAST_STEP: Final = 1e-3
 #: Lags per sample in the refined search.
 FINE: Final = 10
 #: Most samples of a search: a longer log is searched at its beginning.
@@ -49,7 +51,7 @@ class Offset:
 
 def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
     """The offset; None if the motion does not determine it."""
-    step = max(gyro.step, wheel_angles.step)
+    step = max(gyro.step, wheel_angles.step, LEAST_STEP)
     first = max(gyro.time[0], wheel_angles.time[0]) + MAX_LAG + 2.0 * step
     last = min(gyro.time[-1], wheel_angles.time[-1]) - MAX_LAG - 2.0 * step
     times = first + step * np.arange(min(max(int((last - first) / step), 0), MAX_SAMPLES))

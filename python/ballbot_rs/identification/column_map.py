@@ -75,6 +75,9 @@ class ColumnMap:
         for name, titles in columns.items():
             if not (isinstance(titles, list) and len(titles) == 3 and all(isinstance(one, str) for one in titles)):
                 raise InvalidInputError(f"columns.{name} = {titles!r}, expected three names of columns")
+        titles = [*(one for three in columns.values() for one in three), *filter(None, [time])]
+        if twice := [title for title in titles if titles.count(title) > 1]:
+            raise InvalidInputError(f"columns names {twice[0]!r} twice")
         if missing := [name for name in VECTORS if name not in columns and name != "accelerations"]:
             raise InvalidInputError(f"columns lacks {', '.join(missing)}")
         times = _table(table, "times", VECTORS)
@@ -83,7 +86,7 @@ class ColumnMap:
                 raise InvalidInputError(f"times.{name} = {title!r}, expected the name of a column")
         units = _table(table, "units", ("time", *VECTORS))
         for name, unit in units.items():
-            if unit not in UNITS[name]:
+            if not isinstance(unit, str) or unit not in UNITS[name]:
                 raise InvalidInputError(f"units.{name} = {unit!r}, expected one of {', '.join(UNITS[name])}")
         scale = {name: _scale(name, table, units) for name in columns}
         shared = {} if time is None else dict.fromkeys(columns, time)

@@ -45,6 +45,12 @@ static inline int ballbot_supervisor_finite(const ballbot_real *values, int coun
     return count == 0;
 }
 
+/* Whether a quaternion is an attitude: of unit length, not as a driver leaves it that has not begun. */
+static inline int ballbot_supervisor_is_attitude(const ballbot_real q[4])
+{
+    return ballbot_abs(ballbot_dot(q, q, 4) - 1) < (ballbot_real)0.1;
+}
+
 /* Whether tilt and tilt rate can be recovered: |tilt / BALLBOT_SUPERVISOR_MAX_TILT + rate / _MAX_TILT_RATE| <= 1. */
 static inline int ballbot_supervisor_recovers(const ballbot_state *state)
 {
@@ -128,7 +134,7 @@ static inline int ballbot_supervisor_limit(const ballbot_supervisor *supervisor,
 static inline int ballbot_supervise(
     ballbot_supervisor *supervisor, const ballbot_state *state, int fresh, ballbot_real torques[3])
 {
-    const int finite = ballbot_supervisor_finite(state->quaternion, 4) && ballbot_supervisor_finite(state->rate, 3)
+    const int finite = ballbot_supervisor_is_attitude(state->quaternion) && ballbot_supervisor_finite(state->rate, 3)
         && ballbot_supervisor_finite(state->wheel_speeds, 3) && ballbot_supervisor_finite(torques, 3);
     const int usable = fresh && finite;
     int i;
