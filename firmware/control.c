@@ -34,7 +34,9 @@ void control_begin(void)
     ballbot_supervisor_reset(&supervisor);
 }
 
-int control_step(const estimate *estimated, const target *wanted, double torques[3])
+typedef char the_supervisor_must_bridge_what_the_firmware_does[BALLBOT_SUPERVISOR_MOST_MISSED >= LOST ? 1 : -1];
+
+int control_step(const estimate *estimated, const target *wanted, uint32_t periods, double torques[3])
 {
     ballbot_setpoint setpoint = {0};
     ballbot_state state;
@@ -59,6 +61,11 @@ int control_step(const estimate *estimated, const target *wanted, double torques
 #else
     ballbot_step(&control, &state, &setpoint, found);
 #endif
+    /* Where readings were missing the last torques acted, and heated the motors. */
+    for (; periods > 1; periods--) {
+        ballbot_real held[3] = {0};
+        ballbot_supervise(&supervisor, &state, 0, held);
+    }
     status = ballbot_supervise(&supervisor, &state, 1, found);
     for (i = 0; i < 3; i++) {
         torques[i] = (double)found[i];

@@ -7,10 +7,6 @@
 #include "link.h"
 #include "parts.h"
 
-enum {
-    LOST = 3 /* most control steps in a row whose readings may be missing */
-};
-
 /* Running, or why not until the next RESET: after a pause the robot is not where the estimator has it. */
 static uint16_t condition = BALLBOT_LINK_STARTING;
 static ballbot_link_torques answer = {.sequence = UINT32_MAX};
@@ -93,7 +89,7 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
         return condition;
     }
     observe(readings, periods);
-    condition = statuses[control_step(&estimated, &wanted, torques)];
+    condition = statuses[control_step(&estimated, &wanted, periods, torques)];
     return condition;
 }
 

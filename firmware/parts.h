@@ -31,8 +31,12 @@ typedef struct {
 
 void control_begin(void);
 
-/* The torques within the limits of the supervisor; returns its status, of enum `verdict`. */
-int control_step(const estimate *estimated, const target *wanted, double torques[3]);
+/* Most control steps in a row whose readings may be missing. */
+enum { LOST = 3 };
+
+/* The torques within the limits of the supervisor, `periods` control steps after the last; returns its status, of enum
+ * `verdict`. */
+int control_step(const estimate *estimated, const target *wanted, uint32_t periods, double torques[3]);
 
 /* What becomes of the torques: they are used, or used until they have fallen to zero, since a limit was exceeded or numbers
  * were not finite. */
