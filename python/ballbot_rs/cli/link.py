@@ -16,8 +16,8 @@ from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.laws import Law, reads_sensors
-from ballbot_rs.control.resolve import find
-from ballbot_rs.link.estimated import CONTROL_DT, EstimatedController
+from ballbot_rs.control.resolve import CONTROL_DT, find
+from ballbot_rs.link.estimated import EstimatedController
 from ballbot_rs.link.faults import MAX_DELAY, LinkFaults
 from ballbot_rs.link.link import MAX_COUNT, MAX_SECONDS, ON_TIMEOUT, Link
 from ballbot_rs.link.peer import MAX_IDLE, LinkPeer

@@ -27,6 +27,9 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
 
+#: Time between two calls of a controller that has none, s.
+CONTROL_DT: Final = 0.01
+
 #: Events of the environment that a policy was trained in, in place of the name of a set.
 TRAINED: Final = "trained"
 

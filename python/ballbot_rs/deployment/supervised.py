@@ -11,15 +11,12 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.control.resolve import Source, find
+from ballbot_rs.control.resolve import CONTROL_DT, Source, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.deployment.compiled import compiled, pointer
 from ballbot_rs.deployment.supervisor import supervisor_header
 
 Array = npt.NDArray[np.float64]
-
-#: Time between two calls where the controller has none, s.
-CONTROL_DT: Final = 0.01
 
 #: In the order of the C.
 STATUSES: Final = ("off", "running", "torque", "heat", "held", "tilt", "speed", "stale", "not_finite")

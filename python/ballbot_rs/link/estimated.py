@@ -14,15 +14,12 @@ from ballbot_rs._checks import real_array
 from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._quaternions import to_vertical
-from ballbot_rs.control.resolve import ResolvedController, Source, find
+from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController, Source, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.deployment.compiled import compiled, pointer
 from ballbot_rs.deployment.estimator import estimator_header
 
 Array = npt.NDArray[np.float64]
-
-#: Time between two calls where the controller has none, s.
-CONTROL_DT: Final = 0.01
 
 _SOURCE: Final = """\
 int size(void);

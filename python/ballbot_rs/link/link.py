@@ -19,7 +19,7 @@ from typing_extensions import Self
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control import resolve
-from ballbot_rs.control.resolve import ResolvedController
+from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.faults import LinkFaults
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
@@ -31,9 +31,6 @@ from ballbot_rs.link.transports import SCHEMES, check_address, connect
 Array = npt.NDArray[np.float64]
 
 ON_TIMEOUT: Final = ("hold", "zero")
-
-#: Time between two calls where nothing else determines it, s.
-CONTROL_DT: Final = 0.01
 
 #: Time of a call beyond its waiting, s.
 GRACE: Final = 1.0

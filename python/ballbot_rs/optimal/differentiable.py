@@ -20,11 +20,12 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
     _library: Any
 
     def __init__(self, batch: Batch) -> None:
-        events = {event["term"]: event for event in batch.options["events"]}
+        options = batch.options
+        events = [event["term"] for event in options["events"]]
         pushed = batch.task == "push" or "push" in events
         motors = [term for term in events if term.startswith("actuators.") or term == "max_wheel_torque"]
         # They change the robot within a step, before its motion.
-        later = [event["term"] for event in batch.options["events"] if event["mode"] != "reset"]
+        later = [event["term"] for event in options["events"] if event["mode"] != "reset"]
         for fits, what in [
             (batch.model == "contact", f"the model {batch.model}: expected 'contact'"),
             (batch.autoreset == "same_step", f"autoreset={batch.autoreset!r}: expected 'same_step'"),
@@ -36,7 +37,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
                 raise InvalidInputError(f"a differentiable batch cannot have {what}")
         self.batch = batch
         self._limits = batch.action_torques[:, None]
-        self._motors = HeldMotors(batch.options["actuators"], batch.sim_dt, batch.substeps)
+        self._motors = HeldMotors(options["actuators"], batch.sim_dt, batch.substeps)
         self._motor_rows = np.zeros((batch.num_envs, self._motors.width))
         #: Count of numbers of a state: of `State.to_array`, then of its motors.
         self.width = tangent.NUMBERS + self._motors.width
@@ -120,7 +121,7 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
         found = self.batch.jacobians(held, self.batch.substeps // held.shape[1])
         _, _, terminated, truncated = self.batch.step(actions)
         ended = terminated | truncated
-        by_inputs = self._motors.next_by_inputs()
+        by_inputs = self._motors.next_by_inputs
         self._motor_rows = inputs.reshape(len(inputs), -1) @ by_inputs.T
         self._motor_rows[ended] = 0.0
         after = self._present()

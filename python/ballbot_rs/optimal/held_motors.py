@@ -54,6 +54,8 @@ class HeldMotors:
             arrived[:, whole + (step < rest)] = strength
             torque = torque + share * (arrived - torque)
             self.gains[step] = torque
+        #: The rows of the motors after a control step, by what torques depend on: shape (width, 3 k).
+        self.next_by_inputs = self._next_by_inputs()
         if not (self.has_lag or rest):
             # The torque is constant over the control step.
             self.gains = self.gains[:1]
@@ -71,8 +73,7 @@ class HeldMotors:
         n, m, _ = by_torques.shape
         return np.asarray(np.einsum("nmsw,swk->nmkw", by_torques.reshape(n, m, -1, 3), self.gains)).reshape(n, m, -1)
 
-    def next_by_inputs(self) -> Array:
-        """The rows of the motors after a control step, by what torques depend on: shape (width, 3 k)."""
+    def _next_by_inputs(self) -> Array:
         k = self.gains.shape[2]
         out = np.zeros((self.width // 3, 3, k, 3))
         for row in range(self.commands):

@@ -42,11 +42,13 @@ impl Batch {
         let coordinates = self.derivative_coordinates();
         for (i, torques) in wheel_torques.iter().enumerate() {
             let limit = self.params(i / each)?.max_wheel_torque;
-            for (wheel, &torque) in torques.iter().enumerate() {
+            let fits = |torque: f64| torque.abs() <= limit;
+            // Names are made for errors alone.
+            for (wheel, &torque) in torques.iter().enumerate().filter(|(_, torque)| !fits(**torque)) {
                 let place = if each == 1 { i.to_string() } else { format!("{}, {}", i / each, i % each) };
                 let name = format_args!("wheel_torques[{place}, {wheel}]");
                 let words = format_args!("within ±max_wheel_torque = {limit} N·m");
-                check(name, torque, words, |torque| torque.abs() <= limit)?;
+                check(name, torque, words, fits)?;
             }
         }
         if steps == 0 {

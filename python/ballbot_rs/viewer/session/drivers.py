@@ -9,7 +9,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
 from ballbot_rs.control.reference import largest_lead
-from ballbot_rs.control.resolve import NAMES, ResolvedController, find
+from ballbot_rs.control.resolve import CONTROL_DT, NAMES, ResolvedController, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK
@@ -17,9 +17,8 @@ from ballbot_rs.envs.spaces import history_ages
 
 Torques = npt.NDArray[np.float64]
 
-#: Time step of the models and of controllers without their own rate, s; policies have the steps of their training.
+#: Time step of the models, s; policies have the steps of their training.
 SIM_DT = 0.002
-CONTROL_DT = 0.01
 
 #: Range of the time between two calls of a controller, s, and most time steps of a model in it.
 MIN_CONTROL_DT, MAX_CONTROL_DT = 1e-3, 1.0
