@@ -40,10 +40,12 @@ from ballbot_rs._core import (
     wheel_to_virtual_torques,
 )
 from ballbot_rs._errors import BallbotError, ControllerError, DivergedError, InvalidInputError, UrdfError
-from ballbot_rs.analysis.episodes import Result, compare, evaluate
+from ballbot_rs.analysis.episodes import compare, evaluate
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.pushes import Force, Push
+from ballbot_rs.analysis.result import Result
 from ballbot_rs.analysis.simulate import run, simulate
+from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
 from ballbot_rs.control.onnx_policy import OnnxPolicy
@@ -157,6 +159,7 @@ __all__ = [
     "Setpoint",
     "SpatialModel",
     "State",
+    "Study",
     "Supervised",
     "Task",
     "Terrain",

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 from ballbot_rs.analysis.conditions import differences, success_rule
-from ballbot_rs.analysis.episodes import Result
+from ballbot_rs.analysis.result import Result
 from ballbot_rs.envs.registration import description_of
 
 #: Columns of a printed line.

@@ -14,7 +14,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ballbot_rs.analysis.episodes import Result, compare
+from ballbot_rs.analysis.episodes import compare
+from ballbot_rs.analysis.result import Result
 from validation.claim import Claim
 from validation.page import table
 from validation.topic import Comparison, Findings

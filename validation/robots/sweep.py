@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 import ballbot_rs as bb
-from ballbot_rs.analysis.episodes import Result
+from ballbot_rs.analysis.result import Result
 from validation.claim import Claim
 from validation.page import number, table
 from validation.search import largest

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._core import State
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._state_rows import tilt_of
-from ballbot_rs.analysis.episodes import SETTLED_TILT
+from ballbot_rs.analysis.result import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import HOLD, recovery_times
 from ballbot_rs.control.resolve import Source, common_options, common_task, find

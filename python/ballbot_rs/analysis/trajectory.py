@@ -166,8 +166,8 @@ class Trajectory:
         with require("a figure", "plot"):
             from ballbot_rs.media.figures import style, trajectories
         file = None if path is None else Path(path)
-        if file is not None and file.suffix not in (".svg", ".pdf", ".png"):
-            raise ValueError(f"{file}: the name of a figure ends in .svg, .pdf or .png")
+        if file is not None:
+            style.check_suffix(file)
         drawn = trajectories.draw([self], width)
         if file is not None:
             style.save(drawn, file)

@@ -9,10 +9,11 @@ from typing import Any
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS
 from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
+from ballbot_rs.cli import settings, sweeps
 from ballbot_rs.cli.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.scenarios.matrix import WIDTH, text
+from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load, select
 
@@ -30,6 +31,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")
+    sweeps.add_to(command, "body_mass, robot, model, actuators.delay or a number of the scenario as push", "score")
     shared.add_verbosity(command, "one row for each controller and scenario")
     command.set_defaults(carry_out=run)
 
@@ -43,16 +45,22 @@ def run(arguments: argparse.Namespace) -> None:
             indent = " " * (width + 2)
             print(textwrap.fill(f"{one.id.ljust(width)}  {one.title}", WIDTH, subsequent_indent=indent))
         return
+    sweep: Any = sweeps.read(arguments, ("score", "success_rate", *METRICS))
     robot = settings.robot_of(arguments, shared.robot_option(arguments.robot or "paper"))
     with bar("comparing", arguments.quiet or arguments.json) as progress:
-        outcomes = run_scenarios(
+        outcomes: Any = run_scenarios(
             arguments.controller or ["lqr"],
             chosen,
             robot=robot,
             model=arguments.model,
             seed=arguments.seed,
+            sweep=sweep,
+            checkpoint=arguments.checkpoint,
             progress=progress,
         )
+    if sweep is not None:
+        sweeps.write(outcomes, arguments)
+        return
     if arguments.json:
         rows = [outcome.row() for outcome in outcomes]
         print(

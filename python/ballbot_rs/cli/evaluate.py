@@ -7,12 +7,14 @@ from typing import Any
 from ballbot_rs import __version__
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
+from ballbot_rs.analysis.result import Result
 from ballbot_rs.cli import arguments as shared
+from ballbot_rs.cli import sweeps
 from ballbot_rs.cli.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.engines.engine_batch import ENGINES
-from ballbot_rs.envs.registration import env_id_of
+from ballbot_rs.envs.registration import description_of, env_id_of
 
 
 def add_to(commands: Any) -> None:
@@ -29,6 +31,7 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--episodes", type=whole(1, MAX_EPISODES), default=100, help="number of episodes (default 100)"
     )
+    sweeps.add_to(command, "any option of --set, body_mass, robot, or events.body_mass", "survival_rate")
     shared.add_verbosity(command, "the results")
     command.set_defaults(carry_out=run)
 
@@ -38,16 +41,23 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     controllers, options = shared.controllers(arguments), shared.env_options(arguments)
     task = common_task(controllers, arguments.task)
+    metrics = [metric["name"] for metric in description_of(task)["metrics"]]
+    sweep: Any = sweeps.read(arguments, (*Result.__dataclass_fields__, *metrics))
     with bar("evaluating", arguments.quiet or arguments.json) as progress:
-        results = compare(
+        results: Any = compare(
             controllers,
             task=task,
             episodes=arguments.episodes,
             seed=arguments.seed,
             env_options=options,
             engine=arguments.engine,
+            sweep=sweep,
+            checkpoint=arguments.checkpoint,
             progress=progress,
         )
+    if sweep is not None:
+        sweeps.write(results, arguments)
+        return
     if arguments.json:
         report = {
             "env_id": env_id_of(task),

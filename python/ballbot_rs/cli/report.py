@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs._progress import Progress
-from ballbot_rs.analysis.episodes import MAX_EPISODES, Result
+from ballbot_rs.analysis.episodes import MAX_EPISODES
+from ballbot_rs.analysis.result import Result
 from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.cli.progress import bar

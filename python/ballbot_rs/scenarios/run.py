@@ -3,8 +3,9 @@
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
+from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
@@ -14,10 +15,14 @@ from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Params
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis import intervals
+from ballbot_rs.analysis.checkpoint import Checkpoint, identity_of_controller
+from ballbot_rs.analysis.study import Study
+from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, points_of, run_points
 from ballbot_rs.control.resolve import ResolvedController, Source, find
 from ballbot_rs.scenarios.metrics import METRICS, UPRIGHT
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage, check_observes_balance
+from ballbot_rs.scenarios.sweep import NAMES, at_point
 from ballbot_rs.scenarios.trial import Trial
 
 Array = npt.NDArray[np.float64]
@@ -119,6 +124,7 @@ def _finite(value: float) -> float | None:
     return value if math.isfinite(value) else None
 
 
+@overload
 def run_scenarios(
     controllers: "Source | list[Source] | tuple[Source, ...]",
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
@@ -128,8 +134,41 @@ def run_scenarios(
     model: str = "contact",
     seed: int = 0,
     num_threads: int | None = None,
+    sweep: None = None,
+    checkpoint: None = None,
     progress: Progress = no_progress,
-) -> list[Outcome]:
+) -> list[Outcome]: ...
+
+
+@overload
+def run_scenarios(
+    controllers: "Source | list[Source] | tuple[Source, ...]",
+    scenarios: str | Scenario | Sequence[str | Scenario] = (),
+    *,
+    file: str | Path | None = None,
+    robot: Params | str | None = None,
+    model: str = "contact",
+    seed: int = 0,
+    num_threads: int | None = None,
+    sweep: Sweep,
+    checkpoint: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
+) -> Study: ...
+
+
+def run_scenarios(
+    controllers: "Source | list[Source] | tuple[Source, ...]",
+    scenarios: str | Scenario | Sequence[str | Scenario] = (),
+    *,
+    file: str | Path | None = None,
+    robot: Params | str | None = None,
+    model: str = "contact",
+    seed: int = 0,
+    num_threads: int | None = None,
+    sweep: Sweep | None = None,
+    checkpoint: str | PathLike[str] | None = None,
+    progress: Progress = no_progress,
+) -> list[Outcome] | Study:
     """Runs scenarios under controllers, the same episodes for all of them.
 
     Args:
@@ -140,15 +179,22 @@ def run_scenarios(
         model: of the robot.
         seed: of everything random.
         num_threads: threads that step the robots; None takes all cores.
-        progress: called with the number of scenarios done and their total.
+        sweep: as in `compare`: points of parameters of the robot, "robot", "model", parts of the motors as
+            "actuators.delay", and numbers of the scenarios as "push".
+        checkpoint: as in `compare`.
+        progress: called with the number of scenarios done and their total, or, of a sweep, of points.
 
     Returns:
-        An outcome for each controller and scenario. A motion is skipped for a policy, or for a controller that does
-        not follow a position: `skipped` of its outcome has the reason, and it has no episode.
+        An outcome for each controller and scenario, or, with a sweep, a `Study` of them. A motion is skipped for a
+        policy, or for a controller that does not follow a position: `skipped` of its outcome has the reason, and it has
+        no episode.
 
     Raises:
-        ValueError: an unknown name, a malformed file, or a number out of range.
+        ValueError: an unknown name, a malformed file, a number out of range, or as `compare`.
+        TypeError: as `compare`.
     """
+    if checkpoint is not None and sweep is None:
+        raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
     params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
     known = load(file)
     requested = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
@@ -165,13 +211,66 @@ def run_scenarios(
         twice = [name for name in names if names.count(name) > 1]
         if twice:
             raise ValueError(f"two {what} are named '{twice[0]}': their outcomes could not be distinguished")
+    if sweep is None:
+        return _outcomes(found, chosen, params, model, seed, num_threads, progress)
+    points = points_of(sweep)
+    full = full_names(points[0], NAMES)
+    cases = []
+    for point in points:
+        with at(point):
+            cases.append(at_point(point, full, chosen, params, model))
+            # Before the first point is run, and not after hours.
+            for controller in found:
+                Stage(controller, cases[-1][0][0], cases[-1][1], model=cases[-1][2], seed=seed, num_threads=1)
+    study = {
+        "scenarios": [dataclasses.asdict(one) for one in chosen],
+        "robot": params,
+        "model": model,
+        "seed": seed,
+        "controllers": [identity_of_controller(source) for source in sources],
+        "points": points,
+    }
+
+    def work(point: int, num_threads: int | None, report: Progress) -> list[Row]:
+        with at(points[point]):
+            return [_row(one) for one in _outcomes(found, *cases[point], seed, num_threads, report)]
+
+    rows = run_points(
+        points,
+        work,
+        num_threads=num_threads,
+        is_parallel=all(controller.existing is None for controller in found),
+        checkpoint=None if checkpoint is None else Checkpoint(checkpoint, study, len(points)),
+        progress=progress,
+    )
+    return Study(tuple(points[0]), rows, "score")
+
+
+def _outcomes(
+    controllers: Sequence[ResolvedController],
+    scenarios: Sequence[Scenario],
+    params: Params,
+    model: str,
+    seed: int,
+    num_threads: int | None,
+    progress: Progress,
+) -> list[Outcome]:
     outcomes = []
-    for count, (controller, scenario) in enumerate((c, s) for c in found for s in chosen):
-        progress(count, len(found) * len(chosen))
+    total = len(controllers) * len(scenarios)
+    for count, (controller, scenario) in enumerate((c, s) for c in controllers for s in scenarios):
+        progress(count, total)
         stage = Stage(controller, scenario, params, model=model, seed=seed, num_threads=num_threads)
         outcomes.append(outcome_on(stage, controller))
-    progress(len(found) * len(chosen), len(found) * len(chosen))
+    progress(total, total)
     return outcomes
+
+
+def _row(outcome: Outcome) -> Row:
+    """The row of an outcome in a study, whose rows have the same columns."""
+    row = outcome.row()
+    low, high = row.pop("success_interval")
+    row.pop("largest", None)
+    return {**row, "success_low": low, "success_high": high, "skipped": row.get("skipped")}
 
 
 def outcome_on(stage: Stage, controller: ResolvedController) -> Outcome:

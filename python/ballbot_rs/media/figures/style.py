@@ -100,6 +100,16 @@ def below(fig: Figure, handles: Sequence[Any], columns: int) -> None:
     fig.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), handlelength=1.4)
 
 
+def check_suffix(path: Path) -> None:
+    """Checks that a file's name has the suffix of a figure.
+
+    Raises:
+        ValueError: another suffix.
+    """
+    if path.suffix not in (".svg", ".pdf", ".png"):
+        raise ValueError(f"{path}: the name of a figure ends in .svg, .pdf or .png")
+
+
 def save(fig: Figure, path: Path, dpi: int = 150) -> None:
     """Writes the figure; the suffix of `path` chooses SVG, PDF or PNG.
 

@@ -11,8 +11,9 @@ from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._text_table import legend, rows
 from ballbot_rs.analysis import recovery_map as recovery
 from ballbot_rs.analysis.conditions import baselines
-from ballbot_rs.analysis.episodes import Result, compare
+from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.analysis.pushes import Push
+from ballbot_rs.analysis.result import Result
 from ballbot_rs.analysis.simulate import run
 from ballbot_rs.control.resolve import ResolvedController, find, options_of
 from ballbot_rs.envs.registration import description_of, task_of
