@@ -65,6 +65,14 @@ MOTION = {
     "--seconds": "0.1",
 }
 
+#: The rest needs a sweep.
+SWEEP = {
+    "--sweep": "body_mass=2.0,2.5",
+    "--checkpoint": With("a.json", **{"--sweep": "body_mass=2.0"}),
+    "--value": With("success_rate", **{"--sweep": "body_mass=2.0", "--json": None}),
+    "--output": With("a.csv", **{"--sweep": "body_mass=2.0"}),
+}
+
 #: Commands: arguments, and other values of those and of the rest. Positional arguments have no dashes, a flag is "",
 #: a list repeats its option; a name in braces is of a file that the fixture `files` makes.
 CASES: dict[str, list[tuple[dict, dict]]] = {
@@ -82,6 +90,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--engine": "mujoco",
                 "--seed": "1",
                 "--episodes": "3",
+                **SWEEP,
             },
         )
     ],
@@ -99,6 +108,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--list": "",
                 "--json": None,
                 "--quiet": With("", **{"--json": None}),
+                **SWEEP,
             },
         )
     ],

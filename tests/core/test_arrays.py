@@ -122,7 +122,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 }
 #: Types without arrays.
 WITHOUT = {
-    *("ControllerInfo", "Metrics", "Result", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
+    *("ControllerInfo", "Metrics", "Result", "Study", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     # It copies what it is given, as tests/link compares.
     *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

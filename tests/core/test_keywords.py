@@ -483,6 +483,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "num_threads": Same(2),
             "env_options": {"max_episode_steps": 10},
             "engine": None,
+            "sweep": {"body_mass": [2.0, 2.5]},
+            "checkpoint": None,
             "progress": "messages",
         },
     ),
@@ -497,6 +499,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "model": "rigid",
             "seed": With(1, scenarios=bb.Scenario("x", "", seconds=0.3, score="rms_tilt", events="mild", seeds=2)),
             "num_threads": Same(2),
+            "sweep": {"body_mass": [2.0, 2.5]},
+            "checkpoint": None,
             "progress": "messages",
         },
     ),
@@ -741,7 +745,7 @@ NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
-    "Replay",
+    *("Replay", "Study"),
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     # tests/link and tests/deployment call them.

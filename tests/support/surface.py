@@ -26,6 +26,7 @@ LEFT_OUT = {
     "BallbotVecEnv": "needs PyTorch; it has the batch of the other front ends",
     "IdentifiedParams": "a plain record",
     "Result": "a plain record",
+    "Study": "a plain record",
     "SensorLog": "reads and writes files; tests/identification has its bad input",
     "identify": "seconds a call; tests/identification has its bad input",
     "record_log": "as identify",

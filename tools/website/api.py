@@ -97,6 +97,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "evaluate",
             "compare",
             "Result",
+            "Study",
             "run_scenarios",
             "load_scenarios",
             "Scenario",

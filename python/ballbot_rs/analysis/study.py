@@ -138,7 +138,7 @@ class Study:
 
         Raises:
             ModuleNotFoundError: matplotlib is not installed.
-            ValueError: an unknown column or a column without numbers, points that are no grid of one or two names,
+            ValueError: an unknown column or a column without numbers, points that are not a grid of one or two names,
                 another suffix than .svg, .pdf or .png, or a width out of range.
             OSError: as `to_csv`.
         """

@@ -46,7 +46,7 @@ def draw(study: Study, value: str, width: float | None = None) -> Figure:
     """Curves with a color per controller, or a heat map for each.
 
     Raises:
-        ValueError: a column without numbers, points that are no grid of one or two names, or a width out of range.
+        ValueError: a column without numbers, points that are not a grid of one or two names, or a width out of range.
     """
     numbers = np.array([_number(row.get(value), value) for row in study.rows]).reshape(len(study.points), -1)
     if not np.isfinite(numbers).any():
@@ -148,7 +148,7 @@ def _maps(study: Study, value: str, numbers: Any, width: float | None) -> Figure
     across, up = (_distinct([point[name] for point in points]) for name in (x, y))
     if len(across) * len(up) != len(points):
         raise InvalidInputError(
-            f"{len(points)} points are no grid of {len(across)} x {len(up)} values: to_dataframe() has all numbers"
+            f"{len(points)} points are not a grid of {len(across)} x {len(up)} values: to_dataframe() has all numbers"
         )
     cells = np.full((len(cases), len(up), len(across)), np.nan)
     for point, of_point in zip(points, numbers, strict=True):
