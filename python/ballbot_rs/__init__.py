@@ -44,6 +44,7 @@ from ballbot_rs.analysis.episodes import compare, evaluate
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.result import Result
+from ballbot_rs.analysis.robots import Rollout, rollout
 from ballbot_rs.analysis.simulate import run, simulate
 from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.trajectory import Trajectory
@@ -153,6 +154,7 @@ __all__ = [
     "Replay",
     "Result",
     "Robots",
+    "Rollout",
     "Scale",
     "Scenario",
     "SensorLog",
@@ -187,6 +189,7 @@ __all__ = [
     "record_log",
     "register",
     "replay",
+    "rollout",
     "run",
     "run_scenarios",
     "save",

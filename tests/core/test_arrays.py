@@ -110,6 +110,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],
     "Trajectory": [_trajectory],
+    "Rollout": [lambda: bb.rollout("lqr", 2, seconds=0.1)],
     "Outcome": [_outcome],
     "OptimizedTrajectory": [lambda: dataclasses.replace(_motion_once())],
     "TimeVaryingLqr": [lambda: _motion_once().law()],

@@ -458,6 +458,31 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "seed": With(1, events=[{"term": "push", "at": 0.1, "range": [0.2, 0.3]}]),
         },
     ),
+    "rollout": (
+        functools.partial(_progress, bb.rollout),
+        {"controller": "lqr", "num_robots": 2, "seconds": 0.1},
+        {
+            "controller": "lqi",
+            "num_robots": 3,
+            "robot": "kugle",
+            "robots": {"body_mass": [2.0, 2.5]},
+            "model": "rigid",
+            "seconds": 0.2,
+            "tilt": (0.05, 0.0),
+            "record": ("torques",),
+            "every": 2,
+            "dtype": "float64",
+            "actuators": {"delay": 0.01},
+            "sensors": With({"gyro_noise": 0.1}, observation="sensors"),
+            "observation": With("sensors", sensors={"gyro_noise": 0.1}),
+            "events": [{"term": "push", "at": 0.05, "range": [0.2, 0.3]}],
+            "task": "velocity",
+            "env_options": {"control_dt": 0.02},
+            "seed": 1,
+            "num_threads": Same(2),
+            "progress": "messages",
+        },
+    ),
     "run": (
         bb.run,
         {"controller": "lqr", "seconds": 0.3},
@@ -745,7 +770,7 @@ NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
-    *("Replay", "Study"),
+    *("Replay", "Rollout", "Study"),
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     # tests/link and tests/deployment call them.

@@ -27,6 +27,8 @@ LEFT_OUT = {
     "IdentifiedParams": "a plain record",
     "Result": "a plain record",
     "Study": "a plain record",
+    "Rollout": "a plain record",
+    "rollout": "many steps a call; tests/analysis has its bad input",
     "SensorLog": "reads and writes files; tests/identification has its bad input",
     "identify": "seconds a call; tests/identification has its bad input",
     "record_log": "as identify",

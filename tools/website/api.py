@@ -91,6 +91,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "simulate",
             "run",
             "Trajectory",
+            "rollout",
+            "Rollout",
             "Push",
             "Force",
             "Metrics",

@@ -82,7 +82,7 @@ def simulate(
             twice.
         ControllerError: a controller in Python failed.
     """
-    given = _options(
+    given = environment_options(
         env_options,
         {
             "params": robot,
@@ -93,7 +93,7 @@ def simulate(
             "events": events,
         },
     )
-    seconds = _seconds(seconds, reference)
+    seconds = simulated_seconds(seconds, reference)
     impulses_of.check(pushes, forces, seconds)
     seed = check_seed(seed)
     if reference is not None and not isinstance(reference, Reference):
@@ -187,7 +187,7 @@ def run(
     )
 
 
-def _options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
+def environment_options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
     """Options of the environment, including those that are separate arguments."""
     options = dict(env_options or {})
     for name, value in named.items():
@@ -199,7 +199,13 @@ def _options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) ->
     return options
 
 
-def _seconds(seconds: float | None, reference: Target | None) -> float:
+def simulated_seconds(seconds: float | None, reference: Target | None = None) -> float:
+    """Simulated time, s; None is until the reference ends, or `SECONDS`.
+
+    Raises:
+        TypeError: it is not a number.
+        ValueError: it is out of range.
+    """
     if seconds is None:
         duration = reference.duration if isinstance(reference, Reference) else None
         seconds = duration or SECONDS

@@ -1,0 +1,344 @@
+"""Many robots under one controller, and only what a study needs of their motions."""
+
+import dataclasses
+from collections.abc import Callable, Mapping, Sequence
+from os import PathLike
+from typing import Any, Final, TypeAlias
+
+import numpy as np
+import numpy.typing as npt
+
+from ballbot_rs import _state_rows as rows_of
+from ballbot_rs._arrays import read_only
+from ballbot_rs._checks import check_count, check_seed, did_you_mean, real_array
+from ballbot_rs._core import Batch, Params, State
+from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs.analysis import exports
+from ballbot_rs.analysis.actors import core_law, make_actor
+from ballbot_rs.analysis.closed_loop import CONTACTS, ClosedLoop
+from ballbot_rs.analysis.result import SETTLED_TILT
+from ballbot_rs.analysis.rollout import batch_for
+from ballbot_rs.analysis.settling import settling_times
+from ballbot_rs.analysis.simulate import environment_options, simulated_seconds
+from ballbot_rs.control.resolve import Source, common_options, common_task, find
+
+Array = npt.NDArray[Any]
+
+#: True robots, while the controller is designed for another: `Params` of each, or values of parameters by name.
+OwnRobots: TypeAlias = Sequence[Params] | Mapping[str, npt.ArrayLike]
+
+#: Rows of states, by the name of an attribute of a state.
+_STATES: Final[Mapping[str, slice]] = {
+    "ball_position": rows_of.BALL_POSITION,
+    "ball_quaternion": rows_of.BALL_QUATERNION,
+    "ball_velocity": rows_of.BALL_VELOCITY,
+    "ball_angular_velocity": rows_of.BALL_RATE,
+    "body_position": rows_of.BODY_POSITION,
+    "body_quaternion": rows_of.BODY_QUATERNION,
+    "body_velocity": rows_of.BODY_VELOCITY,
+    "body_angular_velocity": rows_of.BODY_RATE,
+    "wheel_angles": rows_of.WHEEL_ANGLES,
+    "wheel_speeds": rows_of.WHEEL_SPEEDS,
+    "states": slice(0, 32),
+}
+#: Tilts from the equilibrium, for states and centers of mass.
+_TILTS: Final[Mapping[str, Callable[[Array, Array], Array]]] = {
+    "tilt": rows_of.tilt_of,
+    "tilt_components": rows_of.tilt_components_of,
+}
+#: What may be recorded.
+RECORDS: Final = (*_TILTS, *_STATES, "torques", *CONTACTS)
+
+#: Memory of the rows that are not thinned out yet, bytes.
+_CHUNK: Final = 1 << 26
+
+#: Most numbers of all records: 16 GB as float32.
+MAX_NUMBERS: Final = 4 * 10**9
+
+
+@dataclasses.dataclass(frozen=True, repr=False)
+class Rollout:
+    """Many robots under one controller. Its arrays are read-only; `rollout["tilt"]` is a record.
+
+    A robot that falls, diverges or reaches the end of the ground is frozen: its later rows repeat the last row before.
+    """
+
+    controller: str
+    model: str
+    #: Of the rows, s, shape (k,).
+    times: Array
+    #: Records by name, shape (k, n), or (k, n, numbers) of vectors; torques and contacts as in `Batch.rollout`.
+    records: Mapping[str, Array]
+    #: Time at which each robot fell or diverged, s, shape (n,); NaN if it did not.
+    fell_at: Array
+    #: Time at which the episode of each robot ended in another way, s, shape (n,); NaN if it ran to the end.
+    ended_at: Array
+
+    @property
+    def upright(self) -> npt.NDArray[np.bool_]:
+        """Which robots neither fell nor diverged, shape (n,)."""
+        return np.isnan(self.fell_at)
+
+    def __getitem__(self, name: str) -> Array:
+        if name not in self.records:
+            known = ", ".join(self.records)
+            raise KeyError(f"'{name}' was not recorded, only {known}: name it in record=")
+        return self.records[name]
+
+    def __repr__(self) -> str:
+        fell = int((~self.upright).sum())
+        return (
+            f"<Rollout of {self.controller} on {self.model}: {len(self.fell_at)} robots, {self.times[-1]:g} s, "
+            f"{', '.join(self.records)} in {len(self.times)} rows, {fell} fell>"
+        )
+
+    def settling_times(self, tilt: float = SETTLED_TILT) -> Array:
+        """Time from which the tilt of each robot stays within a limit, s, shape (n,); infinite where it does not.
+
+        Args:
+            tilt: the limit, rad.
+
+        Raises:
+            KeyError: the record has no "tilt".
+        """
+        dt = float(self.times[1]) if len(self.times) > 1 else 1.0
+        found = settling_times(self["tilt"], tilt, dt)
+        return np.where(self.upright & np.isnan(self.ended_at), found, np.inf)
+
+    def to_npz(self, path: str | PathLike[str]) -> None:
+        """Writes `times`, `fell_at`, `ended_at` and the records, compressed, for `numpy.load`.
+
+        Raises:
+            ValueError: another suffix than .npz.
+            OSError: the file cannot be written; an earlier one stays as it is.
+        """
+        own = {"times": self.times, "fell_at": self.fell_at, "ended_at": self.ended_at}
+        exports.write_npz({**own, **self.records}, path)
+
+
+def rollout(
+    controller: Source,
+    num_robots: int | None = None,
+    *,
+    robot: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
+    robots: OwnRobots | None = None,
+    model: str | None = None,
+    seconds: float | None = None,
+    tilt: npt.ArrayLike | None = None,
+    record: Sequence[str] = ("ball_position", "tilt"),
+    every: int = 1,
+    dtype: npt.DTypeLike = np.float32,
+    actuators: Any = None,
+    sensors: Any = None,
+    observation: str | None = None,
+    events: Any = None,
+    task: str | None = None,
+    env_options: Mapping[str, Any] | None = None,
+    seed: int = 0,
+    num_threads: int | None = None,
+    progress: Progress = no_progress,
+) -> Rollout:
+    """Runs a controller on many robots at once and keeps only what is named, for studies of thousands.
+
+    Args:
+        controller: a name, a path, or a law or class of laws in Python, as in `compare`.
+        num_robots: their number; None is the number of `robots`.
+        robot: as in `simulate`, the robot for which the controller is designed.
+        robots: the true robots, unknown to the controller: `Params` of each, or arrays by parameter, as
+            {"body_mass": masses}, shape (n,), or (n, numbers) of a vector; the rest is as in `robot`.
+        model: of the robots; None is a policy's own, else "contact".
+        seconds: simulated time; None is 5 s.
+        tilt: from the equilibrium, at rest, components (x, y), rad, shape (2,) or (n, 2); None samples starts.
+        record: names: "tilt" (rad) and "tilt_components" from the equilibrium, "states" or attributes of `State` as
+            "ball_position", "torques", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds".
+        every: control steps from a row to the next.
+        dtype: of the records, a type of real numbers.
+        actuators: as in `simulate`.
+        sensors: as in `simulate`.
+        observation: as in `simulate`.
+        events: what is sampled at random for each robot, as the option of the environment.
+        task: name of the task, as in `compare`.
+        env_options: more options of the environment; they override the options that a policy was trained with.
+        seed: of the first robot; robot i has the random numbers of seed + i.
+        num_threads: threads that step the robots; None takes all cores.
+        progress: called with the number of control steps done and their total.
+
+    Raises:
+        ValueError: a number out of range, an unknown record, robots of another number, invalid parameters of a robot,
+            or as `compare`.
+        TypeError: an argument of the wrong type, or an option given twice.
+        ControllerError: a controller in Python failed.
+        MemoryError: the records need more memory than is available.
+    """
+    given = environment_options(
+        env_options,
+        {
+            "params": robot,
+            "model": model,
+            "actuators": actuators,
+            "sensors": sensors,
+            "observation": observation,
+            "events": events,
+        },
+    )
+    names, kind = _checked_records(record), _real_type(dtype)
+    every, seed = check_count("every", every), check_seed(seed)
+    count = _count(num_robots, robots)
+    time = simulated_seconds(seconds)
+    found = find(controller, task=task, env_options=given)
+    # Only a fall ends the motion; the rows after it are not kept.
+    options = {**common_options([found], given), "max_episode_steps": None}
+    batch = batch_for(
+        found,
+        count,
+        task=common_task([found], task),
+        num_threads=num_threads,
+        seed=seed,
+        options=options,
+        given=given,
+    )
+    steps = max(round(time / batch.control_dt), 1)
+    kept = steps // every + 1
+    if kept * count * len(names) > MAX_NUMBERS:
+        raise InvalidInputError(
+            f"{len(names)} records of {count} robots at {kept} rows are more than {MAX_NUMBERS} numbers: name fewer in "
+            "record, or a larger every"
+        )
+    # Before the robots become others: it is designed for the nominal robot.
+    loop = ClosedLoop(batch, core_law(found, batch) or make_actor(found, batch))
+    if robots is not None:
+        _set_robots(batch, robots)
+    seeds = [(seed + i) % 2**64 for i in range(count)]
+    loop.reset(seeds=seeds)
+    if tilt is not None:
+        loop.reset(seeds=seeds, starts=_starts(batch, tilt))
+    kept_rows = _Kept(names, kind, kept, every, np.array([batch.params(i).body_com for i in range(count)]))
+    recorded = ("states", "terminated", "truncated", *(name for name in names if name in (*CONTACTS, "torques")))
+    at_once = max(_CHUNK // (count * 8 * 32), 1)
+    for first in range(0, steps, at_once):
+        length = min(at_once, steps - first)
+        kept_rows.add(loop.rows(length, recorded), first, is_last=first + length == steps)
+        progress(first + length, steps)
+    return Rollout(
+        controller=found.name,
+        model=batch.model,
+        times=read_only(np.arange(kept) * every * batch.control_dt),
+        records={name: read_only(values) for name, values in kept_rows.values.items()},
+        fell_at=read_only(kept_rows.fell * batch.control_dt),
+        ended_at=read_only(kept_rows.ended * batch.control_dt),
+    )
+
+
+class _Kept:
+    """Thins out rows, and freezes robots whose episode has ended."""
+
+    def __init__(self, names: Sequence[str], kind: np.dtype[Any], count: int, every: int, com: Array) -> None:
+        self._every, self._com, self._kind, self._count = every, com, kind, count
+        self.values: dict[str, Array] = dict.fromkeys(names, np.empty(0))
+        #: Steps at which episodes ended by a fall, and otherwise; NaN where they did not.
+        self.fell, self.ended = (np.full(len(com), np.nan) for _ in range(2))
+        self._frozen: dict[str, Array] = {}
+
+    def add(self, rows: Mapping[str, Array], first: int, *, is_last: bool) -> None:
+        """Adds control steps from the number `first` on; the row after them belongs to the last chunk alone."""
+        ends = rows["terminated"] | rows["truncated"]
+        length, n = ends.shape
+        over = ~np.isnan(self.fell) | ~np.isnan(self.ended)
+        # An episode's own rows: up to the one before the step that ends it.
+        before = np.concatenate([np.zeros((1, n), dtype=bool), np.logical_or.accumulate(ends, axis=0)]) | over
+        ending = np.where(ends.any(axis=0), ends.argmax(axis=0), length)
+        now = ~over & (ending < length)
+        fallen = now & rows["terminated"][np.minimum(ending, length - 1), np.arange(n)]
+        self.fell[fallen] = first + ending[fallen] + 1
+        self.ended[now & ~fallen] = first + ending[now & ~fallen] + 1
+        numbers = np.arange(first, first + length + is_last)
+        at = np.flatnonzero(numbers % self._every == 0)
+        robots = np.flatnonzero(now)
+        for name in self.values:
+            values = self._record(name, rows, at)
+            if name not in self._frozen:
+                self._frozen[name] = np.empty(values.shape[1:])
+                self.values[name] = np.empty((self._count, *values.shape[1:]), dtype=self._kind)
+            self._frozen[name][robots] = self._record(name, rows, ending[robots], robots)
+            mask = before[at].reshape(len(at), n, *(1,) * (values.ndim - 2))
+            self.values[name][numbers[at] // self._every] = np.where(mask, self._frozen[name], values)
+
+    def _record(self, name: str, rows: Mapping[str, Array], steps: Array, robots: Array | None = None) -> Array:
+        """A record at steps of all robots, or at one step of each of some robots."""
+        source = rows["states"] if name in _STATES or name in _TILTS else rows[name]
+        # The last torques hold after the last step.
+        steps = np.minimum(steps, len(source) - 1)
+        found: Array = source[steps] if robots is None else source[steps, robots]
+        if name in _TILTS:
+            return _TILTS[name](found, self._com if robots is None else self._com[robots])
+        return found[..., _STATES[name]] if name in _STATES else found
+
+
+def _checked_records(record: Sequence[str]) -> list[str]:
+    if isinstance(record, (str, bytes)):
+        raise TypeError(f"record = {record!r}: expected a list of names, as [{record!r}]")
+    names = list(record)
+    for name in names:
+        if name not in RECORDS:
+            close = did_you_mean(str(name), RECORDS) or f": expected one of {', '.join(RECORDS)}"
+            raise InvalidInputError(f"record: unknown name '{name}'{close}")
+        if names.count(name) > 1:
+            raise InvalidInputError(f"record has '{name}' twice")
+    return names
+
+
+def _real_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
+    try:
+        kind = np.dtype(dtype)
+    except TypeError:
+        raise TypeError(f"dtype = {dtype!r} is not a type of numbers: expected float32, float64 or float16") from None
+    if kind.kind != "f":
+        raise InvalidInputError(f"dtype = {kind} is not a type of real numbers: expected float32, float64 or float16")
+    return kind
+
+
+def _count(num_robots: int | None, robots: OwnRobots | None) -> int:
+    """The number of robots."""
+    found: dict[str, int] = {}
+    if num_robots is not None:
+        found["num_robots"] = check_count("num_robots", num_robots)
+    if isinstance(robots, Mapping):
+        for name, values in robots.items():
+            array = real_array(f"robots['{name}'] is", values, "numbers of each robot")
+            if array.ndim == 0:
+                raise InvalidInputError(f"robots['{name}'] = {values!r}: expected one value of each robot")
+            found[f"robots['{name}']"] = len(array)
+    elif robots is not None:
+        if not isinstance(robots, Sequence) or not all(isinstance(one, Params) for one in robots):
+            raise TypeError("robots must be a list of Params, or arrays by the name of a parameter")
+        found["robots"] = len(robots)
+    if not found:
+        raise TypeError("name the number of robots, or the robots: num_robots=, robots=")
+    (first, count), *others = found.items()
+    for name, other in others:
+        if other != count:
+            raise InvalidInputError(f"{first} is of {count} robots, {name} of {other}")
+    return check_count(first, count)
+
+
+def _set_robots(batch: Batch, robots: OwnRobots) -> None:
+    if not isinstance(robots, Mapping):
+        for i, one in enumerate(robots):
+            batch.set_params(i, one)
+        return
+    nominal = batch.nominal_params(0)
+    for i in range(batch.num_envs):
+        values = {name: np.asarray(of)[i].tolist() for name, of in robots.items()}
+        try:
+            batch.set_params(i, nominal.replace(**values))
+        except ValueError as error:
+            raise InvalidInputError(f"robot {i} of robots: {error}") from error
+
+
+def _starts(batch: Batch, tilt: npt.ArrayLike) -> list[State]:
+    array = real_array("tilt is", tilt, "components (x, y)")
+    if array.shape not in ((2,), (batch.num_envs, 2)):
+        raise InvalidInputError(f"tilt has the shape {array.shape}: expected (2,) or ({batch.num_envs}, 2)")
+    tilts = np.broadcast_to(array, (batch.num_envs, 2)).tolist()
+    return [batch.on_ground(State.at_equilibrium(batch.params(i), tilt=one), i) for i, one in enumerate(tilts)]
