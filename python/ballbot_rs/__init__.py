@@ -40,6 +40,7 @@ from ballbot_rs._core import (
     wheel_to_virtual_torques,
 )
 from ballbot_rs._errors import BallbotError, ControllerError, DivergedError, InvalidInputError, UrdfError
+from ballbot_rs.analysis.dataset import Dataset, record_dataset
 from ballbot_rs.analysis.episodes import compare, evaluate
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.pushes import Force, Push
@@ -52,6 +53,7 @@ from ballbot_rs.control.catalog import ControllerInfo, controllers, make_control
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.deployment.supervised import Supervised
+from ballbot_rs.envs.costs import CostInfo, SafetyEnv
 from ballbot_rs.envs.grouped import GroupedObservations, GroupedVectorObservations
 from ballbot_rs.envs.gymnasium_env import BallbotEnv
 from ballbot_rs.envs.own import Robots, Task
@@ -115,6 +117,8 @@ __all__ = [
     "Controller",
     "ControllerError",
     "ControllerInfo",
+    "CostInfo",
+    "Dataset",
     "DifferentiableBatch",
     "DifferentiableJaxBatch",
     "DivergedError",
@@ -155,6 +159,7 @@ __all__ = [
     "Result",
     "Robots",
     "Rollout",
+    "SafetyEnv",
     "Scale",
     "Scenario",
     "SensorLog",
@@ -186,6 +191,7 @@ __all__ = [
     "make_controller",
     "optimize_trajectory",
     "read_terrain",
+    "record_dataset",
     "record_log",
     "register",
     "replay",
