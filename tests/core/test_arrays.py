@@ -110,6 +110,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],
     "Trajectory": [_trajectory],
+    "Dataset": [lambda: bb.record_dataset("lqr", episodes=1, env_options={"max_episode_steps": 3})],
     "Rollout": [lambda: bb.rollout("lqr", 2, seconds=0.1)],
     "Outcome": [_outcome],
     "OptimizedTrajectory": [lambda: dataclasses.replace(_motion_once())],
@@ -119,6 +120,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Replay": [lambda: bb.replay(bb.record_log(seconds=3.0), num_threads=1)],
     "BallbotVecEnv": [_vec_env],
     "Setpoint": [lambda: bb.Setpoint(position=np.array([0.1, 0.2]))],
+    "CostInfo": [lambda: bb.CostInfo(surface._environment())],
     "GroupedObservations": [lambda: bb.GroupedObservations(surface._environment())],
 }
 #: Types without arrays.
@@ -130,7 +132,7 @@ WITHOUT = {
     # Their numbers are of PyTorch and of JAX.
     *("DifferentiableBatch", "DifferentiableJaxBatch"),
     # As others of the same class.
-    *("GroupedVectorObservations", "GroupedVecEnv"),
+    *("GroupedVectorObservations", "GroupedVecEnv", "SafetyEnv"),
     *(f"{name}VectorEnv" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")),
 }
 #: Arguments of methods that need some and that `surface` does not call.

@@ -458,6 +458,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "seed": With(1, events=[{"term": "push", "at": 0.1, "range": [0.2, 0.3]}]),
         },
     ),
+    "record_dataset": (
+        functools.partial(_progress, bb.record_dataset),
+        {"controller": "lqr", "episodes": 2, "env_options": {"max_episode_steps": 10}},
+        {
+            "controller": "lqi",
+            "episodes": 3,
+            "noise": 0.1,
+            "task": "velocity",
+            "env_options": {"max_episode_steps": 5},
+            "seed": 1,
+            "num_threads": Same(2),
+            "progress": "messages",
+        },
+    ),
     "rollout": (
         functools.partial(_progress, bb.rollout),
         {"controller": "lqr", "num_robots": 2, "seconds": 0.1},
@@ -770,7 +784,7 @@ NAMED = {"friction": "allowed is 0.01", "task": "ballbot/Velocity-v0"}
 #: Records, wrappers, exceptions and what is called like another: what they take is what they give, or in another test.
 NOT_CALLED = {
     *("ControllerInfo", "IdentifiedParams", "Metrics", "Outcome", "Result", "Robots", "Scale", "Scenario", "SensorLog"),
-    *("Replay", "Rollout", "Study"),
+    *("Dataset", "Replay", "Rollout", "Study", "CostInfo", "SafetyEnv"),
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     # tests/link and tests/deployment call them.

@@ -44,6 +44,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "GroupedObservations",
             "GroupedVectorObservations",
             "GroupedVecEnv",
+            "CostInfo",
+            "SafetyEnv",
         ),
     ),
     "tasks": (
@@ -93,6 +95,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "Trajectory",
             "rollout",
             "Rollout",
+            "record_dataset",
+            "Dataset",
             "Push",
             "Force",
             "Metrics",

@@ -17,8 +17,9 @@ _MOST_SPEED: Final = 100.0
 class CostInfo(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Puts the costs of each step into the info: `cost_fall`, `cost_traction`, `cost_speed`, and `cost`, their sum.
 
-    Each is 1 or 0 as float: whether the step terminated the episode, as by a fall, whether a wheel or the floor used more of its friction
-    limit than `max_traction` at the end of the step, whether the ball was faster than `max_speed`. A reset has zeros.
+    Each is 1 or 0 as float: whether the step terminated the episode, as by a fall; whether a wheel or the floor used
+    more of its friction limit than `max_traction` at the end of the step; whether the ball was faster than `max_speed`.
+    A reset has zeros.
 
     Args:
         env: an environment of one robot of this package, wrapped or not.
@@ -48,7 +49,7 @@ class CostInfo(gymnasium.Wrapper[Any, Any, Any, Any]):
         return observation, reward, terminated, truncated, {**info, **self._costs(terminated=bool(terminated))}
 
     def _costs(self, *, terminated: bool) -> dict[str, float]:
-        used = float(self._robot._batch.contacts(0).friction_utilization.max())  # noqa: SLF001
+        used = float(self._robot._batch.contacts(0).friction_utilization.max())
         speed = float(np.hypot(*self._robot.state.ball_velocity[:2]))
         costs = {
             "cost_fall": float(terminated),
