@@ -50,6 +50,11 @@ if __name__ == "__main__":
         os.environ["MINARI_DATASETS_PATH"] = folder
         for name, task in TASKS.items():
             check(task, record(f"ballbot_rs:{task['id']}", f"{name}/short-v0", 2, max_episode_steps=100))
+        data = bb.record_dataset("lqr", episodes=20, noise=NOISE, seed=1)
+        assert data.to_minari("balance/lqr-v1", description="LQR with noise on its actions.").total_episodes == 20
+        assert np.array_equal(
+            next(minari.load_dataset("balance/lqr-v1").iterate_episodes()).actions, data.actions[:1000]
+        )
         timer = Timer()
         episodes = record(ENV_ID, "balance/lqr-v0", 20)
     observed = np.concatenate([episode.observations[:-1] for episode in episodes])

@@ -138,7 +138,7 @@ def test_the_command_writes_a_video_and_a_picture(tmp_path, capsys):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (["--output", "a.avi"], "the name of a video ends in .mp4, the name of an animation in .webp"),
+        (["--output", "a.avi"], "a video ends in .mp4, an animation in .webp or .gif, frames in .png"),
         (["--size", "65", "48"], "width and height must be even"),
         (["--no-video"], "request a picture with --still"),
         (["--no-video", "--still", "9"], "there is no picture at 9.0 s"),

@@ -4,7 +4,7 @@ import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,6 +16,9 @@ from ballbot_rs.analysis import columns, exports
 from ballbot_rs.analysis import metrics as numbers
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.pushes import Force, Push
+
+if TYPE_CHECKING:
+    from ballbot_rs.media.notebook import Animation
 
 Array = npt.NDArray[np.float64]
 
@@ -174,15 +177,28 @@ class Trajectory:
         return drawn
 
     def record(self, path: str | PathLike[str], **options: Any) -> int:
-        """Writes a video or an animation; returns the number of its frames.
+        """Writes a video (.mp4), an animation (.webp, .gif) or its frames (%04d.png); returns the number of frames.
 
         `options` as in `ballbot_rs.media.video.write_video`.
 
         Raises:
             ModuleNotFoundError: moviepy is not installed.
-            ValueError: another suffix than .mp4 or .webp, or an option out of range.
+            ValueError: another suffix, or an option out of range.
             OSError: as `to_csv`.
         """
         from ballbot_rs.media.video import write_video
 
         return write_video(self, Path(path), **options)
+
+    def animate(self, **options: Any) -> "Animation":
+        """A video that a notebook shows in its output, with controls.
+
+        `options` as in `ballbot_rs.media.video.write_video`, as `frame_rate`, `forces` and `renderer`.
+
+        Raises:
+            ModuleNotFoundError: moviepy is not installed.
+            ValueError: an option out of range.
+        """
+        from ballbot_rs.media.notebook import Animation
+
+        return Animation.of(self, **options)

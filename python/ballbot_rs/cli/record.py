@@ -16,7 +16,8 @@ from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
-from ballbot_rs.media.video import FRAME_RATES, check_suffix, renderer_for, side_by_side, write_picture, write_video
+from ballbot_rs.media.animation import write_picture
+from ballbot_rs.media.video import FRAME_RATES, check_suffix, renderer_for, side_by_side, write_video
 
 #: Color samples per pixel of a picture: a single picture may take time.
 STILL_SAMPLES = 4
@@ -31,7 +32,9 @@ def add_to(commands: Any) -> None:
     shared.add_events(command, TRAINED)
     shared.add_urdf(command)
     shared.add_seed(command, "seed of the events (default 0)", 0, MAX_SEED)
-    shared.add_output(command, "FILE.mp4|FILE.webp", "the video, or an animation (default CONTROLLER.mp4)")
+    shared.add_output(
+        command, "FILE", "a video (.mp4), an animation (.webp, .gif) or frames (F-%%04d.png) (default CONTROLLER.mp4)"
+    )
     command.add_argument(
         "--still",
         type=real(0.0, MAX_SECONDS),
@@ -74,6 +77,8 @@ def run(arguments: argparse.Namespace) -> None:
     arguments.controller = arguments.controller or ["lqr"]
     out = arguments.output or Path(f"{'-'.join(Path(name).stem for name in arguments.controller)}.mp4")
     check_suffix(out)
+    if out.suffix == ".png" and arguments.still is not None:
+        raise ValueError(f"{out} are pictures of all frames: leave out --still")
     shown = shared.trajectories(arguments)
     caption = not arguments.no_caption
     described = [_described(one) for one in shown]

@@ -4,8 +4,9 @@ import base64
 import dataclasses
 import html
 import io
+from typing import Any
 
-from ballbot_rs import _short
+from ballbot_rs import _files, _short
 from ballbot_rs._extras import install_hint
 from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.trajectory import Trajectory
@@ -23,11 +24,41 @@ _LABELS = {
 }
 
 
+@dataclasses.dataclass(frozen=True, repr=False)
+class Animation:
+    """A video in the output of a notebook."""
+
+    title: str
+    #: The file, H.264 in MP4.
+    mp4: bytes
+
+    @classmethod
+    def of(cls, trajectory: Trajectory, **options: Any) -> "Animation":
+        """The video of a trajectory; `options` as in `write_video`."""
+        from ballbot_rs.media.video import write_video
+
+        with _files.scratch_folder() as folder:
+            write_video(trajectory, folder / "animation.mp4", **options)
+            return cls(_title(trajectory), (folder / "animation.mp4").read_bytes())
+
+    def __repr__(self) -> str:
+        return f"<Animation of {self.title}: {len(self.mp4) / 1e3:.0f} kB>"
+
+    def _repr_html_(self) -> str:
+        data = base64.b64encode(self.mp4).decode("ascii")
+        label = html.escape(self.title, quote=True)
+        # Browsers start only muted videos by themselves.
+        return f'<video controls loop autoplay muted aria-label="{label}" src="data:video/mp4;base64,{data}"></video>'
+
+
 def to_html(trajectory: Trajectory) -> str:
     """An HTML fragment without scripts."""
+    return f"<div><b>{html.escape(_title(trajectory))}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
+
+
+def _title(trajectory: Trajectory) -> str:
     ending = "upright to the end" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
-    title = f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
-    return f"<div><b>{html.escape(title)}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
+    return f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
 
 
 def table_of(metrics: Metrics) -> str:

@@ -1,6 +1,5 @@
 """Pictures, videos and animations of a trajectory. Videos need moviepy, which includes ffmpeg."""
 
-import io
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from pathlib import Path
@@ -14,6 +13,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.envs._render import GEOMETRY, Frames
+from ballbot_rs.media.animation import FASTEST_GIF, check_numbered, write_animation, write_pictures
 from ballbot_rs.media.arrows import arrows
 from ballbot_rs.media.caption import lines
 from ballbot_rs.media.caption import write as write_caption
@@ -23,7 +23,7 @@ from ballbot_rs.media.smoothing import smooth as smooth_edges
 FRAME_RATES = (1.0, 240.0)
 
 #: Suffixes of the files that `write_video` writes.
-SUFFIXES = (".mp4", ".webp")
+SUFFIXES = (".mp4", ".webp", ".gif", ".png")
 
 
 def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: Any) -> Renderer:
@@ -159,13 +159,13 @@ def write_video(
     smooth: bool = True,
     progress: Progress = no_progress,
 ) -> int:
-    """Writes a video (mp4, H.264) or an animation (WebP) that plays in real time; returns the number of its frames.
+    """Writes a video (mp4, H.264), an animation (WebP, GIF) that plays in real time, or its frames (PNG).
 
-    Pushes and the task's command are shown as arrows.
+    Pushes and the task's command are shown as arrows. Returns the number of frames.
 
     Args:
         trajectory: the trajectory to show, or several side by side.
-        path: the file; its name ends in .mp4 or .webp.
+        path: the file; its name ends in .mp4, .webp or .gif, or, for frames with their numbers, in %04d.png.
         renderer: renders the pictures, one for each trajectory; width and height must be even for a video.
         frame_rate: frames per second.
         forces: whether arrows show the forces at the contacts.
@@ -183,13 +183,19 @@ def write_video(
     lowest, highest = FRAME_RATES
     if not lowest <= frame_rate <= highest:
         raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
+    if path.suffix == ".gif" and frame_rate > FASTEST_GIF:
+        raise ValueError(f"frame_rate = {frame_rate:g} is out of range for a GIF: it must be at most {FASTEST_GIF:g}")
     shown = _several(trajectory)
     renderers = _renderers(shown, renderer)
     total = frame_count(shown, frame_rate)
     times = (min(i / frame_rate, _end(shown)) for i in range(total))
     frames = _finished(_all_taken(shown, renderers, time, forces, caption, smooth) for time in times)
-    if path.suffix == ".webp":
-        _write_animation([_counted(frame, i, total, progress) for i, frame in enumerate(frames, 1)], path, frame_rate)
+    if path.suffix != ".mp4":
+        counted = _counted(frames, total, progress)
+        if path.suffix == ".png":
+            write_pictures(counted, path)
+        else:
+            write_animation(counted, path, frame_rate)
         return total
     width, height = sum(one.width for one in renderers), renderers[0].height
     if width % 2 or height % 2:
@@ -238,46 +244,20 @@ def _end(shown: Sequence[Trajectory]) -> float:
 
 
 def check_suffix(path: Path) -> None:
-    """Checks that a file's name has the suffix of a video or an animation."""
+    """Checks that a file's name is the name of a video, an animation or numbered pictures."""
     if path.suffix not in SUFFIXES:
-        raise ValueError(f"{path}: the name of a video ends in .mp4, the name of an animation in .webp")
+        raise ValueError(f"{path}: a video ends in .mp4, an animation in .webp or .gif, frames in .png")
+    if path.suffix == ".png":
+        check_numbered(path)
 
 
-def _counted(frame: Frames, done: int, total: int, progress: Progress) -> Frames:
-    progress(done, total)
-    return frame
-
-
-def _write_animation(shown: list[Frames], path: Path, frame_rate: float) -> None:
-    with require("an animation", "video"):
-        from PIL import Image
-    # Whole milliseconds that add up to the time of the frames.
-    ends = np.round(np.arange(len(shown) + 1) * 1000.0 / frame_rate)
-    first, *others = (Image.fromarray(frame) for frame in shown)
-    drawn = io.BytesIO()
-    durations = np.diff(ends).astype(int).tolist()
-    first.save(drawn, "WEBP", save_all=True, append_images=others, duration=durations, quality=70, method=4)
-    _files.write(path, drawn.getvalue())
+def _counted(frames: Iterator[Frames], total: int, progress: Progress) -> Iterator[Frames]:
+    for done, frame in enumerate(frames, 1):
+        progress(done, total)
+        yield frame
 
 
 def _failure(output: str) -> OSError:
     """The encoder's last message; the lines before it are only progress."""
     lines = output.strip().splitlines() or ["it ended without a message"]
     return OSError(f"the video encoder failed: {lines[-1].strip()}")
-
-
-def write_picture(frame: Frames, path: Path) -> None:
-    """Writes a frame as a PNG.
-
-    Raises:
-        ModuleNotFoundError: Pillow, which comes with moviepy and matplotlib, is not installed.
-        ValueError: another suffix.
-        OSError: the file cannot be written; an earlier one stays as it is.
-    """
-    if path.suffix != ".png":
-        raise ValueError(f"{path}: the name of a picture ends in .png")
-    with require("a picture", "video"):
-        from PIL import Image
-    drawn = io.BytesIO()
-    Image.fromarray(frame).save(drawn, "PNG", optimize=True)
-    _files.write(path, drawn.getvalue())
