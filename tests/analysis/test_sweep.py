@@ -77,6 +77,21 @@ def test_an_event_changes_the_robot_and_not_the_controller():
     assert unknown.column("tilt_rms") != known.column("tilt_rms")
 
 
+def test_a_sweep_of_a_given_event_changes_its_range():
+    push = {"term": "push", "at": 0.1, "range": [0.0, 0.0]}
+    options = {**SHORT["env_options"], "events": [push, {"term": "body_mass", "op": "scale", "range": [1.0, 1.1]}]}
+    found = study(controllers=["lqr"], env_options=options, sweep={"events.push": [[0.3, 0.3], [0.5, 0.5]]})
+    for ends, tilt in zip(([0.3, 0.3], [0.5, 0.5]), found.column("tilt_rms"), strict=True):
+        alone = {**options, "events": [{**push, "range": ends}, options["events"][1]]}
+        assert bb.evaluate("lqr", episodes=4, env_options=alone).tilt_rms == tilt
+
+
+def test_controllers_of_one_name_are_numbered():
+    found = study(controllers=["lqr", bb.Lqr(position=0.3), bb.Lqr(position=0.6)], sweep={"body_mass": [2.0, 2.5]})
+    assert found.table()[0] == ["body_mass", "lqr", "lqr-2", "lqr-3"]
+    assert len(found.column("tilt_rms", controller="lqr-2")) == 2
+
+
 @pytest.mark.parametrize(
     ("sweep", "error", "message"),
     [

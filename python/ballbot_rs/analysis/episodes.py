@@ -14,7 +14,7 @@ from ballbot_rs.analysis.checkpoint import Checkpoint, identity_of_controller
 from ballbot_rs.analysis.result import Result, result_of
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.analysis.study import Study
-from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, options_at, points_of, run_points
+from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, numbered, options_at, points_of, run_points
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.engines.engine_batch import in_engine
 from ballbot_rs.envs._batch_env import option_names
@@ -152,9 +152,12 @@ def compare(
         "points": points,
     }
 
+    labels = numbered([controller.name for controller in found])
+
     def work(point: int, num_threads: int | None, report: Progress) -> list[Row]:
         with at(points[point]):
-            return [result.row() for result in comparison.results(options[point], num_threads, report)]
+            rows = [result.row() for result in comparison.results(options[point], num_threads, report)]
+            return [{**row, "controller": name} for row, name in zip(rows, labels, strict=True)]
 
     rows = run_points(
         points,

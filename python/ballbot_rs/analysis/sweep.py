@@ -112,6 +112,11 @@ def described(point: Point) -> str:
     return ", ".join(f"{name} = {number(value)}" for name, value in point.items())
 
 
+def numbered(names: Sequence[str]) -> list[str]:
+    """Names of controllers, of which the second "lqr" is "lqr-2"."""
+    return [f"{name}-{names[:i].count(name) + 1}" if name in names[:i] else name for i, name in enumerate(names)]
+
+
 def full_names(names: Iterable[str], options: Sequence[str]) -> dict[str, str]:
     """The option, or its part, of each name of a sweep: a parameter of the robot needs no `params.` before it.
 
@@ -143,7 +148,8 @@ def options_at(
     """The options of the environment at a point.
 
     Args:
-        point: its values; the value of "events.TERM" is a number, or the range that it is sampled from.
+        point: its values; the value of "events.TERM" is a number, or the range that it is sampled from, of the events
+            of that term, or of a new event.
         names: as `full_names` returns them.
         given: options that are the same at all points.
         base: options that `given` overrides.
@@ -155,9 +161,11 @@ def options_at(
         events = options.get("events", base.get("events")) or []
         events = load_events(events) if isinstance(events, str) else list(events)
         for name, value in drawn.items():
-            term = {"term": name.partition(".")[2], "range": value if isinstance(value, list) else [value, value]}
-            # Where a draw replaces another, it replaces the event.
-            events = [*(one for one in events if one.get("term") != term["term"]), term]
+            term, ends = name.partition(".")[2], value if isinstance(value, list) else [value, value]
+            # An event of the term keeps its mode and operation.
+            known = any(one.get("term") == term for one in events)
+            events = [{**one, "range": ends} if one.get("term") == term else one for one in events]
+            events += [] if known else [{"term": term, "range": ends}]
         options["events"] = events
     return options
 
