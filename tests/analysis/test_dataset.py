@@ -65,7 +65,7 @@ def test_the_file_has_all_arrays(tmp_path):
         ({"noise": -0.1}, "noise = -0.1 is out of range"),
         ({"noise": float("nan")}, "noise = nan is out of range"),
         ({"seed": -1}, "seed = -1 is out of range"),
-        ({"episodes": 100_000, "env_options": {"max_episode_steps": 1000}}, "record fewer at a time"),
+        ({"episodes": 1000, "env_options": {"max_episode_steps": 100_000}}, "record fewer at a time"),
     ],
 )
 def test_bad_input_is_named(arguments, message):

@@ -239,6 +239,8 @@ def test_rates_have_intervals_and_robots_have_places():
     assert len(rates.axes[0].collections) == 2
     robots = study(sweep={"robot": [bb.Params.preset("kugle"), bb.Params.paper()]}).plot("tilt_rms").axes[0]
     assert [tick.get_text() for tick in robots.get_xticklabels()] == ["1", "2"]
+    unknown = study(sweep={"events.body_mass": [2.0, 2.5]}).plot("tilt_rms").axes[0]
+    assert unknown.get_xlabel() == "true body mass (kg)"
 
 
 @pytest.mark.parametrize(

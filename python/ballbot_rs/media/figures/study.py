@@ -79,8 +79,11 @@ def _unit(name: str, task: str) -> str:
 
 
 def _label(name: str, task: str) -> str:
+    # What an event draws is true, and unknown to controllers.
+    true = "true " if name.startswith("events.") else ""
+    name = name.removeprefix("events.").removeprefix("params.")
     unit = _unit(name, task)
-    text = name.removeprefix("params.").replace("_", " ").replace(".", " ")
+    text = true + name.replace("_", " ").replace(".", " ")
     return f"{text} ({unit})" if unit else text
 
 
@@ -127,7 +130,7 @@ def _curves(study: Study, value: str, numbers: Any, width: float | None) -> Figu
     ax.set_ylabel(_label(value, study.task))
     if value in _SHARES:
         ax.set_ylim(-0.03, 1.03)
-    below(fig, keys, 4)
+    below(fig, keys, 6)
     return fig
 
 
