@@ -273,6 +273,12 @@ def test_scenarios_are_swept_by_robot_motors_and_their_numbers(tmp_path):
         bb.run_scenarios("lqr", pushed, checkpoint=tmp_path / "study.json")
 
 
+def test_a_sweep_of_nothing_is_an_error():
+    for compare in (bb.compare, bb.run_scenarios):
+        with pytest.raises(ValueError, match="none is given"):
+            compare([], sweep={"body_mass": [2.0]})
+
+
 def test_evaluate_has_one_result():
     with pytest.raises(TypeError, match=r"compare\(\['lqr'\], sweep="):
         bb.evaluate("lqr", sweep=GRID)

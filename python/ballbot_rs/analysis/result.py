@@ -91,7 +91,7 @@ class Result:
         for name, value in self.metrics.items():
             bounds = self.metric_intervals[name] or (None, None)
             found |= {name: value, f"{name}_low": bounds[0], f"{name}_high": bounds[1]}
-        return found
+        return {name: None if value != value else value for name, value in found.items()}
 
     def _repr_html_(self) -> str:
         numbers = {name: value for name, value in vars(self).items() if not isinstance(value, (Mapping, tuple))}

@@ -35,6 +35,10 @@ class Study:
     #: Name of the task.
     task: str = "balance"
 
+    def __post_init__(self) -> None:
+        if not self.rows:
+            raise InvalidInputError("a sweep compares controllers, and none is given")
+
     @property
     def points(self) -> list[dict[str, Any]]:
         """Points of the sweep, in their order."""
