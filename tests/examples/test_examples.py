@@ -30,19 +30,25 @@ RUNS = {
     "own_task": (["8192"], r"spin\.zip: upright \d+%.*\nzero: upright 0%", ["spin.zip"]),
     "tune": (["6"], r"cost (1\.000|0\.\d+) of.*\n(.*\n)*S18-circle +lqr \(tuned\)", []),
     "train_sac": (["2500"], r"sac\.zip: success \d+%.*\nlqr: success 100%", ["sac.zip"]),
-    "dataset": (["8"], r"observations +\(8, 1001, 16\).*\nactions +\(8, 1000, 3\)", ["dataset.npz"]),
+    "dataset": (
+        ["8"],
+        r"8 episodes, \d+ steps>\nobservations +\(\d+, 16\) float32.*\nactions +\(\d+, 3\)",
+        ["dataset.npz"],
+    ),
     "randomization": (["10"], r"\nnone +lqr upright 100%(.*\n)*friction +lqr upright +([1-9]?\d)%", []),
     "transfer": (
         ["4"],
         r"contact +policy 100%  lqr 100%\n(.*\n)*friction x 0\.2 .*lqr +0%\n(.*\n)*delay 30 ms +policy 100%  lqr 100%",
         [],
     ),
+    "sweep": (["5"], r"21 points(.*\n)*.*0\.5 +0 +1 +1", ["sweep.svg", "sweep.csv", "sweep-5.json"]),
     "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
 }
 NEEDS = {
     "backpropagation": "torch",
     "own_task": "stable_baselines3",
     "push_and_plot": "matplotlib",
+    "sweep": "matplotlib",
     "terrain": "matplotlib",
     "train_sac": "stable_baselines3",
     "transfer": "onnxruntime",
