@@ -90,7 +90,8 @@ from ballbot_rs.optimal.law import TimeVaryingLqr
 from ballbot_rs.optimal.linear import linearize
 from ballbot_rs.optimal.result import OptimizedTrajectory
 from ballbot_rs.optimal.trajectory import optimize_trajectory
-from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.outcome import Outcome
+from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario
 from ballbot_rs.scenarios.scenario import load as load_scenarios

@@ -13,7 +13,8 @@ from ballbot_rs.cli import main
 from ballbot_rs.control.resolve import find
 from ballbot_rs.scenarios.matrix import rows
 from ballbot_rs.scenarios.metrics import METRICS, Measures
-from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
+from ballbot_rs.scenarios.outcome import Outcome
+from ballbot_rs.scenarios.run import outcome_on, run_scenarios
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage

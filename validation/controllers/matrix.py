@@ -22,7 +22,8 @@ from ballbot_rs import _assets
 from ballbot_rs._core import CONTROLLERS
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.scenarios.matrix import cell, unit
-from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.outcome import Outcome
+from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load
 from validation.claim import Claim
 from validation.page import table

@@ -34,7 +34,8 @@ from typing import TYPE_CHECKING, Final
 from ballbot_rs._core import CONTROLLERS, Params
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.scenarios.matrix import cell, unit
-from ballbot_rs.scenarios.run import Outcome, run_scenarios
+from ballbot_rs.scenarios.outcome import Outcome
+from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load
 from ballbot_rs.scenarios.tune import with_options
 from validation.claim import Claim

@@ -5,7 +5,7 @@ import textwrap
 from collections.abc import Mapping, Sequence
 from typing import Final
 
-from ballbot_rs.scenarios.run import Outcome
+from ballbot_rs.scenarios.outcome import Outcome
 from ballbot_rs.scenarios.scenario import Scenario
 
 #: Columns of a printed line.

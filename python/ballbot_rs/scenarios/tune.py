@@ -14,7 +14,8 @@ from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.scenarios.run import Outcome, outcome_on, run_scenarios
+from ballbot_rs.scenarios.outcome import Outcome
+from ballbot_rs.scenarios.run import outcome_on, run_scenarios
 from ballbot_rs.scenarios.scenario import Scenario, load, select
 from ballbot_rs.scenarios.stage import Stage
 
