@@ -3,8 +3,9 @@
 import pytest
 
 from ballbot_rs import terrain_kinds
-from ballbot_rs._core import MODELS, ROBOTS, TASKS
+from ballbot_rs._core import MODELS, ROBOTS
 from ballbot_rs.control.resolve import NAMES, find
+from ballbot_rs.envs.registration import known_tasks
 from tests.support.in_process import parse_json, run
 
 
@@ -13,7 +14,7 @@ def test_list_names_the_values_of_other_arguments(capsys):
     code, out, err = run(capsys, "list", "--json")
     assert (code, err) == (0, "")
     found = parse_json(out)
-    assert list(found["tasks"]) == list(TASKS)
+    assert list(found["tasks"]) == list(known_tasks())
     assert list(found["controllers"]) == list(NAMES)
     assert list(found["robots"]) == ROBOTS
     assert list(found["models"]) == MODELS

@@ -9,6 +9,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Batch, Controller, Reference, State
 from ballbot_rs.analysis.actors import Actions, Actor
 from ballbot_rs.analysis.drawn_pushes import is_push
+from ballbot_rs.envs._batch_env import task_metrics
 
 Array = npt.NDArray[np.float64]
 
@@ -137,7 +138,7 @@ class ClosedLoop:
         if name == "success":
             return batch.endings()[0]
         if name == "metrics":
-            return batch.metrics()
+            return task_metrics(batch)
         if name == "push_counts":
             return [batch.push_count(i) if is_pushed else 0.0 for i in range(batch.num_envs)]
         return getattr(step, name)

@@ -14,6 +14,7 @@ from ballbot_rs.analysis.result import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for, rollout
 from ballbot_rs.analysis.settling import HOLD, recovery_times
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
+from ballbot_rs.envs._batch_env import has_fall_tilt
 from ballbot_rs.envs.family import first_of
 
 #: Beyond this tilt (rad) the robot has fallen. The task's limit would decide half of the map.
@@ -82,7 +83,10 @@ def collect(
         raise ValueError(f"seconds = {seconds} is out of range: a robot must stay upright for {HOLD:g} s to recover")
     found = find(controller, task=task, env_options=env_options)
     # Episodes never end by time: robots that have fallen restart and are ignored from then on.
-    options: dict[str, Any] = {**common_options([found], env_options), "fall_tilt": FALLEN, "max_episode_steps": None}
+    named = common_task([found], task)
+    options: dict[str, Any] = {**common_options([found], env_options), "max_episode_steps": None}
+    if has_fall_tilt(named):
+        options["fall_tilt"] = FALLEN
     if options.get("events"):
         raise ValueError("a recovery map is for one robot: it does not accept events")
     if "params" in options:
@@ -90,7 +94,7 @@ def collect(
     batch = batch_for(
         found,
         rings * sectors,
-        task=common_task([found], task),
+        task=named,
         num_threads=num_threads,
         seed=0,
         options=options,

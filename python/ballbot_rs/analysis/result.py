@@ -15,7 +15,7 @@ from ballbot_rs.analysis import intervals
 from ballbot_rs.analysis.rollout import rollout
 from ballbot_rs.analysis.settling import censored_median, push_recovery_times, settling_times
 from ballbot_rs.control.resolve import ResolvedController
-from ballbot_rs.envs.registration import description_of
+from ballbot_rs.envs._batch_env import metric_names
 
 #: Tilt within which a robot has settled, rad.
 SETTLED_TILT = np.deg2rad(1.0)
@@ -122,7 +122,7 @@ def result_of(controller: ResolvedController, batch: Batch, advance: Callable[[i
     squared_torques = np.full((steps, n), np.nan)
     pushed = np.zeros((steps, n), dtype=np.bool_)
     push_counts = np.zeros(n)
-    names = [metric["name"] for metric in description_of(batch.task)["metrics"]]
+    names = metric_names(batch.task)
     last = np.full((n, len(names)), np.nan)
     returns = np.zeros(n)
     for chunk in rollout(batch, controller, steps):

@@ -123,8 +123,8 @@ def rollout(
         steps: number of control steps.
         starts: states to start from; None samples them.
     """
-    # The core has no other engines.
-    law = core_law(controller, batch) if isinstance(batch, Batch) else None
+    # The core has no other engines, and no metrics of tasks in Python.
+    law = core_law(controller, batch) if isinstance(batch, Batch) and not _has_means(batch) else None
     loop = ClosedLoop(batch, law or make_actor(controller, batch))
     loop.reset(starts=starts)
     # Before the next episode samples other robots.
@@ -137,6 +137,10 @@ def rollout(
         # A single number per robot has no axis in the core.
         found["metrics"] = found["metrics"].reshape(length, batch.num_envs, -1)
         yield Chunk(first, **found, com=com)
+
+
+def _has_means(batch: Batch) -> bool:
+    return batch.stage is not None and batch.stage.means is not None
 
 
 @dataclasses.dataclass(frozen=True)

@@ -2,19 +2,18 @@
 
 import argparse
 import contextlib
-import importlib
 import os
 import re
 import signal
 import sys
 import warnings
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any, NoReturn
 
 from ballbot_rs import __version__, _interrupts
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
+from ballbot_rs._modules import import_from_here
 from ballbot_rs.cli import (
     compare,
     evaluate,
@@ -33,6 +32,7 @@ from ballbot_rs.cli import (
     tune,
     view,
 )
+from ballbot_rs.envs.own.source import import_source
 
 #: Exit code of an error that its message explains.
 FAILED = 1
@@ -105,9 +105,8 @@ class _Import(argparse.Action):
     """Imports a module, also from the current folder."""
 
     def __call__(self, _parser: argparse.ArgumentParser, _namespace: object, module: Any, _flag: object = None) -> None:
-        if (folder := str(Path.cwd())) not in sys.path:
-            sys.path.insert(0, folder)
-        importlib.import_module(module)
+        import_from_here()
+        import_source(module)
 
 
 class _MissingCompletion(argparse.Action):
@@ -121,9 +120,9 @@ def parser() -> argparse.ArgumentParser:
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
     parser.add_argument(
         "--import",
-        metavar="MODULE",
+        metavar="MODULE|FILE.py",
         action=_Import,
-        help="import a module first: it has tasks in Python, or functions that policies were trained with",
+        help="import a module or file first: it has tasks in Python, or functions that policies were trained with",
     )
     what = "print a script of completions for a shell"
     try:

@@ -23,6 +23,7 @@ from ballbot_rs._core import (
     load_events,
     load_sensors,
 )
+from ballbot_rs._modules import import_from_here
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import run
@@ -30,6 +31,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
+from ballbot_rs.envs.own.source import is_in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 
 #: Largest file of parameters, bytes.
@@ -39,9 +41,13 @@ CONTROLLER_METAVAR = "NAME|PATH"
 CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, FILE.py:NAME with your own, or a link's address"
 
 
+#: How a task in Python is named.
+OWN_TASK = "FILE.py:ID or MODULE:ID with your own"
+
+
 def add_task(command: Any, *others: str) -> None:
     """Adds the task, the first argument; `others` are accepted in place of one."""
-    known = f"{', '.join((*sorted(TASKS), *others))} (default: {DEFAULT_TASK})"
+    known = f"{', '.join((*sorted(TASKS), *others))}, or {OWN_TASK} (default: {DEFAULT_TASK})"
     kind = lambda name: name if name in others else task_name(name)  # noqa: E731
     command.add_argument("task", nargs="?", type=kind, metavar="TASK", help=known)
 
@@ -55,13 +61,18 @@ def add_task_or_policy(command: Any) -> None:
 
     Call `add_controller`, too.
     """
-    known = f"{', '.join(sorted(TASKS))} or a policy, FILE.onnx or RUN (default: the policy's own, else {DEFAULT_TASK})"
+    known = (
+        f"{', '.join(sorted(TASKS))}, {OWN_TASK}, or a policy, FILE.onnx or RUN (default: the policy's own, else "
+        f"{DEFAULT_TASK})"
+    )
     command.add_argument(
         "task", nargs="?", type=_task_or_policy, action=_TaskOrPolicy, metavar="TASK|POLICY", help=known
     )
 
 
 def _task_or_policy(name: str) -> str | Path:
+    if is_in_source(name) and not Path(name).exists():
+        return task_name(name)
     with contextlib.suppress(ValueError):
         return name_of(name)
     is_id = re.search(r"-v\d+$", name) is not None
@@ -94,6 +105,12 @@ class _OneController(argparse.Action):
 
 def task_name(name: str) -> str:
     """The task of a name or an id, for argparse."""
+    if is_in_source(name):
+        import_from_here()
+        try:
+            return name_of(name)
+        except ValueError as error:
+            raise argparse.ArgumentTypeError(str(error)) from error
     with contextlib.suppress(ValueError):
         return name_of(name)
     hint = did_you_mean(name, TASKS)

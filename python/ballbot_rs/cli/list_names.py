@@ -13,6 +13,7 @@ from ballbot_rs import _assets
 from ballbot_rs._core import ACTUATORS, EVENT_SETS, MODELS, ROBOTS, SENSORS, TASKS, Params, terrain_kinds
 from ballbot_rs._text_table import WIDTH
 from ballbot_rs.control.catalog import controllers
+from ballbot_rs.envs.registration import description_of, known_tasks
 
 #: One line for each model; the README has more.
 SUMMARIES_OF_MODELS: Final = {
@@ -63,7 +64,7 @@ def _shortest(path: Path) -> str:
 
 #: Kinds of things by title: the argument that takes them, and their names with a text each.
 KINDS: Final[Mapping[str, tuple[str, Callable[[], Mapping[str, str]]]]] = {
-    "tasks": ("TASK", lambda: {name: task["summary"] for name, task in TASKS.items()}),
+    "tasks": ("TASK", lambda: {name: description_of(name)["summary"] for name in known_tasks()}),
     "robots": ("--robot", _robots),
     "models": ("--model", lambda: {name: SUMMARIES_OF_MODELS[name] for name in MODELS}),
     "controllers": ("--controller", _controllers),

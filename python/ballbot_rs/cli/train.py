@@ -18,6 +18,8 @@ from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import report, settings
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
+from ballbot_rs.envs.own import registry
+from ballbot_rs.envs.own.source import in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
 from ballbot_rs.training import config as config_module
 from ballbot_rs.training import evolution, run_folder
@@ -139,7 +141,7 @@ def run(arguments: argparse.Namespace) -> None:
             config = config_module.parse(text, "the configuration")
         seed = 0 if arguments.seed is None else arguments.seed
         stamp = time.strftime("%Y%m%d-%H%M%S")
-        folder = arguments.run or Path("runs") / f"{task}-seed-{seed}-{stamp}"
+        folder = arguments.run or Path("runs") / f"{task.replace('/', '-')}-seed-{seed}-{stamp}"
         # Checkpoints of an earlier run do not belong to this run.
         run_folder.check(folder, bool(arguments.overwrite))
         policy = _interruptible(task, folder, lambda: _train(config, text, folder, seed, arguments, progress_bar))
@@ -166,7 +168,8 @@ def run(arguments: argparse.Namespace) -> None:
         print(json.dumps(printed, indent=2))
     else:
         print(f"trained in {seconds:.0f} s, best policy: {policy}")
-        print(f"watch it: ballbot view {folder}")
+        own = registry.find(task_of(config.env_id)) is not None
+        print(f"watch it: ballbot view {f'{in_source(config.env_id)} --controller {folder}' if own else folder}")
         if results:
             nominal = {name: value for name, value in config.env.items() if name != "events"}
             print_table(results, task_of(config.env_id), nominal)
@@ -256,7 +259,7 @@ def _interruptible(task: str, folder: Path, work: Callable[[], Path]) -> Path:
     except (KeyboardInterrupt, OSError):
         saved = run_folder.checkpoints(folder)
         if saved:
-            _tell(f"saved {saved[0]}, to continue: ballbot train {task} --resume {folder}")
+            _tell(f"saved {saved[0]}, to continue: ballbot train {in_source(task)} --resume {folder}")
         raise
 
 

@@ -37,7 +37,8 @@ def task_in(file: Path, env_id: str, task: str | None) -> str:
             known = ", ".join(description["id"] for description in TASKS.values())
             raise ValueError(
                 f"{file} was trained for another environment: env_id is {env_id!r}, expected one of "
-                f"{known}; a task in Python is known once the module that registers it is imported (--import)"
+                f"{known}; name a task in Python with the module or file that registers it, as FILE.py:{env_id}, or "
+                "import that module first (--import)"
             ) from None
     if env_id != env_id_of(task):
         raise ValueError(

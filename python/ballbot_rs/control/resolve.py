@@ -2,10 +2,8 @@
 
 import copy
 import dataclasses
-import importlib.util
 import inspect
 import math
-import sys
 from collections.abc import Callable, Mapping, Sequence
 from os import PathLike, fspath
 from pathlib import Path
@@ -18,6 +16,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, Controller, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._modules import module_of
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
@@ -254,17 +253,7 @@ def options_of(
 
 def _load_object(file: Path, attribute: str) -> Any:
     """An object in a Python file, or an instance of a class in it."""
-    if not file.is_file():
-        raise FileNotFoundError(f"no Python file at {file}")
-    # Not only the stem: that may be the name of another module.
-    name = f"_ballbot_controller_{file.stem}"
-    spec = importlib.util.spec_from_file_location(name, file)
-    assert spec is not None
-    assert spec.loader is not None
-    module = importlib.util.module_from_spec(spec)
-    # Where dataclasses and pickle look for it.
-    sys.modules[name] = module
-    spec.loader.exec_module(module)
+    module = module_of(file)
     if not hasattr(module, attribute):
         raise ValueError(f"{file} has no {attribute}{did_you_mean(attribute, vars(module))}")
     return getattr(module, attribute)

@@ -1,17 +1,19 @@
 """A policy as a C99 header."""
 
+import re
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs import __version__
-from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, TASKS, Params
+from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, Params
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
+from ballbot_rs.envs.registration import description_of
 from ballbot_rs.envs.spaces import history_ages
 
 #: Rows of observations, by their names, from a `ballbot_view`, a state, a setpoint and the last action.
@@ -67,7 +69,7 @@ def policy_header(
             raise ValueError(f"{file}: a policy with {part} is not written as C: it has no {part}")
     batch = new_batch(1, task=policy.task, num_threads=1, options=options)
     options["max_wheel_torque"] = batch.max_wheel_torque
-    rows = [dict(row) for row in TASKS[policy.task]["observation"]]
+    rows = [dict(row) for row in description_of(policy.task)["observation"]]
     if options["scale_observations"]:
         for row, gain in zip(rows, batch.observation_gains, strict=True):
             row["typical"] = 1.0 / float(gain)
@@ -117,6 +119,9 @@ def _observe(rows: list[dict[str, Any]]) -> str:
     names = [row["name"] for row in rows]
     if not set(names) <= set(_ROWS):
         return ""
+    values = [_ROWS[name] for name in names]
+    # A compiler warns of what no row reads.
+    unread = [name for name in ("policy", "view") if not any(re.search(rf"\b{name}\b", value) for value in values)]
     lines = [
         "/* The rows of an observation in their units, before the policy's next step. */",
         "static inline void ballbot_policy_observe(",
@@ -124,7 +129,8 @@ def _observe(rows: list[dict[str, Any]]) -> str:
         "    ballbot_real rows[BALLBOT_POLICY_ROWS])",
         "{",
         "    const ballbot_view view = ballbot_view_of(state, setpoint);",
-        *(f"    rows[{i}] = {_ROWS[name]};" for i, name in enumerate(names)),
+        *(f"    (void){name};" for name in unread),
+        *(f"    rows[{i}] = {value};" for i, value in enumerate(values)),
         "}",
     ]
     return "\n".join(lines) + "\n"
@@ -139,7 +145,7 @@ def _head(policy: OnnxPolicy, options: dict[str, Any], rows: list[dict[str, Any]
     every = options["control_dt"]
     return [
         f"A policy ({known['algorithm']}) of the task '{policy.task}'; `ballbot export` of ballbot {__version__}.",
-        str(TASKS[policy.task]["summary"]),
+        str(description_of(policy.task)["summary"]),
         "",
         f"Use: call `ballbot_policy_reset` once, the rest every BALLBOT_POLICY_CONTROL_DT = {every:g} s:",
         "",

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed, real_array
-from ballbot_rs._core import SAME_ROBOT, Batch, Params, State
+from ballbot_rs._core import SAME_ROBOT, TASKS, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.envs.family import are_several, is_family, is_list, number_of, robots_of, room
 from ballbot_rs.envs.own import registry
@@ -52,7 +52,7 @@ def new_batch(
     made = None if own is None else own.made_by(**arguments)
     core = _plain(given, num_envs)
     core = core if made is None else _of_own_task(made, core)
-    name = task if made is None else BARE
+    name = task if made is None else made.base or BARE
     if stage is None and (made is not None or functions):
         stage = Stage(
             Batch(1, name, num_threads=1, **core),
@@ -68,7 +68,11 @@ def new_batch(
 def _of_own_task(made: Task, options: dict[str, Any]) -> dict[str, Any]:
     """Options for the core of a task in Python."""
     steps = NO_TIME_LIMIT if made.max_episode_steps is None else made.max_episode_steps
-    options = {"max_episode_steps": steps, "scale_observations": False, **options}
+    options = {"max_episode_steps": steps, **options}
+    if made.base is not None:
+        scales = dict.fromkeys((term["name"] for term in TASKS[made.base]["rewards"]), 0.0)
+        return {**options, "reward": {**scales, **options.get("reward", {})}}
+    options = {"scale_observations": False, **options}
     tilt = options.pop("fall_tilt", None)
     if tilt is not None and tilt != Batch(1, BARE, num_threads=1).options["fall_tilt"]:
         raise InvalidInputError("fall_tilt: the method `terminated` of a task in Python defines a fall")
@@ -96,17 +100,40 @@ def _robot_or_robots(params: Any, num_envs: int) -> Any:
 def option_names(task: str) -> tuple[str, ...]:
     """Names of the options of a task and of its environments."""
     own = registry.find(task)
-    return _option_names(task) if own is None else (*options_of_own_tasks(), *own.parameters())
+    return _option_names(task) if own is None else (*options_of_own_tasks(own.made_by.base), *own.parameters())
 
 
-def options_of_own_tasks() -> tuple[str, ...]:
-    """Names of the options common to environments of all tasks in Python."""
-    return _option_names(BARE)
+def options_of_own_tasks(base: str | None) -> tuple[str, ...]:
+    """Names of the options common to environments of all tasks in Python on a base."""
+    return _option_names(base or BARE)
 
 
 @functools.cache
 def _option_names(task: str) -> tuple[str, ...]:
     return tuple(dict.fromkeys(("params", "model", *Batch(1, task, num_threads=1).options, *FUNCTION_OPTIONS)))
+
+
+def has_fall_tilt(task: str) -> bool:
+    """Whether the tilt of a fall is an option of the task; else its method `terminated` defines a fall."""
+    own = registry.find(task)
+    return "fall_tilt" in option_names(task) and (own is None or own.made_by.base is not None)
+
+
+def task_metrics(batch: Batch, *, present: bool = False) -> npt.NDArray[np.float64]:
+    """Metrics of all robots, shape (num_envs, k): of the core, then of a task in Python.
+
+    Args:
+        batch: the robots.
+        present: as `Batch.running_metrics`; else as `Batch.metrics`.
+    """
+    found = (batch.running_metrics() if present else batch.metrics()).reshape(batch.num_envs, -1)
+    means = None if batch.stage is None else batch.stage.means
+    return found if means is None else np.hstack([found, means.present() if present else means.last()])
+
+
+def metric_names(task: str) -> list[str]:
+    """Names of the columns of `task_metrics`."""
+    return [metric["name"] for metric in description_of(task)["metrics"]]
 
 
 def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
@@ -228,7 +255,7 @@ class OneRobot(BatchAttributes):
 
     def metrics(self) -> dict[str, float]:
         """Metrics of the episode so far, by name; before its first step, of the last episode. See `Batch.metrics`."""
-        return self._batch.metrics(self._index)
+        return dict(zip(metric_names(self._batch.task), task_metrics(self._batch)[self._index].tolist(), strict=True))
 
     @property
     def is_success(self) -> bool:
@@ -285,8 +312,7 @@ class ManyRobots(BatchAttributes):
 
     def metrics(self) -> dict[str, npt.NDArray[np.float64]]:
         """Metrics of the episodes so far, by name, shape (num_envs,); see `Batch.metrics`."""
-        names = (metric["name"] for metric in description_of(self._batch.task)["metrics"])
-        return dict(zip(names, self._batch.metrics().T, strict=True))
+        return dict(zip(metric_names(self._batch.task), task_metrics(self._batch).T, strict=True))
 
     def set_params(self, params: Params | str, index: int | None = None) -> None:
         """Replaces the parameters of robot `index`, or of every robot; see `Batch.set_params`."""

@@ -7,9 +7,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_reset_options, check_seed
-from ballbot_rs.envs._batch_env import BatchEnv, OneRobot
+from ballbot_rs.envs._batch_env import BatchEnv, OneRobot, metric_names, task_metrics
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 
@@ -56,7 +56,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         self.observation_space = observation_space_of(self._batch)
         self.action_space = action_space()
         self._set_render(render_mode, self.params, render_options, width=width, height=height, camera=camera)
-        self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
+        self._metric_names = metric_names(self.task)
         rate = round(1.0 / self.control_dt)
         self.metadata = {**type(self).metadata, "render_fps": rate, "terminations": self._termination_names()}
 
@@ -103,7 +103,7 @@ class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatAr
         # Not a NumPy scalar, which Gymnasium and the array API do not accept as a number.
         info: dict[str, Any] = {"is_success": is_success.reshape(()), "termination": terminations[0]}
         if self._metric_names:
-            info.update(zip(self._metric_names, self._batch.running_metrics()[0], strict=True))
+            info.update(zip(self._metric_names, task_metrics(self._batch, present=True)[0], strict=True))
         return info
 
     def render(self) -> Frames | None:

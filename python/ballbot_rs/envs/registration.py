@@ -7,7 +7,7 @@ import gymnasium
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import TASKS
-from ballbot_rs.envs.own import registry
+from ballbot_rs.envs.own import registry, source
 from ballbot_rs.envs.own.task import Task
 
 DEFAULT_TASK: Final = "balance"
@@ -46,14 +46,14 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
 
     Raises:
         TypeError: `task` is not a subclass of `Task`.
-        ValueError: the id belongs to a task of the core, or Gymnasium does not accept it; an argument of the
-            constructor of `task` has the name of an option of environments.
+        ValueError: the id belongs to a task of the core, or Gymnasium does not accept it; the base of `task` is not a
+            task of the core; an argument of the constructor of `task` has the name of an option of environments.
     """
     from ballbot_rs.envs._batch_env import new_batch, options_of_own_tasks
 
     before, spec = registry.find(env_id), gymnasium.registry.get(env_id)
     try:
-        registry.add(env_id, task, options, options_of_own_tasks(), lambda: new_batch(1, task=env_id, num_threads=1))
+        registry.add(env_id, task, options, options_of_own_tasks, lambda: new_batch(1, task=env_id, num_threads=1))
         gymnasium.registry.pop(env_id, None)
         _register(env_id, env_id, registry.description_of(env_id))
     except BaseException as error:
@@ -68,6 +68,11 @@ def register(env_id: str, task: type[Task], **options: Any) -> None:
 def description_of(task: str) -> Mapping[str, Any]:
     """The entry of `TASKS` for a task of the core, or its equivalent for a task in Python."""
     return TASKS[task] if task in TASKS else registry.description_of(task)
+
+
+def known_tasks() -> tuple[str, ...]:
+    """The tasks of the core, and the registered tasks in Python."""
+    return (*TASKS, *registry.ids())
 
 
 def geometry_of(task: str) -> str | None:
@@ -88,13 +93,18 @@ def class_of(task: str, front_end: str) -> type[Any] | None:
 def name_of(task: str) -> str:
     """The name of a task from its name or its id, which may begin with `ballbot_rs:`.
 
+    The id of a task in Python may begin with the module or file that registers it, "my_module:me/Spin-v0" or
+    "my_task.py:me/Spin-v0", which is imported.
+
     Raises:
         TypeError: it is not a string.
-        ValueError: there is no such task.
+        ValueError: there is no such task, or the module or file cannot be imported or does not register it.
     """
     if not isinstance(task, str):
         raise TypeError(f"task must be the name of a task, not {type(task).__name__}")
     task = task.removeprefix(PREFIX)
+    if source.is_in_source(task):
+        return source.id_in_source(task)
     for name, known in TASKS.items():
         if task == known["id"]:
             return name
@@ -111,7 +121,7 @@ def env_id_of(task: str) -> str:
     if registry.find(task) is not None:
         return task
     if task not in TASKS:
-        known = (*TASKS, *registry.ids())
+        known = known_tasks()
         raise ValueError(f"unknown task '{task}': expected one of {', '.join(known)}{did_you_mean(task, known)}")
     return TASKS[task]["id"]
 

@@ -234,10 +234,19 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
         actions, self._actions = self._actions, None
         observations, rewards, terminated, truncated = self._batch.step(actions)
         dones, infos = np.logical_or(terminated, truncated, out=terminated), self._batch.infos()
+        self._add_metrics(infos, dones)
         if self._episodes.is_used:
             self._episodes.step(rewards, dones, infos)
         # Stable-Baselines3 keeps rewards as float32.
         return observations, rewards.astype(np.float32), dones, infos
+
+    def _add_metrics(self, infos: list[dict[str, Any]], dones: npt.NDArray[np.bool_]) -> None:
+        """Adds the metrics of a task in Python to the infos of the episodes that have ended."""
+        means = None if self._batch.stage is None else self._batch.stage.means
+        if means is not None and dones.any():
+            found = means.last()
+            for i in np.flatnonzero(dones).tolist():
+                infos[i].update(zip(means.names, found[i].tolist(), strict=True))
 
     def close(self) -> None:
         """Closes the files of monitors made by functions; there is nothing else to close."""

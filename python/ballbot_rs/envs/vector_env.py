@@ -10,9 +10,9 @@ from gymnasium.vector.utils import batch_space
 
 from ballbot_rs._checks import check_named, check_reset_options, check_seed
 from ballbot_rs._core import State
-from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option
+from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option, metric_names, task_metrics
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
-from ballbot_rs.envs.registration import DEFAULT_TASK, class_of, description_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, class_of
 from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_of
 
 BoolArray = npt.NDArray[np.bool_]
@@ -80,7 +80,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         self._own_attributes: dict[str, tuple[Any, ...]] = {}
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
-        self._metric_names = [metric["name"] for metric in description_of(self.task)["metrics"]]
+        self._metric_names = metric_names(self.task)
         self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
         self._set_render(
@@ -188,7 +188,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         is_success, terminations = self._batch.endings()
         present: dict[str, npt.NDArray[Any]] = {"is_success": is_success, "termination": terminations}
         if self._metric_names:
-            columns = np.ascontiguousarray(self._batch.running_metrics().T)
+            columns = np.ascontiguousarray(task_metrics(self._batch, present=True).T)
             present.update(zip(self._metric_names, columns, strict=True))
         return present
 

@@ -14,7 +14,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, task_of
 
 #: Of Stable-Baselines3, and CMA-ES (`training.evolution`).
 ALGORITHMS = ("PPO", "SAC", "CMA")
@@ -216,7 +216,7 @@ class TrainConfig:
         given = {name: value for name, value in self.env.items() if name == "params"}
         own, paper = (new_batch(1, task=task, num_threads=1, options=options) for options in (given, {}))
         robot = own.nominal_params(0)
-        factors = {option["name"]: robot.scale(option["unit"]) for option in TASKS[task]["options"]}
+        factors = {option["name"]: robot.scale(option["unit"]) for option in description_of(task)["options"]}
         factors |= {
             "max_wheel_torque": own.max_wheel_torque / paper.max_wheel_torque,
             "max_episode_steps": robot.scale("s"),
@@ -296,10 +296,14 @@ def _check_keys(source: str, table: dict[str, Any], kind: type) -> None:
 def default_text(task: str, variant: str | None = None) -> str:
     """The TOML text of a task's own configuration, or of a variant that comes with the package.
 
+    A task in Python is trained as balance is, but with a fixed number of steps and no required success.
+
     Raises:
         ValueError: there is no such task, or the package has no configuration for it.
     """
     env_id_of(task)
+    if task not in TASKS and variant is None:
+        return _text_of_own_task(task)
     name = task if variant is None else f"{task}-{variant}"
     path = resources.files(__package__) / "configs" / f"{name}.toml"
     if path.is_file():
@@ -308,6 +312,12 @@ def default_text(task: str, variant: str | None = None) -> str:
         raise ValueError(f"no training configuration of the task '{task}' comes with the package: name one by --config")
     known = ", ".join(_variants(task)) or "none"
     raise ValueError(f"--config {variant}: there is no such file, nor a variant of the task {task} (it has: {known})")
+
+
+def _text_of_own_task(task: str) -> str:
+    table = _toml.loads(default_text(DEFAULT_TASK))
+    del table["max_timesteps"], table["evaluation"]["success"]
+    return _toml.dumps({**table, "env_id": env_id_of(task)})
 
 
 def _variants(task: str) -> list[str]:

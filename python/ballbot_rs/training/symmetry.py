@@ -10,8 +10,9 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import TASKS, Batch
+from ballbot_rs._core import Batch
 from ballbot_rs.envs.family import robots_in
+from ballbot_rs.envs.registration import description_of
 from ballbot_rs.envs.spaces import history_ages
 
 Matrix = npt.NDArray[np.float64]
@@ -76,7 +77,7 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
                 f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
                 f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
             )
-    rows = tuple(row["name"] for row in TASKS[batch.task]["observation"])
+    rows = tuple(row["name"] for row in description_of(batch.task)["observation"])
     ages = len(history_ages(batch.history))
     if ages * len(rows) != batch.observation_len:
         raise ValueError("instruments and added rows have no symmetry")

@@ -19,9 +19,10 @@ from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.vec_env import VecEnv
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
-from ballbot_rs._core import TASKS, Batch, Controller
+from ballbot_rs._core import Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.envs.family import has_several_robots
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import symmetry
 from ballbot_rs.training.config import Teacher
 
@@ -62,7 +63,7 @@ def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
     batch = _batch(model)
     if batch.stage is not None and batch.stage.task is not None:
         raise ValueError(f"teacher: the task {batch.task} is in Python, where laws have no setpoint: leave it out")
-    if not teacher.follows_motion and TASKS[batch.task]["geometry"] != "velocity":
+    if not teacher.follows_motion and geometry_of(batch.task) != "velocity":
         raise ValueError(f"teacher.follows_motion = False: the task {batch.task} commands no velocity")
     if has_several_robots(batch) and not teacher.drawn:
         raise ValueError("teacher.drawn = False: with several robots the law is designed for each, drawn = true")

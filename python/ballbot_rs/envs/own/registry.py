@@ -33,6 +33,17 @@ TAKEN: Final = (
     *("id", "disable_env_checker", "vectorization_mode", "vector_kwargs", "wrappers"),
 )
 
+#: What a task without a base has.
+_WITHOUT_BASE: Final[Mapping[str, Any]] = {
+    "options": [],
+    "observation": [],
+    "rewards": [],
+    "command": [],
+    "geometry": None,
+    "metrics": [],
+    "has_terrain": False,
+}
+
 _REGISTERED: Final[dict[str, Registered]] = {}
 
 
@@ -40,10 +51,10 @@ def add(
     env_id: str,
     made_by: type[Task],
     options: Mapping[str, Any],
-    of_environments: Sequence[str],
+    options_of: Callable[[str | None], Sequence[str]],
     make: Callable[[], Batch],
 ) -> None:
-    """Makes a task known by an id; `make` then makes one robot with it.
+    """Makes a task known by an id; `make` then makes one robot with it, and `options_of` has the options of a base.
 
     Raises:
         TypeError: it is not a subclass of `Task`.
@@ -52,13 +63,18 @@ def add(
     """
     if not (isinstance(made_by, type) and issubclass(made_by, Task)):
         raise TypeError(f"register takes a subclass of Task, not {made_by!r}")
+    if made_by.base is not None and made_by.base not in TASKS:
+        raise InvalidInputError(
+            f"base = {made_by.base!r} of {made_by.__name__} is not a task of the core: expected one of "
+            f"{', '.join(TASKS)}, or None"
+        )
     if any(env_id in (name, task["id"]) for name, task in TASKS.items()):
         raise InvalidInputError(
             f"'{env_id}' is a task of ballbot_rs: choose another id, as \"me/{made_by.__name__}-v0\""
         )
     found = Registered(made_by, dict(options))
     for name in found.parameters():
-        if name in of_environments or name in TAKEN:
+        if name in options_of(made_by.base) or name in TAKEN:
             raise InvalidInputError(
                 f"{made_by.__name__} has an argument '{name}', which is an option of every environment: give it "
                 "another name (a task reads the duration of a control step from robots.control_dt)"
@@ -70,25 +86,37 @@ def add(
 def _describe(found: Registered, env_id: str, batch: Batch) -> dict[str, Any]:
     stage = batch.stage
     assert stage is not None
+    base = TASKS[found.made_by.base] if found.made_by.base is not None else _WITHOUT_BASE
     rows = [
         {"name": name, "unit": unit, "bound": bound, "rest": 0.0, "typical": typical}
         for name, unit, bound, typical in stage.rows
     ]
+    units = found.made_by.units
+    means = [
+        {"name": name, "unit": units.get(name, ""), "doc": "mean over the steps of an episode"}
+        for name in stage.metric_names
+    ]
+    if taken := {metric["name"] for metric in base["metrics"]} & set(stage.metric_names):
+        raise InvalidInputError(
+            f"{found.made_by.__name__}.metrics has '{min(taken)}', which its base {found.made_by.base} has already"
+        )
+    own_success = stage.decides_success or found.made_by.base is None
     # Not an inherited docstring: the base class describes tasks in general.
     summary = next(iter((found.made_by.__doc__ or "").strip().splitlines()), found.made_by.__name__)
     return {
+        **base,
         "id": env_id,
         "summary": summary,
-        "success": "the method `success` of the task returns True",
+        "success": "the method `success` of the task returns True" if own_success else base["success"],
         "max_episode_steps": None if batch.max_episode_steps == NO_TIME_LIMIT else batch.max_episode_steps,
         "reward_threshold": None,
-        "options": [],
-        "observation": rows,
-        "rewards": [{"name": "reward", "scale": 1.0, "cost": False, "formula": "computed by the task"}],
+        "observation": [*base["observation"], *rows],
+        "rewards": [
+            *({**term, "scale": 0.0} for term in base["rewards"]),
+            {"name": "reward", "scale": 1.0, "cost": False, "formula": "computed by the task"},
+        ],
         "terminations": batch.terminations,
-        "command": [],
-        "geometry": None,
-        "metrics": [],
+        "metrics": [*base["metrics"], *means],
     }
 
 

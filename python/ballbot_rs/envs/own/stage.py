@@ -12,6 +12,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs.own.means import EpisodeMeans
 from ballbot_rs.envs.own.robots import COLUMNS, WIDTH, Robots
 from ballbot_rs.envs.own.task import Task
 
@@ -87,15 +88,19 @@ class Stage:
         found: dict[str, list[tuple[str, Part]]] = {option: [] for option in FUNCTION_OPTIONS}
         self._resets: list[Reset] = []
         self._success: Part | None = None
+        self._metrics: Callable[[Robots], Mapping[str, npt.ArrayLike]] | None = None
         if task is not None:
             method = f"{type(task).__name__}.".__add__
             found["reward"].append(("reward", Part(method("reward"), task.reward)))
-            found["rows"].append(("observation", Part(method("observe"), task.observe)))
+            if task.base is None or type(task).observe is not Task.observe:
+                found["rows"].append(("observation", Part(method("observe"), task.observe)))
             found["terminations"].append(("task", Part(method("terminated"), task.terminated)))
             if type(task).reset is not Task.reset:
                 self._resets.append(task.reset)
             if type(task).success is not Task.success:
                 self._success = Part(method("success"), task.success)
+            if type(task).metrics is not Task.metrics:
+                self._metrics = task.metrics
         for option, by_name in (functions or {}).items():
             for of, given in by_name.items():
                 label = f"{option}.{of}"
@@ -120,14 +125,20 @@ class Stage:
         self.rows: list[tuple[str, str, float, float]] = []
         self._rows: list[Rows] = []
         for of, part in found["rows"]:
-            of_task = task if not self._rows else None
+            of_task = task if part.call == getattr(task, "observe", None) else None
             rows = _rows(part, robots, needs_columns=of_task is not None)
             bounds = [BOUND] * rows.width if of_task is None else _bounds(of_task, rows.width)
             names = [f"{of} {i}" for i in range(rows.width)] if rows.shape else [of]
+            if of_task is not None and of_task.row_names is not None:
+                names = _named(of_task, rows.width)
             self.rows += [(each, "", bound, 1.0) for each, bound in zip(names, bounds, strict=True)]
             self._rows.append(rows)
         #: Names of the reasons for termination, with their conditions.
         self.terminations = [(of, f"`{part.label}` returns True") for of, part in found["terminations"]]
+        #: Means of the metrics of a task over each robot's episode; None without.
+        self.means: EpisodeMeans | None = None
+        if self._metrics is not None:
+            self.means = EpisodeMeans(list(self._measured(robots)), num_envs)
         #: Name of the task; None: as in the core.
         self.name = name
         #: Whether the stage, not the task of the core, decides whether an episode is a success.
@@ -137,6 +148,11 @@ class Stage:
     def has_memory(self) -> bool:
         """Whether it may keep something of a robot from step to step."""
         return self.task is not None or bool(self._resets)
+
+    @property
+    def metric_names(self) -> tuple[str, ...]:
+        """Names of the metrics of a task in Python."""
+        return () if self.means is None else self.means.names
 
     def options(self, core: Mapping[str, Any]) -> dict[str, Any]:
         """Options of the batch with the options of the stage, functions as "module:name"."""
@@ -148,6 +164,8 @@ class Stage:
     def begin(self, *arrays: npt.NDArray[Any]) -> FloatArray:
         """Begins episodes of some robots; their rows."""
         true, seen = self._robots(*arrays)
+        if self.means is not None:
+            self.means.begin(true.numbers)
         if self._resets:
             # Seeds and episodes decide, so that a robot does the same alone and among others.
             rngs = [np.random.default_rng(key) for key in arrays[-1]]
@@ -168,6 +186,8 @@ class Stage:
         for code, part in enumerate(self._ends, start=1):
             ended = checked(part.label, part.call(true), (n,), np.bool_)
             codes[ended & (codes == 0)] = code
+        if self.means is not None:
+            self.means.add(true.numbers, self._measured(true))
         rows = self._observe(seen)
         success = self._success
         won = np.zeros(n, bool) if success is None else checked(success.label, success.call(true), (n,), np.bool_)
@@ -177,6 +197,16 @@ class Stage:
     def observe(self, *arrays: npt.NDArray[Any]) -> FloatArray:
         """Rows from the true states."""
         return self._observe(self._robots(*arrays)[0])
+
+    def _measured(self, robots: Robots) -> dict[str, FloatArray]:
+        """The metrics of a task in this step."""
+        assert self._metrics is not None
+        of = f"{type(self.task).__name__}.metrics"
+        found = self._metrics(robots)
+        if not isinstance(found, Mapping) or (self.means is not None and set(found) != set(self.means.names)):
+            names = "" if self.means is None else f" with the names {', '.join(self.means.names)}"
+            raise InvalidInputError(f"{of} returned {_short(found)}, expected a dict of numbers by name{names}")
+        return {name: checked(f"{of}.{name}", value, (len(robots),), np.float64) for name, value in found.items()}
 
     def _observe(self, robots: Robots) -> FloatArray:
         n = len(robots)
@@ -289,6 +319,20 @@ def _rows(part: Part, robots: Robots, *, needs_columns: bool) -> Rows:
         expected = f"({n}, k): a row a robot" if needs_columns else f"({n},) or ({n}, k)"
         raise InvalidInputError(f"{part.label} returned shape {found.shape}, expected {expected}")
     return Rows(part.label, part.call, found.shape[1:])
+
+
+def _named(task: Task, width: int) -> list[str]:
+    """The names of the rows that a task observes."""
+    names = list(task.row_names or ())
+    if len(names) != width or len(set(names)) != width or not all(isinstance(name, str) for name in names):
+        raise InvalidInputError(
+            f"row_names of {type(task).__name__} has {names}, expected {width} different names, as observe has columns"
+        )
+    return names
+
+
+def _short(found: object) -> str:
+    return f"names {', '.join(map(str, found)) or 'none'}" if isinstance(found, Mapping) else type(found).__name__
 
 
 def _bounds(task: Task, width: int) -> list[float]:

@@ -1,6 +1,6 @@
 """The base class of tasks in Python."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import ClassVar, Final
 
 import numpy as np
@@ -38,13 +38,20 @@ class Task:
     ```
     """
 
+    #: A task of the core to build on, as "velocity", with its commands, options, starts, falls and metrics. It is shown
+    #: alike; rows of `observe` follow the rows of the base, whose reward terms have the scale 0. None: no command.
+    base: ClassVar[str | None] = None
     #: Default length of an episode in control steps; None is without end.
     max_episode_steps: ClassVar[int | None] = 1000
     #: Bound of the observations' magnitudes: a number, or one for each column. Larger values are clipped.
     observation_bound: ClassVar[float | npt.ArrayLike] = 1e3
+    #: Names of the columns of `observe`, for policies in C; None: "observation 0" and so on.
+    row_names: ClassVar[Sequence[str] | None] = None
+    #: Units of `metrics` by name, for tables and the page.
+    units: ClassVar[Mapping[str, str]] = {}
 
     def observe(self, robots: Robots) -> npt.ArrayLike:
-        """Observations, shape (n, k), of any subset of the batch; k is constant."""
+        """Observations, shape (n, k), of any subset of the batch; k is constant. Optional for a task with a `base`."""
         raise NotImplementedError(f"{type(self).__name__} has no method observe(self, robots)")
 
     def reward(self, robots: Robots) -> npt.ArrayLike:
@@ -58,6 +65,10 @@ class Task:
     def success(self, robots: Robots) -> npt.ArrayLike:
         """Whether episodes that end with the last step would be a success, bool, shape (n,)."""
         return np.zeros(len(robots), dtype=bool)
+
+    def metrics(self, robots: Robots) -> Mapping[str, npt.ArrayLike]:  # noqa: ARG002
+        """Numbers by name, shape (n,) each, whose means over an episode commands, infos and the page show."""
+        return {}
 
     def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
         """Called when episodes begin: `robots` are the robots that begin one, `chosen` their numbers in the batch.

@@ -5,7 +5,7 @@ from typing import Any
 
 import viser
 
-from ballbot_rs._core import TASKS
+from ballbot_rs.envs.registration import description_of, known_tasks
 from ballbot_rs.viewer.panels.controls import add_button, add_note, bound, on_client, put
 from ballbot_rs.viewer.server.teleop import HOLD
 from ballbot_rs.viewer.session.commands import ACCELERATION, CLICKED, DRIVEN, Commanding
@@ -28,7 +28,7 @@ class RunPanel:
 
     def __init__(self, server: viser.ViserServer, submit: Submit, session: Session) -> None:
         self._gui, self._submit = server.gui, submit
-        self.task = server.gui.add_dropdown("Task", tuple(TASKS), initial_value=session.task)
+        self.task = server.gui.add_dropdown("Task", known_tasks(), initial_value=session.task)
         self._add_time(session)
         server.gui.add_divider()
         self._help = server.gui.add_markdown("")
@@ -103,7 +103,7 @@ class RunPanel:
         commanding = session.commanding
         text = "" if commanding is None else help_of(commanding)
         put(self._help, visible=bool(text), content=text)
-        put(self._sample, visible=commanding is not None and bool(TASKS[session.task]["command"]))
+        put(self._sample, visible=commanding is not None and bool(description_of(session.task)["command"]))
         # A route belongs to the task balance, a goal may be clicked.
         routes = (CIRCLE, EIGHT, ORIGIN) if commanding is None else (ORIGIN,)
         put(self._routes, visible=session.takes_clicks, options=routes)

@@ -7,9 +7,8 @@ import time
 import numpy as np
 import viser
 
-from ballbot_rs._core import TASKS
 from ballbot_rs._state_rows import BALL_POSITION, BALL_VELOCITY
-from ballbot_rs.envs.registration import geometry_of
+from ballbot_rs.envs.registration import description_of, geometry_of
 from ballbot_rs.viewer.panels.controls import put
 from ballbot_rs.viewer.scene.commands import heading_of
 from ballbot_rs.viewer.session.commands import CLICKED, DRIVEN
@@ -132,14 +131,14 @@ def command_of(commands: Commands) -> str:
     elif not command:
         return ""
     else:
-        rows = TASKS[commands.task]["command"]
+        rows = description_of(commands.task)["command"]
         text = ", ".join(f"{row['name']} {value:.3g}" for row, value in zip(rows, command, strict=True))
     return f"{text}; {'by hand' if commands.by_hand else 'by the task'}"
 
 
 def metrics_of(commands: Commands) -> dict[str, str]:
     """The metrics of robot 0 so far, by label."""
-    units = {metric["name"]: metric["unit"] for metric in TASKS[commands.task]["metrics"]}
+    units = {metric["name"]: metric["unit"] for metric in description_of(commands.task)["metrics"]}
     return {
         name.replace("_", " ").capitalize(): "not yet" if math.isnan(value) else f"{value:.3f} {units[name]}".rstrip()
         for name, value in commands.metrics.items()

@@ -12,12 +12,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded
-from ballbot_rs._core import INSTRUMENTS, TASKS, Params
+from ballbot_rs._core import INSTRUMENTS, Params
 from ballbot_rs.control.reference import RATE, Reference
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import PARTS, Setpoint
 from ballbot_rs.envs._batch_env import new_batch, option_names
-from ballbot_rs.envs.registration import DEFAULT_TASK, geometry_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, geometry_of
 from ballbot_rs.viewer.session.drivers import (
     BalancingDriver,
     Driver,
@@ -261,7 +261,7 @@ class Commanding:
         on_ground = {**self.task_options, "params": params, "terrain": options.get("terrain")}
         made = new_batch(1, task=task, num_threads=1, options=on_ground).options
         #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
-        bounds = [part["bound"] for part in TASKS[task]["command"]] if self.geometry == DRIVEN else [0.0]
+        bounds = [part["bound"] for part in description_of(task)["command"]] if self.geometry == DRIVEN else [0.0]
         self.max_speed = made.get("speed", made.get("speed_range", bounds[:1])[-1])
         self.max_yaw_rate = made.get("yaw_rate", 0.0)
         #: Largest distance of a goal from the ball, m.

@@ -11,6 +11,7 @@ from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State,
 from ballbot_rs._errors import DivergedError
 from ballbot_rs._quaternions import conjugate, product, to_vertical
 from ballbot_rs.analysis.lying import lying_robot
+from ballbot_rs.envs._batch_env import metric_names, task_metrics
 from ballbot_rs.viewer.session.setup import Setup
 
 FloatArray = npt.NDArray[np.float64]
@@ -152,9 +153,16 @@ class Robot:
             _, _, terminated, truncated = self._batch.step(actions)
             if truncated[0] and not self._cross():
                 return LEFT
-            if terminated[0] and (self._batch.ending(0)[1] == "diverged" or not self._lie()):
+            if terminated[0] and not self._continues(self._batch.ending(0)[1]):
                 return DIVERGED
         return None
+
+    def _continues(self, reason: str | None) -> bool:
+        """Continues after the end of an episode: on the floor, or in the next episode where Python has ended it."""
+        stage = self._batch.stage
+        if stage is not None and reason in dict(stage.terminations) and self._begin_at(self.params, self.state):
+            return True
+        return reason != "diverged" and self._lie()
 
     def _cross(self) -> bool:
         """Begins the next episode on the robot's tile, with its manual command; False if there is no tile."""
@@ -221,7 +229,7 @@ class Robot:
     @property
     def metrics(self) -> dict[str, float]:
         """The metrics of the task for the episode so far."""
-        return self._batch.metrics(0)
+        return dict(zip(metric_names(self._batch.task), task_metrics(self._batch)[0].tolist(), strict=True))
 
     @property
     def contacts(self) -> Contacts:

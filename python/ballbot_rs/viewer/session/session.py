@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded
-from ballbot_rs._core import MODELS, ROBOTS, TASKS, Params, load_sensors
+from ballbot_rs._core import MODELS, ROBOTS, Params, load_sensors
 from ballbot_rs.control.resolve import NAMES, ResolvedController, common_task, find
 from ballbot_rs.envs._batch_env import option_names
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
 from ballbot_rs.viewer.session.commands import Balancing, Commanding, Objective, objective_of
 from ballbot_rs.viewer.session.drivers import Driver
 from ballbot_rs.viewer.session.foreign import Watchdog, check_balances
@@ -206,8 +206,7 @@ class Session(Player):
         if isinstance(num_robots, bool) or not isinstance(num_robots, int) or not 1 <= num_robots <= MAX_ROBOTS:
             raise ValueError(f"num_robots = {num_robots} is out of range: expected 1 to {MAX_ROBOTS}")
         params = self.params_of(robot)
-        if task not in TASKS:
-            raise ValueError(f"the page has no task '{task}': expected one of {', '.join(TASKS)}")
+        env_id_of(task)
         given = controller.env_options.get("terrain", task_options.get("terrain"))
         terrain = self._grounds.of(task, params, given)
         if terrain is not None and num_robots > 1:
@@ -399,7 +398,7 @@ class Session(Player):
         Raises:
             ValueError: the task has no commands.
         """
-        if not TASKS[self.task]["command"]:
+        if not description_of(self.task)["command"]:
             raise ValueError(f"the task {self.task} has no commands")
         for robot in self.robots:
             robot.begin_episode()

@@ -12,9 +12,9 @@ from typing import Any, Final
 import numpy as np
 
 from ballbot_rs._checks import check_bounded
-from ballbot_rs._core import OBSERVATIONS, TASKS, Batch, Params, Terrain, load_actuators
-from ballbot_rs.envs._batch_env import new_batch, option_names
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs._core import OBSERVATIONS, Batch, Params, Terrain, load_actuators
+from ballbot_rs.envs._batch_env import has_fall_tilt, new_batch
+from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
 
 #: The option `actuators` of an environment.
 Motors = Mapping[str, Any] | str | None
@@ -222,7 +222,7 @@ class Setup:
             "observation": "sensors" if estimates else "ground_truth",
             "terrain": self.terrain,
         }
-        if "fall_tilt" in option_names(self.task):
+        if has_fall_tilt(self.task):
             decided["fall_tilt"] = math.pi
         return {**self.task_options, **decided}
 
@@ -267,7 +267,7 @@ class Grounds:
         Raises:
             ValueError: invalid ground, or the robot cannot be on it.
         """
-        if given is None and not TASKS[task]["has_terrain"]:
+        if given is None and not description_of(task)["has_terrain"]:
             return None
         key = (task, params, given)
         if self._key is None or any(a is not b and a != b for a, b in zip(key, self._key, strict=True)):
