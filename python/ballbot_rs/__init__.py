@@ -103,6 +103,7 @@ if TYPE_CHECKING:
     from ballbot_rs.envs.sb3_grouped import GroupedVecEnv
     from ballbot_rs.optimal.differentiable_jax import DifferentiableJaxBatch
     from ballbot_rs.optimal.differentiable_torch import DifferentiableBatch
+    from ballbot_rs.viewer.show import Page, show
 
 __all__ = [
     "PAPER_BALL_VISCOUS_FRICTION",
@@ -146,6 +147,7 @@ __all__ = [
     "OpenBallBotVectorEnv",
     "OptimizedTrajectory",
     "Outcome",
+    "Page",
     "Params",
     "PathEnv",
     "PathVectorEnv",
@@ -200,6 +202,7 @@ __all__ = [
     "run",
     "run_scenarios",
     "save",
+    "show",
     "simulate",
     "terrain_kinds",
     "tune",
@@ -209,13 +212,15 @@ __all__ = [
     "write_urdf",
 ]
 
-#: Names whose modules import PyTorch or JAX, loaded at their first use, and the extra that they need.
+#: Names whose modules import PyTorch, JAX or viser, loaded at their first use, and the extra that they need.
 _LEARNING = {
     "BallbotVecEnv": ("ballbot_rs.envs.sb3", "train"),
     "DifferentiableBatch": ("ballbot_rs.optimal.differentiable_torch", "train"),
     "DifferentiableJaxBatch": ("ballbot_rs.optimal.differentiable_jax", "jax"),
     "GroupedVecEnv": ("ballbot_rs.envs.sb3_grouped", "train"),
+    "Page": ("ballbot_rs.viewer.show", "view"),
     "save": ("ballbot_rs.control.sb3_policy", "train"),
+    "show": ("ballbot_rs.viewer.show", "view"),
 }
 
 register_environments()

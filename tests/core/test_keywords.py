@@ -787,6 +787,8 @@ NOT_CALLED = {
     *("Dataset", "Replay", "Rollout", "Study", "CostInfo", "SafetyEnv"),
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
+    # tests/viewer calls them.
+    *("show", "Page"),
     # tests/link and tests/deployment call them.
     *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

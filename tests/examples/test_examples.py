@@ -25,6 +25,8 @@ RUNS = {
     "circle": (["6", "2"], r"\n +6 +23%  0\.\d\d.*\n +2  the motion .* would do", []),
     "noise_and_delay": (["0", "100"], r"delay   0 ms  exact: upright.*\ndelay 100 ms  exact: fell", []),
     "backpropagation": (["20"], r"trained for .*, cost \d+\.\d+\n.*success \d+%", []),
+    "joystick": (["20"], r"driving at http.*\nat x = 0\.\d\d m after \d", []),
+    "live_curve": (["2"], r"a curve at http.*\nlargest power \d\.\d\d W", []),
     "own_controller": (["5"], r"mylqr +success 100%.*\nlqr +success 100%.*\npid +success [1-4]?0%", []),
     "own_robot": ([], r"tilt up to 4\.\d deg", ["robot.toml"]),
     "own_task": (["8192"], r"spin\.zip: upright \d+%.*\nzero: upright 0%", ["spin.zip"]),
@@ -45,6 +47,8 @@ RUNS = {
     "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
 }
 NEEDS = {
+    "joystick": "viser",
+    "live_curve": "viser",
     "backpropagation": "torch",
     "own_task": "stable_baselines3",
     "push_and_plot": "matplotlib",

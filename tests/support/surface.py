@@ -68,6 +68,8 @@ LEFT_OUT = {
     "_contacts_of": "what pickle calls",
     "_terrain_of": "what pickle calls",
     "_toml_table": "the parser behind load_scenarios; tests/scenarios has its bad input",
+    "show": "serves a page; tests/viewer has its bad input",
+    "Page": "as show",
     "register": "changes what is registered; tests/envs has its bad input",
     **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")},
     "GroupedObservations": "a wrapper; tests/envs has it",

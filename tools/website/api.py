@@ -97,6 +97,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "Rollout",
             "record_dataset",
             "Dataset",
+            "show",
+            "Page",
             "Push",
             "Force",
             "Metrics",

@@ -20,7 +20,7 @@ from ballbot_rs.analysis.records import RECORDS, KeptRows
 from ballbot_rs.analysis.result import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.analysis.simulate import environment_options, simulated_seconds
+from ballbot_rs.analysis.simulate import merged_options, simulated_seconds
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 
 Array = npt.NDArray[Any]
@@ -149,7 +149,7 @@ def rollout(
         ControllerError: a controller in Python failed.
         MemoryError: the records need more memory than is available.
     """
-    given = environment_options(
+    given = merged_options(
         env_options,
         {
             "params": robot,

@@ -83,7 +83,7 @@ def simulate(
             twice.
         ControllerError: a controller in Python failed.
     """
-    given = environment_options(
+    given = merged_options(
         env_options,
         {
             "params": robot,
@@ -189,8 +189,12 @@ def run(
     )
 
 
-def environment_options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
-    """Options of the environment, including those that are separate arguments."""
+def merged_options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
+    """Options of the environment, including separate arguments, which are None where they are not given.
+
+    Raises:
+        TypeError: an option given twice.
+    """
     options = dict(env_options or {})
     for name, value in named.items():
         if value is None:

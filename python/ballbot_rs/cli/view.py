@@ -2,26 +2,22 @@
 
 import argparse
 import atexit
-import dataclasses
 import os
 import sys
 import threading
 import time
 import webbrowser
-from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ballbot_rs._checks import check_options
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
-from ballbot_rs.control.resolve import TRAINED, common_options, common_task
-from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.envs.family import are_several, first_of
-from ballbot_rs.viewer.session import DECIDED, MAX_ROBOTS, Session, is_any_left
+from ballbot_rs.viewer.session import MAX_ROBOTS, is_any_left, open_session
 
 if TYPE_CHECKING:
     from ballbot_rs.viewer.view import View
@@ -80,31 +76,15 @@ def _end_without(code: int) -> None:
 def _start(arguments: argparse.Namespace) -> "View":
     (controller,) = shared.controllers(arguments)
     given = shared.env_options(arguments)
-    if "history" in given:
-        raise ValueError(
-            "--set history=... cannot be set here: the page's policies observe with the history of their training"
-        )
-    options = common_options([controller], given)
-    robot, params = _robot(arguments, options.get("params", "paper"))
-    urdfs = {} if arguments.urdf is None else {robot: tuple(arguments.urdf)}
-    # Keep the robot of the policy's training: a session can try the policy on any other robot.
-    trained = {name: value for name, value in controller.env_options.items() if name == "params"}
-    kept = {name: value for name, value in options.items() if name != "params"}
-    controller = dataclasses.replace(controller, env_options={**kept, **trained})
-    session = Session(
-        options.get("model", "contact"),
-        robot,
+    session = open_session(
         controller,
-        arguments.batch,
-        params,
-        options.get("actuators"),
-        options.get("events"),
-        arguments.seed,
-        options.get("sensors"),
-        options.get("observation", "ground_truth"),
+        given,
+        lambda params: _robot(arguments, params),
         task=arguments.task,
-        task_options=_of_task(given, common_task([controller], arguments.task)),
+        num_robots=arguments.batch,
+        seed=arguments.seed,
     )
+    urdfs = {} if arguments.urdf is None else {session.robots.name: tuple(arguments.urdf)}
     with require("the page", "view"):
         from ballbot_rs.viewer.view import View
     try:
@@ -114,12 +94,6 @@ def _start(arguments: argparse.Namespace) -> "View":
         if arguments.urdf is None or isinstance(error, OSError):
             raise
         raise ValueError(f"{' and '.join(map(str, arguments.urdf))} cannot be shown: {error}") from error
-
-
-def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
-    """The options that do not concern the robot, for controllers that the page selects later."""
-    check_options(f"the environment of {task}", given, option_names(task))
-    return {name: value for name, value in given.items() if name == "terrain" or name not in DECIDED}
 
 
 def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | None]:

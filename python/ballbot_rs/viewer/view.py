@@ -34,7 +34,7 @@ PANEL_WIDTH = 400
 BRAND = (26, 76, 140)
 
 
-class Page:
+class Display:
     """Controls and display of a session on a server.
 
     Args:
@@ -168,15 +168,18 @@ class View:
         self._params = {name: session.params_of(name) for name in session.robot_names}
         # Invalid files are rejected here, not by the display thread.
         self._look(session.robots.name)
+        #: What the page shows now.
+        self.frame: Frame | None = None
         self.runner = Runner(session, self._show)
         self._teleop = Teleop(self.runner.submit)
         self.server = LocalServer(free_port(port), self._teleop)
-        self._page = Page(self.server, self.runner.submit, session, self._look)
+        self._page = Display(self.server, self.runner.submit, session, self._look)
         self.runner.start()
 
     def _show(self, session: Session, frame: Frame) -> None:
         self._teleop.show(session)
         self._page.show(session, frame)
+        self.frame = frame
 
     def _look(self, name: str) -> Look:
         params = self._params[name]

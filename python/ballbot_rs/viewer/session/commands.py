@@ -314,11 +314,27 @@ class Commanding:
         """
         names = ("forward", "left", "turn")
         fractions = [check_bounded(n, v, -1.0, 1.0) for n, v in zip(names, (forward, left, turn), strict=True)]
-        if self.geometry != DRIVEN:
-            raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
+        self._check_driven()
         # On the diagonal two keys command more than the task samples.
         speed = self.max_speed / max(1.0, math.hypot(*fractions[:2]))
         self._hand = np.array([speed * fractions[0], speed * fractions[1], self.max_yaw_rate * fractions[2]])
+
+    def command(self, vx: float, vy: float, yaw_rate: float) -> None:
+        """Drives all robots: velocity of the ball, heading frame, m/s, and rate of the heading, rad/s.
+
+        Raises:
+            ValueError: a number out of range, or another task.
+        """
+        self._check_driven()
+        velocity = [check_bounded(n, v, -self.max_speed, self.max_speed) for n, v in (("vx", vx), ("vy", vy))]
+        turn = check_bounded("yaw_rate", yaw_rate, -self.max_yaw_rate, self.max_yaw_rate)
+        if math.hypot(*velocity) > (1.0 + 1e-9) * self.max_speed:
+            raise ValueError(f"the speed of ({vx}, {vy}) m/s is out of range: expected at most {self.max_speed:g}")
+        self._hand = np.array([*velocity, turn])
+
+    def _check_driven(self) -> None:
+        if self.geometry != DRIVEN:
+            raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
 
     def _towards_hand(self, now: FloatArray) -> FloatArray:
         """The command of a robot one control step later, moving towards the manual command."""

@@ -291,6 +291,8 @@ class Session(Player):
             task,
             self._options_of(task),
         )
+        if setup.name == old.name:
+            setup = dataclasses.replace(setup, replaced=old.setup.replaced)
         restarts = (setup.name, count, setup.terrain) != (old.name, len(old), old.setup.terrain)
         self.robots = Robots(setup, count) if restarts else old if setup == old.setup else old.become(setup)
         before, self._controller, self._objective = self._objective, chosen, objective
@@ -313,10 +315,24 @@ class Session(Player):
         """
         changes = {**self.changes, **checked(values)}
         if changes != self.changes:
-            before = self.robots
-            self.robots = before.become(dataclasses.replace(before.setup, changes=changes))
-            if self.robots is not before:
-                self._objective.continue_from(self.robots, self._objective)
+            self._become(dataclasses.replace(self.robots.setup, changes=changes))
+
+    @shared
+    def set_params(self, params: Params) -> None:
+        """Replaces the parameters of all robots, to which `change` then applies.
+
+        The robots continue. Controllers and estimator remain designed for the robot that was chosen.
+
+        Raises:
+            ValueError: invalid parameters; then nothing has changed.
+        """
+        self._become(dataclasses.replace(self.robots.setup, replaced=params))
+
+    def _become(self, setup: Setup) -> None:
+        before = self.robots
+        self.robots = before.become(setup)
+        if self.robots is not before:
+            self._objective.continue_from(self.robots, self._objective)
 
     @shared
     def reset(self, tilt: npt.ArrayLike | None = None) -> None:
@@ -387,9 +403,21 @@ class Session(Player):
         Raises:
             ValueError: a number out of range, or another task.
         """
+        self._driven().drive(forward, left, turn)
+
+    @shared
+    def command(self, vx: float, vy: float, yaw_rate: float) -> None:
+        """Commands the task velocity: m/s, heading frame, and rad/s, within the speeds of the task.
+
+        Raises:
+            ValueError: a number out of range, or another task.
+        """
+        self._driven().command(vx, vy, yaw_rate)
+
+    def _driven(self) -> Commanding:
         if self.commanding is None:
             raise ValueError(f"the task {self.task} is not driven: choose the task velocity")
-        self.commanding.drive(forward, left, turn)
+        return self.commanding
 
     @shared
     def sample_commands(self) -> None:
@@ -495,7 +523,9 @@ class Session(Player):
             self.task,
             {**self._options_of(self.task), "terrain": robots.setup.terrain},
         )
-        ghost.change(**self.changes)
+        ghost._become(
+            dataclasses.replace(ghost.robots.setup, changes=robots.setup.changes, replaced=robots.setup.replaced)
+        )
         ghost.robots.continue_from(robots)
         ghost._objective.continue_from(ghost.robots, self._objective)
         ghost.start_tilt, ghost.time = self.start_tilt, self.time

@@ -188,11 +188,13 @@ class Setup:
     task_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     #: The ground; None is level.
     terrain: Terrain | None = None
+    #: Parameters in place of `nominal` in the simulation; None: nominal.
+    replaced: Params | None = None
 
     @functools.cached_property
     def params(self) -> Params:
         """The changed robot, the nominal robot of the events. Raises ValueError for invalid parameters."""
-        return changed_params(self.nominal, self.changes)
+        return changed_params(self.replaced or self.nominal, self.changes)
 
     @property
     def changed_sensors(self) -> Sensors:
@@ -242,7 +244,7 @@ class Setup:
         """Whether `set_params` can change a moving robot to the other setup."""
         motors = [changed_motors(setup.motors, setup.changes) for setup in (self, other)]
         return (
-            dataclasses.replace(self, changes=other.changes, seed=other.seed) == other
+            dataclasses.replace(self, changes=other.changes, seed=other.seed, replaced=other.replaced) == other
             and motors[0] == motors[1]
             and self.changed_sensors == other.changed_sensors
             and all(getattr(self.params, name) == getattr(other.params, name) for name in SHAPE)
