@@ -1,10 +1,10 @@
-"""Files and tables of a trajectory: CSV, NPZ, MCAP and pandas, with the columns of `columns`.
+"""Files and tables of a trajectory: CSV, NPZ, MCAP, Parquet and pandas, with the columns of `columns`.
 
 Quaternions are (w, x, y, z), except in the transforms of an MCAP file, whose format names the components.
 """
 
 import io
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Final
@@ -48,6 +48,22 @@ def write_npz(table: Mapping[str, Array], path: str | PathLike[str]) -> None:
     _files.write(_path(path, ".npz"), packed.getvalue())
 
 
+def to_parquet(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
+    """Writes a table with the metadata of `to_mcap`.
+
+    Raises:
+        ModuleNotFoundError: pyarrow is not installed.
+    """
+    file = _path(path, ".parquet")
+    with require("a Parquet file", "parquet"):
+        import pyarrow
+        import pyarrow.parquet
+    packed = io.BytesIO()
+    table = pyarrow.table(dict(columns(trajectory)))
+    pyarrow.parquet.write_table(table.replace_schema_metadata(_metadata(trajectory)), packed)
+    _files.write(file, packed.getvalue())
+
+
 def to_dataframe(trajectory: "Trajectory") -> Any:
     """A `pandas.DataFrame` of the columns.
 
@@ -81,15 +97,38 @@ def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
             if message:
                 writer.add(channels[group], nanoseconds, message)
         writer.add(frames, nanoseconds, _transforms(trajectory, row, nanoseconds))
-    writer.finish(
-        {
-            "controller": trajectory.controller,
-            "model": trajectory.model,
-            "params": trajectory.params.to_toml(),
-            "fell_at": "" if trajectory.fell_at is None else repr(trajectory.fell_at),
-        }
-    )
+    writer.finish(_metadata(trajectory))
     _files.write(file, packed.getvalue())
+
+
+#: Writers by the suffixes of their files.
+FORMATS: Final[Mapping[str, Callable[["Trajectory", Path], None]]] = {
+    ".csv": to_csv,
+    ".npz": to_npz,
+    ".mcap": to_mcap,
+    ".parquet": to_parquet,
+}
+
+
+def format_of(path: str | PathLike[str]) -> Callable[["Trajectory", Path], None]:
+    """The writer of a file.
+
+    Raises:
+        ValueError: another suffix than in `FORMATS`.
+    """
+    suffix = Path(path).suffix
+    if suffix not in FORMATS:
+        raise InvalidInputError(f"{path}: the name of the file must end in {', '.join(FORMATS)}")
+    return FORMATS[suffix]
+
+
+def _metadata(trajectory: "Trajectory") -> dict[str, str]:
+    return {
+        "controller": trajectory.controller,
+        "model": trajectory.model,
+        "params": trajectory.params.to_toml(),
+        "fell_at": "" if trajectory.fell_at is None else repr(trajectory.fell_at),
+    }
 
 
 def _path(path: str | PathLike[str], suffix: str) -> Path:

@@ -123,6 +123,15 @@ class Trajectory:
         """
         return exports.to_dataframe(self)
 
+    def write(self, path: str | PathLike[str]) -> None:
+        """Writes the file that its suffix names: as `to_csv`, `to_npz`, `to_mcap` or `to_parquet`.
+
+        Raises:
+            ValueError: another suffix.
+            ModuleNotFoundError, OSError: as these.
+        """
+        exports.format_of(path)(self, Path(path))
+
     def to_csv(self, path: str | PathLike[str]) -> None:
         """Writes the columns of `columns` as CSV; numbers read back bit for bit.
 
@@ -153,6 +162,16 @@ class Trajectory:
             OSError: as `to_csv`.
         """
         exports.to_mcap(self, path)
+
+    def to_parquet(self, path: str | PathLike[str]) -> None:
+        """Writes the columns of `columns` as a Parquet table, with controller, model and parameters as metadata.
+
+        Raises:
+            ModuleNotFoundError: pyarrow is not installed.
+            ValueError: another suffix than .parquet.
+            OSError: as `to_csv`.
+        """
+        exports.to_parquet(self, path)
 
     def plot(self, path: str | PathLike[str] | None = None, *, width: float | None = None) -> Any:
         """The matplotlib figure of tilt, position, torques, loads and friction over time.
