@@ -52,6 +52,8 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.control.state_feedback import StateFeedback
+from ballbot_rs.deployment.native import NativeLaw
 from ballbot_rs.deployment.supervised import Supervised
 from ballbot_rs.envs.costs import CostInfo, SafetyEnv
 from ballbot_rs.envs.grouped import GroupedObservations, GroupedVectorObservations
@@ -142,6 +144,7 @@ __all__ = [
     "Lqr",
     "Metrics",
     "MotionJacobians",
+    "NativeLaw",
     "OnnxPolicy",
     "OpenBallBotEnv",
     "OpenBallBotVectorEnv",
@@ -169,6 +172,7 @@ __all__ = [
     "Setpoint",
     "SpatialModel",
     "State",
+    "StateFeedback",
     "Study",
     "Supervised",
     "Task",

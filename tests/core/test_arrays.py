@@ -116,6 +116,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "OptimizedTrajectory": [lambda: dataclasses.replace(_motion_once())],
     "TimeVaryingLqr": [lambda: _motion_once().law()],
     "OnnxPolicy": [lambda: bb.OnnxPolicy(ASSETS / "policies" / "balance.onnx")],
+    "StateFeedback": [lambda: bb.StateFeedback(np.ones((3, 10)))],
     "SensorLog": [lambda: dataclasses.replace(_log_once())],
     "Replay": [lambda: bb.replay(bb.record_log(seconds=3.0), num_threads=1)],
     "BallbotVecEnv": [_vec_env],
@@ -129,7 +130,7 @@ WITHOUT = {
     # A page; its arrays are copies.
     "Page",
     # It copies what it is given, as tests/link compares.
-    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised", "NativeLaw"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     # Their numbers are of PyTorch and of JAX.
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

@@ -790,7 +790,7 @@ NOT_CALLED = {
     # tests/viewer calls them.
     *("show", "Page"),
     # tests/link and tests/deployment call them.
-    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised"),
+    *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised", "NativeLaw", "StateFeedback"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),

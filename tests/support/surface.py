@@ -53,6 +53,8 @@ LEFT_OUT = {
     "LinkFaults": "a plain record; tests/link has its bad input",
     "Supervised": "compiles C; tests/deployment has its bad input",
     "EstimatedController": "compiles C; tests/link has its bad input",
+    "StateFeedback": "tests/control has its bad input",
+    "NativeLaw": "calls C; tests/deployment has its bad input",
     "Outcome": "a plain record",
     "Tuned": "a plain record",
     "Scale": "closed forms of Params; tests/scenarios has them",

@@ -85,6 +85,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "LinkPeer",
             "EstimatedController",
             "Supervised",
+            "StateFeedback",
+            "NativeLaw",
         ),
     ),
     "analysis": (

@@ -83,7 +83,7 @@ class ResolvedController:
             law = copy.deepcopy(self.existing)
         except Exception as error:
             raise TypeError(f"{self.name} cannot be copied: {error}") from error
-        found = law.resolved() if isinstance(law, Resolvable) else _from_object(law, self.name)
+        found = _from_object(law, self.name)
         return dataclasses.replace(self, make_law=found.make_law, existing=law)
 
     def laws(self, count: int, params: Params, control_dt: float) -> Laws:
@@ -143,8 +143,6 @@ def find(
         return source
     if isinstance(source, str) and trusted and (scheme := source.partition(":")[0]) in SCHEMES:
         return SCHEMES[scheme](source).resolved()
-    if isinstance(source, Resolvable) and not isinstance(source, type):
-        return source.resolved()
     if not isinstance(source, (str, PathLike)):
         return _from_object(source)
     name = fspath(source)
@@ -262,6 +260,9 @@ def _load_object(file: Path, attribute: str) -> Any:
 def _from_object(law: Any, name: str | None = None) -> ResolvedController:
     if isinstance(law, type):
         return _from_class(law, name)
+    if isinstance(law, Resolvable):
+        found = law.resolved()
+        return found if name is None else dataclasses.replace(found, name=name)
     if not callable(law):
         raise TypeError(f"{law!r} is not a controller: expected a name, a path, or a map from a state to torques")
     own = getattr(law, "name", None) or getattr(law, "__name__", None) or type(law).__name__.lower()
@@ -274,8 +275,8 @@ def _from_object(law: Any, name: str | None = None) -> ResolvedController:
                 law.reset()
             except Exception as error:
                 raise failed(name, error) from error
-        found: Law = law
-        return found
+        same: Law = law
+        return same
 
     options = getattr(law, "env_options", None)
     options = options if isinstance(options, Mapping) else {}
