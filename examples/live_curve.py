@@ -14,8 +14,9 @@ PERIOD, SPAN = 0.05, 200  # s, samples
 with bb.show("lqr") as page:
     print(f"a curve at {page.url}")
     series = (uplot.Series(label="time (s)"), uplot.Series(label="power (W)", stroke="#1f6fb4", width=1.5))
-    chart = page.gui.add_uplot((np.zeros(2), np.zeros(2)), series, scales={"x": {"time": False}}, aspect=2.0)
-    impulse = page.gui.add_slider("Push (N·s)", min=0.0, max=0.5, step=0.05, initial_value=0.3)
+    with page.add_tab("Power"):
+        chart = page.gui.add_uplot((np.zeros(2), np.zeros(2)), series, scales={"x": {"time": False}}, aspect=2.0)
+        impulse = page.gui.add_slider("Push (N·s)", min=0.0, max=0.5, step=0.05, initial_value=0.3)
     samples = deque(maxlen=SPAN)
     next_push = 1.0
     while page.time < seconds:

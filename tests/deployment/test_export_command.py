@@ -95,7 +95,7 @@ def test_the_loops_of_the_page_are_compiled_with_the_headers_of_the_page(tmp_pat
     assert [target for _, target in commands] == ["gains.h", "estimator.h"]
     for command, target in commands:
         assert main([*command.split(), "-o", str(tmp_path / target)]) == 0
-    assert len(loops) == 2
+    assert len(loops) == 3
     for loop in loops:
         (tmp_path / "main.c").write_text(loop, encoding="utf-8")
         compiler = ["cc", *STRICT, "-c", "-o", tmp_path / "main.o", tmp_path / "main.c"]

@@ -45,6 +45,13 @@ def test_a_program_drives_observes_and_records(page):
     assert f'src="{page.url}"' in page._repr_html_()
 
 
+def test_a_tab_has_elements_of_the_program(page):
+    with page.add_tab("Mine"):
+        slider = page.gui.add_slider("Gain", min=0.0, max=1.0, step=0.1, initial_value=0.5)
+    assert slider.value == 0.5
+    assert slider._impl.parent_container_id != page.gui.add_text("Below", "")._impl.parent_container_id
+
+
 def test_pushes_parameters_and_choices_act(page):
     page.reset((0.0, 0.0))
     page.push((0.0, 0.3))

@@ -151,8 +151,13 @@ class Page:
 
     @property
     def gui(self) -> Any:
-        """Viser's interface to the panel, for custom plots, buttons and sliders: `page.gui.add_slider(...)`."""
+        """Panel of the page, viser's `GuiApi`, for custom plots, buttons and sliders."""
         return self._view.server.gui
+
+    def add_tab(self, title: str) -> Any:
+        """A tab of the panel for custom elements, a context: `with page.add_tab("Power"): page.gui.add_slider(...)`."""
+        self._check_running()
+        return self._view.add_tab(title)
 
     @property
     def time(self) -> float:

@@ -57,7 +57,7 @@ class Display:
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
         self._status = Status(server)
-        tabs = server.gui.add_tab_group()
+        self.tabs = tabs = server.gui.add_tab_group()
         with tabs.add_tab("Run"):
             self.run = RunPanel(server, submit, session)
         with tabs.add_tab("Robot"):
@@ -187,6 +187,10 @@ class View:
         if files is None or not all(path.is_file() for path in files):
             return from_params(params)
         return from_urdf(params, *files)
+
+    def add_tab(self, title: str) -> viser.GuiTabHandle:
+        """Another tab of the panel."""
+        return self._page.tabs.add_tab(title)
 
     @property
     def url(self) -> str:
