@@ -14,11 +14,13 @@ from typing import TYPE_CHECKING, Any
 
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
+from ballbot_rs._modules import import_from_here
 from ballbot_rs._text_table import WIDTH
 from ballbot_rs.cli import arguments as shared
 from ballbot_rs.cli import train as train_command
 from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
-from ballbot_rs.envs.registration import DEFAULT_TASK
+from ballbot_rs.envs.own.source import in_source
+from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 
 if TYPE_CHECKING:
     from ballbot_rs.training.search import Search
@@ -77,7 +79,7 @@ def run(arguments: argparse.Namespace) -> None:
     started = time.perf_counter()
     try:
         with _interrupts.patient():
-            _carry_out(search, arguments.jobs, tell)
+            _carry_out(search, arguments.jobs, tell, in_source(task))
     except (KeyboardInterrupt, OSError):
         _tell(f"to continue, give the same command again: {search.folder} has the trials that have ended")
         raise
@@ -92,7 +94,7 @@ def run(arguments: argparse.Namespace) -> None:
         values = ", ".join(f"{name.rpartition('.')[2]} {_short(value)}" for name, value in trial.params.items())
         line = f"trial {trial.number:4}  return {trial.value:10.1f}  {values}"
         print(textwrap.fill(line, WIDTH, subsequent_indent=" " * 32, break_on_hyphens=False))
-    print(f"train with the best: ballbot train {task} --config {config}")
+    print(f"train with the best: ballbot train {in_source(task)} --config {config}")
 
 
 def _search(arguments: argparse.Namespace, task: str, module: Any) -> "Search":
@@ -115,18 +117,19 @@ def _search(arguments: argparse.Namespace, task: str, module: Any) -> "Search":
         raise ValueError("the default search is of PPO: name what is searched with --search")
     chosen = given or module.DEFAULT_SPACE
     space = {name: module.dimension_of(name, range_) for name, range_ in chosen.items()}
-    folder = arguments.study or Path("runs") / f"tune-{task}"
+    folder = arguments.study or Path("runs") / f"tune-{task.replace('/', '-')}"
     found: Search = module.Search(text, space, folder, arguments.trials, arguments.seed)
     found.study()
     return found
 
 
-def _carry_out(search: "Search", jobs: int, tell: Any) -> None:
+def _carry_out(search: "Search", jobs: int, tell: Any, task: str) -> None:
     if jobs == 1:
         search.work(tell)
         return
     context = multiprocessing.get_context("spawn")
-    workers = [context.Process(target=_work, args=(dataclasses.replace(search, worker=i), tell)) for i in range(jobs)]
+    each = [(dataclasses.replace(search, worker=i), tell, task) for i in range(jobs)]
+    workers = [context.Process(target=_work, args=arguments) for arguments in each]
     for worker in workers:
         worker.start()
     try:
@@ -141,9 +144,12 @@ def _carry_out(search: "Search", jobs: int, tell: Any) -> None:
         raise RuntimeError(f"{len(failed)} of {jobs} processes ended with exit code {failed[0]}, as printed above")
 
 
-def _work(search: "Search", tell: Any) -> None:
+def _work(search: "Search", tell: Any, task: str) -> None:
     _interrupts.install()
     _interrupts.be_quiet()
+    # A task in Python is registered in this process, too.
+    import_from_here()
+    name_of(task)
     threading.Thread(target=_end_with_parent, daemon=True).start()
     os.environ.setdefault("OMP_NUM_THREADS", "1")
     search.work(tell)

@@ -6,11 +6,15 @@ import os
 import re
 import sys
 from pathlib import Path
+from typing import Final
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._modules import FILE_PREFIX, module_of
 from ballbot_rs.envs.own import registry
+
+#: Names with sources, as they were given, by id.
+_NAMED: Final[dict[str, str]] = {}
 
 
 def is_in_source(task: str) -> bool:
@@ -30,6 +34,7 @@ def id_in_source(task: str) -> str:
         import_source(source)
     except Exception as error:
         raise InvalidInputError(f"task '{task}': {source} failed: {type(error).__name__}: {error}") from error
+    _NAMED[env_id] = task
     if registry.find(env_id) is None:
         raise InvalidInputError(
             f"task '{task}': {source} does not register '{env_id}' by bb.register{did_you_mean(env_id, registry.ids())}"
@@ -40,8 +45,8 @@ def id_in_source(task: str) -> str:
 def in_source(task: str) -> str:
     """A task as a command takes it: a task in Python with the module or file that has its class."""
     own = registry.find(task)
-    if own is None:
-        return task
+    if own is None or task in _NAMED:
+        return _NAMED.get(task, task)
     name = own.made_by.__module__
     file = getattr(sys.modules.get(name), "__file__", None)
     return f"{os.path.relpath(file) if file and name.startswith(FILE_PREFIX) else name}:{task}"
