@@ -11,6 +11,7 @@ import ballbot_rs as bb
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import policy_header
 from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.own.source import is_in_source
 from ballbot_rs.viewer.session import Session
 from tests.support.c_code import CPolicy
 from tests.support.in_process import parse_json, run
@@ -208,6 +209,22 @@ def test_a_wrong_source_is_named(task, name, message, tmp_path, capsys):
     code, _, err = run(capsys, "evaluate", name)
     assert code == 2
     assert message in err
+
+
+def test_only_names_of_modules_and_files_are_sources():
+    for name in ("a.py:me/A-v0", "folder/a.py:A-v0", "pack.mod:me/A-v0", "/root/a.py:A"):
+        assert is_in_source(name), name
+    for name in (
+        "me/A-v0",
+        "balance",
+        "C:\\a.onnx",
+        "C:/a/b.onnx",
+        "serial:/dev/ttyUSB0",
+        "udp://host:9000",
+        "a.py:",
+        "1a:A",
+    ):
+        assert not is_in_source(name), name
 
 
 def test_a_file_runs_once_for_each_version(tmp_path, monkeypatch):

@@ -20,7 +20,9 @@ _NAMED: Final[dict[str, str]] = {}
 def is_in_source(task: str) -> bool:
     """Whether a task's name begins with a module or a file."""
     source, _, env_id = task.rpartition(":")
-    return bool(env_id) and (source.endswith(".py") or re.fullmatch(r"[^\W\d]\w*(\.\w+)*", source) is not None)
+    # Neither a path of Windows nor an address.
+    is_id = re.fullmatch(r"([\w-]+/)?[\w.-]+", env_id) is not None
+    return is_id and (source.endswith(".py") or re.fullmatch(r"[^\W\d]\w*(\.\w+)*", source) is not None)
 
 
 def id_in_source(task: str) -> str:
