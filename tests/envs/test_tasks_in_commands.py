@@ -1,6 +1,7 @@
 """A task in a file of a user: trained, evaluated, recorded, plotted, viewed and exported by the commands."""
 
 import json
+import pickle
 import sys
 import types
 
@@ -125,6 +126,8 @@ def test_metrics_are_means_over_the_steps_of_an_episode(task):
     env.reset(seed=0)
     errors = []
     for step in range(30):
+        if step == 10:
+            env = pickle.loads(pickle.dumps(env))
         *_, infos = env.step(0.2 * np.sin(np.arange(3 * n).reshape(n, 3) + step))
         errors.append([turn_error(state) for state in env.state])
         if step < 29:
