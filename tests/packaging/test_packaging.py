@@ -70,6 +70,7 @@ print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
             "ballbot_rs.DifferentiableJaxBatch",
             "DifferentiableJaxBatch needs jax: install it with `pip install -e '.[jax]'`",
         ),
+        ("ballbot_rs.show", "show needs viser: install it with `pip install -e '.[view]'`"),
         ("main(['view'])", "the page needs viser: install it with `pip install -e '.[view]'`"),
     ],
 )
