@@ -52,6 +52,9 @@ int control_step(const estimate *estimated, const target *wanted, uint32_t perio
     narrow(wanted->velocity, setpoint.velocity, 2);
     narrow(&wanted->yaw, &setpoint.yaw, 1);
     narrow(&wanted->yaw_rate, &setpoint.yaw_rate, 1);
+    narrow(wanted->acceleration, setpoint.acceleration, 2);
+    narrow(wanted->jerk, setpoint.jerk, 2);
+    narrow(wanted->snap, setpoint.snap, 2);
 #ifdef BALLBOT_POLICY_KNOWN
     {
         ballbot_real rows[BALLBOT_POLICY_ROWS];

@@ -29,7 +29,8 @@ static int are_readable(const ballbot_link_readings *r)
 {
     return are_finite(r->gyro, 3) && are_finite(r->specific_force, 3) && are_finite(r->wheel_angles, 3)
         && are_finite(r->position, 2) && are_finite(r->velocity, 2) && are_finite(&r->yaw, 1)
-        && are_finite(&r->yaw_rate, 1);
+        && are_finite(&r->yaw_rate, 1) && are_finite(r->acceleration, 2) && are_finite(r->jerk, 2)
+        && are_finite(r->snap, 2);
 }
 
 /* The estimate after readings that are `periods` control steps later than the last ones. */
@@ -60,7 +61,10 @@ static uint16_t respond(const ballbot_link_readings *readings, double torques[3]
         {readings->position[0], readings->position[1]},
         {readings->velocity[0], readings->velocity[1]},
         readings->yaw,
-        readings->yaw_rate};
+        readings->yaw_rate,
+        {readings->acceleration[0], readings->acceleration[1]},
+        {readings->jerk[0], readings->jerk[1]},
+        {readings->snap[0], readings->snap[1]}};
     static const uint16_t statuses[] = {
         [CONTROL_RUNNING] = BALLBOT_LINK_RUNNING,
         [CONTROL_LIMIT] = BALLBOT_LINK_LIMIT,

@@ -27,6 +27,9 @@ typedef struct {
     double velocity[2];
     double yaw;
     double yaw_rate;
+    double acceleration[2];
+    double jerk[2];
+    double snap[2];
 } target;
 
 void control_begin(void);

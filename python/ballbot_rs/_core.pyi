@@ -34,6 +34,7 @@ __all__ = [
     "Batch",
     "Contacts",
     "Controller",
+    "Estimator",
     "Jacobian",
     "Jacobians",
     "LinearModel",
@@ -769,6 +770,88 @@ class Ballbot:
     def __getnewargs__(self) -> tuple[Params, str, float]: ...
     def __getstate__(self) -> bytes: ...
     def __setstate__(self, snapshot: bytes) -> None: ...
+
+@final
+class Estimator:
+    """The estimator of one robot's state from gyroscope, accelerometer and encoders: that of environments with
+    `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
+
+    An error-state Kalman filter on level ground, without a model of motors: torques are not among its readings. Call it
+    every `control_dt`. Position and yaw are not measured: they drift. Attributes are fresh float64 arrays. Copies have their
+    own memory.
+
+    Args:
+        params: the robot; None is the paper's.
+        sensors: as `sensors=` of an environment: the errors to expect, where the IMU is, and the latency; None is exact
+            sensors.
+        control_dt: time between two readings, s, at most 1.
+
+    Raises:
+        ValueError: a number out of range, a latency that is not a whole number of steps, or a sensor slower than
+            `control_dt`.
+    """
+
+    def __new__(
+        cls,
+        params: _Robot | None = None,
+        sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
+        control_dt: float = 0.01,
+    ) -> Self: ...
+    def reset(self, state: State | None = None) -> None:
+        """Begins an episode in `state`, where the robot is believed to be. None is at rest at the origin with yaw 0, in the
+        attitude that the accelerometer measures in the first readings.
+        """
+
+    def update(self, readings: Mapping[str, npt.ArrayLike]) -> State:
+        """The state after the first readings of an episode, or after readings `control_dt` later.
+
+        Args:
+            readings: by name, shape (3,), as `Batch.readings(i)`: `gyro`, body frame, rad/s; `specific_force`, body frame,
+                m/s², the mean since the last readings; `wheel_angles`, rad. `wheel_rates`, rad/s, are the change of the
+                angles over `control_dt` unless they are given.
+
+        Raises:
+            ValueError: readings that are missing, unknown, not finite or far beyond any robot's, or first readings from
+                which no attitude at rest follows: no specific force, or straight down. Nothing has changed then.
+        """
+
+    @property
+    def state(self) -> State:
+        """The state after the last readings; before them, where the robot is believed to begin."""
+
+    @property
+    def balanced_state(self) -> State:
+        """The last state with its attitude turned back by `lean_bias`, within ±0.1 rad: a controller without an integrator then
+        holds the equilibrium of the robot as it is, not of its parameters.
+        """
+
+    @property
+    def gyro_bias(self) -> _Array:
+        """Bias of the gyroscope, body frame, rad/s, shape (3,)."""
+
+    @property
+    def lean_bias(self) -> _Array:
+        """Lean of the robot in equilibrium minus the lean by its parameters, towards x and y of the heading frame, rad, shape
+        (2,).
+        """
+
+    @property
+    def slipping(self) -> npt.NDArray[np.bool_]:
+        """Whether each wheel slipped in the last step, and was therefore not used, shape (3,), bool."""
+
+    @property
+    def attitude_covariance(self) -> _Array:
+        """Covariance of the attitude's error, a rotation vector in the inertial frame, rad², shape (3, 3)."""
+
+    @property
+    def velocity_covariance(self) -> _Array:
+        """Covariance of the error of the IMU's horizontal velocity, inertial frame, (m/s)², shape (2, 2). It does not have the
+        part that follows from the error of the yaw.
+        """
+
+    def __copy__(self) -> Self: ...
+    def __deepcopy__(self, _memo: dict[int, Any], /) -> Self: ...
+    def __reduce__(self) -> tuple[Any, ...]: ...
 
 @final
 class Jacobian:

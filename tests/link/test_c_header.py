@@ -67,6 +67,9 @@ void readings(uint32_t *integers, double *numbers)
     memcpy(numbers + 11, found.velocity, sizeof found.velocity);
     numbers[13] = found.yaw;
     numbers[14] = found.yaw_rate;
+    memcpy(numbers + 15, found.acceleration, sizeof found.acceleration);
+    memcpy(numbers + 17, found.jerk, sizeof found.jerk);
+    memcpy(numbers + 19, found.snap, sizeof found.snap);
 }}
 
 void torques(uint32_t *integers, double *numbers)
@@ -102,6 +105,9 @@ int encode_readings(const uint32_t *integers, const double *numbers, uint8_t *fr
     memcpy(sent.velocity, numbers + 11, sizeof sent.velocity);
     sent.yaw = numbers[13];
     sent.yaw_rate = numbers[14];
+    memcpy(sent.acceleration, numbers + 15, sizeof sent.acceleration);
+    memcpy(sent.jerk, numbers + 17, sizeof sent.jerk);
+    memcpy(sent.snap, numbers + 19, sizeof sent.snap);
     return ballbot_link_encode_readings(&sent, frame);
 }}
 
@@ -141,7 +147,7 @@ def counted(library):
 def frames(kind, count=200):
     """Frames of any bits, zeros among them."""
     rng = np.random.default_rng(kind)
-    size = 15 if kind == Kind.READINGS else 3
+    size = 21 if kind == Kind.READINGS else 3
     for _ in range(count):
         packed = bytes((rng.integers(0, 256, 8 * size) * rng.integers(0, 2, 8 * size)).tolist())
         integers = [int(rng.integers(2**bits)) for bits in (16, 32, 32)]
@@ -193,7 +199,7 @@ def test_c_resynchronizes_in_noise_as_python(library):
     assert counted(library)["frames"] == 2
 
 
-@pytest.mark.parametrize(("place", "value"), [(0, 2), (1, 3), (1, 1)])
+@pytest.mark.parametrize(("place", "value"), [(0, 1), (0, 3), (1, 3), (1, 1)])
 def test_c_counts_another_version_or_kind(library, place, value):
     packed = bytearray(cobs.decode(encode(next(frames(Kind.TORQUES)))[:-1])[:-4])
     packed[place] = value

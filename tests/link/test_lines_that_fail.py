@@ -106,7 +106,7 @@ def test_reset_is_kept_after_an_episode_that_nobody_answered():
         readings = {name: np.zeros(3) for name in ("gyro", "specific_force", "wheel_angles")}
         for _ in range(2):
             with pytest.raises(TimeoutError, match="no torques"):
-                law(readings, np.zeros(2), np.zeros(2), 0.0, 0.0)
+                law(readings, bb.Setpoint())
     assert seen
     assert all(frame.flags & Flag.RESET for frame in seen)
 
@@ -219,13 +219,17 @@ def test_damaged_answers_are_as_lost_answers(spoil, damaged):
     assert counts.broken + counts.corrupted == damaged
 
 
-def test_another_version_is_counted_and_never_obeyed():
-    def answer(frame):
-        packed = b"\x02" + cobs.decode(reply(frame)[:-1])[1:-4]
-        return [cobs.encode(packed + struct.pack("<I", zlib.crc32(packed))) + b"\0"]
+def of_version(version, frame):
+    """A whole frame of another version."""
+    packed = bytes([version]) + cobs.decode(encode(frame)[:-1])[1:-4]
+    return cobs.encode(packed + struct.pack("<I", zlib.crc32(packed))) + b"\0"
 
-    with pytest.raises(bb.ControllerError, match="no torques"):
-        run(answer, connect=0.1)
+
+def test_another_version_ends_the_run():
+    """Its torques are never obeyed."""
+    version = "the other side has version 1 of the frames, and this side version 2"
+    with pytest.raises(bb.ControllerError, match=version):
+        run(lambda frame: [of_version(1, Frame(Kind.TORQUES, 0, frame.sequence, frame.time, TORQUES))])
 
 
 def test_flood_of_garbage_ends_at_the_deadline():
@@ -274,11 +278,11 @@ class Killer:
     def __init__(self, link, step, number):
         self.link, self.step, self.number, self.calls = link, step, number, 0
 
-    def __call__(self, readings, position, velocity, yaw, yaw_rate):
+    def __call__(self, readings, setpoint):
         if self.calls == self.step:
             os.kill(child_of(self.link), self.number)
         self.calls += 1
-        return self.link(readings, position, velocity, yaw, yaw_rate)
+        return self.link(readings, setpoint)
 
 
 def child_of(link):
@@ -364,13 +368,13 @@ def test_controller_that_restarts_gives_no_torques_until_the_next_episode(tmp_pa
         calls = 0
         process = None
 
-        def __call__(self, readings, position, velocity, yaw, yaw_rate):
+        def __call__(self, readings, setpoint):
             if self.calls == 10:
                 self.process.kill()
                 self.process.wait()
                 self.process = subprocess.Popen(command)
             self.calls += 1
-            return link(readings, position, velocity, yaw, yaw_rate)
+            return link(readings, setpoint)
 
     law = Restarting()
     law.process = subprocess.Popen(command)
@@ -388,7 +392,7 @@ def test_controller_that_restarts_gives_no_torques_until_the_next_episode(tmp_pa
         law.process.wait()
 
 
-def frame_of(sequence, flags=0, numbers=(0.0,) * 15):
+def frame_of(sequence, flags=0, numbers=(0.0,) * 21):
     return Frame(Kind.READINGS, int(flags), sequence, 0, numbers)
 
 
@@ -413,7 +417,7 @@ def asked():
 
 
 def test_peer_that_has_not_begun_gives_no_torque(asked):
-    answer = asked(frame_of(5, numbers=(1.0,) * 15))
+    answer = asked(frame_of(5, numbers=(1.0,) * 21))
     assert (answer.flags, answer.sequence, answer.numbers) == (Status.STARTING, 5, (0.0, 0.0, 0.0))
     assert asked(frame_of(6, Flag.RESET)).flags == Status.RUNNING
 
@@ -421,7 +425,7 @@ def test_peer_that_has_not_begun_gives_no_torque(asked):
 def test_peer_gives_no_torque_for_readings_that_are_not_finite(asked):
     asked(frame_of(5, Flag.RESET))
     for field in range(sum(field.length for field in READINGS)):
-        numbers = [0.0] * 15
+        numbers = [0.0] * 21
         numbers[field] = float("nan") if field % 2 else float("inf")
         answer = asked(frame_of(6 + field, numbers=tuple(numbers)))
         assert (answer.flags, answer.numbers) == (Status.NOT_FINITE, (0.0, 0.0, 0.0))
@@ -429,10 +433,10 @@ def test_peer_gives_no_torque_for_readings_that_are_not_finite(asked):
 
 
 def test_peer_answers_repetitions_from_its_memory_and_late_readings_not(asked):
-    first = asked(frame_of(2**32 - 1, Flag.RESET, (1.0,) * 15))
-    second = asked(frame_of(0, numbers=(1.0,) * 15))
-    assert asked(frame_of(0, numbers=(1.0,) * 15)) == second != first
-    assert asked(frame_of(2**32 - 1, Flag.RESET, (1.0,) * 15)) is None
+    first = asked(frame_of(2**32 - 1, Flag.RESET, (1.0,) * 21))
+    second = asked(frame_of(0, numbers=(1.0,) * 21))
+    assert asked(frame_of(0, numbers=(1.0,) * 21)) == second != first
+    assert asked(frame_of(2**32 - 1, Flag.RESET, (1.0,) * 21)) is None
     assert asked.law.calls == 2
 
 
@@ -486,3 +490,27 @@ def test_peer_of_another_rate_is_an_error():
 def test_peer_without_a_simulation_ends():
     with pytest.raises(TimeoutError, match=r"no readings for 0\.1 s"):
         bb.LinkPeer(Damping(), free_address(), idle=0.1).serve()
+
+
+def test_a_controller_that_never_answers_may_have_another_version():
+    with (
+        bb.Link(free_address(), connect=0.05) as link,
+        pytest.raises(bb.ControllerError, match="no torques from .*: is it running, with frames of version 2?"),
+    ):
+        bb.simulate(link, seconds=0.05)
+
+
+@pytest.mark.parametrize("has_begun", [False, True])
+def test_a_peer_ends_for_another_version_unless_it_serves_a_simulation(has_begun):
+    address = free_address()
+    host, port = address.removeprefix("udp://").split(":")
+    peer = bb.LinkPeer(Damping(), address, idle=5.0)
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as client:
+        client.connect((host, int(port)))
+        if has_begun:
+            client.send(encode(frame_of(5, Flag.RESET)))
+        client.send(of_version(1, frame_of(6, Flag.RESET)))
+        client.send(encode(frame_of(0, Flag.STOP)))
+        with contextlib.nullcontext() if has_begun else pytest.raises(ConnectionError, match="version 1 of the frames"):
+            peer.serve()
+    assert peer.statistics.unknown == 1

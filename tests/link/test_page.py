@@ -76,7 +76,7 @@ def test_controller_of_the_page_is_the_controller_of_the_package(board):
 @pytest.mark.parametrize("force", [0.0, -9.8])
 def test_controller_of_the_page_does_not_begin_without_an_attitude(board, force):
     """Nor is it still in the episode before."""
-    numbers = [0.0] * 15
+    numbers = [0.0] * 21
     frames = []
     for sequence, z in enumerate((9.8, force, 9.8)):
         numbers[5] = z

@@ -52,11 +52,11 @@ def test_slow_simulation_is_counted_and_not_made_up_for():
         reads_sensors = True
         calls = 0
 
-        def __call__(self, readings, position, velocity, yaw, yaw_rate):
+        def __call__(self, readings, setpoint):
             self.calls += 1
             if self.calls == 3:
                 time.sleep(0.2)
-            return link(readings, position, velocity, yaw, yaw_rate)
+            return link(readings, setpoint)
 
     with serving(Damping(), address), bb.Link(address, real_time=True) as link:
         began = time.perf_counter()

@@ -22,8 +22,8 @@ CONTROLLERS: Final[Mapping[str, str]] = {
 }
 CONTROL_DT: Final = 0.01
 
-#: Computes torques and the setpoint from which they follow, by the parts of a link.
-Compute: TypeAlias = Callable[[], tuple[Array, dict[str, Any]]]
+#: Computes torques and the setpoint from which they follow.
+Compute: TypeAlias = Callable[[], tuple[Array, bb.Setpoint]]
 
 #: Longest wait for an answer, which QEMU gives in milliseconds on a computer that does nothing else, s.
 _TIMEOUT: Final = 5.0
@@ -81,8 +81,8 @@ def run(
     torques, expected = np.zeros((2, steps, 3))
     with bb.Link(address, control_dt=CONTROL_DT, timeout=_TIMEOUT) as link:
         for step in range(steps):
-            expected[step], target = compute()
-            torques[step] = link(batch.readings(0), **target)
+            expected[step], setpoint = compute()
+            torques[step] = link(batch.readings(0), setpoint)
             if batch.step([torques[step] / limit])[2][0]:
                 raise RuntimeError(f"the robot falls after {step * CONTROL_DT:.2f} s")
         at_end()
@@ -90,13 +90,12 @@ def run(
 
 
 def _law(name: str, batch: bb.Batch) -> Compute:
-    """A law on the estimate and the setpoint of the task, less its acceleration, which the link does not carry."""
+    """A law on the estimate and the setpoint of the task."""
     law = bb.Controller(name, "paper", CONTROL_DT)
 
-    def compute() -> tuple[Array, dict[str, Any]]:
-        setpoint = batch.setpoint(0)
-        target = {part: setpoint[part] for part in ("position", "velocity", "yaw", "yaw_rate")}
-        return law(batch.estimate(0), **target), target
+    def compute() -> tuple[Array, bb.Setpoint]:
+        setpoint = bb.Setpoint(**batch.setpoint(0))
+        return law(batch.estimate(0), **{part: setpoint[part] for part in law.setpoint_parts}), setpoint
 
     return compute
 
@@ -104,13 +103,13 @@ def _law(name: str, batch: bb.Batch) -> Compute:
 def _policy(policy: OnnxPolicy, batch: bb.Batch) -> Compute:
     """A policy on the observation of the task, whose commanded velocity is in the heading frame."""
 
-    def compute() -> tuple[Array, dict[str, Any]]:
+    def compute() -> tuple[Array, bb.Setpoint]:
         w, _, _, z = batch.estimate(0).body_quaternion
         x, y, yaw_rate = batch.command(0)
         yaw = 2.0 * np.arctan2(z, w)
         velocity = np.array([np.cos(yaw) * x - np.sin(yaw) * y, np.sin(yaw) * x + np.cos(yaw) * y])
-        target = {"position": np.zeros(2), "velocity": velocity, "yaw": 0.0, "yaw_rate": yaw_rate}
+        setpoint = bb.Setpoint(velocity=velocity, yaw_rate=yaw_rate)
         action = np.clip(policy.act(batch.observations()[0]), -1.0, 1.0).astype(np.float64)
-        return batch.max_wheel_torque * action, target
+        return batch.max_wheel_torque * action, setpoint
 
     return compute

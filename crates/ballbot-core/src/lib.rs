@@ -1,9 +1,9 @@
 //! Physics, controllers and batched environments for a ballbot: a robot that balances on a ball driven by three
 //! omniwheels.
 //!
-//! Layers, each depending only on earlier layers: parameters, state, kinematics and lanes; actuators and sensors
-//! ([`actuator`], [`sensor`]); models, from closed form ([`models`]) to rigid bodies with contacts ([`sim`]);
-//! controllers ([`control`]); tasks ([`task`]). Each is a crate, which this crate re-exports. Its own code is what joins
+//! Layers, each depending only on earlier layers: parameters, state, kinematics and lanes; models in closed form
+//! ([`models`]); actuators and sensors ([`actuator`], [`sensor`]); rigid bodies with contacts ([`sim`]); controllers
+//! ([`control`]); tasks ([`task`]). Each is a crate, which this crate re-exports. Its own code is what joins
 //! them: one robot of any model ([`Ballbot`]), environments ([`batch`]) and simulation-based controllers ([`planning`]).
 //!
 //! Without `--release`, Cargo builds dependencies without optimization, and this crate is many times slower. To debug

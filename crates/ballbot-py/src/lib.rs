@@ -9,6 +9,7 @@ mod batch;
 mod control;
 mod convert;
 mod errors;
+mod estimator;
 mod events;
 mod exclusive;
 mod fields;
@@ -68,6 +69,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<control::PyLqr>()?;
     module.add_class::<reference::PyReference>()?;
     module.add_class::<batch::PyBatch>()?;
+    module.add_class::<estimator::PyEstimator>()?;
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
     module.add("MOST_HEIGHTS", ballbot_core::terrain::MOST_NODES)?;

@@ -12,7 +12,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
 /// Names of the parts of readings, three numbers each.
-const PARTS: [&str; 4] = ["gyro", "specific_force", "wheel_angles", "wheel_rates"];
+pub(crate) const PARTS: [&str; 4] = ["gyro", "specific_force", "wheel_angles", "wheel_rates"];
 
 impl Door for SensorOptions {
     const FILES: &'static str = "a TOML file";
@@ -43,6 +43,11 @@ pub(crate) fn readings<'py>(py: Python<'py>, batch: &Batch, index: Option<usize>
     Ok(dict)
 }
 
+/// Sensors as an argument, exact ones for None.
+pub(crate) fn options(sensors: Option<&Bound<'_, PyAny>>) -> PyResult<SensorOptions> {
+    Ok(sensors.map_or(Ok(None), option::<SensorOptions>)?.unwrap_or_default())
+}
+
 /// The constants, by name, of the estimator of a robot with these sensors; `ballbot export --estimator` writes them as
 /// C.
 ///
@@ -62,7 +67,7 @@ pub(crate) fn estimator_constants<'py>(
     #[pyo3(from_py_with = real)] control_dt: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
     let params = or_paper(params)?;
-    let options = sensors.map_or(Ok(None), option::<SensorOptions>)?.unwrap_or_default();
+    let options = options(sensors)?;
     let onboard = call(|| Onboard::new(&options, control_dt, Some(&params)))?;
     let estimator = onboard.estimator().expect("it was made with one");
     constants_dict(py, &estimator.constants())

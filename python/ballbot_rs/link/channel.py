@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from ballbot_rs.link.faults import FaultyLine, LinkFaults
 from ballbot_rs.link.frames import Frame, FrameError, decode, encode
-from ballbot_rs.link.layout import END, Kind
+from ballbot_rs.link.layout import END, VERSION, Kind
 from ballbot_rs.link.log import ExchangeLog
 from ballbot_rs.link.statistics import Statistics
 from ballbot_rs.link.transports import Transport
@@ -16,6 +16,16 @@ from ballbot_rs.link.transports import Transport
 #: Directions of faults.
 _OUT: Final = 0
 _IN: Final = 1
+
+
+class VersionError(ConnectionError):
+    """The other side has frames of another version."""
+
+    def __init__(self, version: int) -> None:
+        super().__init__(
+            f"the other side has version {version} of the frames, and this side version {VERSION}: use the same "
+            "ballbot_rs on both sides, and export its C again"
+        )
 
 
 class Channel:
@@ -55,7 +65,11 @@ class Channel:
         self._send_due()
 
     def receive(self, deadline: float) -> Frame | None:
-        """The next frame of the kind, None at the deadline, in s of `time.perf_counter`; other bytes are counted."""
+        """The next frame of the kind, None at the deadline, in s of `time.perf_counter`; other bytes are counted.
+
+        Raises:
+            VersionError: a whole frame of another version.
+        """
         while True:
             stuffed = self._next(deadline)
             if stuffed is not None:
@@ -66,6 +80,8 @@ class Channel:
                     self._reject(stuffed, "unknown")
                 except FrameError as error:
                     self._reject(stuffed, error.count)
+                    if error.version != VERSION:
+                        raise VersionError(error.version) from error
             if time.perf_counter() >= deadline:
                 return None
 

@@ -45,9 +45,11 @@ def cobs_library() -> Any:
 class FrameError(Exception):
     """Bytes that are not a frame; `count` names the count of them, as in `Statistics`."""
 
-    def __init__(self, count: str) -> None:
+    def __init__(self, count: str, version: int = VERSION) -> None:
         super().__init__(count)
         self.count = count
+        #: Of the frame, which is whole if it is another one.
+        self.version = version
 
 
 def encode(frame: Frame) -> bytes:
@@ -77,7 +79,7 @@ def decode(stuffed: bytes) -> Frame:
         raise FrameError("corrupted")
     version, kind = packed[:2]
     if version != VERSION or _SIZES.get(kind) != len(whole):
-        raise FrameError("unknown")
+        raise FrameError("unknown", version)
     _, _, flags, sequence, time, *numbers = _FORMATS[Kind(kind)].unpack(packed)
     return Frame(Kind(kind), flags, sequence, time, tuple(numbers))
 

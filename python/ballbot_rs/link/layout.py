@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from typing import Final, NamedTuple
 
 #: Of this layout; the first byte of a frame.
-VERSION: Final = 1
+VERSION: Final = 2
 
 #: Readings with RESET that are at most as far behind the last readings are late, others are of a new simulation.
 LATE: Final = 1024
@@ -66,7 +66,7 @@ class Status(enum.IntEnum):
 
 
 HEADER: Final = (
-    Field("version", "B", 1, "", "version of the layout, 1"),
+    Field("version", "B", 1, "", f"version of the layout, {VERSION}"),
     Field("kind", "B", 1, "", "1 READINGS, 2 TORQUES"),
     Field("flags", "H", 1, "", "READINGS: bit 0 RESET, bit 1 STOP; TORQUES: status in the low byte"),
     Field("sequence", "I", 1, "", "number of the readings; torques repeat the number that they answer"),
@@ -81,6 +81,9 @@ READINGS: Final = (
     Field("velocity", "d", 2, "m/s", "setpoint of its velocity, inertial frame"),
     Field("yaw", "d", 1, "rad", "setpoint of the heading"),
     Field("yaw_rate", "d", 1, "rad/s", "setpoint of its rate"),
+    Field("acceleration", "d", 2, "m/s²", "of the setpoint's motion, inertial frame, else zero"),
+    Field("jerk", "d", 2, "m/s³", "its derivative"),
+    Field("snap", "d", 2, "m/s⁴", "the derivative of the jerk"),
 )
 
 TORQUES: Final = (Field("torques", "d", 3, "N·m", "of the wheels, for the next control step"),)

@@ -23,7 +23,7 @@ from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.faults import LinkFaults
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
-from ballbot_rs.link.layout import READINGS, Flag, Kind
+from ballbot_rs.link.layout import READINGS, VERSION, Flag, Kind
 from ballbot_rs.link.log import ExchangeLog, check_file
 from ballbot_rs.link.statistics import Statistics
 from ballbot_rs.link.transports import SCHEMES, check_address, connect
@@ -31,6 +31,9 @@ from ballbot_rs.link.transports import SCHEMES, check_address, connect
 Array = npt.NDArray[np.float64]
 
 ON_TIMEOUT: Final = ("hold", "zero")
+
+#: Why a controller may never answer.
+_SILENCE: Final = f": is it running, with frames of version {VERSION}? Export older C again"
 
 #: Time of a call beyond its waiting, s.
 GRACE: Final = 1.0
@@ -176,25 +179,20 @@ class Link:
         self._due: float | None = None
         self._silence, self._missed = 0.0, 0
 
-    def __call__(
-        self, readings: Mapping[str, Array], position: Array, velocity: Array, yaw: float, yaw_rate: float
-    ) -> Array:
+    def __call__(self, readings: Mapping[str, Array], setpoint: Mapping[str, Any]) -> Array:
         """Torques for the next control step, shape (3,), N·m.
 
         Args:
             readings: as `Batch.readings(0)`.
-            position: of the setpoint, m, shape (2,).
-            velocity: m/s, shape (2,).
-            yaw: rad.
-            yaw_rate: rad/s.
+            setpoint: as `Setpoint`.
 
         Raises:
             TimeoutError: no torques for longer than `give_up`, or at the start of an episode `connect`.
-            ConnectionError: the other side is gone for good, such as a child process that has ended.
+            ConnectionError: the other side is gone for good, such as a child process that has ended, or it has frames of
+                another version.
             OSError: the line cannot be opened.
         """
         self.open()
-        setpoint = {"position": position, "velocity": velocity, "yaw": yaw, "yaw_rate": yaw_rate}
         parts: dict[str, Any] = {**setpoint, **readings}
         numbers = np.concatenate([np.atleast_1d(parts[field.name]) for field in READINGS])
         self._sequence = (self._sequence + 1) % WRAP
@@ -292,7 +290,7 @@ class Link:
             raise TimeoutError(
                 f"no torques from {self.address} for {self._silence:.2g} s and {self._missed} steps "
                 f"({statistics.answered} of {statistics.steps} steps were answered, {statistics.corrupted} frames were "
-                "corrupted)"
+                f"corrupted){'' if statistics.answered else _SILENCE}"
             )
         is_held = self._missed <= self._hold
         statistics.count("held" if is_held else "zeroed")

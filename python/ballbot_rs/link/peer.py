@@ -9,7 +9,7 @@ from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Law, Laws, is_batched, reads_sensors
 from ballbot_rs.control.setpoints import Setpoint
-from ballbot_rs.link.channel import Channel
+from ballbot_rs.link.channel import Channel, VersionError
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import LATE, READINGS, Field, Flag, Kind, Status
 from ballbot_rs.link.statistics import Statistics
@@ -80,12 +80,13 @@ class LinkPeer:
             TimeoutError: there were no readings for `idle`.
             ControllerError: the law failed.
             ValueError: the law has another `control_dt` than the simulation, or it has served already.
+            ConnectionError: the simulation has frames of another version.
         """
         channel, self._channel = self._channel, None
         if channel is None:
             raise InvalidInputError("a peer serves once: make another LinkPeer")
         try:
-            while (readings := channel.receive(time.perf_counter() + self._idle)) is not None:
+            while (readings := self._receive(channel)) is not None:
                 if self._is_foreign(readings, channel.sender):
                     self.statistics.foreign += 1
                     continue
@@ -99,6 +100,15 @@ class LinkPeer:
             pass
         finally:
             channel.close()
+
+    def _receive(self, channel: Channel) -> Frame | None:
+        while True:
+            try:
+                return channel.receive(time.perf_counter() + self._idle)
+            except VersionError:
+                # Whoever else sends them does not end a simulation.
+                if self._last is None:
+                    raise
 
     def _is_foreign(self, readings: Frame, sender: Any) -> bool:
         """Whether readings are of another simulation than the one that it answers."""

@@ -14,7 +14,6 @@ use ballbot_base::lanes::{Draws, Lane, Memory, Quat, Scalar, Vec3, run_one};
 use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::wheels::Wheels;
-use std::f64::consts::TAU;
 
 /// Sensors on the body and at the wheels, read once per control step.
 #[derive(Clone, Debug)]
@@ -67,12 +66,6 @@ const READ: usize = FORCES + 3;
 /// it has any, and the memory of the estimator.
 const UNDER_WAY: usize = READ + NUMBERS;
 
-/// Smallest errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
-const LEAST_RATE_ERROR: f64 = 1e-4;
-const LEAST_FORCE_ERROR: f64 = 1e-2;
-const LEAST_ANGLE_ERROR: f64 = 1e-6;
-const LEAST_START_ERROR: f64 = 1e-3;
-
 /// Numbers of the readings.
 const NUMBERS: usize = Readings::<f64>::LEN;
 
@@ -123,7 +116,7 @@ impl Onboard {
             latency: l.latency_steps(control_dt)?,
             dt: control_dt,
             estimator: observed
-                .map(|params| Estimator::new(params, &expected_errors(options, control_dt), control_dt))
+                .map(|params| Estimator::new(params, &EstimatorOptions::of(options, params, control_dt), control_dt))
                 .transpose()?,
             options: options.clone(),
         })
@@ -356,25 +349,4 @@ fn last_estimate(estimator: &Estimator, read: &Readings<f64>, memory: &mut [f64]
         || estimator.last(read, &Memory::<f64>::new(Scalar, memory)),
     );
     state.into()
-}
-
-/// The errors that an estimator expects of sensors with these options. For readings without errors, only model errors
-/// remain.
-fn expected_errors(options: &SensorOptions, dt: f64) -> EstimatorOptions {
-    let reading = |density: f64| density / dt.sqrt();
-    let tick = if options.encoder_ticks > 0.0 { TAU / options.encoder_ticks } else { 0.0 };
-    EstimatorOptions {
-        imu_position: options.imu_position,
-        gyro_noise: reading(options.gyro_noise).clamp(LEAST_RATE_ERROR, 10.0),
-        gyro_bias: options.gyro_bias.min(10.0),
-        gyro_bias_walk: options.gyro_bias_walk.min(10.0),
-        // A bias of the accelerometer is not estimated.
-        accelerometer_noise: reading(options.accelerometer_noise)
-            .hypot(options.accelerometer_bias)
-            .clamp(LEAST_FORCE_ERROR, 100.0),
-        encoder_noise: (tick / 12.0_f64.sqrt()).clamp(LEAST_ANGLE_ERROR, 1.0),
-        start_attitude: options.imu_misalignment.max(LEAST_START_ERROR),
-        start_velocity: LEAST_START_ERROR,
-        ..EstimatorOptions::default()
-    }
 }

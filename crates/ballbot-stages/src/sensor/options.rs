@@ -61,12 +61,14 @@ impl SensorOptions {
     /// [`ballbot_base::Error::OutOfRange`] for `control_dt` above 1 s, and unless every sensor is sampled in every control step.
     pub fn check(&self, control_dt: f64, estimated: bool) -> Result<()> {
         self.validate()?;
+        if estimated {
+            let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
+            check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
+        }
         self.latency_steps(control_dt)?;
         if !estimated {
             return Ok(());
         }
-        let limit = format_args!("> 0 and <= {MAX_DT} s with observation = sensors");
-        check("control_dt", control_dt, limit, |dt| dt > 0.0 && dt <= MAX_DT)?;
         for (name, rate) in [("imu_rate", self.imu_rate), ("encoder_rate", self.encoder_rate)] {
             let limit = format_args!(
                 "0 or at least the control rate, {} Hz, with observation = sensors (control_dt = {control_dt} s)",

@@ -13,9 +13,11 @@ mod numbers;
 mod odometry;
 mod options;
 mod prediction;
+mod tracker;
 
 pub use odometry::Odometry;
 pub use options::EstimatorOptions;
+pub use tracker::Tracker;
 
 use super::Readings;
 use ballbot_base::error::{Result, check};

@@ -1,6 +1,16 @@
 //! What an estimator expects of its sensors.
 
+use crate::sensor::SensorOptions;
 use ballbot_base::fields::Limit;
+use ballbot_base::params::Params;
+use ballbot_models::Scale;
+use std::f64::consts::TAU;
+
+/// Smallest errors that an estimator expects, rad/s, m/s², rad, and rad or m/s.
+const LEAST_RATE_ERROR: f64 = 1e-4;
+const LEAST_FORCE_ERROR: f64 = 1e-2;
+const LEAST_ANGLE_ERROR: f64 = 1e-6;
+const LEAST_START_ERROR: f64 = 1e-3;
 
 ballbot_base::fields! {
     /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are per reading.
@@ -32,11 +42,38 @@ ballbot_base::fields! {
         /// standard deviations.
         pub slip_gate: f64 = 4.0, "", Limit::from(1.0).to(1e6);
         /// Random walk of the velocity while a wheel slips, sd after 1 s: a wrong estimate with which two wheels agree must
-        /// give way.
+        /// give way. The default fits the paper's robot; [`EstimatorOptions::of`] scales it.
         pub slip_walk: f64 = 0.03, "m/s", Limit::NOT_NEGATIVE.to(10.0);
         /// Change of a wheel rate above which the wheel slips, as a multiple of what static friction allows at rest.
         pub jump_gate: f64 = 2.0, "", Limit::from(0.1).to(1e6);
         /// Time constant of the lean bias.
         pub lean_time: f64 = 2.0, "s", Limit::from(0.01).to(1e6);
+    }
+}
+
+impl EstimatorOptions {
+    /// The errors that an estimator expects of sensors with these options, read every `dt` (s), on a robot. For readings
+    /// without errors, only model errors remain.
+    pub fn of(sensors: &SensorOptions, params: &Params, dt: f64) -> Self {
+        let reading = |density: f64| density / dt.sqrt();
+        let tick = if sensors.encoder_ticks > 0.0 { TAU / sensors.encoder_ticks } else { 0.0 };
+        let scale = Scale::of(params);
+        let default = Self::default();
+        Self {
+            imu_position: sensors.imu_position,
+            gyro_noise: reading(sensors.gyro_noise).clamp(LEAST_RATE_ERROR, 10.0),
+            gyro_bias: sensors.gyro_bias.min(10.0),
+            gyro_bias_walk: sensors.gyro_bias_walk.min(10.0),
+            // A bias of the accelerometer is not estimated.
+            accelerometer_noise: reading(sensors.accelerometer_noise)
+                .hypot(sensors.accelerometer_bias)
+                .clamp(LEAST_FORCE_ERROR, 100.0),
+            encoder_noise: (tick / 12.0_f64.sqrt()).clamp(LEAST_ANGLE_ERROR, 1.0),
+            start_attitude: sensors.imu_misalignment.max(LEAST_START_ERROR),
+            start_velocity: LEAST_START_ERROR,
+            // m/s/√s.
+            slip_walk: (default.slip_walk * scale.acceleration * scale.time.sqrt()).min(10.0),
+            ..default
+        }
     }
 }
