@@ -65,7 +65,7 @@ def controller_header(
     limits = "limits_of_traction" if "traction_rows" in found else "limits_of_cap"
     values: dict[str, Any] = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
     values |= {"ball_rate_of_wheels": _ball_rate_of_wheels(robot)} | found
-    pieces = ("state", "roll", "pose", *included(name), "limited", limits, name)
+    pieces = ("state", "roll", "pose", "limited", limits, *included(name), name)
     body = "\n".join((piece("real"), "/* ---- Constants, SI units. */\n\n" + constants(values), *map(piece, pieces)))
     return guarded("controller", name, comment(_head(name, law, robot, options, found)), body)
 

@@ -2,22 +2,9 @@
 #include "deviation.h"
 #include "lean_planes.h"
 #include "outer.h"
+#include "integral.h"
 
-/* ---- The controller. */
-
-typedef struct {
-    ballbot_limited last;     /* of the last call */
-    ballbot_real integral[2]; /* of the position's deviation (x, y), inertial frame, m s */
-} ballbot_controller;
-
-/* Forgets the past. */
-static inline void ballbot_reset(ballbot_controller *controller)
-{
-    static const ballbot_limited start = {{0, 0, 0}, 1, 1};
-    controller->last = start;
-    controller->integral[0] = 0;
-    controller->integral[1] = 0;
-}
+/* ---- The law. Its integral is of the position's deviation, inertial frame, m s. */
 
 /* The fraction of a vector in the heading frame that needs no more lean than the limit of the integral. */
 static inline ballbot_real ballbot_lean_share(const ballbot_real lean_per[2][2], const ballbot_real v[2])

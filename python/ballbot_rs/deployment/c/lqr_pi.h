@@ -2,22 +2,10 @@
 #include "deviation.h"
 #include "lean_planes.h"
 #include "outer.h"
+#include "integral.h"
+#include "integral_loop.h"
 
-/* ---- The controller. */
-
-typedef struct {
-    ballbot_limited last;     /* of the last call */
-    ballbot_real integral[2]; /* of the virtual wheels' rate errors in the planes of x and y, rad */
-} ballbot_controller;
-
-/* Forgets the past. */
-static inline void ballbot_reset(ballbot_controller *controller)
-{
-    static const ballbot_limited start = {{0, 0, 0}, 1, 1};
-    controller->last = start;
-    controller->integral[0] = 0;
-    controller->integral[1] = 0;
-}
+/* ---- The law. Its integrals are of the virtual wheels' rate errors, rad. */
 
 /* Rates of the virtual wheels beyond the setpoint's motion, from deviations before they are cut. */
 static inline void ballbot_wheel_rates(
@@ -45,7 +33,6 @@ static inline void ballbot_step(
     ballbot_real accelerations[2];
     ballbot_real errors[2];
     ballbot_real measured[2];
-    ballbot_real desired[3];
     int i;
     ballbot_deviation(state, setpoint, &pose, x, accelerations);
     leaning = ballbot_leaning_of(x);
@@ -59,11 +46,5 @@ static inline void ballbot_step(
         accelerations[i] +=
             BALLBOT_INNER_GAINS[i][0] * errors[i] + BALLBOT_INNER_GAINS[i][1] * controller->integral[i];
     }
-    ballbot_torques_of(accelerations, -BALLBOT_YAW_GAINS[0] * x[4] - BALLBOT_YAW_GAINS[1] * x[9], desired);
-    controller->last = ballbot_limit(desired, state, &pose);
-    /* A torque that is limited cannot act on the error: hold its integral. */
-    for (i = 0; i < 2 && !(controller->last.share < 1); i++) {
-        controller->integral[i] += BALLBOT_CONTROL_DT * errors[i];
-    }
-    ballbot_overcome(controller->last.torques, state, torques);
+    ballbot_end_step(controller, state, &pose, x, accelerations, errors, torques);
 }
