@@ -237,6 +237,8 @@ def test_the_command_writes_the_header(tmp_path, capsys):
         ({"tilt_time": -1.0}, "tilt_time = -1.0 is out of range"),
         ({"control_dt": "fast"}, "control_dt = 'fast' is not a number"),
         ({"actuators": {"no_load_sped": 30.0}}, "actuators has an unknown option 'no_load_sped'"),
+        ({"actuators": {"no_load_sped": 30.0}, "max_speed": 50.0}, "actuators has an unknown option 'no_load_sped'"),
+        ({"max_speed": "fast"}, "max_speed = 'fast' is not a number"),
         ({"actuators": {"speed_limit": -30.0}}, "actuators.speed_limit = -30.0 is out of range"),
         ({"actuators": {"speed_limit": math.nan}}, "actuators.speed_limit = nan is out of range"),
     ],
@@ -244,3 +246,13 @@ def test_the_command_writes_the_header(tmp_path, capsys):
 def test_limits_out_of_range_are_rejected(limit, message):
     with pytest.raises(ValueError, match=message):
         supervisor_header("paper", **limit)
+
+
+@pytest.mark.parametrize("header", [supervisor_header, lambda robot: estimator_header(robot, "exact")])
+@pytest.mark.parametrize(
+    ("robot", "message"),
+    [("", "unknown robot preset ''"), ("kugel", "unknown robot preset 'kugel'"), (3, "params = 3")],
+)
+def test_robots_that_are_none_are_rejected(header, robot, message):
+    with pytest.raises(bb.InvalidInputError, match=message):
+        header(robot)

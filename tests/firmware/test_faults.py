@@ -161,6 +161,22 @@ def test_lost_frames_are_bridged_and_the_wheels_keep_their_rates(built):
         assert is_zero(board.ask(1011 + LOST + 2), Status.STALE)
 
 
+def test_motors_heat_also_where_readings_are_missing(built):
+    """A torque beyond what a motor can have forever falls at the same time, whether all readings arrive or every fourth."""
+    limits = "continuous_torque=0.02 heating_time=0.5"
+    with Board(built(WATCHDOG_MS=60_000, LIMITS=limits)) as board:
+        first = np.abs(board.begin()).max()
+        whole = {step: board.ask(step)[1] for step in range(1, 121)}
+    # Cold motors: only a reset of the board has them.
+    with Board(built(WATCHDOG_MS=60_000, LIMITS=limits)) as board:
+        board.begin()
+        for step in range(1 + LOST, 121, 1 + LOST):
+            status, torques = board.ask(step)
+            assert status == Status.RUNNING
+            np.testing.assert_allclose(torques, whole[step], rtol=1e-9, atol=1e-12)
+    assert np.abs(torques).max() < 0.5 * first
+
+
 def test_repeated_readings_are_answered_again_without_a_step(board):
     board.begin()
     once = board.ask(1, gyro=(0.01, 0.0, 0.0))

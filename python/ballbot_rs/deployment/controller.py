@@ -7,9 +7,10 @@ import numpy as np
 
 from ballbot_rs import __version__
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import CONTROLLERS, ROBOTS, Controller, Params
+from ballbot_rs._core import CONTROLLERS, Controller, Params
 from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.deployment.c_text import comment, constants, guarded, included, is_piece, piece
+from ballbot_rs.deployment.robot import robot_name, robot_of
 
 #: The controllers that can be written as C: those with a part of their name in the folder `c`.
 CONTROLLERS_IN_C: Final = tuple(filter(is_piece, CONTROLLERS))
@@ -46,7 +47,7 @@ def controller_header(
         known = ", ".join(CONTROLLERS_IN_C)
         hint = did_you_mean(name, CONTROLLERS_IN_C)
         raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
-    robot = Params.preset(params or "paper") if params is None or isinstance(params, str) else params
+    robot = robot_of(params)
     law = make_controller(name, robot, control_dt, **options)
     for option in NOT_IN_C:
         if np.any(options.get(option, 0.0)):
@@ -83,12 +84,6 @@ def _ball_rate_of_wheels(robot: Params) -> np.ndarray[Any, Any]:
     wheels: dict[str, Any] = Controller("pid", robot, traction=True).constants()
     rates: np.ndarray[Any, Any] = np.linalg.inv(wheels["surface"]) * wheels["wheel_radius"]
     return rates
-
-
-def robot_name(robot: Params) -> str:
-    """The name of a preset in quotes, or a reference to the parameters of another robot."""
-    preset = next((name for name in ROBOTS if Params.preset(name) == robot), None)
-    return "with the parameters below" if preset is None else f"'{preset}'"
 
 
 def _saturation(found: dict[str, Any]) -> list[str]:

@@ -6,7 +6,7 @@ from typing import Any, Final
 from ballbot_rs import __version__
 from ballbot_rs._core import Params, estimator_constants
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
-from ballbot_rs.deployment.controller import robot_name
+from ballbot_rs.deployment.robot import robot_name, robot_of
 
 #: Variance of a wheel rate, (rad/s)², below which single precision is insufficient: the covariance is then a small
 #: difference of large numbers. 4096 ticks at 100 Hz give 3.9e-3.
@@ -33,7 +33,7 @@ def estimator_header(
     Raises:
         ValueError: a number out of range.
     """
-    robot = params if isinstance(params, Params) else Params.preset(params or "paper")
+    robot = robot_of(params)
     values = estimator_constants(robot, sensors, control_dt)
     is_coarse = float(values["encoder_variance"]) >= LEAST_SINGLE
     parts = (

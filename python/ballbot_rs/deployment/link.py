@@ -110,7 +110,13 @@ static inline void ballbot_link_decode_{name}(const ballbot_link_decoder *decode
 def _member(field: Field) -> str:
     kind = _INTEGERS.get(field.type, "double")
     unit = f", {field.unit}" if field.unit else ""
-    what = f"{field.doc}{unit}".replace("²", "^2").replace("³", "^3").replace("⁴", "^4").replace("·", " ").replace("µ", "u")
+    what = (
+        f"{field.doc}{unit}".replace("²", "^2")
+        .replace("³", "^3")
+        .replace("⁴", "^4")
+        .replace("·", " ")
+        .replace("µ", "u")
+    )
     return f"    {kind} {field.name}{_array(field)}; /* {what} */\n"
 
 

@@ -14,6 +14,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.resolve import CONTROL_DT, Source, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.deployment.compiled import compiled, pointer
+from ballbot_rs.deployment.robot import robot_of
 from ballbot_rs.deployment.supervisor import supervisor_header
 
 Array = npt.NDArray[np.float64]
@@ -80,7 +81,7 @@ class Supervised:
         self.name = found.name
         self.control_dt = found.control_dt or CONTROL_DT if control_dt is None else control_dt
         self._given = controller, params, control_dt, limits
-        robot = params if isinstance(params, Params) else Params.preset("paper" if params is None else params)
+        robot = robot_of(params)
         known = [*inspect.signature(supervisor_header).parameters][2:]
         if unknown := [name for name in limits if name not in known]:
             raise InvalidInputError(f"unknown limit {unknown[0]!r}: expected {', '.join(known)}")

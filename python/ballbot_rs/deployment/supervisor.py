@@ -13,7 +13,7 @@ from ballbot_rs._checks import check_bounded
 from ballbot_rs._core import Controller, LinearModel, Params, load_actuators
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
-from ballbot_rs.deployment.controller import robot_name
+from ballbot_rs.deployment.robot import robot_name, robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -62,7 +62,7 @@ def supervisor_header(
     Raises:
         ValueError: a number out of range, or unknown actuators.
     """
-    robot = params if isinstance(params, Params) else Params.preset(params or "paper")
+    robot = robot_of(params)
     torque = robot.max_wheel_torque if max_torque is None else check_bounded("max_torque", max_torque, 1e-9, 1e9)
     rest = torque / 3.0 if continuous_torque is None else continuous_torque
     tilt, rate, toppling = recoverable(robot, torque)
@@ -132,10 +132,11 @@ def recoverable(robot: Params, max_torque: float) -> tuple[float, float, float]:
 
 
 def _speed(given: float | None, actuators: Mapping[str, Any] | str | PathLike[str] | None) -> float:
-    if given is not None:
-        return check_bounded("max_speed", given, 1e-9, NO_LIMIT)
-    if actuators is None:
-        return NO_LIMIT
+    of_motors = NO_LIMIT if actuators is None else _speed_of(actuators)
+    return of_motors if given is None else check_bounded("max_speed", given, 1e-9, NO_LIMIT)
+
+
+def _speed_of(actuators: Mapping[str, Any] | str | PathLike[str]) -> float:
     motors: Mapping[str, Any] = actuators if isinstance(actuators, Mapping) else load_actuators(actuators)
     known = load_actuators("ideal")
     if unknown := [name for name in motors if name not in known]:

@@ -2,7 +2,6 @@
 
 import copy
 from collections.abc import Mapping
-from types import NoneType
 from typing import Any
 
 import numpy as np
@@ -13,6 +12,7 @@ from ballbot_rs._core import Estimator, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController, Source, find
 from ballbot_rs.control.setpoints import Setpoint
+from ballbot_rs.deployment.robot import robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -45,8 +45,6 @@ class EstimatedController:
         sensors: Mapping[str, Any] | str = "exact",
         control_dt: float | None = None,
     ) -> None:
-        if not isinstance(params, (Params, str, NoneType)):
-            raise InvalidInputError(f"params = {params!r}: expected a robot or the name of a preset")
         if not isinstance(sensors, (Mapping, str)):
             raise InvalidInputError(f"sensors = {sensors!r}: expected a name or a table of sensors")
         found = find(controller)
@@ -54,7 +52,7 @@ class EstimatedController:
             raise InvalidInputError(f"{found.name} is a policy, which observes more than the state of a robot")
         self.name = found.name
         self.control_dt = found.control_dt or CONTROL_DT if control_dt is None else control_dt
-        self._robot = params if isinstance(params, Params) else Params.preset(params or "paper")
+        self._robot = robot_of(params)
         self._estimator = Estimator(self._robot, sensors, self.control_dt)
         self._found = found
         self._laws = found.laws(1, self._robot, self.control_dt)

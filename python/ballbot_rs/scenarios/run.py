@@ -98,7 +98,7 @@ def run_scenarios(
     """
     if checkpoint is not None and sweep is None:
         raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
-    params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
+    params = robot if isinstance(robot, Params) else Params.preset("paper" if robot is None else robot)
     known = load(file)
     requested = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
     named = [one for one in requested if isinstance(one, str)]

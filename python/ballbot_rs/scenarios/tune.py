@@ -156,7 +156,7 @@ def tune(
         if name not in CONTROLLERS:
             raise ValueError(f"tune takes a controller of the core, one of {', '.join(CONTROLLERS)}, not '{name}'")
     budget, seed = check_count("budget", budget), check_seed(seed)
-    params = robot if isinstance(robot, Params) else Params.preset(robot or "paper")
+    params = robot if isinstance(robot, Params) else Params.preset("paper" if robot is None else robot)
     known: dict[str, float] = {
         option["name"]: option["default"] * (params.scale(option["unit"]) if option["scaled"] else 1.0)
         for option in CONTROLLERS[controller]["options"]

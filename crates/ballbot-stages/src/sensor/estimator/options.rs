@@ -57,7 +57,6 @@ impl EstimatorOptions {
     pub fn of(sensors: &SensorOptions, params: &Params, dt: f64) -> Self {
         let reading = |density: f64| density / dt.sqrt();
         let tick = if sensors.encoder_ticks > 0.0 { TAU / sensors.encoder_ticks } else { 0.0 };
-        let scale = Scale::of(params);
         let default = Self::default();
         Self {
             imu_position: sensors.imu_position,
@@ -71,8 +70,8 @@ impl EstimatorOptions {
             encoder_noise: (tick / 12.0_f64.sqrt()).clamp(LEAST_ANGLE_ERROR, 1.0),
             start_attitude: sensors.imu_misalignment.max(LEAST_START_ERROR),
             start_velocity: LEAST_START_ERROR,
-            // m/s/√s.
-            slip_walk: (default.slip_walk * scale.acceleration * scale.time.sqrt()).min(10.0),
+            // The slower a robot topples, the longer its wheels slip. Measured: larger ones lose the velocity.
+            slip_walk: (default.slip_walk / Scale::of(params).time).min(10.0),
             ..default
         }
     }
