@@ -162,7 +162,7 @@ def test_lost_frames_are_bridged_and_the_wheels_keep_their_rates(built):
 
 
 def test_motors_heat_also_where_readings_are_missing(built):
-    """A torque beyond what a motor can have forever falls at the same time, whether all readings arrive or every fourth."""
+    """A torque beyond what a motor can have forever falls at the same time if only every fourth reading arrives."""
     limits = "continuous_torque=0.02 heating_time=0.5"
     with Board(built(WATCHDOG_MS=60_000, LIMITS=limits)) as board:
         first = np.abs(board.begin()).max()

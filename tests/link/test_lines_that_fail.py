@@ -286,7 +286,7 @@ class Killer:
 
 
 def child_of(link):
-    return link._channel._transport._process.pid
+    return link._exchange._channel._transport._process.pid
 
 
 def test_link_that_is_not_opened_completely_leaves_no_child(tmp_path):
@@ -305,7 +305,7 @@ def test_log_is_complete_though_the_line_cannot_be_closed(tmp_path, monkeypatch)
     with serving(Damping(), address):
         link = bb.Link(address, log=path)
         bb.simulate(link, sensors="exact", seconds=0.05)
-        channel = link._channel
+        channel = link._exchange._channel
         monkeypatch.setattr(channel._transport, "close", lambda: 1 / 0)
         with pytest.raises(ZeroDivisionError):
             link.close()
@@ -334,7 +334,7 @@ def test_child_is_collected_after_its_group_has_ended(monkeypatch):
     """Afterwards the number of the group may be the number of another."""
     alive = []
     link = bb.Link("exec:sh -c 'cat > /dev/null'").open()
-    process = link._channel._transport._process
+    process = link._exchange._channel._transport._process
     kill = os.killpg
 
     def killed(group, number):
@@ -495,7 +495,7 @@ def test_peer_without_a_simulation_ends():
 def test_a_controller_that_never_answers_may_have_another_version():
     with (
         bb.Link(free_address(), connect=0.05) as link,
-        pytest.raises(bb.ControllerError, match="no torques from .*: is it running, with frames of version 2?"),
+        pytest.raises(bb.ControllerError, match=r"no torques from .*: is it running, with frames of version 2\?"),
     ):
         bb.simulate(link, seconds=0.05)
 

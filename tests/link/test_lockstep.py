@@ -22,6 +22,11 @@ SCENE = {"sensors": "kugle", "actuators": {"delay": 0.004, "lag": 0.01}, "tilt":
 TARGET = {"reference": {"position": (0.01, 0.0)}}
 
 
+#: Numbers in the order of a frame.
+SETPOINT = {"position": (1.0, 2.0), "velocity": (3.0, 4.0), "yaw": 5.0, "yaw_rate": 6.0}
+SETPOINT |= {"acceleration": (7.0, 8.0), "jerk": (9.0, 10.0), "snap": (11.0, 12.0)}
+
+
 def in_process():
     return bb.simulate(Damping(), **SCENE, **TARGET)
 
@@ -71,10 +76,7 @@ def test_readings_carry_flags_clock_and_setpoint():
         motion = bb.simulate(
             link,
             seconds=0.05,
-            reference={
-                **{"position": (1.0, 2.0), "velocity": (3.0, 4.0), "yaw": 5.0, "yaw_rate": 6.0},
-                **{"acceleration": (7.0, 8.0), "jerk": (9.0, 10.0), "snap": (11.0, 12.0)},
-            },
+            reference=SETPOINT,
             env_options={"control_dt": 0.004},
         )
     assert [frame.flags for frame in seen] == [Flag.RESET] + [0] * (len(seen) - 1)
@@ -148,7 +150,7 @@ def test_law_in_the_process_reads_sensors(batched):
 @pytest.mark.parametrize("name", ["lqr", "cascade_pid", "lqr_pi"])
 @pytest.mark.parametrize("robot", ["paper", "kugle"])
 def test_a_linked_robot_is_the_robot_that_observes_sensors_bit_for_bit(robot, name):
-    """It follows a circle, through a push; from rest, whose readings the errors of an encoder and latency do not change."""
+    """On a circle, through a push, from rest, whose readings ticks and latency do not change."""
     sensors, address = {"encoder_ticks": 4096.0, "latency": 0.01}, free_address()
     scene = {"robot": robot, "sensors": sensors, "seconds": 3.0, "reference": bb.Reference.circle(0.2, 5.0)}
     scene["pushes"] = [bb.Push((0.1, 0.05, 0.0), time=1.0)]

@@ -22,6 +22,9 @@ from ballbot_rs.link.layout import (
 #: Types of the header's fields in C.
 _INTEGERS: Final = {"B": "uint8_t", "H": "uint16_t", "I": "uint32_t"}
 
+#: For any compiler.
+_ASCII: Final = str.maketrans({"²": "^2", "³": "^3", "⁴": "^4", "·": " ", "µ": "u"})
+
 #: Fields of the header that a user reads and writes; the functions fill in the others.
 _OPEN: Final = tuple(field for field in HEADER if field.name not in ("version", "kind"))
 
@@ -110,14 +113,7 @@ static inline void ballbot_link_decode_{name}(const ballbot_link_decoder *decode
 def _member(field: Field) -> str:
     kind = _INTEGERS.get(field.type, "double")
     unit = f", {field.unit}" if field.unit else ""
-    what = (
-        f"{field.doc}{unit}".replace("²", "^2")
-        .replace("³", "^3")
-        .replace("⁴", "^4")
-        .replace("·", " ")
-        .replace("µ", "u")
-    )
-    return f"    {kind} {field.name}{_array(field)}; /* {what} */\n"
+    return f"    {kind} {field.name}{_array(field)}; /* {field.doc}{unit} */\n".translate(_ASCII)
 
 
 def _array(field: Field) -> str:

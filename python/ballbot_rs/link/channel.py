@@ -53,6 +53,8 @@ class Channel:
         #: Delayed frames by the time at which they continue, of each direction.
         self._delayed: tuple[list[tuple[float, int, bytes]], ...] = ([], [])
         self._numbers = itertools.count()
+        #: Whether frames of another version only count as unknown.
+        self.allows_versions = False
 
     @property
     def sender(self) -> Any:
@@ -68,7 +70,7 @@ class Channel:
         """The next frame of the kind, None at the deadline, in s of `time.perf_counter`; other bytes are counted.
 
         Raises:
-            VersionError: a whole frame of another version.
+            VersionError: a whole frame of another version, unless `allows_versions`.
         """
         while True:
             stuffed = self._next(deadline)
@@ -80,7 +82,7 @@ class Channel:
                     self._reject(stuffed, "unknown")
                 except FrameError as error:
                     self._reject(stuffed, error.count)
-                    if error.version != VERSION:
+                    if error.version != VERSION and not self.allows_versions:
                         raise VersionError(error.version) from error
             if time.perf_counter() >= deadline:
                 return None

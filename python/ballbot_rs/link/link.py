@@ -1,9 +1,7 @@
 """A controller in another process or on a board, as a law: readings go out, torques come back."""
 
 import contextlib
-import math
 import operator
-import time
 import weakref
 from collections.abc import Mapping
 from os import PathLike
@@ -21,6 +19,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
 from ballbot_rs.link.channel import Channel
+from ballbot_rs.link.exchange import Exchange, Timing
 from ballbot_rs.link.faults import LinkFaults
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import READINGS, VERSION, Flag, Kind
@@ -99,12 +98,14 @@ class Link:
         self.control_dt = None if control_dt is None else check_bounded("control_dt", control_dt, 1e-6, MAX_SECONDS)
         #: Counts and times so far.
         self.statistics = Statistics()
-        self._real_time = bool(real_time)
-        self._timeout = check_bounded("timeout", timeout, 1e-6, MAX_SECONDS)
-        self._attempts = 1 + _count("retries", retries)
+        self._timing = Timing(
+            real_time=bool(real_time),
+            timeout=check_bounded("timeout", timeout, 1e-6, MAX_SECONDS),
+            attempts=1 + _count("retries", retries),
+            connect=check_bounded("connect", connect, 0.0, MAX_SECONDS),
+        )
         self._hold = _count("hold", hold) if on_timeout == "hold" else 0
         self._give_up = check_bounded("give_up", give_up, 0.0, MAX_SECONDS)
-        self._connect = check_bounded("connect", connect, 0.0, MAX_SECONDS)
         if not isinstance(faults, (LinkFaults, NoneType)):
             raise InvalidInputError(f"faults = {faults!r}: expected LinkFaults")
         self._faults = faults
@@ -112,11 +113,10 @@ class Link:
         if self._log_file is not None:
             check_file(self._log_file)
         self._log: ExchangeLog | None = None
-        self._channel: Channel | None = None
+        self._exchange: Exchange | None = None
         self._period = self.control_dt or CONTROL_DT
         # Another simulation may have talked to the controller: its numbers are most likely others.
         self._sequence = randbits(32)
-        self._answered: int | None = None
         self.reset()
 
     def resolved(self) -> ResolvedController:
@@ -133,7 +133,7 @@ class Link:
             make_law=begin,
             existing=self,
             control_dt=self.control_dt,
-            max_call=self._connect + self._attempts * self._timeout + GRACE,
+            max_call=self._timing.longest + GRACE,
         )
 
     def open(self) -> Self:
@@ -142,7 +142,7 @@ class Link:
         Raises:
             OSError: there is no such port, host or program, or the log cannot be written.
         """
-        if self._channel is None:
+        if self._exchange is None:
             with contextlib.ExitStack() as opened:
                 transport = connect(self.address)
                 opened.callback(transport.close)
@@ -150,14 +150,13 @@ class Link:
                 channel = Channel(transport, Kind.TORQUES, self.statistics, self._faults, self._log)
                 self._closing = weakref.finalize(self, _close, channel, self._log, self.statistics)
                 opened.pop_all()
-            self._channel = channel
+            self._exchange = Exchange(channel, self._timing, self.statistics, self._log)
         return self
 
     def close(self) -> None:
         """Sends STOP and closes the line and the log; a child process ends within a second."""
-        if self._channel is not None:
-            self._channel = None
-            self._answered = None
+        if self._exchange is not None:
+            self._exchange = None
             self.reset()
             self._closing()
 
@@ -176,8 +175,9 @@ class Link:
         """Begins an episode: the next readings have the flag RESET."""
         self._step = 0
         self._last = np.zeros(3)
-        self._due: float | None = None
-        self._silence, self._missed = 0.0, 0
+        self._missed = 0
+        if self._exchange is not None:
+            self._exchange.reset()
 
     def __call__(self, readings: Mapping[str, Array], setpoint: Mapping[str, Any]) -> Array:
         """Torques for the next control step, shape (3,), N·m.
@@ -188,11 +188,12 @@ class Link:
 
         Raises:
             TimeoutError: no torques for longer than `give_up`, or at the start of an episode `connect`.
-            ConnectionError: the other side is gone for good, such as a child process that has ended, or it has frames of
-                another version.
+            ConnectionError: the other side is gone for good, such as a child process that has ended, or it has
+                frames of another version.
             OSError: the line cannot be opened.
         """
-        self.open()
+        exchange = self.open()._exchange
+        assert exchange is not None
         parts: dict[str, Any] = {**setpoint, **readings}
         numbers = np.concatenate([np.atleast_1d(parts[field.name]) for field in READINGS])
         self._sequence = (self._sequence + 1) % WRAP
@@ -200,95 +201,25 @@ class Link:
         time_of_step = round(1e6 * self._period * self._step) % WRAP
         self.statistics.steps += 1
         frame = Frame(Kind.READINGS, int(flags), self._sequence, time_of_step, tuple(numbers.tolist()))
-        torques = self._torques_of(self._exchange(frame), frame)
+        answer = exchange.ask(frame, self._period)
+        torques = self._without(frame, exchange.silence) if answer is None else self._torques_of(answer)
         self._step += 1
         return torques
 
-    def _exchange(self, frame: Frame) -> Frame | None:
-        """Sends readings and returns their answer; None without an answer in time."""
-        begins = self._begin_step()
-        if frame.flags & Flag.RESET:
-            # Whatever the line loses, each episode begins with it.
-            answer = self._ask(frame, begins + self._connect, self._timeout)
-        elif self._due is not None:
-            answer = self._ask(frame, self._due + self._period, math.inf)
-        else:
-            answer = self._ask(frame, begins + self._attempts * self._timeout, self._timeout)
-        now = time.perf_counter()
-        if answer is None:
-            self._silence += now - begins
-            return None
-        if not frame.flags & Flag.RESET:
-            # The first answer has the start of the controller in it.
-            self.statistics.round_trips.append(now - begins)
-        elif self._due is not None:
-            # So the clock begins with it.
-            self._due = now
-        self._answered, self._silence, self._missed = answer.sequence, 0.0, 0
-        return answer
+    def _torques_of(self, answer: Frame) -> Array:
+        self.statistics.answered += 1
+        self.statistics.count_status(answer.flags & 0xFF)
+        self._missed = 0
+        self._last = np.array(answer.numbers)
+        return self._last
 
-    def _begin_step(self) -> float:
-        """Waits for the time of the step, in real time; returns the time."""
-        if not self._real_time:
-            return time.perf_counter()
-        if self._due is None:
-            self._due = time.perf_counter()
-            return self._due
-        self._due += self._period
-        while time.perf_counter() < self._due:
-            self._receive(None, self._due)
-        begins = time.perf_counter()
-        self.statistics.delays.append(begins - self._due)
-        if begins > self._due + self._period:
-            # The simulation itself was too slow: what is missed is not made up for.
-            self.statistics.overruns += 1
-            self._due = begins
-        return begins
-
-    def _ask(self, frame: Frame, ends: float, timeout: float) -> Frame | None:
-        """Sends readings, and again after each timeout, until their answer or a time."""
-        assert self._channel is not None
-        repetitions = 0
-        while True:
-            if self._log is not None:
-                self._log.sent(frame, repetitions)
-            self._channel.send(frame)
-            answer = self._receive(frame.sequence, min(ends, time.perf_counter() + timeout))
-            if answer is not None or time.perf_counter() >= ends:
-                return answer
-            repetitions += 1
-            self.statistics.repeated += 1
-
-    def _receive(self, sequence: int | None, deadline: float) -> Frame | None:
-        """The answer to the readings of a number, None at the deadline; other answers are counted and ignored."""
-        assert self._channel is not None
-        while (answer := self._channel.receive(deadline)) is not None:
-            fate = self._fate(answer, sequence)
-            if self._log is not None:
-                self._log.received(answer, fate)
-            if fate == "accepted":
-                return answer
-            self.statistics.count(fate)
-            if time.perf_counter() >= deadline:
-                break
-        return None
-
-    def _fate(self, answer: Frame, sequence: int | None) -> str:
-        if answer.sequence == sequence:
-            return "accepted"
-        return "duplicated" if answer.sequence == self._answered else "late"
-
-    def _torques_of(self, answer: Frame | None, frame: Frame) -> Array:
+    def _without(self, frame: Frame, silence: float) -> Array:
+        """What the robot gets without an answer, s after the last."""
         statistics = self.statistics
-        if answer is not None:
-            statistics.answered += 1
-            statistics.count_status(answer.flags & 0xFF)
-            self._last = np.array(answer.numbers)
-            return self._last
         self._missed += 1
-        if frame.flags & Flag.RESET or self._silence >= self._give_up:
+        if frame.flags & Flag.RESET or silence >= self._give_up:
             raise TimeoutError(
-                f"no torques from {self.address} for {self._silence:.2g} s and {self._missed} steps "
+                f"no torques from {self.address} for {silence:.2g} s and {self._missed} steps "
                 f"({statistics.answered} of {statistics.steps} steps were answered, {statistics.corrupted} frames were "
                 f"corrupted){'' if statistics.answered else _SILENCE}"
             )

@@ -9,7 +9,7 @@ from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Law, Laws, is_batched, reads_sensors
 from ballbot_rs.control.setpoints import Setpoint
-from ballbot_rs.link.channel import Channel, VersionError
+from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.frames import WRAP, Frame, cobs_library
 from ballbot_rs.link.layout import LATE, READINGS, Field, Flag, Kind, Status
 from ballbot_rs.link.statistics import Statistics
@@ -86,13 +86,15 @@ class LinkPeer:
         if channel is None:
             raise InvalidInputError("a peer serves once: make another LinkPeer")
         try:
-            while (readings := self._receive(channel)) is not None:
+            while (readings := channel.receive(time.perf_counter() + self._idle)) is not None:
                 if self._is_foreign(readings, channel.sender):
                     self.statistics.foreign += 1
                     continue
                 if readings.flags & Flag.STOP:
                     return
                 answer = self._answer_to(readings)
+                # Others cannot end a simulation.
+                channel.allows_versions = self._has_begun
                 if answer is not None:
                     channel.send(answer)
             raise TimeoutError(f"no readings for {self._idle:g} s")
@@ -100,15 +102,6 @@ class LinkPeer:
             pass
         finally:
             channel.close()
-
-    def _receive(self, channel: Channel) -> Frame | None:
-        while True:
-            try:
-                return channel.receive(time.perf_counter() + self._idle)
-            except VersionError:
-                # Whoever else sends them does not end a simulation.
-                if self._last is None:
-                    raise
 
     def _is_foreign(self, readings: Frame, sender: Any) -> bool:
         """Whether readings are of another simulation than the one that it answers."""
