@@ -323,6 +323,15 @@ def _written(write: Callable[..., Path], path: str, **arguments: Any) -> bytes:
         return write(path=Path(folder) / path, **arguments).read_bytes()
 
 
+def _estimated(**arguments: Any) -> bytes:
+    """An estimate after readings that are wrong for a robot at rest."""
+    estimator = bb.Estimator(**arguments)
+    for _ in range(3):
+        readings = {"gyro": (0.1, 0.2, 0.0), "specific_force": (0.3, 0.0, 9.8), "wheel_angles": (0.0, 0.1, 0.0)}
+        state = estimator.update(readings)
+    return state.to_array().tobytes()
+
+
 def _read(path: bb.Terrain, **arguments: Any) -> Any:
     """What is read of the picture of a terrain."""
     with tempfile.TemporaryDirectory() as folder:
@@ -722,6 +731,11 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "num_threads": Same(2),
             "progress": "messages",
         },
+    ),
+    "Estimator": (
+        _estimated,
+        {},
+        {"params": "kugle", "sensors": {"gyro_noise": 0.1}, "control_dt": 0.02},
     ),
     "linearize": (
         bb.linearize,

@@ -356,24 +356,43 @@ def test_every_command_has_controllers_on_estimates(capsys):
     assert found["tilt_rms"] == pytest.approx(kugle.tilt_rms)
 
 
-@pytest.mark.parametrize("seed", range(4))
-def test_pushes_that_lift_a_wheel_do_not_mislead_the_estimator(seed):
+def errors_under_pushes(name, impulse, seed):
+    """Errors of the velocity, m/s, and of the position, m, on a circle that is scaled to the robot, with eight pushes."""
     azimuths = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 8)
+    robot = bb.Params.preset(name)
+    second = robot.scale("s")
     run = bb.simulate(
         "lqr",
-        reference=bb.Reference.circle(0.5, 10.0),
-        seconds=20.0,
+        robot=robot,
+        reference=bb.Reference.circle(0.5 * robot.scale("m"), 10.0 * second),
+        seconds=20.0 * second,
         sensors="kugle",
         observation="sensors",
         pushes=[
-            bb.Push((0.3 * math.cos(azimuth), 0.3 * math.sin(azimuth), 0.0), time=4.0 + 2.0 * k)
+            bb.Push((impulse * math.cos(azimuth), impulse * math.sin(azimuth), 0.0), time=(4.0 + 2.0 * k) * second)
             for k, azimuth in enumerate(azimuths)
         ],
         seed=seed,
     )
+    assert run.fell_at is None
     assert min(contacts.wheel_normal_forces.min() for contacts in run.contacts[1:]) == 0.0, "no wheel lifts"
     errors = np.array(
         [estimate.to_array() - state.to_array() for estimate, state in zip(run.estimates, run.states, strict=True)]
     )
-    assert np.linalg.norm(errors[:, 7:9], axis=1).max() < 0.06
-    assert np.linalg.norm(errors[:, :2], axis=1).max() < 0.01
+    return np.linalg.norm(errors[:, 7:9], axis=1), np.linalg.norm(errors[:, :2], axis=1)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_pushes_that_lift_a_wheel_do_not_mislead_the_estimator(seed):
+    velocity, position = errors_under_pushes("paper", 0.3, seed)
+    assert velocity.max() < 0.06
+    assert position.max() < 0.01
+
+
+@pytest.mark.parametrize("seed", [4, 14])
+def test_nor_do_pushes_of_a_robot_that_topples_slowly(seed):
+    """With the paper's `slip_walk` rezero lost its velocity for 0.83 s, under the pushes of seed 14."""
+    velocity, position = errors_under_pushes("rezero", 2.16, seed)
+    off = np.flatnonzero(np.diff(np.concatenate(([0], velocity > 0.1, [0]))))
+    assert (off[1::2] - off[::2]).max() <= 8, "steps in a row"
+    assert position.max() < 0.1

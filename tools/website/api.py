@@ -84,6 +84,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "LinkFaults",
             "LinkPeer",
             "EstimatedController",
+            "Estimator",
             "Supervised",
             "StateFeedback",
             "NativeLaw",
