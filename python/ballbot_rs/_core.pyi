@@ -773,7 +773,7 @@ class Ballbot:
 
 @final
 class Estimator:
-    """The estimator of one robot's state from gyroscope, accelerometer and encoders: that of environments with
+    """The estimator of one robot's state from gyroscope, accelerometer and encoders, as in environments with
     `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
 
     An error-state Kalman filter on level ground, without a model of motors: torques are not among its readings. Call it

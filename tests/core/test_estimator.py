@@ -1,4 +1,4 @@
-"""The estimator of one robot is that of a batch, bit for bit, whatever its sensors and motion are."""
+"""The estimator of one robot has the states of a batch, bit for bit, whatever its sensors and motion are."""
 
 import copy
 import pickle
@@ -32,7 +32,7 @@ def bits(state):
 
 @pytest.mark.parametrize("sensors", ["exact", "kugle", POOR], ids=["exact", "kugle", "poor"])
 @pytest.mark.parametrize("robot", ROBOTS)
-def test_estimates_are_those_of_a_batch_bit_for_bit(robot, sensors):
+def test_estimates_are_the_estimates_of_a_batch_bit_for_bit(robot, sensors):
     """Under random torques that make wheels slip; robots in all lanes of the core, and alone."""
     options = {"sensors": sensors, "observation": "sensors", "max_episode_steps": 300}
     batch = bb.Batch(9, params=robot, model="contact", num_threads=1, seed=3, **options)

@@ -357,7 +357,7 @@ def test_every_command_has_controllers_on_estimates(capsys):
 
 
 def errors_under_pushes(name, impulse, seed):
-    """Errors of the velocity, m/s, and of the position, m, on a circle that is scaled to the robot, with eight pushes."""
+    """Errors of velocity, m/s, and position, m, on a circle that is scaled to the robot, with eight pushes."""
     azimuths = np.random.default_rng(seed).uniform(0.0, 2.0 * np.pi, 8)
     robot = bb.Params.preset(name)
     second = robot.scale("s")

@@ -16,7 +16,7 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 
-/// The estimator of one robot's state from gyroscope, accelerometer and encoders: that of environments with
+/// The estimator of one robot's state from gyroscope, accelerometer and encoders, as in environments with
 /// `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
 ///
 /// An error-state Kalman filter on level ground, without a model of motors: torques are not among its readings. Call it
@@ -89,7 +89,10 @@ impl PyEstimator {
         }
         let [Some(gyro), Some(force), Some(angles), rates] = parts else {
             let missing = PARTS.iter().zip(&parts).find(|(_, value)| value.is_none()).map_or("", |(name, _)| *name);
-            return Err(InvalidInputError::new_err(format!("readings have no {missing}: expected {}", PARTS.join(", "))));
+            return Err(InvalidInputError::new_err(format!(
+                "readings have no {missing}: expected {}",
+                PARTS.join(", ")
+            )));
         };
         let mut tracker = self.0.write()?;
         let wheel_angles = Wheels::of_column(angles);

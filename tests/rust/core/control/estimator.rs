@@ -8,8 +8,8 @@ mod record;
 
 use ballbot_core::lanes::{EIGHT, Eight, Kernel, Registers};
 use ballbot_core::lanes::{Lane, Memory, Quat, Rotation, Scalar, Vec3, Wide, run_eight, run_one};
-use ballbot_core::sensor::Readings;
-use ballbot_core::sensor::estimator::{Estimator, EstimatorOptions, Odometry};
+use ballbot_core::sensor::estimator::{Estimator, EstimatorOptions, Odometry, Tracker};
+use ballbot_core::sensor::{Readings, SensorOptions};
 use ballbot_core::{Error, LaneState, ModelKind, Params, State};
 use nalgebra::{UnitQuaternion, Vector3};
 use proptest::prelude::*;
@@ -63,6 +63,25 @@ fn odometry_is_exact_along_a_motion() {
         assert!(fastest > 0.3, "the robot hardly moves: {fastest} m/s");
         assert!(error < 1e-12, "{error:e}");
     }
+}
+
+#[test]
+fn tracker_has_the_states_of_its_estimator_and_its_own_memory() {
+    let sensors = SensorOptions { imu_position: IMU, gyro_noise: 1e-3, ..SensorOptions::default() };
+    let params = crooked();
+    let record = Record::driven(&params, ModelKind::Spatial, &Plan::default());
+    let options = EstimatorOptions::of(&sensors, &params, record.dt);
+    let mut filter = Filter::new(&params, &options, record.dt, &record.states[0], &record.readings[0]);
+    let mut tracker = Tracker::new(&params, &sensors, record.dt).unwrap();
+    tracker.reset(Some(&record.states[0]));
+    tracker.update(&record.readings[0]).unwrap();
+    for readings in &record.readings[1..] {
+        let rates = tracker.wheel_rates(readings.wheel_angles);
+        assert!((rates.column() - readings.wheel_rates.column()).norm() < 1e-9, "the rates are of the angles");
+        assert_eq!(*tracker.clone().update(readings).unwrap(), filter.update(readings));
+        tracker.update(readings).unwrap();
+    }
+    assert_eq!(tracker.estimate().slipping.0, filter.slipping());
 }
 
 /// Largest errors of tilt and yaw (rad), velocity (m/s) and position (m) along a record without noise.
