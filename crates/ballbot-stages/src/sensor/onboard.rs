@@ -3,7 +3,7 @@
 use super::axes::AxesErrors;
 use super::constants::{Constants, constants_of};
 use super::encoders;
-use super::estimator::{Estimator, EstimatorOptions};
+use super::estimator::Estimator;
 use super::options::SensorOptions;
 use super::readings::Readings;
 use super::{EpisodeStart, Sensor};
@@ -115,9 +115,7 @@ impl Onboard {
             misaligned: l.imu_misalignment > 0.0,
             latency: l.latency_steps(control_dt)?,
             dt: control_dt,
-            estimator: observed
-                .map(|params| Estimator::new(params, &EstimatorOptions::of(options, params, control_dt), control_dt))
-                .transpose()?,
+            estimator: observed.map(|params| Estimator::of(params, options, control_dt)).transpose()?,
             options: options.clone(),
         })
     }

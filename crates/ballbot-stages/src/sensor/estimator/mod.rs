@@ -19,7 +19,7 @@ pub use odometry::Odometry;
 pub use options::EstimatorOptions;
 pub use tracker::Tracker;
 
-use super::Readings;
+use super::{Readings, SensorOptions};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
@@ -84,6 +84,16 @@ impl Estimator {
             lean: LeanObserver::new(params, options.lean_time, dt),
             dt,
         })
+    }
+
+    /// The estimator of the robot of `params` with sensors that are read every `dt` seconds: the errors that it expects
+    /// are [`EstimatorOptions::of`] them.
+    ///
+    /// # Errors
+    /// As [`Estimator::new`].
+    pub fn of(params: &Params, sensors: &SensorOptions, dt: f64) -> Result<Self> {
+        params.validate()?;
+        Self::new(params, &EstimatorOptions::of(sensors, params, dt), dt)
     }
 
     /// The map between wheel rates and ball rate.

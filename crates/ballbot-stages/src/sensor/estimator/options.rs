@@ -53,7 +53,7 @@ ballbot_base::fields! {
 
 impl EstimatorOptions {
     /// The errors that an estimator expects of sensors with these options, read every `dt` (s), on a robot. For readings
-    /// without errors, only model errors remain.
+    /// without errors, only model errors remain. The robot is valid.
     pub fn of(sensors: &SensorOptions, params: &Params, dt: f64) -> Self {
         let reading = |density: f64| density / dt.sqrt();
         let tick = if sensors.encoder_ticks > 0.0 { TAU / sensors.encoder_ticks } else { 0.0 };

@@ -1,6 +1,6 @@
 //! The estimator of one robot, with its memory.
 
-use super::{Estimate, Estimator, EstimatorOptions};
+use super::{Estimate, Estimator};
 use crate::sensor::{Readings, SensorOptions};
 use ballbot_base::error::{Error, Result, bounded};
 use ballbot_base::lane_state::LaneState;
@@ -36,10 +36,10 @@ impl Tracker {
     /// The errors of [`SensorOptions::check`] and [`Estimator::new`].
     pub fn new(params: &Params, sensors: &SensorOptions, control_dt: f64) -> Result<Self> {
         sensors.check(control_dt, true)?;
-        params.validate()?;
+        let estimator = Estimator::of(params, sensors, control_dt)?;
         let upright = State::upright(params);
         let mut tracker = Self {
-            estimator: Estimator::new(params, &EstimatorOptions::of(sensors, params, control_dt), control_dt)?,
+            estimator,
             memory: [0.0; Estimator::MEMORY],
             is_attitude_known: false,
             latency: sensors.latency_steps(control_dt)?,
