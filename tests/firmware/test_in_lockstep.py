@@ -19,7 +19,7 @@ def test_a_robot_drives_for_a_minute_with_our_torques(name, real, built):
     assert run.statuses == {"running": 6000}
     assert run.difference < TOLERANCE[real]
     # It drives: commands are up to 0.5 m/s and 1 rad/s.
-    assert run.metrics["velocity_error"] < 0.2
+    assert run.metrics["velocity_error"] < 0.02
     assert run.metrics["yaw_rate_error"] < 0.05
 
 
