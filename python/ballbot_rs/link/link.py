@@ -18,6 +18,7 @@ from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
+from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
 from ballbot_rs.link.exchange import Exchange, Timing
 from ballbot_rs.link.faults import LinkFaults
@@ -179,12 +180,12 @@ class Link:
         if self._exchange is not None:
             self._exchange.reset()
 
-    def __call__(self, readings: Mapping[str, Array], setpoint: Mapping[str, Any]) -> Array:
+    def __call__(self, readings: Mapping[str, Array], setpoint: Setpoint) -> Array:
         """Torques for the next control step, shape (3,), N·m.
 
         Args:
             readings: as `Batch.readings(0)`.
-            setpoint: as `Setpoint`.
+            setpoint: what the controller is to follow.
 
         Raises:
             TimeoutError: no torques for longer than `give_up`, or at the start of an episode `connect`.
