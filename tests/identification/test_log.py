@@ -24,6 +24,8 @@ def log(**changes):
         "wheel_angles": np.cumsum(rng.uniform(-0.1, 0.1, (ROWS, 3)), axis=0),
         "gyro": rng.uniform(-1, 1, (ROWS, 3)),
         "accelerations": rng.uniform(-0.1, 0.1, (ROWS, 3)) + np.array([0, 0, 9.81]),
+        "attitude": np.tile([0.6, 0.0, 0.0, -0.8], (ROWS, 1)),
+        "position": rng.uniform(-1, 1, (ROWS, 3)),
     }
     return SensorLog(**{**fields, **changes})
 
@@ -35,7 +37,7 @@ def changed(name, place, value):
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".npz"])
-@pytest.mark.parametrize("without", [{}, {"accelerations": None}])
+@pytest.mark.parametrize("without", [{}, {"accelerations": None}, {"attitude": None, "position": None}])
 def test_a_file_restores_the_log_exactly(tmp_path, suffix, without):
     written = log(**without)
     written.write(tmp_path / f"log{suffix}")
@@ -76,6 +78,11 @@ def test_columns_may_have_any_order_and_additional_columns(tmp_path):
             "mean magnitude of acc_x, acc_y, acc_z is 1 m/s², expected 5 to 20",
         ),
         (
+            {"attitude": np.ones((ROWS, 4))},
+            r"attitude_w, .*attitude_z of row 0 have the norm 2, expected 1 ± 0\.01",
+        ),
+        ({"attitude": np.ones((ROWS, 3))}, r"attitude has the shape \(300, 3\), expected \(300, 4\)"),
+        (
             {name: getattr(log(), name)[:1] for name in COLUMNS},
             "the log has 1 rows, at least 2 are needed",
         ),
@@ -95,7 +102,7 @@ def test_a_bad_log_is_rejected_with_value_and_limit(changes, message):
         ),
         (lambda text: text.replace("acc_x", "a"), "column acc_x is missing"),
         (lambda text: text.replace("gyro_x", "gyro_y"), "two columns have one name"),
-        (lambda text: text + "1,2\n", "row 300 has 2 cells, the header has 13"),
+        (lambda text: text + "1,2\n", "row 300 has 2 cells, the header has 20"),
         (lambda text: text.replace("\n0.0,", "\nzero,", 1), "time of row 0 is 'zero', not a number"),
         (lambda _: "", "column time is missing"),
     ],

@@ -16,6 +16,7 @@ COLUMNS = {
     "gyro": ["wx", "wy", "wz"],
     "accelerations": ["ax", "ay", "az"],
 }
+PLAIN = ColumnMap.of({"columns": {"time": "t", **COLUMNS}})
 MAP = """
 [columns]
 time = "t"
@@ -117,7 +118,7 @@ def test_torques_keep_their_impulse_and_irregular_samples_their_line():
         "wheel_angles": Series("e", "a", own[1], own[1][:, None] * line),
         "gyro": Series("w", "a", own[2], 1.0 + own[2][:, None] * line),
     }
-    fields, _ = merged(series, None)
+    fields, _ = merged(series, PLAIN)
     rows = fields["time"]
     np.testing.assert_allclose(fields["wheel_angles"], rows[:, None] * line, atol=1e-12)
     np.testing.assert_allclose(fields["gyro"], 1.0 + rows[:, None] * line, atol=1e-12)
@@ -190,7 +191,7 @@ def test_a_robot_at_rest_does_not_determine_an_offset():
     assert clocks.estimated(*series[:2]) is None
     short = [Series(one.source, one.clock, one.time[:60], one.values[:60]) for one in series]
     assert clocks.estimated(*short[:2]) is None
-    _, report = merged({"gyro": series[0], "wheel_angles": series[1], "torques": series[2]}, None)
+    _, report = merged({"gyro": series[0], "wheel_angles": series[1], "torques": series[2]}, PLAIN)
     assert report.lines()[-1].startswith("clock offset of the IMU: not determined by the motion")
 
 
@@ -256,10 +257,9 @@ def test_quantities_without_a_common_time_are_rejected():
         "gyro": checked("w", "a", time + 9.0, values),
     }
     with pytest.raises(ValueError, match=r"no common time: torques 0.000 to 0.490 s, .*, gyro 9.000 to 9.490 s"):
-        merged(series, None)
+        merged(series, PLAIN)
 
 
 def test_a_default_map_has_si_units():
-    found = ColumnMap.of({"columns": {"time": "t", **COLUMNS}})
-    assert all((one == 1.0).all() for one in found.scale.values())
-    assert (found.time_scale, found.clock_offset) == (1.0, None)
+    assert all((PLAIN.scale(name) == 1.0).all() for name in COLUMNS)
+    assert (PLAIN.time_scale, PLAIN.clock_offset) == (1.0, None)

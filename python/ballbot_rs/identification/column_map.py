@@ -25,9 +25,19 @@ UNITS: Final[Mapping[str, Mapping[str, float]]] = {
     "wheel_angles": {"rad": 1.0, "deg": np.pi / 180.0, "turn": 2.0 * np.pi, "ticks": 2.0 * np.pi},
     "gyro": {"rad/s": 1.0, "deg/s": np.pi / 180.0},
     "accelerations": {"m/s^2": 1.0, "g": 9.80665},
+    "attitude": {"quaternion": 1.0},
+    "position": {"m": 1.0, "mm": 1e-3},
 }
-#: Quantities with three columns.
-VECTORS: Final = ("torques", "wheel_angles", "gyro", "accelerations")
+#: Columns of each quantity, and the quantities that a log may lack.
+SIZES: Final[Mapping[str, int]] = {
+    "torques": 3,
+    "wheel_angles": 3,
+    "gyro": 3,
+    "accelerations": 3,
+    "attitude": 4,
+    "position": 3,
+}
+OPTIONAL: Final = ("accelerations", "attitude", "position")
 #: Largest offset between clocks, s.
 MAX_OFFSET: Final = 10.0
 
@@ -38,14 +48,16 @@ _TABLES: Final = ("columns", "times", "units", "scale", "ticks_per_turn", "clock
 class ColumnMap:
     """Columns of a file; values times `scale` are in SI units and have the signs of docs/conventions.md."""
 
-    #: Of each quantity, three names.
+    #: Names by quantity.
     columns: Mapping[str, tuple[str, ...]]
     #: Time column of each quantity; a quantity of an MCAP file that is not here has the times of its messages.
     times: Mapping[str, str]
-    #: Of each quantity, shape (3,).
-    scale: Mapping[str, Array]
-    #: Of all time columns, s.
-    time_scale: float
+    #: Unit of each quantity and of `time`.
+    units: Mapping[str, str]
+    #: Of each quantity, in addition to its unit, a number for each column.
+    factors: Mapping[str, Array]
+    #: Of encoders with the unit `ticks`, shape (3,).
+    ticks_per_turn: Array | None
     #: Time of the IMU's clock minus time of the encoders' clock, s; None: estimated.
     clock_offset: float | None
 
@@ -68,36 +80,50 @@ class ColumnMap:
     def of(cls, table: Mapping[str, Any]) -> "ColumnMap":
         """The map in a table. Raises ValueError as `load`."""
         _check_keys("key", table, _TABLES)
-        columns = dict(_table(table, "columns", ("time", *VECTORS)))
+        columns = dict(_table(table, "columns", ("time", *SIZES)))
         time = columns.pop("time", None)
         if time is not None and not isinstance(time, str):
             raise InvalidInputError(f"columns.time = {time!r}, expected the name of a column")
         for name, titles in columns.items():
-            if not (isinstance(titles, list) and len(titles) == 3 and all(isinstance(one, str) for one in titles)):
-                raise InvalidInputError(f"columns.{name} = {titles!r}, expected three names of columns")
-        titles = [*(one for three in columns.values() for one in three), *filter(None, [time])]
+            count = SIZES[name]
+            if not (isinstance(titles, list) and len(titles) == count and all(isinstance(one, str) for one in titles)):
+                words = "three" if count == 3 else "four"
+                raise InvalidInputError(f"columns.{name} = {titles!r}, expected {words} names of columns")
+        titles = [*(one for several in columns.values() for one in several), *filter(None, [time])]
         if twice := [title for title in titles if titles.count(title) > 1]:
             raise InvalidInputError(f"columns names {twice[0]!r} twice")
-        if missing := [name for name in VECTORS if name not in columns and name != "accelerations"]:
+        if missing := [name for name in SIZES if name not in columns and name not in OPTIONAL]:
             raise InvalidInputError(f"columns lacks {', '.join(missing)}")
-        times = _table(table, "times", VECTORS)
+        times = _table(table, "times", tuple(SIZES))
         for name, title in times.items():
             if not isinstance(title, str):
                 raise InvalidInputError(f"times.{name} = {title!r}, expected the name of a column")
-        units = _table(table, "units", ("time", *VECTORS))
+        units = _table(table, "units", ("time", *SIZES))
         for name, unit in units.items():
             if not isinstance(unit, str) or unit not in UNITS[name]:
                 raise InvalidInputError(f"units.{name} = {unit!r}, expected one of {', '.join(UNITS[name])}")
-        scale = {name: _scale(name, table, units) for name in columns}
+        units = {name: units.get(name, next(iter(known))) for name, known in UNITS.items()}
+        scale = _table(table, "scale", tuple(SIZES))
         shared = {} if time is None else dict.fromkeys(columns, time)
-        time_scale = UNITS["time"][units.get("time", "s")]
         return cls(
             {name: tuple(titles) for name, titles in columns.items()},
             {**shared, **times},
-            scale,
-            time_scale,
+            units,
+            {name: _numbers(f"scale.{name}", scale.get(name, 1.0), SIZES[name]) for name in columns},
+            _ticks(table.get("ticks_per_turn"), units["wheel_angles"]),
             _offset(table.get("clock_offset")),
         )
+
+    def scale(self, name: str) -> Array:
+        """Factors to SI units, a number for each column."""
+        found = UNITS[name][self.units[name]] * self.factors[name]
+        is_counted = self.units[name] == "ticks" and self.ticks_per_turn is not None
+        return found / self.ticks_per_turn if is_counted else found
+
+    @property
+    def time_scale(self) -> float:
+        """Factor of all time columns to s."""
+        return UNITS["time"][self.units["time"]]
 
     @property
     def names(self) -> set[str]:
@@ -121,25 +147,22 @@ def _table(table: Mapping[str, Any], key: str, known: tuple[str, ...]) -> Mappin
     return found
 
 
-def _numbers(key: str, value: Any) -> Array:
-    """One number, or three, neither zero nor infinite, as shape (3,)."""
+def _numbers(key: str, value: Any, count: int = 3) -> Array:
+    """One number, or one for each column, neither zero nor infinite, as shape (count,)."""
     values = value if isinstance(value, list) else [value]
     numeric = all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values)
-    if not numeric or len(values) not in (1, 3) or not all(np.isfinite(one) and one != 0 for one in values):
-        raise InvalidInputError(f"{key} = {value!r}, expected a finite number other than 0, or three")
-    return np.asarray(values, dtype=np.float64) * np.ones(3)
+    if not numeric or len(values) not in (1, count) or not all(np.isfinite(one) and one != 0 for one in values):
+        words = "three" if count == 3 else "four"
+        raise InvalidInputError(f"{key} = {value!r}, expected a finite number other than 0, or {words}")
+    return np.asarray(values, dtype=np.float64) * np.ones(count)
 
 
-def _scale(name: str, table: Mapping[str, Any], units: Mapping[str, Any]) -> Array:
-    unit = units.get(name, next(iter(UNITS[name])))
-    found = UNITS[name][unit] * _numbers(f"scale.{name}", _table(table, "scale", VECTORS).get(name, 1.0))
-    if unit == "ticks":
-        if "ticks_per_turn" not in table:
-            raise InvalidInputError("units.wheel_angles = 'ticks' needs ticks_per_turn, of the wheel behind the gear")
-        found = found / _numbers("ticks_per_turn", table["ticks_per_turn"])
-    elif name == "wheel_angles" and "ticks_per_turn" in table:
+def _ticks(value: Any, unit: str) -> Array | None:
+    if unit == "ticks" and value is None:
+        raise InvalidInputError("units.wheel_angles = 'ticks' needs ticks_per_turn, of the wheel behind the gear")
+    if unit != "ticks" and value is not None:
         raise InvalidInputError(f"ticks_per_turn needs units.wheel_angles = 'ticks', which is {unit!r}")
-    return found
+    return None if value is None else _numbers("ticks_per_turn", value)
 
 
 def _offset(value: Any) -> float | None:

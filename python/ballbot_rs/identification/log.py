@@ -3,7 +3,7 @@
 import csv
 import dataclasses
 import io
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
 from typing import Final
@@ -14,12 +14,12 @@ import numpy.typing as npt
 from ballbot_rs import _files
 from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs._reading import read_regular
-from ballbot_rs.identification.column_map import ColumnMap
+from ballbot_rs._reading import open_regular, read_regular
+from ballbot_rs.identification.column_map import OPTIONAL, ColumnMap
 from ballbot_rs.identification.mcap_log import read_mcap
 from ballbot_rs.identification.merge import LogReport, merged
-from ballbot_rs.identification.recording import from_table
-from ballbot_rs.identification.tables import MAX_LOG_FILE, csv_columns, npz_columns
+from ballbot_rs.identification.recording import from_table, single_precision
+from ballbot_rs.identification.tables import MAX_LOG_FILE, Column, csv_columns, npz_columns
 
 Array = npt.NDArray[np.float64]
 
@@ -30,12 +30,11 @@ COLUMNS: Final[Mapping[str, tuple[str, ...]]] = {
     "wheel_angles": ("wheel_angle_0", "wheel_angle_1", "wheel_angle_2"),
     "gyro": ("gyro_x", "gyro_y", "gyro_z"),
     "accelerations": ("acc_x", "acc_y", "acc_z"),
+    "attitude": ("attitude_w", "attitude_x", "attitude_y", "attitude_z"),
+    "position": ("position_x", "position_y", "position_z"),
 }
 #: Units of the noise of each sensor.
 UNITS: Final[Mapping[str, str]] = {"wheel_angle": "rad", "gyro": "rad/s", "acceleration": "m/s²"}
-#: Fields that a log may lack.
-OPTIONAL: Final = ("accelerations",)
-
 #: Files that are read.
 SUFFIXES: Final = (".csv", ".npz", ".mcap")
 
@@ -45,6 +44,8 @@ MAX_STEP: Final = 0.05
 MAX_RATE: Final = 35.0
 #: Largest change of a wheel angle between two rows, rad. Half a turn is the wrap of an encoder.
 MAX_TURN: Final = np.pi
+#: Largest deviation of an attitude's norm from 1.
+MAX_NORM_ERROR: Final = 0.01
 #: Range of the mean magnitude of the specific force, m/s², of a robot that stays upright.
 SPECIFIC_FORCE: Final = (5.0, 20.0)
 
@@ -64,6 +65,10 @@ class SensorLog:
         accelerations: specific force at the IMU, body frame, m/s², shape (n, 3): the change of velocity since the
             previous row, divided by the time between them, minus gravity. At rest upright it is (0, 0, 9.81). None:
             not measured.
+        attitude: of the body, quaternion (w, x, y, z) from the body frame to an inertial frame with z up, shape (n, 4);
+            normalized. None: not measured.
+        position: of the ball's center in an inertial frame with z up, m, shape (n, 3). None: not measured. Only
+            `replay` uses attitude and position; the headings of their frames may differ.
         report: how `read` brought quantities with different time stamps to common rows; None for other logs.
 
     Raises:
@@ -76,6 +81,8 @@ class SensorLog:
     wheel_angles: Array
     gyro: Array
     accelerations: Array | None = None
+    attitude: Array | None = None
+    position: Array | None = None
     report: LogReport | None = dataclasses.field(default=None, compare=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -87,9 +94,11 @@ class SensorLog:
             shape = (len(array) if array.ndim else 0, len(columns))[: 1 if name == "time" else 2]
             if array.shape != shape or (name != "time" and len(array) != len(self.time)):
                 rows = "n" if name == "time" else str(len(self.time))
-                expected = f"({rows},)" if name == "time" else f"({rows}, 3)"
+                expected = f"({rows},)" if name == "time" else f"({rows}, {len(columns)})"
                 raise InvalidInputError(f"{name} has the shape {array.shape}, expected {expected}")
             _check_finite(name, array)
+            if name == "attitude":
+                array = _normalized(array)
             array.flags.writeable = False
             object.__setattr__(self, name, array)
         _check_time(self.time)
@@ -107,8 +116,9 @@ class SensorLog:
         Of an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as
         `effort`, or what `Trajectory.to_mcap` wrote. Of other files: the columns `time` (s), `torque_0` to `torque_2`
         (N·m), `wheel_angle_0` to `wheel_angle_2` (rad), `gyro_x`, `gyro_y`, `gyro_z` (rad/s), and optionally `acc_x`,
-        `acc_y`, `acc_z` (m/s²). A map names other columns, units, signs and time stamps; docs/identify.md has its keys,
-        and how different rates, gaps and clocks are brought to common rows. `report` has the result.
+        `acc_y`, `acc_z` (m/s²), `attitude_w` to `attitude_z` and `position_x` to `position_z` (m). A map names other
+        columns, units, signs and time stamps; docs/identify.md has its keys, and how different rates, gaps and clocks
+        are brought to common rows. `report` has the result.
 
         Args:
             path: the log.
@@ -123,21 +133,15 @@ class SensorLog:
         if path.suffix not in SUFFIXES:
             raise InvalidInputError(f"{path}: the name of a log ends in .csv, .npz or .mcap")
         found = None if columns is None else ColumnMap.load(columns)
-        contents = read_regular(path, MAX_LOG_FILE)
-        report = None
         try:
             if path.suffix == ".mcap":
-                fields, report = merged(read_mcap(contents, found), found.clock_offset if found else None)
+                series, found = read_mcap(read_regular(path, MAX_LOG_FILE), found)
+                fields, report = merged(series, found)
+            elif found is None:
+                fields, report = _fields(_table(path, {title for titles in COLUMNS.values() for title in titles})), None
             else:
-                known = found.names if found else {title for titles in COLUMNS.values() for title in titles}
-                is_csv, blanks = path.suffix == ".csv", found is not None
-                table = csv_columns(contents, known, blanks) if is_csv else npz_columns(contents, known)
-                if found is None:
-                    fields = _fields(table)
-                else:
-                    fields, report = merged(from_table(table, found), found.clock_offset)
-            sensors = (fields["wheel_angles"], fields["gyro"], fields.get("accelerations"))
-            return cls(fields["time"], fields["torques"], *sensors, report=report)
+                fields, report = merged(from_table(_table(path, found.names, blanks=True), found), found)
+            return cls(**fields, report=report)
         except (ValueError, csv.Error) as error:
             raise InvalidInputError(f"{path}: {error}") from error
 
@@ -164,6 +168,13 @@ class SensorLog:
             _files.write(path, "\n".join(lines) + "\n")
         else:
             raise InvalidInputError(f"{path}: the name of a log ends in .csv or .npz")
+
+
+def _table(path: Path, known: Collection[str], blanks: bool = False) -> Mapping[str, Column]:
+    if path.suffix == ".npz":
+        return npz_columns(read_regular(path, MAX_LOG_FILE), known)
+    with open_regular(path, MAX_LOG_FILE) as file:
+        return csv_columns(file, known, blanks)
 
 
 def _fields(columns: Mapping[str, Array]) -> dict[str, Array]:
@@ -195,13 +206,25 @@ def _check_finite(name: str, array: Array) -> None:
         )
 
 
+def _normalized(attitude: Array) -> Array:
+    norms = np.linalg.norm(attitude, axis=1)
+    row = int(np.argmax(np.abs(norms - 1.0)))
+    if not abs(norms[row] - 1.0) <= MAX_NORM_ERROR:
+        raise InvalidInputError(
+            f"{', '.join(COLUMNS['attitude'])} of row {row} have the norm {norms[row]:g}, expected 1 ± {MAX_NORM_ERROR}"
+        )
+    return np.asarray(attitude / norms[:, None])
+
+
 def _check_time(time: Array) -> None:
     if len(time) < 2:
         raise InvalidInputError(f"the log has {len(time)} rows, at least 2 are needed")
     steps = np.diff(time)
     if (steps <= 0).any():
         row = int(np.argmax(steps <= 0)) + 1
-        raise InvalidInputError(f"time of row {row} is {time[row]:g} s after {time[row - 1]:g} s: it must increase")
+        raise InvalidInputError(
+            f"time of row {row} is {time[row]:g} s after {time[row - 1]:g} s: it must increase{single_precision(time)}"
+        )
     median = float(np.median(steps))
     if median > MAX_STEP:
         raise InvalidInputError(
@@ -215,7 +238,7 @@ def _check_units(log: SensorLog) -> None:
         row, column = np.unravel_index(rates.argmax(), rates.shape)
         raise InvalidInputError(
             f"{COLUMNS['gyro'][column]} of row {row} is {log.gyro[row, column]:g} rad/s, the limit is ±{MAX_RATE:g} "
-            "rad/s: give rates in rad/s, not deg/s"
+            f"rad/s: {_hint(log, 'gyro', 'give rates in rad/s, not deg/s')}"
         )
     turns = np.abs(np.diff(log.wheel_angles, axis=0))
     # Wheels may turn far during a gap.
@@ -224,7 +247,8 @@ def _check_units(log: SensorLog) -> None:
         row, column = np.unravel_index(turns.argmax(), turns.shape)
         raise InvalidInputError(
             f"{COLUMNS['wheel_angles'][column]} changes by {turns[row, column]:g} rad to row {row + 1}, the limit is "
-            f"{MAX_TURN:.4g} rad: unwrap the encoders, and give angles in rad, not deg or ticks"
+            f"{MAX_TURN:.4g} rad: unwrap the encoders, and "
+            f"{_hint(log, 'wheel_angles', 'give angles in rad, not deg or ticks')}"
         )
     if log.accelerations is not None:
         mean = float(np.linalg.norm(log.accelerations, axis=1).mean())
@@ -233,5 +257,12 @@ def _check_units(log: SensorLog) -> None:
             looks = "; it looks like g" if 0.8 < mean < 1.2 else ""
             raise InvalidInputError(
                 f"the mean magnitude of acc_x, acc_y, acc_z is {mean:g} m/s², expected {low:g} to {high:g} m/s²{looks}"
-                ": give the specific force, gravity included, in m/s²"
+                f": {_hint(log, 'accelerations', 'give the specific force, gravity included, in m/s²')}"
             )
+
+
+def _hint(log: SensorLog, name: str, without: str) -> str:
+    """What to change: in the column map if there is one."""
+    if log.report is None:
+        return without
+    return f"[units] {name} of the column map is \"{log.report.columns.units[name]}\"; {without}"

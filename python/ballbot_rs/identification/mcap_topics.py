@@ -32,14 +32,15 @@ class Topic:
 
     name: str
     schema: str
-    #: Of each message: its header's stamp, or the time it was logged, ns.
+    #: Of each message: the stamp of its header, 0 without one, and the time it was logged, ns.
     stamps: list[int] = dataclasses.field(default_factory=list)
+    logged: list[int] = dataclasses.field(default_factory=list)
     #: By path within the message, as `angular_velocity.x`, or `position.NAME` of a joint; NaN where there is no number.
     columns: dict[str, "array.array[float]"] = dataclasses.field(default_factory=dict)
 
-    def add(self, stamp: int, numbers: Mapping[str, float]) -> None:
+    def add(self, stamp: int, logged: int, numbers: Mapping[str, float]) -> None:
         """Adds a message."""
-        rows = len(self.stamps)
+        rows = self.rows
         for name, value in numbers.items():
             if name not in self.columns:
                 if len(self.columns) == MAX_COLUMNS:
@@ -47,9 +48,31 @@ class Topic:
                 self.columns[name] = array.array("d", [math.nan]) * rows
             self.columns[name].append(value)
         self.stamps.append(stamp)
+        self.logged.append(logged)
         for column in self.columns.values():
             if len(column) == rows:
                 column.append(math.nan)
+
+    @property
+    def rows(self) -> int:
+        """Number of messages."""
+        return len(self.stamps)
+
+    @property
+    def first(self) -> int:
+        """The first time of a message, ns."""
+        return min(filter(None, self.stamps), default=min(self.logged))
+
+    def times(self, origin: int) -> Array:
+        """Times of the messages after an origin, s: stamps of their headers, or log times if all stamps are zero.
+
+        A message without a stamp among others is NaN: the log time has another clock.
+        """
+        chosen = self.stamps if any(self.stamps) else self.logged
+        is_known = np.array([bool(one) for one in self.stamps]) | (chosen is self.logged)
+        # Differences of integers are exact; nanoseconds since 1970 as a double are not.
+        time = np.array([stamp - origin for stamp in chosen], dtype=np.float64) * 1e-9
+        return np.asarray(np.where(is_known, time, np.nan))
 
 
 def read_topics(contents: bytes, wanted: Callable[[str, str, str], bool]) -> dict[str, Topic]:
@@ -104,7 +127,7 @@ def _broken(error: Exception) -> str:
 def _add(topic: Topic, record: Any, decode: Callable[[bytes], Any], wanted: Callable[[str, str, str], bool]) -> None:
     message = decode(record.data)
     numbers = {path: value for path, value in flattened(message) if path and wanted(topic.name, topic.schema, path)}
-    topic.add(_stamp(message) or int(record.log_time), numbers)
+    topic.add(_stamp(topic.name, message), int(record.log_time), numbers)
 
 
 def _records(contents: bytes) -> Iterator[Any]:
@@ -166,12 +189,17 @@ def _part(message: Any, name: str) -> Any:
     return message.get(name) if isinstance(message, Mapping) else getattr(message, name, None)
 
 
-def _stamp(message: Any) -> int:
+def _stamp(topic: str, message: Any) -> int:
     """The stamp of a message's header, ns; 0 if it has none."""
     stamp = _part(_part(message, "header"), "stamp")
     if stamp is None:
         return 0
-    return int(_part(stamp, "sec")) * 10**9 + int(_part(stamp, "nanosec"))
+    parts = [_part(stamp, name) for name in ("sec", "nanosec")]
+    if not all(isinstance(one, int) and not isinstance(one, bool) for one in parts):
+        given = ", ".join(f"{name} = {one!r}" for name, one in zip(("sec", "nanosec"), parts, strict=True))
+        shown = given if any(one is not None for one in parts) else f"{stamp!r}"
+        raise InvalidInputError(f"a header.stamp of {topic} is {shown:.80}: expected whole numbers sec and nanosec")
+    return int(parts[0]) * 10**9 + int(parts[1])
 
 
 def flattened(message: Any, path: str = "", depth: int = 0) -> Iterator[tuple[str, float]]:

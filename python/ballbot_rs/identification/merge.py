@@ -9,12 +9,15 @@ import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification import clocks
+from ballbot_rs.identification.column_map import ColumnMap
 from ballbot_rs.identification.recording import MAX_GAP, Series
 
 Array = npt.NDArray[np.float64]
 
-#: Quantities of the IMU; all others have the clock of the encoders.
+#: Quantities of the IMU; others have the clock of the encoders, unless they have the stamps of the gyroscope.
 IMU: Final = ("gyro", "accelerations")
+#: Quantities whose rates determine the rows.
+SENSORS: Final = ("wheel_angles", *IMU)
 #: An estimated offset below this many standard errors is not applied.
 SIGNIFICANT: Final = 3.0
 
@@ -29,7 +32,7 @@ class Source:
     samples: int
     #: Hz, from the median step.
     rate: float
-    #: Samples left out because a number was missing.
+    #: Samples left out because a number or the time was missing.
     missing: int
     #: Number of gaps of more than four median steps, and the longest, s; 0.0 without gaps.
     gaps: int
@@ -48,6 +51,7 @@ class LogReport:
     """How a log was read."""
 
     sources: tuple[Source, ...]
+    columns: ColumnMap
     #: Rows of the log, and rows left out in gaps of other quantities.
     rows: int
     left_out: int
@@ -62,7 +66,8 @@ class LogReport:
 
     def to_dict(self) -> dict[str, Any]:
         """Everything as plain numbers, lists and dicts."""
-        return {**dataclasses.asdict(self), "sources": [dataclasses.asdict(one) for one in self.sources]}
+        plain = {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "columns"}
+        return {**plain, "sources": [dataclasses.asdict(one) for one in self.sources]}
 
     def lines(self) -> list[str]:
         """The report as text, a line per source and for the clocks."""
@@ -88,7 +93,7 @@ class LogReport:
         )
 
 
-def merged(series: Mapping[str, Series], clock_offset: float | None) -> tuple[dict[str, Array], LogReport]:
+def merged(series: Mapping[str, Series], columns: ColumnMap) -> tuple[dict[str, Array], LogReport]:
     """Fields of a log, and the report.
 
     Rows have the times of the slowest of encoders, gyroscope and accelerometer, within the time that all quantities
@@ -97,21 +102,20 @@ def merged(series: Mapping[str, Series], clock_offset: float | None) -> tuple[di
 
     Args:
         series: by quantity.
-        clock_offset: time of the IMU's clock minus time of the encoders' clock, s; None estimates it if they have
-            separate clocks.
+        columns: its `clock_offset` is removed; None estimates it if IMU and encoders have separate clocks.
 
     Raises:
         ValueError: quantities without a common time.
     """
     sources = tuple(Source.of(name, one) for name, one in series.items())
-    series, about = _synchronized(series, clock_offset)
-    measured = {name: one for name, one in series.items() if name != "torques"}
+    series, about = _synchronized(series, columns.clock_offset)
+    measured = {name: one for name, one in series.items() if name in SENSORS}
     grid = max(measured, key=lambda name: measured[name].step)
     time = measured[grid].time
     torques = series["torques"]
     first = max(one.time[0] for one in series.values())
     # The last command holds for a step.
-    last = min(min(one.time[-1] for one in measured.values()), torques.time[-1] + torques.step)
+    last = min(*(one.time[-1] for name, one in series.items() if name != "torques"), torques.time[-1] + torques.step)
     common = time[(time >= first) & (time <= last)]
     if len(common) < 2:
         spans = ", ".join(f"{name} {one.time[0]:.3f} to {one.time[-1]:.3f} s" for name, one in series.items())
@@ -123,12 +127,14 @@ def merged(series: Mapping[str, Series], clock_offset: float | None) -> tuple[di
     if len(rows) < 2:
         raise InvalidInputError(f"all {len(common)} rows are in gaps of a quantity")
     fields = {"time": rows, "torques": _held(torques, rows)}
-    for name in ("wheel_angles", "gyro"):
-        one = series[name]
-        fields[name] = np.stack([np.interp(rows, one.time, column) for column in one.values.T], axis=-1)
+    for name in ("wheel_angles", "gyro", "attitude", "position"):
+        if name in series:
+            one = series[name]
+            values = _continuous(one.values) if name == "attitude" else one.values
+            fields[name] = np.stack([np.interp(rows, one.time, column) for column in values.T], axis=-1)
     if "accelerations" in series:
         fields["accelerations"] = _means(series["accelerations"], rows)
-    return fields, LogReport(sources, len(rows), len(common) - len(rows), **about)
+    return fields, LogReport(sources, columns, len(rows), len(common) - len(rows), **about)
 
 
 def _synchronized(
@@ -145,7 +151,11 @@ def _synchronized(
             corrected = abs(found.value) > SIGNIFICANT * found.error
     if corrected and clock_offset is not None:
         offset = clock_offset
-        series = {name: one.shifted(-offset) if name in IMU else one for name, one in series.items()}
+        own = series["gyro"].clock
+        series = {
+            name: one.shifted(-offset) if name in IMU or (separate and one.clock == own) else one
+            for name, one in series.items()
+        }
     about = {
         "clock_offset": clock_offset,
         "clock_offset_error": error,
@@ -153,6 +163,13 @@ def _synchronized(
         "separate_clocks": separate or corrected,
     }
     return series, about
+
+
+def _continuous(attitude: Array) -> Array:
+    """Unit quaternions of which neighbors have one sign, for an interpolation: q and -q are one attitude."""
+    unit = attitude / np.linalg.norm(attitude, axis=1, keepdims=True).clip(min=1e-300)
+    flips = np.sign((unit[1:] * unit[:-1]).sum(axis=1))
+    return np.asarray(unit * np.cumprod(np.insert(np.where(flips == 0.0, 1.0, flips), 0, 1.0))[:, None])
 
 
 def _in_gap(time: Array, places: Array, limit: float) -> npt.NDArray[np.bool_]:

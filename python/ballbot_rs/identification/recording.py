@@ -1,7 +1,8 @@
 """Recordings: each quantity with its own time stamps, from columns that a map names."""
 
 import dataclasses
-from collections.abc import Callable, Mapping
+import math
+from collections.abc import Mapping
 from typing import Final
 
 import numpy as np
@@ -10,6 +11,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification.column_map import ColumnMap
+from ballbot_rs.identification.tables import Column
 
 Array = npt.NDArray[np.float64]
 
@@ -29,9 +31,9 @@ class Series:
     clock: str
     #: s, increasing, shape (n,).
     time: Array
-    #: Shape (n, 3).
+    #: Shape (n, k).
     values: Array
-    #: Samples left out because a number was missing.
+    #: Samples left out because a number or the time was missing.
     missing: int = 0
 
     @property
@@ -51,7 +53,7 @@ class Series:
 
 
 def checked(source: str, clock: str, time: Array, values: Array) -> Series:
-    """A series without the samples of which a number is missing.
+    """A series without the samples of which a number or the time is missing.
 
     Raises:
         ValueError: too few samples, or a time that does not increase.
@@ -75,52 +77,71 @@ def checked(source: str, clock: str, time: Array, values: Array) -> Series:
     return Series(source, clock, times, values[rows], missing)
 
 
-def from_columns(
-    read: Callable[[str], Array], columns: ColumnMap, time_of: Callable[[str], tuple[str, str]]
-) -> dict[str, Series]:
-    """The series that a map names.
-
-    Args:
-        read: the column of a name, as numbers.
-        columns: the map.
-        time_of: the name of the time column of a quantity, and of its clock.
+def from_table(table: Mapping[str, Column], columns: ColumnMap) -> dict[str, Series]:
+    """The series that a map names in a CSV or npz file.
 
     Raises:
-        ValueError: a missing column, columns of different lengths, or as `checked`.
-    """
-    times = {name: time_of(name) for name in columns.columns}
-    raw = {title: read(title) for title, _ in times.values()}
-    # Counts of nanoseconds since 1970 lose digits unless the origin is subtracted first.
-    origin = min((float(one[np.isfinite(one)].min()) for one in raw.values() if np.isfinite(one).any()), default=0.0)
-    found = {}
-    for name, titles in columns.columns.items():
-        title, clock = times[name]
-        values = [read(one) for one in titles]
-        for one, column in zip(titles, values, strict=True):
-            if len(column) != len(raw[title]):
-                raise InvalidInputError(f"{one} has {len(column)} rows, {title} has {len(raw[title])}")
-        time = (raw[title] - origin) * columns.time_scale
-        found[name] = checked(", ".join(titles), clock, time, np.stack(values, axis=-1) * columns.scale[name])
-    return found
-
-
-def from_table(table: Mapping[str, Array], columns: ColumnMap) -> dict[str, Series]:
-    """The series of a CSV or npz file.
-
-    Raises:
-        ValueError: as `from_columns`, or a quantity without a time column.
+        ValueError: a missing column, a quantity without a time column, columns of different lengths, or as `checked`.
     """
 
-    def read(title: str) -> Array:
+    def read(title: str) -> Column:
         if title not in table:
             raise InvalidInputError(
                 f"column {title} is missing; there are {', '.join(table)}{did_you_mean(title, table)}"
             )
-        return np.asarray(table[title], dtype=np.float64)
+        return table[title]
 
-    def time_of(name: str) -> tuple[str, str]:
+    for name in columns.columns:
         if name not in columns.times:
             raise InvalidInputError(f"columns lacks time, and times has no {name}")
-        return columns.times[name], columns.times[name]
+    raw = {columns.times[name]: read(columns.times[name]) for name in columns.columns}
+    origin = min((one[np.isfinite(one)].min().item() for one in raw.values() if np.isfinite(one).any()), default=0)
+    found = {}
+    for name, titles in columns.columns.items():
+        title = columns.times[name]
+        values = [read(one) for one in titles]
+        for one, column in zip(titles, values, strict=True):
+            if len(column) != len(raw[title]):
+                raise InvalidInputError(f"{one} has {len(column)} rows, {title} has {len(raw[title])}")
+        time = since(origin, raw[title]) * columns.time_scale
+        scaled = np.stack(values, axis=-1).astype(np.float64) * columns.scale(name)
+        try:
+            found[name] = checked(", ".join(titles), title, time, scaled)
+        except InvalidInputError as error:
+            raise InvalidInputError(f"{error}{single_precision(raw[title])}") from error
+    return found
 
-    return from_columns(read, columns, time_of)
+
+def since(origin: float, stamps: Column) -> Array:
+    """Stamps minus an origin that is not after them.
+
+    Counts of nanoseconds since 1970 lose digits as doubles unless the origin is subtracted first.
+    """
+    whole = math.floor(origin)
+    if stamps.dtype.kind not in "iu" or not len(stamps):
+        return np.asarray(stamps.astype(np.float64) - origin)
+    # Without a wrap: as unsigned numbers if all are, in a type that has the origin.
+    wide = stamps.astype(np.uint64 if stamps.dtype.kind == "u" and whole >= 0 else np.int64)
+    if int(stamps.max()) - whole >= 2**63:
+        return np.asarray(stamps.astype(np.float64) - origin)
+    return np.asarray((wide - wide.dtype.type(whole)).astype(np.float64) - (origin - whole))
+
+
+def single_precision(time: Column) -> str:
+    """An explanation if times repeat because they were rounded to single precision, else an empty text."""
+    times = np.asarray(time, dtype=np.float64)
+    times = times[np.isfinite(times)]
+    steps = np.diff(times)
+    if not (steps == 0.0).any() or not (steps > 0.0).any():
+        return ""
+    first = int(np.argmax(steps == 0.0))
+    near = times[max(first - 10, 0) : first + 10]
+    resolution = float(np.spacing(np.float32(np.abs(near).max())))
+    # As a double, or as the shortest decimal of a CSV file.
+    is_single = all(float(np.float32(one)) == one or float(str(np.float32(one))) == one for one in near.tolist())
+    if not is_single or 2.0 * resolution < float(np.median(steps[steps > 0.0])):
+        return ""
+    return (
+        f"; the times look like single precision, which has steps of {resolution:.3g} at {near.max():.10g}: write them "
+        "as double precision, or as integers"
+    )

@@ -1,10 +1,11 @@
 """Columns of numbers from CSV and npz files."""
 
+import array
 import csv
 import io
 import zlib
 from collections.abc import Collection
-from typing import IO, Final
+from typing import IO, Any, Final
 from zipfile import BadZipFile, ZipFile
 
 import numpy as np
@@ -12,7 +13,8 @@ import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
 
-Array = npt.NDArray[np.float64]
+#: Numbers of any type.
+Column = npt.NDArray[Any]
 
 #: Largest log file, bytes: an hour at 1 kHz with all columns.
 MAX_LOG_FILE: Final = 1 << 30
@@ -31,38 +33,39 @@ _UNREADABLE: Final = (
 )
 
 
-def csv_columns(contents: bytes, known: Collection[str], blanks: bool = False) -> dict[str, Array]:
+def csv_columns(file: IO[bytes], known: Collection[str], blanks: bool = False) -> dict[str, Column]:
     """Columns of a CSV file with a header by name; columns that are not `known` are empty.
 
     Args:
-        contents: of the file.
+        file: read row by row.
         known: names of the columns to read.
         blanks: whether a cell may be empty; it becomes NaN.
 
     Raises:
         ValueError: a repeated name, a row of another length, or a cell that is not a number.
     """
-    rows = csv.reader(io.StringIO(contents.decode("utf-8-sig"), newline=""))
+    rows = csv.reader(io.TextIOWrapper(file, "utf-8-sig", newline=""))
     header = [title.strip() for title in next(rows, [])]
     if len(set(header)) < len(header):
         raise InvalidInputError(f"two columns have one name: {', '.join(header)}")
-    kept = [(place, title) for place, title in enumerate(header) if title in known]
-    numbers: list[list[float]] = []
+    kept = [(place, array.array("d")) for place, title in enumerate(header) if title in known]
     for count, row in enumerate(rows):
         if not row:
             continue
         if len(row) != len(header):
             raise InvalidInputError(f"row {count} has {len(row)} cells, the header has {len(header)}")
-        try:
-            numbers.append([_number(row[place], blanks) for place, _ in kept])
-        except ValueError:
-            place, title = next(one for one in kept if not _is_number(row[one[0]], blanks))
-            raise InvalidInputError(f"{title} of row {count} is '{row[place]}', not a number") from None
-    values = np.array(numbers, dtype=np.float64).reshape(len(numbers), len(kept))
-    return {**dict.fromkeys(header, np.zeros(0)), **{title: values[:, i] for i, (_, title) in enumerate(kept)}}
+        for place, numbers in kept:
+            text = row[place]
+            try:
+                numbers.append(float(text))
+            except ValueError:
+                if not blanks or text.strip():
+                    raise InvalidInputError(f"{header[place]} of row {count} is '{text}', not a number") from None
+                numbers.append(np.nan)
+    return {**dict.fromkeys(header, np.zeros(0)), **{header[place]: np.asarray(numbers) for place, numbers in kept}}
 
 
-def npz_columns(contents: bytes, known: Collection[str]) -> dict[str, Array]:
+def npz_columns(contents: bytes, known: Collection[str]) -> dict[str, Column]:
     """Arrays of an npz file by name; arrays that are not `known` are empty.
 
     Raises:
@@ -88,18 +91,6 @@ def npz_columns(contents: bytes, known: Collection[str]) -> dict[str, Array]:
     except _UNREADABLE as error:
         raise InvalidInputError(f"not an npz file: {error}") from error
     return found
-
-
-def _number(text: str, blanks: bool) -> float:
-    return np.nan if blanks and not text.strip() else float(text)
-
-
-def _is_number(text: str, blanks: bool) -> bool:
-    try:
-        _number(text, blanks)
-    except ValueError:
-        return False
-    return True
 
 
 def _npy_rows(name: str, member: IO[bytes]) -> int:
