@@ -1,11 +1,18 @@
 """Units, signs and order of columns: what a complaint names, and that a correct log has none."""
 
+import copy
+import json
+import re
+
 import numpy as np
 import pytest
 
 from ballbot_rs import Params, SensorLog, identify, record_log
+from ballbot_rs.identification.column_map import ColumnMap
 from ballbot_rs.identification.log import COLUMNS
+from ballbot_rs.identification.merge import merged
 from ballbot_rs.identification.plausibility import check_log, responses_of
+from ballbot_rs.identification.recording import from_table
 
 ROBOTS = ("paper", "kugle", "rezero", "asroballet")
 
@@ -58,15 +65,15 @@ COMPLAINTS = {
     ),
     "turns": (
         lambda log: {"wheel_angles": log.wheel_angles / (2.0 * np.pi)},
-        r'^wheel_angles looks like turns, not rad: .*\[units\] wheel_angles = "turn"$',
+        r'^wheel_angles looks like turn, not rad: .*\[units\] wheel_angles = "turn"$',
     ),
     "ticks": (
         lambda log: {"wheel_angles": log.wheel_angles * 64.0 / (2.0 * np.pi)},
-        r"^the unit of the encoders looks wrong: .* as encoders with [56]\d(\.\d)? ticks per turn",
+        r"^the unit of the encoders looks wrong, as encoders with about [56]\d(\.\d)? ticks per turn",
     ),
     "mN·m": (
         lambda log: {"torques": 1e3 * log.torques},
-        r'^torques looks like mN·m, not N·m: .*\[units\] torques = "mNm"$',
+        r'^torques looks like mNm, not Nm: .*\[units\] torques = "mNm"$',
     ),
     "sign of the gyro": (
         lambda log: {"gyro": log.gyro * [1, -1, 1]},
@@ -87,7 +94,7 @@ COMPLAINTS = {
     "axes of the gyro": (
         lambda log: {"gyro": log.gyro[:, [1, 2, 0]]},
         "^the order of the gyroscope looks wrong: gyro_x is gyro_y, gyro_y is gyro_z, gyro_z is gyro_x .*"
-        r'in a column map gyro = \["gyro_z", "gyro_x", "gyro_y"\]$',
+        r'in a column map, \[columns\] gyro = \["gyro_z", "gyro_x", "gyro_y"\]$',
     ),
     "order of the encoders": (
         lambda log: {"wheel_angles": log.wheel_angles[:, [0, 2, 1]]},
@@ -118,21 +125,75 @@ def test_a_complaint_names_columns_evidence_and_remedy(log, wrong, message):
         check_log(changed(log, **wrong(log)), Params.paper())
 
 
-@pytest.mark.parametrize("name", ["gyro", "wheel_angles", "torques"])
-def test_the_remedy_of_an_order_restores_the_log(log, tmp_path, name):
-    """The order that the complaint prints, as columns of a map, gives the columns their meaning."""
-    order = [1, 2, 0]
-    wrong = changed(log, **{name: getattr(log, name)[:, order]})
-    wrong.write(tmp_path / "log.csv")
-    with pytest.raises(ValueError, match="in a column map") as caught:
-        check_log(wrong, Params.paper())
-    columns = {one: [f'"{title}"' for title in titles] for one, titles in COLUMNS.items() if one != "time"}
-    lines = [f"{one} = [{', '.join(titles)}]" for one, titles in columns.items() if one != name]
-    remedy = str(caught.value).partition("in a column map ")[2]
-    (tmp_path / "map.toml").write_text("\n".join(["[columns]", 'time = "time"', *lines, remedy]))
-    read = SensorLog.read(tmp_path / "log.csv", tmp_path / "map.toml")
-    np.testing.assert_array_equal(getattr(read, name), getattr(log, name))
-    check_log(read, Params.paper())
+def followed(table, remedy):
+    """The table of a column map after the lines of a complaint."""
+    lines = re.findall(r"(?:\[(\w+)\] )?(\w+) = (\[[^]]*\]|\"[^\"]*\"|[\d.e+]+)", remedy)
+    assert lines
+    for part, key, value in lines:
+        (table.setdefault(part, {}) if part else table)[key] = json.loads(value)
+    if "without ticks_per_turn" in remedy:
+        del table["ticks_per_turn"]
+
+
+WRONG = {
+    "order of the gyro": {"columns": {"gyro": ["gyro_y", "gyro_z", "gyro_x"]}},
+    "order of the encoders": {"columns": {"wheel_angles": ["wheel_angle_2", "wheel_angle_0", "wheel_angle_1"]}},
+    "order of the torques": {"columns": {"torques": ["torque_1", "torque_2", "torque_0"]}},
+    "order and scales": {
+        "columns": {"wheel_angles": ["wheel_angle_1", "wheel_angle_2", "wheel_angle_0"]},
+        "scale": {"wheel_angles": [1, -1, 1]},
+    },
+    "unit": {"units": {"gyro": "deg/s"}},
+    "unit and sign": {"units": {"torques": "mNm"}, "scale": {"torques": [1, 1, -1]}},
+    "signs that were right": {"scale": {"gyro": -1}},
+    "one scale of three": {"scale": {"wheel_angles": [1, 0.01745, 1]}},
+    "one scale of the gyro": {"scale": {"gyro": [1, 1, 20]}},
+    "ticks": {"units": {"wheel_angles": "ticks"}, "ticks_per_turn": 64},
+}
+
+
+@pytest.mark.parametrize("wrong", WRONG.values(), ids=WRONG)
+def test_a_map_that_follows_the_remedy_is_right(log, tmp_path, wrong):
+    """The remedy is relative to what the map already has, so that one change is enough."""
+    log.write(tmp_path / "log.npz")
+    columns = {name: list(titles) for name, titles in COLUMNS.items() if getattr(log, name) is not None}
+    (columns["time"],) = columns["time"]
+    table = {**copy.deepcopy(wrong), "columns": {**columns, **wrong.get("columns", {})}}
+    stored = dict(np.load(tmp_path / "log.npz"))
+
+    def read():
+        found = ColumnMap.of(table)
+        fields, report = merged(from_table(stored, found), found)
+        return SensorLog(**fields, report=report)
+
+    with pytest.raises(ValueError, match=r"in a column map, ") as caught:
+        check_log(read(), Params.paper())
+    followed(table, str(caught.value).partition("in a column map, ")[2])
+    check_log(read(), Params.paper())
+    (name,) = {key for part in wrong.values() if isinstance(part, dict) for key in part}
+    factor = getattr(read(), name) / getattr(log, name)
+    assert (np.abs(np.log(np.nanmedian(factor, axis=0))) < 0.7).all()
+
+
+@pytest.mark.parametrize("name", ["wheel_angles", "gyro", "torques"])
+@pytest.mark.parametrize("column", [0, 1, 2])
+def test_a_wrong_scale_of_one_column_is_named(log, name, column):
+    factors = np.ones(3)
+    factors[column] = 0.02
+    message = rf"{COLUMNS[name][column]} shows 0.0\d+ times the changes that fit the other columns .*\[scale\] {name}"
+    with pytest.raises(ValueError, match=message):
+        check_log(changed(log, **{name: getattr(log, name) * factors}), Params.paper())
+
+
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("wheel", [0, 1, 2])
+def test_a_wrong_sign_is_found_on_every_robot(robot, wheel):
+    """Also on asroballet, whose dry friction is half of its torques."""
+    log = record_log(robot, 6.0, actuators={"delay": 0.01}, seed=1)
+    signs = np.ones(3)
+    signs[wheel] = -1.0
+    with pytest.raises(ValueError, match=f"the sign of wheel_angle_{wheel} looks wrong"):
+        check_log(changed(log, wheel_angles=log.wheel_angles * signs), Params.preset(robot))
 
 
 def test_identification_complains_before_it_fits(log):

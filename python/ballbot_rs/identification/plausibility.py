@@ -5,7 +5,6 @@ and friction act slowly. So fast changes of the gyroscope and of the wheels' spe
 of the torques. A unit, a sign or an order of columns changes these functions in ways that no robot does.
 """
 
-import dataclasses
 from typing import Final
 
 import numpy as np
@@ -14,6 +13,8 @@ import numpy.typing as npt
 from ballbot_rs._core import Ballbot, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification.clocks import fast, mean_rates, near, unexplained
+from ballbot_rs.identification.column_map import ColumnMap
+from ballbot_rs.identification.complaints import USUAL, Order, complaint
 from ballbot_rs.identification.log import COLUMNS, SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY
 
@@ -25,52 +26,8 @@ _STEPS: Final = 5
 _SIM_DT: Final = 1e-3
 #: Least fraction of a quantity's fast changes that the torques must explain for a judgment.
 LEAST_EXPLAINED: Final = 0.6
-#: Largest part of a column that belongs to other columns, relative to its own.
-MAX_MIXING: Final = 0.5
-#: Factors that a robot with other parameters may have; beyond them a unit is wrong.
-USUAL: Final = (0.25, 4.0)
-#: Factors of usual mistakes, their relative tolerance, and what to write in a column map.
-TOLERANCE: Final = 1.6
-KNOWN: Final = {
-    "gyro": ((180.0 / np.pi, "deg/s", 'gyro = "deg/s"'),),
-    "wheel_angles": ((180.0 / np.pi, "deg", 'wheel_angles = "deg"'), (0.5 / np.pi, "turns", 'wheel_angles = "turn"')),
-    "torques": ((1e3, "mN·m", 'torques = "mNm"'),),
-}
-SI: Final = {"gyro": "rad/s", "wheel_angles": "rad", "torques": "N·m"}
-NAMES: Final = {"gyro": "the gyroscope", "wheel_angles": "the encoders", "torques": "the torques"}
-
-
-@dataclasses.dataclass(frozen=True)
-class Order:
-    """A matrix with one large number in each row and column."""
-
-    #: Column of the large number of each row, shape (3,).
-    places: npt.NDArray[np.int64]
-    #: These numbers, shape (3,).
-    factors: Array
-
-    @classmethod
-    def of(cls, matrix: Array) -> "Order | None":
-        """The order of a matrix; None if its rows mix columns."""
-        places = np.argmax(np.abs(matrix), axis=1)
-        factors = matrix[np.arange(3), places]
-        if len(set(places.tolist())) < 3:
-            return None
-        rest = np.sqrt(np.maximum((matrix**2).sum(axis=1) - factors**2, 0.0))
-        return cls(places, factors) if (rest <= MAX_MIXING * np.abs(factors)).all() else None
-
-    @property
-    def in_place(self) -> bool:
-        """Whether every column is where it belongs."""
-        return bool((self.places == np.arange(3)).all())
-
-    @property
-    def as_expected(self) -> bool:
-        """Whether order, signs and sizes are as expected; a unit scales all columns alike."""
-        low, high = USUAL
-        return self.in_place and bool(
-            self.factors.min() > 0.0 and self.factors.min() < high and self.factors.max() > low
-        )
+#: The map of a log that was read without one.
+PLAIN: Final = {name: list(titles) for name, titles in COLUMNS.items() if name != "time"}
 
 
 def check_log(log: SensorLog, params: Params) -> None:
@@ -92,17 +49,18 @@ def check_log(log: SensorLog, params: Params) -> None:
         slope = np.linalg.lstsq(impulses, measured, rcond=1e-9)[0].T
         inverse = np.linalg.inv(response)
         # What exchanges and scales the columns of the sensor, or the torques, to give this function.
-        own[name], of_torques[name] = Order.of(slope @ inverse), Order.of(inverse @ slope)
+        own[name], of_torques[name] = Order.of(slope @ inverse), Order.of((inverse @ slope).T)
     bad = [name for name in own if not _as_expected(own[name], of_torques[name])]
     if not bad:
         return
+    columns = ColumnMap.of({"columns": PLAIN}) if log.report is None else log.report.columns
     shared = _shared(of_torques["gyro"], of_torques["wheel_angles"])
     if len(bad) == 2 and shared is not None:
-        raise InvalidInputError(_complaint("torques", shared, fraction))
+        raise InvalidInputError(complaint("torques", shared, columns, fraction))
     for name in bad:
         order = own[name]
         if order is not None and not order.as_expected:
-            raise InvalidInputError(_complaint(name, order, fraction))
+            raise InvalidInputError(complaint(name, order, columns, fraction))
 
 
 def _as_expected(*orders: Order | None) -> bool:
@@ -117,8 +75,7 @@ def _shared(first: Order | None, second: Order | None) -> Order | None:
     if ratios.min() < USUAL[0] or ratios.max() > USUAL[1]:
         return None
     factors = np.sign(first.factors) * np.sqrt(first.factors * second.factors)
-    places = np.argsort(first.places)
-    return Order(places, 1.0 / factors[places])
+    return Order(first.places, 1.0 / factors)
 
 
 def responses_of(params: Params) -> tuple[Array, Array]:
@@ -146,7 +103,7 @@ def responses_of(params: Params) -> tuple[Array, Array]:
 def _signals(log: SensorLog) -> tuple[Array, Array, Array] | None:
     """Fast changes of impulses, body rates and wheel speeds, each (n, 3); None if the torques explain too little.
 
-    Motors may answer late: the torques are delayed by the time after which they explain most.
+    What friction of the wheels could cause is removed from all: it may exceed the torques. Motors may answer late: the torques are delayed by the time after which they explain most.
     """
     step = log.step
     begin, end = log.time[0] + 2.0 * step + MAX_DELAY, log.time[-1] - 2.0 * step
@@ -154,19 +111,35 @@ def _signals(log: SensorLog) -> tuple[Array, Array, Array] | None:
     kept = near(log.time, times, step) & near(log.time, times - step, step) & near(log.time, times + step, step)
     if kept.sum() < 100:
         return None
+    friction = _friction(log, times, step)[kept]
+
+    def without_friction(changes: Array) -> Array:
+        moved = changes[kept]
+        return np.asarray(moved - friction @ np.linalg.lstsq(friction, moved, rcond=1e-9)[0])
+
     impulse = _cumulated(log.time, log.torques)
     middle = 0.5 * (log.gyro[1:] + log.gyro[:-1])
-    rates = fast(mean_rates(log.time, _cumulated(log.time, middle, last=False), times, step), step)[kept]
-    speeds = fast(mean_rates(log.time, log.wheel_angles, times, step), step)[kept]
+    rates = without_friction(fast(mean_rates(log.time, _cumulated(log.time, middle, last=False), times, step), step))
+    speeds = without_friction(fast(mean_rates(log.time, log.wheel_angles, times, step), step))
     best: tuple[float, Array] = (0.0, np.zeros((0, 3)))
     effects = np.concatenate([rates, speeds], axis=1)
     for delay in np.arange(0.0, MAX_DELAY, step):
         # The mean of an integral over two steps.
-        causes = fast(_smoothed(log.time, impulse, times - delay, step), step)[kept]
+        causes = without_friction(fast(_smoothed(log.time, impulse, times - delay, step), step))
         fraction = 1.0 - float(unexplained(causes, effects).mean())
         if fraction > best[0]:
             best = fraction, causes
     return (best[1], rates, speeds) if best[0] >= LEAST_EXPLAINED else None
+
+
+def _friction(log: SensorLog, times: Array, step: float) -> Array:
+    """Fast changes of the impulses of dry and viscous friction of the wheels, up to factors, shape (n, 6).
+
+    Signs and sizes of the encoders' columns change only these factors.
+    """
+    dry = _cumulated(log.time, np.sign(np.diff(log.wheel_angles, axis=0)), last=False)
+    impulses = (_smoothed(log.time, one, times, step) for one in (dry, log.wheel_angles))
+    return np.concatenate([fast(one, step) for one in impulses], axis=1)
 
 
 def _cumulated(time: Array, rates: Array, last: bool = True) -> Array:
@@ -178,33 +151,6 @@ def _smoothed(time: Array, values: Array, places: Array, step: float) -> Array:
     """Means over two steps around each place."""
     integral = _cumulated(time, 0.5 * (values[1:] + values[:-1]), last=False)
     return mean_rates(time, integral, places, step)
-
-
-def _complaint(name: str, order: Order, fraction: float) -> str:
-    titles = COLUMNS[name]
-    evidence = f"the torques explain {100 * fraction:.0f} % of the fast changes of gyroscope and encoders"
-    if name == "torques":
-        evidence = f"gyroscope and encoders agree with each other, and {evidence}"
-    size = float(np.exp(np.mean(np.log(np.abs(order.factors)))))
-    if not order.in_place:
-        listed = ", ".join(f'"{titles[place]}"' for place in np.argsort(order.places))
-        found = ", ".join(f"{titles[i]} is {titles[place]}" for i, place in enumerate(order.places) if i != place)
-        return f"the order of {NAMES[name]} looks wrong: {found} ({evidence}); in a column map {name} = [{listed}]"
-    if (order.factors < 0.0).any():
-        signs = np.where(order.factors < 0.0, -1, 1).tolist()
-        found = ", ".join(title for title, sign in zip(titles, signs, strict=True) if sign < 0)
-        return f"the sign of {found} looks wrong ({evidence}); in a column map, [scale] {name} = {signs}"
-    for factor, unit, text in KNOWN[name]:
-        if 1.0 / TOLERANCE < size / factor < TOLERANCE:
-            return (
-                f"{name} looks like {unit}, not {SI[name]}: {', '.join(titles)} show {size:.3g} times the expected "
-                f"changes ({evidence}); in a column map, [units] {text}"
-            )
-    ticks = f", as encoders with {2.0 * np.pi * size:.3g} ticks per turn" if name == "wheel_angles" and size > 1 else ""
-    return (
-        f"the unit of {NAMES[name]} looks wrong: {', '.join(titles)} show {size:.3g} times the expected changes{ticks} "
-        f"({evidence}); give {SI[name]}, or the robot's own parameters"
-    )
 
 
 def _check_gravity(log: SensorLog) -> None:
