@@ -21,8 +21,8 @@ def noisy():
 
 
 def changed(log, rows=slice(None), **changes):
-    fields = {name: getattr(log, name) for name in COLUMNS}
-    return SensorLog(**{name: changes.get(name, value)[rows] for name, value in fields.items()})
+    fields = {name: changes.get(name, getattr(log, name)) for name in COLUMNS}
+    return SensorLog(**{name: value[rows] for name, value in fields.items() if value is not None})
 
 
 def test_residuals_of_the_robot_that_recorded_the_log_are_its_noise(noisy):

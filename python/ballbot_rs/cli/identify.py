@@ -43,11 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
             params,
             tuple(name.strip() for name in arguments.fields.split(",")),
             actuators=actuators,
-            model=arguments.model,
-            sim_dt=arguments.sim_dt,
-            window=arguments.window,
-            imu_position=arguments.imu_position,
-            num_threads=arguments.threads,
+            **log_arguments.simulation(arguments),
             progress=progress,
         )
     if out is not None:

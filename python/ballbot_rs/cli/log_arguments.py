@@ -1,5 +1,6 @@
 """Arguments of the commands that read a log of a robot and simulate it."""
 
+import argparse
 from pathlib import Path
 from typing import Any, Final
 
@@ -61,3 +62,14 @@ def add_simulation(command: Any) -> None:
         help="of the accelerometer in the body frame, m (default 0 0 0)",
     )
     command.add_argument("--threads", type=whole(1, 256), help="threads of the simulations (default: all cores)")
+
+
+def simulation(arguments: argparse.Namespace) -> dict[str, Any]:
+    """What `add_simulation` added, as arguments of `identify` and `replay`."""
+    return {
+        "model": arguments.model,
+        "sim_dt": arguments.sim_dt,
+        "window": arguments.window,
+        "imu_position": arguments.imu_position,
+        "num_threads": arguments.threads,
+    }

@@ -30,6 +30,7 @@ def add_to(commands: Any) -> None:
         "--excitation", type=real(0.0, 10.0), default=1.0, help="factor of the multisine and the steps (default 1)"
     )
     command.add_argument("--exact", action="store_true", help="sensors without noise")
+    command.add_argument("--pose", action="store_true", help="also exact attitude and position, as of motion capture")
     shared.add_seed(command, "of the excitation and the noise (default 0)", 0, MAX_SEED)
     shared.add_output(command, "FILE.csv|FILE.npz", "the log (default log.csv)")
     shared.add_verbosity(command, "the file")
@@ -49,6 +50,7 @@ def run(arguments: argparse.Namespace) -> None:
             model=arguments.model,
             noise=None if arguments.exact else NOISE,
             excitation=arguments.excitation,
+            pose=arguments.pose,
             seed=arguments.seed,
             progress=progress,
         )

@@ -1,28 +1,20 @@
 """`ballbot view`: the robot in the browser."""
 
 import argparse
-import atexit
-import os
-import sys
-import threading
-import time
-import webbrowser
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
+from ballbot_rs.cli import page, settings
 from ballbot_rs.cli.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.envs.family import are_several, first_of
-from ballbot_rs.viewer.session import MAX_ROBOTS, is_any_left, open_session
+from ballbot_rs.viewer.session import MAX_ROBOTS, open_session
 
 if TYPE_CHECKING:
     from ballbot_rs.viewer.view import View
-
-PORT = 8080
 
 
 def add_to(commands: Any) -> None:
@@ -41,36 +33,14 @@ def add_to(commands: Any) -> None:
         metavar="N",
         help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)",
     )
-    command.add_argument(
-        "--port", type=whole(1, 65535), default=PORT, help=f"of the page (default {PORT}, or the next free one)"
-    )
-    command.add_argument("--no-open", action="store_true", help="do not open the page")
+    page.add_to(command)
     command.add_argument("--seconds", type=real(0.0, 1e6, above=True), help="stop after this time")
     command.set_defaults(carry_out=run)
 
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out; ends with the real-time factor."""
-    view = _start(arguments)
-    try:
-        print(f"{view.url} shows the robot; Ctrl-C ends it", flush=True)
-        if not arguments.no_open:
-            threading.Thread(target=webbrowser.open, args=(view.url,), daemon=True).start()
-        ends = time.monotonic() + (arguments.seconds or float("inf"))
-        while view.runner.running and time.monotonic() < ends:
-            time.sleep(0.05)
-    finally:
-        view.stop()
-    _end_without(0 if view.runner.error is None else 1)
-    if view.runner.error is not None:
-        raise RuntimeError("the simulation has stopped") from view.runner.error
-    print(view.runner.report())
-
-
-def _end_without(code: int) -> None:
-    """If a call does not return, ends the process anyway: its thread would crash after Python has ended."""
-    if is_any_left():
-        atexit.register(lambda: (sys.stdout.flush(), sys.stderr.flush(), os._exit(code)))
+    page.serve(_start(arguments), arguments, arguments.seconds)
 
 
 def _start(arguments: argparse.Namespace) -> "View":

@@ -1,5 +1,6 @@
 """Simulated logs: a balancing robot under torques and setpoints that excite all its motions."""
 
+import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Final
@@ -11,7 +12,7 @@ from ballbot_rs._checks import check_seed, real_array
 from ballbot_rs._core import Batch, Lqr, Params, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
-from ballbot_rs._state_rows import body_axes_of
+from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION, body_axes_of
 from ballbot_rs.identification.log import SensorLog
 
 Array = npt.NDArray[np.float64]
@@ -41,6 +42,7 @@ def record_log(
     imu_position: Sequence[float] = (0.0, 0.0, 0.0),
     noise: Mapping[str, float] | None = NOISE,
     excitation: float = 1.0,
+    pose: bool = False,
     seed: int = 0,
     progress: Progress = no_progress,
 ) -> SensorLog:
@@ -62,6 +64,7 @@ def record_log(
         noise: standard deviations of white noise: `wheel_angle` (rad), `gyro` (rad/s), `acceleration` (m/s²); None or a
             missing key means no noise.
         excitation: scale factor of multisine and steps.
+        pose: whether the log also has attitude and position, exact, as of motion capture.
         seed: of phases, setpoints and noise.
         progress: called with the number of rows done and their total.
 
@@ -109,7 +112,9 @@ def record_log(
         if terminated[0]:
             raise DivergedError(f"the robot falls at {times[row]:g} s: lower the excitation of {excitation:g}")
         progress(row + 1, rows)
-    return _measured(times, torques, states, robot, place, spread, rng)
+    log = _measured(times, torques, states, robot, place, spread, rng)
+    truth = {"attitude": states[:, BODY_QUATERNION], "position": states[:, BALL_POSITION]}
+    return dataclasses.replace(log, **truth) if pose else log
 
 
 def _spread(noise: Mapping[str, float] | None) -> dict[str, float]:

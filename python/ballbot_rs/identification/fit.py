@@ -102,15 +102,7 @@ def identify(
     with require("identification", "identify"):
         import scipy.optimize  # noqa: F401
     log, base, windows, simulator = prepare(
-        log,
-        params,
-        actuators,
-        model=model,
-        sim_dt=sim_dt,
-        window=window,
-        imu_position=imu_position,
-        num_threads=num_threads,
-        fields=fields,
+        log, params, actuators, model, sim_dt, window, imu_position, num_threads, fields
     )
     if rejection is not None and not rejection > 1.0:
         raise InvalidInputError(f"rejection = {rejection}, it must be above 1")

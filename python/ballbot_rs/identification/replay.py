@@ -3,19 +3,33 @@
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
+from pathlib import Path
 from typing import Any, Final, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._arrays import keep_copies
-from ballbot_rs._core import Params
+from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._state_rows import (
+    BALL_POSITION,
+    BALL_QUATERNION,
+    BALL_VELOCITY,
+    BODY_POSITION,
+    BODY_QUATERNION,
+    BODY_RATE,
+    BODY_VELOCITY,
+    WHEEL_ANGLES,
+    WHEEL_SPEEDS,
+)
+from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.identification import starts as starts_of
 from ballbot_rs.identification.log import COLUMNS, UNITS, SensorLog
 from ballbot_rs.identification.noise import first_guess
 from ballbot_rs.identification.parameters import NOTHING
+from ballbot_rs.identification.poses import Poses, compared
 from ballbot_rs.identification.problem import Problem
 from ballbot_rs.identification.setup import prepare
 from ballbot_rs.identification.simulation import SENSORS, measured
@@ -65,10 +79,10 @@ class Replay:
     #: of wheel angles are of the measurement; the specific force of a window's first row is NaN.
     measured: Array
     simulated: Array
-    #: Tilt about x and y, heading frame, rad, shape (m, 2): integrals of the measured and the simulated body rates from
-    #: the start of each window.
-    measured_tilt: Array
-    simulated_tilt: Array
+    #: Logged poses, or else estimates from the measurements, and poses of the simulation, which begins each window in
+    #: the measured position and heading, with the fitted tilt.
+    measured_poses: Poses
+    simulated_poses: Poses
     residuals: tuple[Residual, ...]
     #: Root mean square residual of each sensor in each window, in standard deviations of its noise, shape (w,).
     of_windows: Mapping[str, Array]
@@ -79,6 +93,16 @@ class Replay:
         keep_copies(self)
 
     @property
+    def measured_tilt(self) -> Array:
+        """Tilt about x and y, heading frame, rad, shape (m, 2)."""
+        return self.measured_poses.tilt
+
+    @property
+    def simulated_tilt(self) -> Array:
+        """As `measured_tilt`."""
+        return self.simulated_poses.tilt
+
+    @property
     def measured_speeds(self) -> Array:
         """Speeds of the wheels from differences of the measured angles, rad/s, shape (m, 3); NaN in first rows."""
         return self._speeds(self.measured)
@@ -87,6 +111,83 @@ class Replay:
     def simulated_speeds(self) -> Array:
         """Speeds of the wheels from differences of the simulated angles, rad/s, shape (m, 3); NaN in first rows."""
         return self._speeds(self.simulated)
+
+    def trajectories(self, begin: float | None = None, seconds: float | None = None) -> tuple[Trajectory, Trajectory]:
+        """Measured and simulated motion of a span, as trajectories of two robots without forces.
+
+        Where the simulation fell, its robot is the measured one.
+
+        Args:
+            begin: of the span, s of the log; None is the first row.
+            seconds: duration of the span; None is up to the last row.
+
+        Raises:
+            ValueError: a span of fewer than two rows.
+        """
+        first = float(self.time[0]) if begin is None else begin
+        last = np.inf if seconds is None else first + seconds
+        shown = np.flatnonzero((self.time >= first) & (self.time <= last))
+        if len(shown) < 2:
+            raise InvalidInputError(
+                f"{len(shown)} rows from {first:g} to {last:g} s, at least 2 are needed: the windows have "
+                f"{self.time[0]:g} to {self.time[-1]:g} s"
+            )
+        measured = self._states(self.measured, self.measured_poses, shown)
+        simulated = self._states(self.simulated, self.simulated_poses, shown)
+        fell = ~np.isfinite(simulated).all(axis=1)
+        simulated[fell] = measured[fell]
+        torques = self.log.torques[self.windows.rows[shown]]
+        names = (("measured", "the robot", measured), ("simulated", self.model, simulated))
+        found = [
+            Trajectory(
+                controller=name,
+                model=model,
+                params=self.params,
+                times=self.time[shown] - self.time[shown[0]],
+                states=[State.from_array(row) for row in states],
+                contacts=[],
+                torques=torques,
+                draws={},
+                estimates=[],
+                fell_at=None,
+                setpoints={},
+            )
+            for name, model, states in names
+        ]
+        return found[0], found[1]
+
+    def _states(self, rows: Array, poses: Poses, shown: npt.NDArray[np.int64]) -> Array:
+        """Rows as `State.to_array`, with the velocities of differences."""
+        states = np.zeros((len(shown), 32))
+        states[:, BALL_POSITION] = np.insert(poses.position[shown], 2, self.params.ball_radius, axis=1)
+        states[:, BODY_POSITION] = states[:, BALL_POSITION]
+        states[:, BALL_QUATERNION], states[:, BODY_QUATERNION] = poses.ball_attitude[shown], poses.attitude[shown]
+        velocity = np.diff(states[:, BALL_POSITION], axis=0) / np.diff(self.time[shown])[:, None]
+        states[1:, BALL_VELOCITY] = states[1:, BODY_VELOCITY] = velocity
+        states[:, BODY_RATE] = rows[shown, SENSORS["gyro"]]
+        states[:, WHEEL_ANGLES] = rows[shown, SENSORS["wheel_angle"]]
+        states[:, WHEEL_SPEEDS] = np.nan_to_num(self._speeds(rows)[shown])
+        return states
+
+    def record(
+        self, path: str | PathLike[str], begin: float | None = None, seconds: float = 4.0, **options: Any
+    ) -> int:
+        """Writes a video or an animation of a span, measured beside simulated; returns the number of its frames.
+
+        Args:
+            path: the file; its name ends in .mp4 or .webp.
+            begin: of the span, s of the log; None is the first row.
+            seconds: duration of the span.
+            options: as of `ballbot_rs.media.video.write_video`.
+
+        Raises:
+            ModuleNotFoundError: moviepy is not installed.
+            ValueError: a span of fewer than two rows, another suffix, or an option out of range.
+            OSError: the file cannot be written; an earlier one stays as it is.
+        """
+        from ballbot_rs.media.video import write_video
+
+        return write_video(self.trajectories(begin, seconds), Path(path), **options)
 
     def _speeds(self, rows: Array) -> Array:
         speeds = np.full((len(rows), 3), np.nan)
@@ -191,14 +292,7 @@ def replay(
         KeyboardInterrupt: Ctrl-C.
     """
     log, base, windows, simulator = prepare(
-        log,
-        params,
-        actuators,
-        model=model,
-        sim_dt=sim_dt,
-        window=window,
-        imu_position=imu_position,
-        num_threads=num_threads,
+        log, params, actuators, model, sim_dt, window, imu_position, num_threads
     )
     count, groups = 0, -(-len(windows) // GROUP)
 
@@ -225,7 +319,8 @@ def replay(
         )
     rows, differences = measured(log, windows), np.concatenate(parts)
     rows[windows.bounds[:-1], SENSORS["acceleration"]] = np.nan
-    simulated, gyro = rows - differences, SENSORS["gyro"]
+    simulated = rows - differences
+    poses = compared(log, base.params, windows, starts[:, :2], rows, simulated)
     return Replay(
         log=log,
         params=base.params,
@@ -235,28 +330,53 @@ def replay(
         time=log.time[windows.rows],
         measured=rows,
         simulated=simulated,
-        measured_tilt=_tilts(log, windows, starts, rows[:, gyro]),
-        simulated_tilt=_tilts(log, windows, starts, simulated[:, gyro]),
-        residuals=_residuals(rows, differences, windows, log),
+        measured_poses=poses[0],
+        simulated_poses=poses[1],
+        residuals=(*_residuals(rows, differences, windows, log), *_of_poses(poses, windows, log)),
         of_windows=_of_windows(differences, windows, spreads),
         fallen=int((~standing).sum()),
     )
 
 
 def _residuals(rows: Array, differences: Array, windows: Windows, log: SensorLog) -> tuple[Residual, ...]:
+    own, rest = _changes(rows, differences, windows)
+    found = []
+    for name, values in _series(log):
+        noise = _noise(values)
+        for axis, index in enumerate(range(SENSORS[name].start, SENSORS[name].stop)):
+            found.append(Residual(TITLES[index], UNITS[name], own[index], rest[index], noise[axis]))
+    return tuple(found)
+
+
+def _of_poses(poses: tuple[Poses, Poses], windows: Windows, log: SensorLog) -> list[Residual]:
+    """Residuals of what a log has of the pose: tilt, and position since the begin of each window."""
+    logged = []
+    if log.attitude is not None:
+        logged.append(("tilt", "rad", *(one.tilt for one in poses)))
+    if log.position is not None:
+        logged.append(("position", "m", *(one.position for one in poses)))
+    found = []
+    for name, unit, measured, simulated in logged:
+        own, rest = _changes(measured, measured - simulated, windows)
+        noise = _noise(measured)
+        found += [Residual(f"{name}_{axis}", unit, own[i], rest[i], noise[i]) for i, axis in enumerate("xy")]
+    return found
+
+
+def _changes(rows: Array, differences: Array, windows: Windows) -> tuple[list[float], list[float]]:
+    """Root mean squares of each column's changes within windows, and of its residuals."""
     usable = np.isfinite(differences)
     counts = np.maximum(np.add.reduceat(usable, windows.bounds[:-1], axis=0, dtype=np.int64), 1)
     means = np.add.reduceat(np.where(usable, rows, 0.0), windows.bounds[:-1], axis=0) / counts
     changes = np.where(usable, rows - means[windows.window], np.nan)
-    own, rest = (np.sqrt(np.nanmean(one**2, axis=0)) for one in (changes, differences))
-    noise = {name: np.sqrt((np.diff(values, n=3, axis=0) ** 2).mean(axis=0) / 20.0) for name, values in _series(log)}
-    found = []
-    for name, place in SENSORS.items():
-        if place.stop <= rows.shape[1]:
-            for axis, index in enumerate(range(place.start, place.stop)):
-                numbers = (float(own[index]), float(rest[index]), float(noise[name][axis]))
-                found.append(Residual(TITLES[index], UNITS[name], *numbers))
-    return tuple(found)
+    own, rest = (np.sqrt(np.nanmean(one**2, axis=0)).tolist() for one in (changes, differences))
+    return own, rest
+
+
+def _noise(values: Array) -> list[float]:
+    """Standard deviations of white noise, from third differences."""
+    found: list[float] = np.sqrt((np.diff(values, n=3, axis=0) ** 2).mean(axis=0) / 20.0).tolist()
+    return found
 
 
 def _series(log: SensorLog) -> list[tuple[str, Array]]:
@@ -274,31 +394,3 @@ def _of_windows(differences: Array, windows: Windows, spreads: Mapping[str, floa
         with np.errstate(invalid="ignore", divide="ignore"):
             found[name] = np.sqrt(sums / counts) / spread
     return found
-
-
-def _tilts(log: SensorLog, windows: Windows, starts: Array, rates: Array) -> Array:
-    """Tilts about x and y, heading frame, rad, shape (m, 2): integrals of body rates from each window's start."""
-    found = np.full((len(rates), 2), np.nan)
-    time, first, sizes = log.time[windows.rows], windows.bounds[:-1], np.diff(windows.bounds)
-    angle = np.linalg.norm(starts[:, :2], axis=1)
-    across = starts[:, :2] * np.sinc(angle / np.pi)[:, None]
-    # The vertical in the body frame.
-    up = np.stack([-across[:, 1], across[:, 0], np.cos(angle)], axis=-1)
-    for place in range(int(sizes.max())):
-        chosen = place < sizes
-        row = first[chosen] + place
-        if place:
-            turn = -0.5 * (rates[row] + rates[row - 1]) * (time[row] - time[row - 1])[:, None]
-            up[chosen] = _turned(up[chosen], turn)
-        sine = np.hypot(up[chosen, 0], up[chosen, 1])
-        scale = np.arctan2(sine, up[chosen, 2]) / np.maximum(sine, 1e-300)
-        found[row] = np.stack([up[chosen, 1], -up[chosen, 0]], axis=-1) * scale[:, None]
-    return found
-
-
-def _turned(vectors: Array, turns: Array) -> Array:
-    """Vectors turned by rotation vectors, both (n, 3)."""
-    angle = np.linalg.norm(turns, axis=1, keepdims=True)
-    sine, versine = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2.0 * np.pi)) ** 2
-    once = np.cross(turns, vectors)
-    return np.asarray(vectors + sine * once + versine * np.cross(turns, once))

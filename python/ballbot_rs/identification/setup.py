@@ -22,7 +22,6 @@ def prepare(
     log: SensorLog | str | PathLike[str],
     params: Params | str | PathLike[str] | None,
     actuators: Mapping[str, Any] | str | None,
-    *,
     model: str,
     sim_dt: float,
     window: float,

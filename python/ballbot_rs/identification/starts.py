@@ -42,10 +42,7 @@ def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
 
     Encoders and gyroscope give the ball's angular velocity without a model: psi' = k U (R^T w_k - Omega).
     """
-    zeniths, azimuths = np.array(params.wheel_zeniths), np.array(params.wheel_azimuths)
-    axles = np.stack(
-        [-np.cos(zeniths) * np.cos(azimuths), -np.cos(zeniths) * np.sin(azimuths), np.sin(zeniths)], axis=-1
-    )
+    axles = axles_of(params)
     ratio = params.ball_radius / params.wheel_radius
     found = np.zeros((len(windows), 8))
     for index in range(len(windows)):
@@ -56,3 +53,11 @@ def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
         ball = np.linalg.solve(axles, wheel_speeds) / ratio + rates
         found[index] = [0.0, 0.0, *rates, params.ball_radius * ball[1], -params.ball_radius * ball[0], ball[2]]
     return found
+
+
+def axles_of(params: Params) -> Array:
+    """Unit vectors u of docs/conventions.md along the axles, body frame, a row for each wheel."""
+    zeniths, azimuths = np.array(params.wheel_zeniths), np.array(params.wheel_azimuths)
+    return np.stack(
+        [-np.cos(zeniths) * np.cos(azimuths), -np.cos(zeniths) * np.sin(azimuths), np.sin(zeniths)], axis=-1
+    )
