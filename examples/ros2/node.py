@@ -2,6 +2,7 @@
 
 import math
 import sys
+from collections import deque
 from collections.abc import Mapping
 from typing import Any
 
@@ -100,7 +101,10 @@ class BallbotNode(Node):
         self._sensors = self._batch.sensors(0)
         self._imu_variances = conversion.imu_variances(self._sensors, self._batch.control_dt)
         self._timeout = round(1e9 * p["command_timeout"])
-        self._command, self._received, self._torques = np.zeros(3), 0, np.zeros(3)
+        self._latency = round(self._sensors["latency"] / self._batch.control_dt)
+        # Of the control steps since the readings, the oldest first.
+        self._torques: deque[Any] = deque(maxlen=self._latency + 1)
+        self._command, self._received, self._started = np.zeros(3), 0, 0
         kinds = {"imu/data_raw": Imu, "joint_states": JointState, "odom": Odometry, "setpoint": PoseStamped}
         kinds |= {"/tf": TFMessage, "/clock": Clock}
         self._publishers_of = {topic: self.create_publisher(kind, topic, QUEUE) for topic, kind in kinds.items()}
@@ -128,7 +132,7 @@ class BallbotNode(Node):
             if not np.array_equal(command, self._batch.command(0)):
                 self._batch.set_command(0, command)
             action = self._batch.control(self._law)
-        self._torques = action[0] * self._batch.max_wheel_torque
+        self._torques.append(action[0] * self._batch.max_wheel_torque)
         _, _, terminated, truncated = self._batch.step(action)
         self._steps += 1
         self._publish()
@@ -138,20 +142,24 @@ class BallbotNode(Node):
             self._start()
 
     def _start(self) -> None:
+        self._started = self.nanoseconds
+        self._torques.clear()
         self._batch.reset(starts=[bb.State.at_equilibrium(self._params, tilt=self._params.slope_lean())])
         self._batch.set_command(0, np.zeros(3))
 
     def _publish(self) -> None:
         now, readings, state = self.nanoseconds, self._batch.readings(0), self._batch.estimate(0)
-        measured = max(0, now - round(1e9 * self._sensors["latency"]))
-        transforms = conversion.transforms(state, self._sensors["imu_position"], now)
-        fields = {
-            "/clock": {"clock": conversion.time(now)},
-            "imu/data_raw": conversion.imu(readings, measured, *self._imu_variances),
-            "joint_states": conversion.joint_state(readings, self._torques, measured),
-            "odom": conversion.odometry(state, now, *self._variances),
-            "/tf": {"transforms": [filled(TransformStamped(), transform) for transform in transforms]},
-        }
+        fields = {"/clock": {"clock": conversion.time(now)}}
+        # Readings and the estimate from them are old by the latency. Before, the first readings are repeated.
+        measured = now - self._latency * self._step_nanoseconds
+        if measured >= self._started:
+            transforms = conversion.transforms(state, self._sensors["imu_position"], measured)
+            fields |= {
+                "imu/data_raw": conversion.imu(readings, measured, *self._imu_variances),
+                "joint_states": conversion.joint_state(readings, self._torques[0], measured),
+                "odom": conversion.odometry(state, measured, *self._variances),
+                "/tf": {"transforms": [filled(TransformStamped(), transform) for transform in transforms]},
+            }
         if self._law is not None:
             height = self._params.ball_radius
             fields["setpoint"] = conversion.setpoint_pose(self._batch.setpoint(0), height, now)

@@ -189,6 +189,8 @@ def test_what_a_trajectory_writes_is_a_log(tmp_path):
     np.testing.assert_allclose(found.gyro, moved.of_states("body_angular_velocity")[:rows])
     np.testing.assert_allclose(found.wheel_angles, moved.of_states("wheel_angles")[:rows])
     np.testing.assert_allclose(found.torques[:-1], moved.torques[: rows - 1])
+    np.testing.assert_allclose(found.position, moved.of_states("ball_position")[:rows])
+    np.testing.assert_allclose(found.attitude, moved.of_states("body_quaternion")[:rows], atol=1e-12)
     assert not found.report.separate_clocks
 
 
@@ -221,6 +223,38 @@ def test_samples_that_are_not_numbers_are_counted_and_left_out(tmp_path, log):
     assert (angles.missing, angles.gaps) == (20, 1)
     assert np.isfinite(found.wheel_angles).all()
     assert np.diff(found.time).max() == pytest.approx(0.21)
+
+
+def test_messages_without_a_stamp_are_left_out_unless_none_has_one(tmp_path, log):
+    """The time of the log has another clock than the stamps."""
+    some = lambda log, row, stamp: joints_of(log, row, 0 if row in (100, 102, 300) else stamp)  # noqa: E731
+    found = read(tmp_path, recorded(log, joints=some))
+    assert found.report.sources[0].missing == 3
+    assert "3 incomplete samples left out" in found.report.lines()[0]
+    np.testing.assert_allclose(np.diff(found.time).max(), 0.03)
+    none = lambda log, row, _: joints_of(log, row, 0)  # noqa: E731
+    logged = read(tmp_path, recorded(log, joints=none))
+    assert logged.report.sources[0].missing == 0
+    # Logged 1 ms after the stamps.
+    assert logged.report.clock_offset == pytest.approx(-0.001, abs=0.0005)
+
+
+@pytest.mark.parametrize(
+    ("stamp", "shown"),
+    [({"sec": 1.5, "nanosec": 0}, "sec = 1.5, nanosec = 0"), (12.5, "12.5"), ({"secs": 1}, "{'secs': 1}")],
+)
+def test_stamps_that_are_not_whole_numbers_are_named(tmp_path, stamp, shown):
+    packed = io.BytesIO()
+    writer = mcap_writer.Writer(packed, compression=mcap_writer.CompressionType.NONE)
+    writer.start()
+    schema = writer.register_schema("ballbot.state", "jsonschema", b"{}")
+    channel = writer.register_channel("/state", "json", schema)
+    data = json.dumps({"header": {"stamp": stamp}, "wheel_angles": {"0": 0.0}}).encode()
+    writer.add_message(channel, log_time=0, publish_time=0, data=data)
+    writer.finish()
+    with pytest.raises(ValueError, match="expected whole numbers sec and nanosec") as caught:
+        read(tmp_path, packed.getvalue())
+    assert f"log.mcap: a header.stamp of /state is {shown}: " in str(caught.value)
 
 
 def test_broken_files_are_rejected(tmp_path, log):

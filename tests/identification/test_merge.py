@@ -1,5 +1,8 @@
 """Logs with a column map: names, units, signs, different rates, gaps and clocks."""
 
+import dataclasses
+import json
+
 import numpy as np
 import pytest
 
@@ -82,6 +85,59 @@ accelerations = -1
     assert read.report.clock_offset is None
     assert read.report.left_out == 0
     assert [one.rate for one in read.report.sources] == pytest.approx([200.0] * 4, rel=1e-4)
+
+
+@pytest.mark.parametrize("kind", [np.int64, np.uint64])
+def test_whole_nanoseconds_are_exact(tmp_path, log, kind):
+    """Their difference does not wrap, and keeps the digits that a double of the date lacks."""
+    nanoseconds = np.round(log.time * 1e9).astype(kind)
+    imu = {"ti": nanoseconds + kind(3)}
+    stamps = {"t": nanoseconds + kind(1_760_000_000_000_000_001), "ti": imu["ti"] + kind(1_760_000_000_000_000_001)}
+    text = "clock_offset = 0\n" + MAP + '[times]\ngyro = "ti"\naccelerations = "ti"\n[units]\ntime = "ns"\n'
+    np.savez(tmp_path / "log.npz", **stamps, **rows_of(log))
+    (tmp_path / "map.toml").write_text(text)
+    read = SensorLog.read(tmp_path / "log.npz", tmp_path / "map.toml")
+    # The first row has no gyroscope yet.
+    np.testing.assert_allclose(read.time, log.time[1:], rtol=0.0, atol=1e-12)
+
+
+def test_times_in_single_precision_are_named(tmp_path, log):
+    message = "look like single precision, which has steps of 0.00781 at 1000"
+    times = (log.time + 1e5).astype(np.float32)
+    np.savez(tmp_path / "log.npz", t=times, **rows_of(log))
+    (tmp_path / "map.toml").write_text(MAP)
+    with pytest.raises(ValueError, match=message):
+        SensorLog.read(tmp_path / "log.npz", tmp_path / "map.toml")
+    with pytest.raises(ValueError, match=message):
+        SensorLog.read(*written(tmp_path, {"t": times, **rows_of(log)}))
+    with pytest.raises(ValueError, match=message):
+        SensorLog(times, log.torques, log.wheel_angles, log.gyro)
+    repeated = log.time.copy()
+    repeated[5] = repeated[4]
+    with pytest.raises(ValueError, match=r"it must increase$"):
+        SensorLog(repeated, log.torques, log.wheel_angles, log.gyro)
+
+
+def test_attitude_and_position_are_interpolated_and_may_change_sign(tmp_path, log):
+    half = 0.25 * log.time
+    attitude = np.stack([np.cos(half), 0.0 * half, 0.0 * half, np.sin(half)], axis=-1)
+    attitude[::3] *= -1.0
+    place = {"px": 1e3 * log.time, "py": -2e3 * log.time, "pz": 0.0 * log.time}
+    turned = dict(zip(("qw", "qx", "qy", "qz"), attitude.T, strict=True))
+    text = MAP + """attitude = ["qw", "qx", "qy", "qz"]
+position = ["px", "py", "pz"]
+[times]
+attitude = "tm"
+position = "tm"
+[units]
+position = "mm"
+"""
+    read = SensorLog.read(*written(tmp_path, {"t": log.time, "tm": log.time + 0.002, **rows_of(log), **turned, **place}, text))
+    np.testing.assert_allclose(read.position[:, 0], read.time - 0.002, atol=1e-9)
+    angle = 2.0 * np.arctan2(read.attitude[:, 3], read.attitude[:, 0])
+    np.testing.assert_allclose(np.cos(angle - 0.5 * (read.time - 0.002)), 1.0, atol=1e-9)
+    with pytest.raises(ValueError, match=r"columns.attitude = .*, expected four names of columns"):
+        ColumnMap.of({"columns": {"time": "t", **COLUMNS, "attitude": ["a", "b", "c"]}})
 
 
 def test_an_npz_file_has_columns_of_different_lengths(tmp_path, log):
@@ -179,10 +235,34 @@ def test_an_offset_survives_noise_wrong_signs_and_a_gap():
 
 
 def test_offsets_of_noisy_logs_are_within_a_tenth_of_a_sample():
-    worst, relative = clock_offsets.errors("paper", 0.01, logs=3)
+    worst, relative, *_ = clock_offsets.errors("paper", 0.01, logs=3)
     assert worst < 0.001
     assert relative < 3.0
     assert clock_offsets.markdown(["kugle"], logs=2).count("kugle") == 2
+
+
+@pytest.mark.parametrize("drift", [0.0, 150e-6, -80e-6])
+def test_a_drift_is_estimated_and_removed(drift):
+    log = record_log(seconds=40.0, sim_dt=0.001, control_dt=0.01, seed=3)
+    imu = log.time + 0.02 + drift * log.time
+    series = {
+        "torques": Series("u", "a", log.time, log.torques),
+        "wheel_angles": Series("e", "a", log.time, log.wheel_angles),
+        "gyro": Series("w", "b", imu, log.gyro),
+    }
+    fields, report = merged(series, PLAIN)
+    assert report.clock_drift == pytest.approx(drift, abs=max(4.0 * report.clock_drift_error, 5e-6))
+    assert report.clock_drift_error < 20e-6
+    assert report.drift_corrected == (drift != 0.0)
+    assert f"; drift {1e6 * report.clock_drift:.3g} ±" in report.lines()[-1]
+    if drift:
+        constant, _ = merged(series, dataclasses.replace(PLAIN, clock_offset=0.02 + 20.0 * drift))
+        rest = [
+            np.std(one["gyro"] - np.transpose([np.interp(one["time"], log.time, gyro) for gyro in log.gyro.T]))
+            for one in (fields, constant)
+        ]
+        assert rest[0] < 0.5 * rest[1]
+    json.dumps(report.to_dict())
 
 
 def test_a_robot_at_rest_does_not_determine_an_offset():

@@ -1,5 +1,6 @@
 """A log and its simulation: residuals of the true robot are noise, residuals of another robot are not."""
 
+import dataclasses
 import json
 
 import numpy as np
@@ -115,6 +116,68 @@ def test_a_wrong_unit_is_named_instead_of_simulated(noisy):
         replay(changed(noisy, gyro=noisy.gyro * [-1, 1, 1]), PAPER)
 
 
+def test_poses_are_those_of_the_robot():
+    """Without logged poses they follow from rates and wheel angles, up to the place and heading of the begin."""
+    log = record_log(PAPER, 4.0, noise=None, pose=True, seed=1)
+    bare = dataclasses.replace(log, attitude=None, position=None)
+    found, rows = replay(bare, PAPER, num_threads=1), slice(0, 400)
+    assert len(found.time) == 400
+    for poses in (found.measured_poses, found.simulated_poses):
+        np.testing.assert_allclose(poses.position, (log.position - log.position[0])[rows, :2], atol=1e-4)
+        assert np.abs((poses.attitude * log.attitude[rows]).sum(axis=1)).min() > 1.0 - 1e-6
+    with_poses = replay(log, PAPER, num_threads=1)
+    assert [one.column for one in with_poses.residuals[9:]] == ["tilt_x", "tilt_y", "position_x", "position_y"]
+    assert all(one.rms < 0.02 * one.measured for one in with_poses.residuals[9:])
+    assert len(found.residuals) == 9
+    # Another heading of the frame of positions changes nothing.
+    turned = dataclasses.replace(log, position=log.position @ [[0.0, 1.0, 0.0], [-1.0, 0.0, 0.0], [0.0, 0.0, 1.0]])
+    rms = [one.rms for one in replay(turned, PAPER, num_threads=1).residuals[11:]]
+    np.testing.assert_allclose(rms[::-1], [one.rms for one in with_poses.residuals[11:]], rtol=0.05)
+
+
+def test_trajectories_have_the_measured_and_the_simulated_motion(noisy):
+    found = replay(noisy, PAPER.replace(body_mass=3.0), actuators=MOTORS, num_threads=1)
+    measured, simulated = found.trajectories(1.0, 2.0)
+    assert measured.times[0] == 0.0
+    assert measured.times[-1] == pytest.approx(2.0)
+    np.testing.assert_array_equal(measured.of_states("body_angular_velocity"), noisy.gyro[100:301])
+    apart = np.abs(simulated.of_states("tilt") - measured.of_states("tilt"))
+    assert 1e-4 < apart.max() < 0.2
+    with pytest.raises(ValueError, match="0 rows from 9 to 10 s, at least 2 are needed"):
+        found.trajectories(9.0, 1.0)
+
+
+def test_a_session_shows_the_simulation_over_the_log(noisy):
+    pytest.importorskip("viser")
+    from ballbot_rs.viewer.session.logged import session_of
+
+    found = replay(noisy, PAPER, actuators=MOTORS, num_threads=1)
+    session = session_of(found, "mine")
+    measured, simulated = found.trajectories()
+    frame = session.frame()
+    assert session.recording.duration == pytest.approx(found.time[-1] - found.time[0])
+    session.replay(3.0)
+    frame = session.frame()
+    np.testing.assert_array_equal(frame.states[0], measured.states[300].to_array())
+    np.testing.assert_array_equal(frame.ghost, simulated.states[300].to_array())
+
+
+def test_the_command_writes_a_video(noisy, capsys, tmp_path):
+    pytest.importorskip("moviepy")
+    pytest.importorskip("matplotlib")
+    noisy.write(tmp_path / "log.csv")
+    video, figure = tmp_path / "replay.webp", tmp_path / "replay.svg"
+    assert main([
+        "replay", str(tmp_path / "log.csv"), "--seconds", "0.1", "--video", str(video), "-o", str(figure), "--json"
+    ]) == 0  # fmt: skip
+    assert json.loads(capsys.readouterr().out)["video"] == str(video)
+    from PIL import Image
+
+    with Image.open(video) as shown:
+        assert shown.size == (1280, 480)
+        assert shown.n_frames == 5
+
+
 def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_path):
     pytest.importorskip("matplotlib")
     noisy.write(tmp_path / "log.csv")
@@ -141,7 +204,8 @@ def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_pat
         (("--set", "control_dt=0.01"), "--set control_dt: a replay has params.NAME, actuators.NAME"),
         (("--set", "params.body_mas=1"), "body_mas"),
         (("-o", "replay.gif"), "replay.gif: the name of a figure ends in .svg, .pdf, .png"),
-        (("--begin", "99"), "no row from 99 to 103 s: the windows have "),
+        (("--video", "replay.avi"), "replay.avi: the name of a video ends in .mp4"),
+        (("--begin", "99"), "--begin 99 is outside the log, which has 6.00 s, from 0.00 to 6.00 s"),
         (("--columns", "nowhere.toml"), "nowhere.toml: No such file or directory"),
     ],
 )

@@ -1,4 +1,4 @@
-"""Offset between the clocks of IMU and encoders, from the motion that both measure.
+"""Offset and drift between the clocks of IMU and encoders, from the motion that both measure.
 
 At the frequencies of an excited robot, changes of the body's rates are a linear function of changes of the wheels'
 speeds: both follow from the same torques, and gravity changes amplitudes but no phases. The function is fitted at
@@ -27,6 +27,11 @@ SLOW: Final = 0.5
 #: Blocks whose separate offsets give the standard error, and the shortest, s.
 BLOCKS: Final = 8
 SHORTEST: Final = 1.0
+#: Longest block that a drift may blur, and the shortest time in which a drift is estimated, s.
+LONGEST: Final = 10.0
+DRIFTS: Final = 20.0
+#: Standard errors beyond which an offset or a drift is removed.
+SIGNIFICANT: Final = 3.0
 #: Standard error from the motion between samples, in samples.
 SYSTEMATIC: Final = 0.05
 #: Shortest time between samples of a search, s: lags are found to fractions of it.
@@ -39,7 +44,7 @@ MAX_SAMPLES: Final = 100_000
 
 @dataclasses.dataclass(frozen=True)
 class Offset:
-    """Time of the IMU's clock minus time of the encoders' clock."""
+    """Time of the IMU's clock minus time of the encoders' clock, at `time`, and its growth."""
 
     #: s.
     value: float
@@ -47,15 +52,35 @@ class Offset:
     error: float
     #: Fraction of the gyroscope's changes that the encoders explain at the offset.
     explained: float
+    #: Of the encoders' clock: the middle of the search, s.
+    time: float
+    #: Growth of the offset, s/s, and its standard error; 0 and infinite in a log that is too short.
+    drift: float = 0.0
+    drift_error: float = float("inf")
 
 
 def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
-    """The offset; None if the motion does not determine it."""
+    """The offset and its drift; None if the motion does not determine the offset."""
+    found = _constant(gyro, wheel_angles)
+    if found is None or abs(found.drift) <= SIGNIFICANT * found.drift_error:
+        return found
+    # Blocks are sharper without the drift, which is then the sum of both.
+    straight = dataclasses.replace(gyro, time=gyro.time - found.drift * (gyro.time - found.time))
+    again = _constant(straight, wheel_angles)
+    if again is None:
+        return found
+    moved = again.value + found.drift * (again.time - found.time)
+    return dataclasses.replace(again, value=moved, drift=found.drift + again.drift)
+
+
+def _constant(gyro: Series, wheel_angles: Series) -> Offset | None:
+    """The offset if it is constant, and the drift of the offsets of blocks."""
     step = max(gyro.step, wheel_angles.step, LEAST_STEP)
     first = max(gyro.time[0], wheel_angles.time[0]) + MAX_LAG + 2.0 * step
     last = min(gyro.time[-1], wheel_angles.time[-1]) - MAX_LAG - 2.0 * step
     times = first + step * np.arange(min(max(int((last - first) / step), 0), MAX_SAMPLES))
-    blocks = min(BLOCKS, int((last - first) / SHORTEST))
+    seconds = step * len(times)
+    blocks = min(max(BLOCKS, int(seconds / LONGEST)), int(seconds / SHORTEST))
     if blocks < 2:
         return None
     # Both as mean rates over two steps: equal filters do not shift them against each other.
@@ -73,19 +98,32 @@ def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
         return found
 
     coarse = step * np.arange(-int(MAX_LAG / step), int(MAX_LAG / step) + 1)
-    peak = int(np.argmax(_likelihood(unexplained_at(coarse, [slice(None)])[0])))
-    if peak in (0, len(coarse) - 1):
-        return None
-    lags = coarse[peak] + step / FINE * np.arange(-2 * FINE, 2 * FINE + 1, 2)
     edges = np.linspace(0, len(times), blocks + 1).astype(int)
     parts = [slice(a, b) for a, b in itertools.pairwise(edges)]
+    # The sum over blocks has its peak in the middle of a drift.
+    peak = int(np.argmax(_likelihood(unexplained_at(coarse, parts)).sum(axis=0)))
+    if peak in (0, len(coarse) - 1):
+        return None
+    reach = 2 * FINE * (1 if seconds < DRIFTS else 3)
+    lags = coarse[peak] + step / FINE * np.arange(-reach, reach + 1, 2)
     whole, *own = unexplained_at(lags, [slice(None), *parts])
     best = 1.0 - float(whole.mean(axis=1).min())
     if best < LEAST_EXPLAINED:
         return None
-    spread = np.std([_peak(lags, _likelihood(one)) for one in own], ddof=1)
+    offsets = np.array([_peak(lags, _likelihood(one)) for one in own])
+    middles = times[(edges[1:] + edges[:-1]) // 2]
+    time = float(middles.mean())
+    drift, drift_error = 0.0, float("inf")
+    if seconds >= DRIFTS:
+        away = middles - time
+        drift = float(away @ offsets / (away @ away))
+        rest = offsets - offsets.mean() - drift * away
+        drift_error = float(np.sqrt(rest @ rest / (blocks - 2) / (away @ away)))
+    is_drifting = abs(drift) > SIGNIFICANT * drift_error
+    spread = np.std(offsets - drift * (middles - time) if is_drifting else offsets, ddof=1)
+    value = float(offsets.mean()) if is_drifting else _peak(lags, _likelihood(whole))
     error = float(np.hypot(spread / np.sqrt(blocks), SYSTEMATIC * step))
-    return Offset(_peak(lags, _likelihood(whole)), error, best)
+    return Offset(value, error, best, time, drift, drift_error)
 
 
 def _likelihood(fractions: Array) -> Array:

@@ -18,8 +18,6 @@ Array = npt.NDArray[np.float64]
 IMU: Final = ("gyro", "accelerations")
 #: Quantities whose rates determine the rows.
 SENSORS: Final = ("wheel_angles", *IMU)
-#: An estimated offset below this many standard errors is not applied.
-SIGNIFICANT: Final = 3.0
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,8 +57,12 @@ class LogReport:
     clock_offset: float | None = None
     #: Standard error of an estimated offset, s; None for a given offset.
     clock_offset_error: float | None = None
-    #: Whether the times of the IMU were corrected by the offset.
+    #: Growth of the offset, s/s, and its standard error; None: not estimated.
+    clock_drift: float | None = None
+    clock_drift_error: float | None = None
+    #: Whether the times of the IMU were corrected by the offset, and by the drift.
     corrected: bool = False
+    drift_corrected: bool = False
     #: Whether IMU and encoders have separate clocks.
     separate_clocks: bool = False
 
@@ -89,8 +91,14 @@ class LogReport:
         ahead = "later" if self.clock_offset >= 0.0 else "earlier"
         return (
             f"clock offset: stamps of the IMU are {1e3 * abs(self.clock_offset):.3g} ms {ahead} than stamps of the "
-            f"encoders ({error}), {done}"
+            f"encoders ({error}), {done}{self._drift()}"
         )
+
+    def _drift(self) -> str:
+        if self.clock_drift is None or self.clock_drift_error is None:
+            return ""
+        done = "corrected" if self.drift_corrected else "not significant, not corrected"
+        return f"; drift {1e6 * self.clock_drift:.3g} ± {1e6 * self.clock_drift_error:.2g} ppm, {done}"
 
 
 def merged(series: Mapping[str, Series], columns: ColumnMap) -> tuple[dict[str, Array], LogReport]:
@@ -142,27 +150,30 @@ def _synchronized(
 ) -> tuple[Mapping[str, Series], dict[str, Any]]:
     """The series with the times of the encoders' clock, and the fields of the report about clocks."""
     separate = series["gyro"].clock != series["wheel_angles"].clock
-    error = None
-    corrected = clock_offset is not None
+    found = None
     if clock_offset is None and separate:
         found = clocks.estimated(series["gyro"], series["wheel_angles"])
-        if found is not None:
-            clock_offset, error = found.value, found.error
-            corrected = abs(found.value) > SIGNIFICANT * found.error
-    if corrected and clock_offset is not None:
-        offset = clock_offset
+    about: dict[str, Any] = {"clock_offset": clock_offset, "corrected": clock_offset is not None}
+    drift, time = 0.0, 0.0
+    if found is not None:
+        is_drifting = abs(found.drift) > clocks.SIGNIFICANT * found.drift_error
+        corrected = is_drifting or abs(found.value) > clocks.SIGNIFICANT * found.error
+        about = {"clock_offset": found.value, "clock_offset_error": found.error, "corrected": corrected}
+        if np.isfinite(found.drift_error):
+            about |= {"clock_drift": found.drift, "clock_drift_error": found.drift_error}
+            about["drift_corrected"] = is_drifting
+        drift, time = (found.drift, found.time) if is_drifting else (0.0, 0.0)
+    if about["corrected"]:
         own = series["gyro"].clock
+
+        def on_encoders(one: Series) -> Series:
+            return dataclasses.replace(one, time=one.time - about["clock_offset"] - drift * (one.time - time))
+
         series = {
-            name: one.shifted(-offset) if name in IMU or (separate and one.clock == own) else one
+            name: on_encoders(one) if name in IMU or (separate and one.clock == own) else one
             for name, one in series.items()
         }
-    about = {
-        "clock_offset": clock_offset,
-        "clock_offset_error": error,
-        "corrected": corrected,
-        "separate_clocks": separate or corrected,
-    }
-    return series, about
+    return series, {**about, "separate_clocks": separate or about["corrected"]}
 
 
 def _continuous(attitude: Array) -> Array:

@@ -47,10 +47,6 @@ class Series:
         steps = np.diff(self.time)
         return np.asarray(steps[steps > MAX_GAP * self.step])
 
-    def shifted(self, offset: float) -> "Series":
-        """The series with `offset` added to its times."""
-        return dataclasses.replace(self, time=self.time + offset)
-
 
 def checked(source: str, clock: str, time: Array, values: Array) -> Series:
     """A series without the samples of which a number or the time is missing.
