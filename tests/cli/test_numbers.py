@@ -42,6 +42,7 @@ LIMITS = [
     ("replay", "--threads", 1, 1, 256),
     ("replay", "--begin", 1, None, None),
     ("replay", "--seconds", 1, None, 3600),
+    ("replay", "--port", 1, 1, 65535),
     ("link", "--idle", 1, 0, 86_400),
     ("link", "--seed", 1, 0, 2**64 - 1),
     ("link", "--timeout", 1, 0, 3600),

@@ -186,6 +186,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--begin": "1",
                 "--seconds": "1",
                 "--output": "b.svg",
+                "--video": "b.webp",
                 **SHOWN,
             },
         )
@@ -199,6 +200,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--seconds": "0.2",
                 "--excitation": "0.5",
                 "--exact": "",
+                "--pose": "",
                 "--seed": "1",
                 "--output": "a.npz",
             },
@@ -349,8 +351,8 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
     "list": [({}, {"kind": "robots", "--json": ""})],
     "info": [({}, {"--json": ""})],
 }
-#: What needs a cluster: tests/distributed has it.
-ELSEWHERE = {"train": {"--on", "--algorithm"}}
+#: What needs a cluster, which tests/distributed has, and a page until Ctrl-C, which tests/identification has.
+ELSEWHERE = {"train": {"--on", "--algorithm"}, "replay": {"--page", "--port", "--no-open"}}
 #: How an error names an argument that has no dashes or is the value itself.
 NAMED = {
     "policy": "RUN",

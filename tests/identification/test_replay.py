@@ -162,6 +162,34 @@ def test_a_session_shows_the_simulation_over_the_log(noisy):
     np.testing.assert_array_equal(frame.ghost, simulated.states[300].to_array())
 
 
+def test_the_command_shows_a_page(noisy, capsys, tmp_path, monkeypatch):
+    pytest.importorskip("viser")
+    pytest.importorskip("matplotlib")
+    shown = []
+
+    class Page:
+        """A page whose runner has ended."""
+
+        running, error, url = False, None, "http://page"
+
+        def __init__(self, session, port):
+            shown.append((session.frame().ghost is not None, port))
+            self.runner = self
+
+        def report(self):
+            return "the end"
+
+        def stop(self):
+            shown.append("stopped")
+
+    monkeypatch.setattr("ballbot_rs.viewer.view.View", Page)
+    noisy.write(tmp_path / "log.csv")
+    arguments = ["replay", str(tmp_path / "log.csv"), "-o", str(tmp_path / "a.svg"), "--no-open", "--port", "8123"]
+    assert main([*arguments, "--page"]) == 0
+    assert shown == [(True, 8123), "stopped"]
+    assert capsys.readouterr().out.endswith("http://page shows the robot; Ctrl-C ends it\nthe end\n")
+
+
 def test_the_command_writes_a_video(noisy, capsys, tmp_path):
     pytest.importorskip("moviepy")
     pytest.importorskip("matplotlib")

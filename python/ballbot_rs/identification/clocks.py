@@ -32,7 +32,7 @@ LONGEST: Final = 10.0
 DRIFTS: Final = 20.0
 #: Standard errors beyond which an offset or a drift is removed.
 SIGNIFICANT: Final = 3.0
-#: Standard error from the motion between samples, in samples.
+#: Standard error from the motion between samples, in samples, of the offset of a log or a block.
 SYSTEMATIC: Final = 0.05
 #: Shortest time between samples of a search, s: lags are found to fractions of it.
 LEAST_STEP: Final = 1e-3
@@ -118,7 +118,7 @@ def _constant(gyro: Series, wheel_angles: Series) -> Offset | None:
         away = middles - time
         drift = float(away @ offsets / (away @ away))
         rest = offsets - offsets.mean() - drift * away
-        drift_error = float(np.sqrt(rest @ rest / (blocks - 2) / (away @ away)))
+        drift_error = float(np.sqrt((rest @ rest / (blocks - 2) + (SYSTEMATIC * step) ** 2) / (away @ away)))
     is_drifting = abs(drift) > SIGNIFICANT * drift_error
     spread = np.std(offsets - drift * (middles - time) if is_drifting else offsets, ddof=1)
     value = float(offsets.mean()) if is_drifting else _peak(lags, _likelihood(whole))

@@ -265,4 +265,4 @@ def _hint(log: SensorLog, name: str, without: str) -> str:
     """What to change: in the column map if there is one."""
     if log.report is None:
         return without
-    return f"[units] {name} of the column map is \"{log.report.columns.units[name]}\"; {without}"
+    return f'[units] {name} of the column map is "{log.report.columns.units[name]}"; {without}'

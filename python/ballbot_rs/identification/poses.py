@@ -68,7 +68,9 @@ def compared(
         headings, places = headings + offset, position[first]
         attitude = None if attitude is None else product(about_vertical(np.full(len(attitude), offset)), attitude)
     balls = _chained_balls(windows, own, headings)
-    own, other = (_placed(one, *(np.repeat(of, sizes, axis=0) for of in (headings, places, balls))) for one in (own, other))
+    own, other = (
+        _placed(one, *(np.repeat(of, sizes, axis=0) for of in (headings, places, balls))) for one in (own, other)
+    )
     if log.position is not None:
         own = dataclasses.replace(own, position=position)
     return (own if attitude is None else dataclasses.replace(own, attitude=attitude)), other
@@ -96,9 +98,7 @@ def _turns(time: Array, params: Params, rows: Array, row: npt.NDArray[np.int64])
     return turn, turn + np.linalg.solve(axles_of(params), relative.T).T
 
 
-def _chained(
-    time: Array, windows: Windows, params: Params, relative: Poses, measured: Array
-) -> tuple[Array, Array]:
+def _chained(time: Array, windows: Windows, params: Params, relative: Poses, measured: Array) -> tuple[Array, Array]:
     """Heading, rad, shape (w,), and position, m, shape (w, 2), at which each window begins."""
     row = windows.bounds[1:-1]
     turn, ball_turn = _turns(time, params, measured, row)
@@ -143,7 +143,9 @@ def _turned_flat(vectors: Array, angles: Array) -> Array:
 def _rotation(turn: Array) -> Array:
     """Quaternions of rotation vectors, shape (n, 4)."""
     angle = np.linalg.norm(turn, axis=1)
-    return np.concatenate([np.cos(0.5 * angle)[:, None], turn * (0.5 * np.sinc(angle / (2.0 * np.pi)))[:, None]], axis=1)
+    return np.concatenate(
+        [np.cos(0.5 * angle)[:, None], turn * (0.5 * np.sinc(angle / (2.0 * np.pi)))[:, None]], axis=1
+    )
 
 
 def _rotated(attitude: Array, vectors: Array) -> Array:

@@ -291,9 +291,7 @@ def replay(
         OSError: a file cannot be read.
         KeyboardInterrupt: Ctrl-C.
     """
-    log, base, windows, simulator = prepare(
-        log, params, actuators, model, sim_dt, window, imu_position, num_threads
-    )
+    log, base, windows, simulator = prepare(log, params, actuators, model, sim_dt, window, imu_position, num_threads)
     count, groups = 0, -(-len(windows) // GROUP)
 
     def called() -> None:
