@@ -28,7 +28,7 @@ def open_regular(path: Path, limit: int) -> BinaryIO:
         ValueError: it is not a regular file, or is larger.
     """
     # Opening a pipe would block.
-    file = open(path, "rb", opener=_open_at_once)
+    file = open(path, "rb", opener=_open_at_once)  # noqa: SIM115
     about = os.fstat(file.fileno())
     if stat.S_ISREG(about.st_mode) and about.st_size <= limit:
         return file

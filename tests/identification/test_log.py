@@ -2,6 +2,7 @@
 
 import importlib.util
 import io
+import tracemalloc
 import zipfile
 
 import numpy as np
@@ -113,6 +114,21 @@ def test_a_bad_file_is_rejected_with_its_name(tmp_path, change, message):
     path.write_text(change(path.read_text()))
     with pytest.raises(ValueError, match=f"{path}: {message}"):
         SensorLog.read(path)
+
+
+def test_a_csv_file_takes_a_few_times_its_size_in_memory(tmp_path):
+    log().write(tmp_path / "log.csv")
+    header, *lines = (tmp_path / "log.csv").read_text().splitlines()
+    rows = [line.partition(",")[2] for line in lines]
+    many = (f"{0.01 * row!r},{rows[0]}" for row in range(10_000))
+    (tmp_path / "log.csv").write_text("\n".join([header, *many]))
+    tracemalloc.start()
+    try:
+        SensorLog.read(tmp_path / "log.csv")
+        peak = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert peak < 4 * (tmp_path / "log.csv").stat().st_size
 
 
 def test_columns_that_are_ignored_are_not_unpacked(tmp_path):

@@ -116,7 +116,7 @@ def test_a_wrong_unit_is_named_instead_of_simulated(noisy):
         replay(changed(noisy, gyro=noisy.gyro * [-1, 1, 1]), PAPER)
 
 
-def test_poses_are_those_of_the_robot():
+def test_poses_are_the_poses_of_the_robot():
     """Without logged poses they follow from rates and wheel angles, up to the place and heading of the begin."""
     log = record_log(PAPER, 4.0, noise=None, pose=True, seed=1)
     bare = dataclasses.replace(log, attitude=None, position=None)

@@ -35,7 +35,7 @@ def add_to(commands: Any) -> None:
     )
     shared.add_output(command, "FILE.svg|.pdf|.png", "the figure (default replay.svg)")
     command.add_argument(
-        "--video", type=Path, metavar="FILE.mp4|FILE.webp", help="also a video of the span, measured beside simulated"
+        "--video", type=Path, metavar="FILE.mp4|FILE.webp", help="also a video of the span, measured next to simulated"
     )
     command.add_argument("--page", action="store_true", help="also show the log in the browser, over the simulation")
     page.add_to(command)

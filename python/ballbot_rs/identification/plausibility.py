@@ -103,7 +103,8 @@ def responses_of(params: Params) -> tuple[Array, Array]:
 def _signals(log: SensorLog) -> tuple[Array, Array, Array] | None:
     """Fast changes of impulses, body rates and wheel speeds, each (n, 3); None if the torques explain too little.
 
-    What friction of the wheels could cause is removed from all: it may exceed the torques. Motors may answer late: the torques are delayed by the time after which they explain most.
+    What friction of the wheels could cause is removed from all: it may exceed the torques. Motors may answer late: the
+    torques are delayed by the time after which they explain most.
     """
     step = log.step
     begin, end = log.time[0] + 2.0 * step + MAX_DELAY, log.time[-1] - 2.0 * step

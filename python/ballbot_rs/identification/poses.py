@@ -42,8 +42,8 @@ def compared(
     """Poses of the measured and of the simulated motion, which begins each window in the measured pose.
 
     Logged attitudes and positions are the measured ones. Otherwise a window begins with a fitted tilt, where the window
-    before ended; attitudes are integrals of body rates, positions follow from wheel angles if the ball does not slip. The
-    heading of the frame of logged positions is the one that fits these positions best.
+    before ended; attitudes are integrals of body rates, positions follow from wheel angles if the ball does not slip.
+    The heading of the frame of logged positions is the one that fits these positions best.
 
     Args:
         log: for its times, attitudes and positions.

@@ -26,42 +26,22 @@ from ballbot_rs._state_rows import (
 )
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.identification import starts as starts_of
-from ballbot_rs.identification.log import COLUMNS, UNITS, SensorLog
+from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.noise import first_guess
 from ballbot_rs.identification.parameters import NOTHING
 from ballbot_rs.identification.poses import Poses, compared
 from ballbot_rs.identification.problem import Problem
+from ballbot_rs.identification.residuals import Residual, by_window, of_poses, of_sensors
 from ballbot_rs.identification.setup import prepare
 from ballbot_rs.identification.simulation import SENSORS, measured
 from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
 
-#: Columns of the sensors, in the order of `simulation.SENSORS`.
-TITLES: Final = (*COLUMNS["wheel_angles"], *COLUMNS["gyro"], *COLUMNS["accelerations"])
 #: Simulations of the windows in a usual replay, for the progress.
 USUAL: Final = 10
 #: Windows that are simulated at once: more take more memory, but hardly less time.
 GROUP: Final = 250
-
-
-@dataclasses.dataclass(frozen=True)
-class Residual:
-    """Measured minus simulated values of one column, over all windows that did not fall."""
-
-    column: str
-    unit: str
-    #: Root mean square of the measured values minus their mean in each window.
-    measured: float
-    #: Root mean square of the residuals.
-    rms: float
-    #: Standard deviation of the noise, from third differences of the measurements.
-    noise: float
-
-    @property
-    def explained(self) -> float:
-        """Fraction of the measured changes' mean square that the simulation explains; below 0 it is worse than none."""
-        return 1.0 - (self.rms / self.measured) ** 2 if self.measured > 0.0 else 0.0
 
 
 @dataclasses.dataclass(frozen=True, repr=False)
@@ -172,7 +152,7 @@ class Replay:
     def record(
         self, path: str | PathLike[str], begin: float | None = None, seconds: float = 4.0, **options: Any
     ) -> int:
-        """Writes a video or an animation of a span, measured beside simulated; returns the number of its frames.
+        """Writes a video or an animation of a span, measured next to simulated; returns the number of its frames.
 
         Args:
             path: the file; its name ends in .mp4 or .webp.
@@ -330,65 +310,7 @@ def replay(
         simulated=simulated,
         measured_poses=poses[0],
         simulated_poses=poses[1],
-        residuals=(*_residuals(rows, differences, windows, log), *_of_poses(poses, windows, log)),
-        of_windows=_of_windows(differences, windows, spreads),
+        residuals=(*of_sensors(rows, differences, windows, log), *of_poses(poses, windows, log)),
+        of_windows=by_window(differences, windows, spreads),
         fallen=int((~standing).sum()),
     )
-
-
-def _residuals(rows: Array, differences: Array, windows: Windows, log: SensorLog) -> tuple[Residual, ...]:
-    own, rest = _changes(rows, differences, windows)
-    found = []
-    for name, values in _series(log):
-        noise = _noise(values)
-        for axis, index in enumerate(range(SENSORS[name].start, SENSORS[name].stop)):
-            found.append(Residual(TITLES[index], UNITS[name], own[index], rest[index], noise[axis]))
-    return tuple(found)
-
-
-def _of_poses(poses: tuple[Poses, Poses], windows: Windows, log: SensorLog) -> list[Residual]:
-    """Residuals of what a log has of the pose: tilt, and position since the begin of each window."""
-    logged = []
-    if log.attitude is not None:
-        logged.append(("tilt", "rad", *(one.tilt for one in poses)))
-    if log.position is not None:
-        logged.append(("position", "m", *(one.position for one in poses)))
-    found = []
-    for name, unit, measured, simulated in logged:
-        own, rest = _changes(measured, measured - simulated, windows)
-        noise = _noise(measured)
-        found += [Residual(f"{name}_{axis}", unit, own[i], rest[i], noise[i]) for i, axis in enumerate("xy")]
-    return found
-
-
-def _changes(rows: Array, differences: Array, windows: Windows) -> tuple[list[float], list[float]]:
-    """Root mean squares of each column's changes within windows, and of its residuals."""
-    usable = np.isfinite(differences)
-    counts = np.maximum(np.add.reduceat(usable, windows.bounds[:-1], axis=0, dtype=np.int64), 1)
-    means = np.add.reduceat(np.where(usable, rows, 0.0), windows.bounds[:-1], axis=0) / counts
-    changes = np.where(usable, rows - means[windows.window], np.nan)
-    own, rest = (np.sqrt(np.nanmean(one**2, axis=0)).tolist() for one in (changes, differences))
-    return own, rest
-
-
-def _noise(values: Array) -> list[float]:
-    """Standard deviations of white noise, from third differences."""
-    found: list[float] = np.sqrt((np.diff(values, n=3, axis=0) ** 2).mean(axis=0) / 20.0).tolist()
-    return found
-
-
-def _series(log: SensorLog) -> list[tuple[str, Array]]:
-    series = (("wheel_angle", log.wheel_angles), ("gyro", log.gyro), ("acceleration", log.accelerations))
-    return [(name, values) for name, values in series if values is not None]
-
-
-def _of_windows(differences: Array, windows: Windows, spreads: Mapping[str, float]) -> dict[str, Array]:
-    found = {}
-    for name, spread in spreads.items():
-        own = differences[:, SENSORS[name]]
-        usable = np.isfinite(own)
-        sums = np.add.reduceat(np.where(usable, own, 0.0) ** 2, windows.bounds[:-1], axis=0).sum(axis=1)
-        counts = np.add.reduceat(usable, windows.bounds[:-1], axis=0, dtype=np.int64).sum(axis=1)
-        with np.errstate(invalid="ignore", divide="ignore"):
-            found[name] = np.sqrt(sums / counts) / spread
-    return found

@@ -19,7 +19,7 @@ def session_of(replay: Replay, robot: str) -> Session:
     session = Session(replay.model, robot, params=replay.params)
     template = session.frame()
     measured, simulated = (one.to_array() for one in replay.trajectories())
-    com = np.add(replay.params.body_com_offset + (0.0,), (0.0, 0.0, replay.params.body_com_height))
+    com = np.add((*replay.params.body_com_offset, 0.0), (0.0, 0.0, replay.params.body_com_height))
     tilts = tilt_components_of(measured, com)
     torques = replay.log.torques[replay.windows.rows]
     for row, time in enumerate(replay.time):
