@@ -499,7 +499,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(link, "Link", Line)
     monkeypatch.setattr(link, "LinkPeer", Peer)
     monkeypatch.setattr(link, "EstimatedController", lambda found, *options: (found.name, fingerprint(options)))
-    monkeypatch.setattr(view.webbrowser, "open", lambda url: print(f"opens {url}"))
+    monkeypatch.setattr(page.webbrowser, "open", lambda url: print(f"opens {url}"))
     monkeypatch.setattr(tune, "_carry_out", lambda search, jobs, tell: print(search, jobs, tell))
     monkeypatch.setattr(search.Search, "finish", lambda _: [])
     monkeypatch.setenv("TERM", "xterm")

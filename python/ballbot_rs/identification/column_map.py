@@ -117,8 +117,8 @@ class ColumnMap:
     def scale(self, name: str) -> Array:
         """Factors to SI units, a number for each column."""
         found = UNITS[name][self.units[name]] * self.factors[name]
-        is_counted = self.units[name] == "ticks" and self.ticks_per_turn is not None
-        return found / self.ticks_per_turn if is_counted else found
+        is_counted = name == "wheel_angles" and self.ticks_per_turn is not None
+        return np.asarray(found / self.ticks_per_turn if is_counted else found)  # type: ignore[operator]
 
     @property
     def time_scale(self) -> float:

@@ -43,7 +43,7 @@ class Order:
         """The size of the factors: their median, or one that is usual if the median is not."""
         sizes = np.abs(self.factors)
         middle = float(np.median(sizes))
-        return min([middle, *(one for one in sizes.tolist() if _is_usual(one) and not _is_usual(middle))], key=_far)
+        return min([middle, *(float(one) for one in sizes.tolist() if _is_usual(one) and not _is_usual(middle))], key=_far)
 
     @property
     def outliers(self) -> npt.NDArray[np.bool_]:
@@ -114,9 +114,10 @@ def complaint(name: str, order: Order, columns: ColumnMap, fraction: float) -> s
 def _unit(name: str, size: float, columns: ColumnMap) -> tuple[str, list[str]]:
     """What the unit of a quantity looks like, and the line that repairs it, if its factor is known."""
     now = columns.units[name]
-    is_counted = name == "wheel_angles" and columns.ticks_per_turn is not None
+    ticks = columns.ticks_per_turn if name == "wheel_angles" else None
+    is_counted = ticks is not None
     # Of a number in the file.
-    factor_now = UNITS[name][now] / (columns.ticks_per_turn.mean() if is_counted else 1.0)
+    factor_now = UNITS[name][now] / (1.0 if ticks is None else float(ticks.mean()))
     for unit, factor in UNITS[name].items():
         if unit not in (now, "ticks") and 1.0 / TOLERANCE < factor_now / size / factor < TOLERANCE:
             without = " without ticks_per_turn" if is_counted else ""

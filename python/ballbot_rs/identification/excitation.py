@@ -113,8 +113,9 @@ def record_log(
             raise DivergedError(f"the robot falls at {times[row]:g} s: lower the excitation of {excitation:g}")
         progress(row + 1, rows)
     log = _measured(times, torques, states, robot, place, spread, rng)
-    truth = {"attitude": states[:, BODY_QUATERNION], "position": states[:, BALL_POSITION]}
-    return dataclasses.replace(log, **truth) if pose else log
+    if not pose:
+        return log
+    return dataclasses.replace(log, attitude=states[:, BODY_QUATERNION], position=states[:, BALL_POSITION])
 
 
 def _spread(noise: Mapping[str, float] | None) -> dict[str, float]:

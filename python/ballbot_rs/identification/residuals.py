@@ -50,11 +50,12 @@ def of_sensors(rows: Array, differences: Array, windows: Windows, log: SensorLog
 
 def of_poses(poses: tuple[Poses, Poses], windows: Windows, log: SensorLog) -> list[Residual]:
     """Residuals of what a log has of the pose: tilt, and position since the begin of each window."""
-    logged = []
+    measured, simulated = poses
+    logged: list[tuple[str, str, Array, Array]] = []
     if log.attitude is not None:
-        logged.append(("tilt", "rad", *(one.tilt for one in poses)))
+        logged.append(("tilt", "rad", measured.tilt, simulated.tilt))
     if log.position is not None:
-        logged.append(("position", "m", *(one.position for one in poses)))
+        logged.append(("position", "m", measured.position, simulated.position))
     found = []
     for name, unit, own_pose, other in logged:
         own, rest = _changes(own_pose, own_pose - other, windows)
