@@ -476,7 +476,8 @@ def test_the_rate_of_a_training_changes_nothing(rate):
 @pytest.fixture
 def outcome(files, tmp_path, monkeypatch, capsys):
     """A function that carries out a command in an empty folder, and returns what it prints and writes."""
-    from ballbot_rs.cli import link, report, tune, view
+    from ballbot_rs.cli import link, report, tune
+    from ballbot_rs.cli import page as served
     from ballbot_rs.media.figures import style
     from ballbot_rs.training import search
     from ballbot_rs.viewer import view as page
@@ -499,7 +500,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(link, "Link", Line)
     monkeypatch.setattr(link, "LinkPeer", Peer)
     monkeypatch.setattr(link, "EstimatedController", lambda found, *options: (found.name, fingerprint(options)))
-    monkeypatch.setattr(page.webbrowser, "open", lambda url: print(f"opens {url}"))
+    monkeypatch.setattr(served.webbrowser, "open", lambda url: print(f"opens {url}"))
     monkeypatch.setattr(tune, "_carry_out", lambda search, jobs, tell: print(search, jobs, tell))
     monkeypatch.setattr(search.Search, "finish", lambda _: [])
     monkeypatch.setenv("TERM", "xterm")
@@ -514,7 +515,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
         monkeypatch.chdir(folder)
         terminal = Terminal()
         calls.clear()
-        monkeypatch.setattr(view, "time", Clock())
+        monkeypatch.setattr(served, "time", Clock())
         monkeypatch.setattr("sys.stderr", terminal)
         try:
             code = main([name, *(word.format(old="old", **files) for word in given)])

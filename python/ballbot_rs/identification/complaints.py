@@ -43,7 +43,8 @@ class Order:
         """The size of the factors: their median, or one that is usual if the median is not."""
         sizes = np.abs(self.factors)
         middle = float(np.median(sizes))
-        return min([middle, *(float(one) for one in sizes.tolist() if _is_usual(one) and not _is_usual(middle))], key=_far)
+        candidates: list[float] = [middle] if _is_usual(middle) else [middle, *filter(_is_usual, sizes.tolist())]
+        return min(candidates, key=_far)
 
     @property
     def outliers(self) -> npt.NDArray[np.bool_]:
