@@ -1197,6 +1197,8 @@ class Controller:
         *,
         max_torque: float | None = None,
         traction: bool | float | None = None,
+        speed_limit: float | None = None,
+        boundary: npt.ArrayLike | None = None,
         **options: float,
     ) -> Self: ...
     def __call__(

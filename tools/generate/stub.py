@@ -92,6 +92,8 @@ def _pid() -> list[str]:
         '    mapping: Literal["consistent", "as_printed"] | str = "consistent",',
         "    max_torque: float | None = None,",
         "    traction: bool | float | None = None,",
+        "    speed_limit: float | None = None,",
+        "    boundary: npt.ArrayLike | None = None,",
     ]
     return _constructor(first, "pid")
 
@@ -105,6 +107,8 @@ def _lqr() -> list[str]:
         "    R: npt.ArrayLike | None = None,",
         "    max_torque: float | None = None,",
         "    traction: bool | float | None = None,",
+        "    speed_limit: float | None = None,",
+        "    boundary: npt.ArrayLike | None = None,",
     ]
     return _constructor(first, "lqr")
 

@@ -31,6 +31,9 @@ the maps do not hold, and all torques are scaled down together to the friction l
 steps of $T$: where such a step is above 0.1 m/s, as with 512 ticks at 500 Hz, one tick counts as slip, and the limits
 are the upright robot's.
 
+Two options of every controller limit the motion: `speed_limit` and `boundary`. A control barrier before this stage
+keeps them: [limits of the motion](safety.md#limits-of-the-motion).
+
 The friction of the wheel joints does not reach the ball. All laws are designed for the robot without it, and it is
 added to the torques at the very end, within the largest torque, at the present speed $\omega_i$ of each wheel:
 

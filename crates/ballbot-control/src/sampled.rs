@@ -119,7 +119,7 @@ impl<T: Law> Sampled<T> {
         let options = Scale::of(params).fit(options);
         options.check_limits()?;
         let (friction, params) = JointFriction::of(params);
-        let limits = TorqueLimits::new(&params, limits)?;
+        let limits = TorqueLimits::new(&params, control_dt, limits)?;
         let law = design(&Plant { params: &params, control_dt, limits: &limits }, &options)?;
         Ok(Self::of(law, control_dt, limits, friction))
     }
@@ -186,7 +186,8 @@ impl<T: Law> Controller for Sampled<T> {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants = if self.law.kept() > T::MEMORY { None } else { self.law.constants() };
+        let constants =
+            if self.law.kept() > T::MEMORY || self.limits.has_barrier() { None } else { self.law.constants() };
         constants.map(|constants| self.friction.add_to(self.limits.add_to(constants)))
     }
 

@@ -90,7 +90,13 @@ fn borrowed(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
 }
 
 /// Torque limits from arguments, in place of the limits of a law.
-fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>) -> PyResult<LimitOptions> {
+fn limits(
+    own: LimitOptions,
+    max_torque: Option<f64>,
+    traction: Argument<'_, '_>,
+    speed_limit: Option<f64>,
+    boundary: Argument<'_, '_>,
+) -> PyResult<LimitOptions> {
     let traction = match traction.filter(|value| !value.is_none()) {
         None => own.traction,
         Some(value) if value.extract::<bool>().is_ok() => value.extract::<bool>()?.then_some(DEFAULT_TRACTION),
@@ -98,7 +104,9 @@ fn limits(own: LimitOptions, max_torque: Option<f64>, traction: Argument<'_, '_>
             Some(real(value).map_err(|_| PyTypeError::new_err("traction must be True, False, a number or None"))?)
         }
     };
-    Ok(LimitOptions { max_torque, traction })
+    let boundary =
+        boundary.filter(|value| !value.is_none()).map(|value| numbers::<4>("boundary", value)).transpose()?;
+    Ok(LimitOptions { max_torque, traction, speed_limit, boundary })
 }
 
 /// Numbers, vectors and matrices by name.
@@ -124,6 +132,9 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///         at which a wheel of the upright robot slips.
 ///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
 ///         friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
+///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None is no limit.
+///     boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
+///         control barrier; None is none.
 ///     options: weights or gains of the law.
 ///
 /// Raises:
@@ -210,13 +221,17 @@ fn write_part(target: &mut Setpoint, name: &str, value: &Bound<'_, PyAny>) -> Py
 #[pymethods]
 impl PyController {
     #[new]
-    #[pyo3(signature = (name, params=None, control_dt=None, *, max_torque=None, traction=None, **options))]
+    #[pyo3(signature = (
+        name, params=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, **options
+    ))]
     fn py_new(
         name: &str,
         params: Argument<'_, '_>,
         #[pyo3(from_py_with = optional_real)] control_dt: Option<f64>,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         traction: Argument<'_, '_>,
+        #[pyo3(from_py_with = optional_real)] speed_limit: Option<f64>,
+        boundary: Argument<'_, '_>,
         options: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let kind = controller_kind(name).map_err(to_python)?;
@@ -225,7 +240,7 @@ impl PyController {
         let options = self::options("Controller", options, &known)?;
         let params = or_paper(params)?;
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
-        let limits = limits(kind.limits, max_torque, traction)?;
+        let limits = limits(kind.limits, max_torque, traction, speed_limit, boundary)?;
         let predicts = known.iter().any(|(name, _)| *name == DELAY) && !options.iter().any(|(name, _)| name == DELAY);
         let design = move |params: &Params, delay: f64| {
             let delay = [delay];
@@ -327,6 +342,7 @@ impl PyController {
 ///     mapping: "consistent" or "as_printed", as in `virtual_to_wheel_torques`.
 ///     max_torque: as in `Controller`.
 ///     traction: as in `Controller`; None is False.
+///     speed_limit, boundary: as in `Controller`.
 ///
 /// Raises:
 ///     ValueError: a number out of range; "as_printed" for wheels that are uneven.
@@ -338,10 +354,11 @@ impl PyPid {
     #[new]
     #[pyo3(
         signature = (
-            params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, traction=None, **gains
+            params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, traction=None,
+            speed_limit=None, boundary=None, **gains
         ),
-        text_signature =
-            "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, **gains)"
+        text_signature = "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, \
+                          speed_limit=None, boundary=None, **gains)"
     )]
     fn new(
         params: Argument<'_, '_>,
@@ -349,12 +366,14 @@ impl PyPid {
         mapping: &str,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         traction: Argument<'_, '_>,
+        #[pyo3(from_py_with = optional_real)] speed_limit: Option<f64>,
+        boundary: Argument<'_, '_>,
         gains: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let map = mapping.parse().map_err(to_python)?;
         let gains: PidGains = fields("Pid", gains)?;
         let params = or_paper(params)?;
-        let limits = limits(LimitOptions::CAP, max_torque, traction)?;
+        let limits = limits(LimitOptions::CAP, max_torque, traction, speed_limit, boundary)?;
         let design = move |params: &Params, _| Pid::with_map(params, control_dt, &gains, map, &limits);
         let pid = call(|| design(&params, 0.0))?;
         Ok(PyClassInitializer::from(PyController::new("pid", "Pid", params, pid, design)).add_subclass(Self))
@@ -380,6 +399,7 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 ///     R: cost of the torques (3×3, or its diagonal), in place of `torque`.
 ///     max_torque: as in `Controller`.
 ///     traction: as in `Controller`; None is True.
+///     speed_limit, boundary: as in `Controller`.
 ///     weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
 ///         `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175
 ///         rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
@@ -443,7 +463,10 @@ fn regulator(
 #[pymethods]
 impl PyLqr {
     #[new]
-    #[pyo3(signature = (params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, **weights))]
+    #[pyo3(signature = (
+        params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, speed_limit=None,
+        boundary=None, **weights
+    ))]
     #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
         params: Argument<'_, '_>,
@@ -452,9 +475,11 @@ impl PyLqr {
         R: Argument<'_, '_>,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         traction: Argument<'_, '_>,
+        #[pyo3(from_py_with = optional_real)] speed_limit: Option<f64>,
+        boundary: Argument<'_, '_>,
         weights: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
-        let limits = limits(LimitOptions::TRACTION, max_torque, traction)?;
+        let limits = limits(LimitOptions::TRACTION, max_torque, traction, speed_limit, boundary)?;
         let params = or_paper(params)?;
         let design = regulator(control_dt, [Q, R], limits, weights)?;
         let lqr = call(|| design(&params, 0.0))?;

@@ -4,11 +4,15 @@ import dataclasses
 import html
 from collections.abc import Mapping
 from os import PathLike
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import _short
 from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller, Params
+
+
+#: Options of every controller.
+LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -101,8 +105,8 @@ def make_controller(
         params: the robot: `Params`, the name of a preset or the path of a TOML file; None is the paper's.
         control_dt: time between two calls, s; None is the time that the controller is made for (0.002 for "pid"), or
             0.01.
-        options: weights or gains listed in `controllers()[name].options`, and `max_torque` and `traction` as in
-            `Controller`.
+        options: weights or gains listed in `controllers()[name].options`, and `max_torque`, `traction`, `speed_limit`
+            and `boundary` as in `Controller`.
 
     Raises:
         ValueError: an unknown name, or a number out of range.
@@ -110,5 +114,5 @@ def make_controller(
     """
     if name in CONTROLLERS:
         known = [option["name"] for option in CONTROLLERS[name]["options"]]
-        check_options(f"the controller '{name}'", options, (*known, "max_torque", "traction"))
+        check_options(f"the controller '{name}'", options, (*known, *LIMITS))
     return Controller(name, params, control_dt, **options)

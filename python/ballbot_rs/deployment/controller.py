@@ -18,6 +18,9 @@ CONTROLLERS_IN_C: Final = tuple(filter(is_piece, CONTROLLERS))
 #: Options that give a law memory that the C lacks.
 NOT_IN_C: Final = ("delay", "lean_observer", "adaptation")
 
+#: Limits whose control barrier the C lacks.
+BARRIERS: Final = ("speed_limit", "boundary")
+
 #: Parts of a setpoint in the C.
 SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt")
 
@@ -53,6 +56,12 @@ def controller_header(
         if np.any(options.get(option, 0.0)):
             raise ValueError(
                 f"{option} = {options[option]} of the controller '{name}' cannot be written as C: it must be 0"
+            )
+    for option in BARRIERS:
+        if options.get(option) is not None:
+            raise ValueError(
+                f"{option} = {options[option]} of the controller '{name}' cannot be written as C: its control barrier "
+                "exists in Rust only"
             )
     if max_wheel_torque is not None:
         # The limit of the environment applies in addition, as in a batch.

@@ -18,7 +18,7 @@ fn robots() -> impl Iterator<Item = Params> {
 }
 
 fn apply(params: &Params, state: &State, torques: Wheels<f64>) -> Limited<f64> {
-    let limits = TorqueLimits::new(params, &LimitOptions::TRACTION).unwrap();
+    let limits = TorqueLimits::new(params, 0.01, &LimitOptions::TRACTION).unwrap();
     limits.apply(torques, &LaneState::from(state), f64::INFINITY)
 }
 
@@ -182,8 +182,11 @@ fn where_a_wheel_slips_the_torques_equal_the_cap() {
     let gripping = apply(&params, &state, desired);
     state.wheel_speeds[1] += 0.11 / params.wheel_radius;
     let slipping = apply(&params, &state, desired);
-    let capped =
-        TorqueLimits::new(&params, &LimitOptions::CAP).unwrap().apply(desired, &LaneState::from(&state), f64::INFINITY);
+    let capped = TorqueLimits::new(&params, 0.01, &LimitOptions::CAP).unwrap().apply(
+        desired,
+        &LaneState::from(&state),
+        f64::INFINITY,
+    );
     assert_eq!(slipping.torques, capped.torques);
     assert_ne!(slipping.torques, gripping.torques);
     state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
@@ -216,8 +219,10 @@ fn limits_out_of_range_are_rejected() {
             "max_torque = 5.1 is out of range: it must be above 0 and at most params.max_wheel_torque = 5",
         ),
     ] {
-        let error =
-            TorqueLimits::new(&params, &LimitOptions { max_torque, traction }).map(|_| ()).unwrap_err().to_string();
+        let error = TorqueLimits::new(&params, 0.01, &LimitOptions { max_torque, traction, ..LimitOptions::CAP })
+            .map(|_| ())
+            .unwrap_err()
+            .to_string();
         assert!(error.contains(words), "{error}");
     }
 }

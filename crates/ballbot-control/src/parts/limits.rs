@@ -1,6 +1,7 @@
 //! The last stage of every controller: torques that the wheels can transmit.
 
 use super::balance_frame::{BalanceFrame, Pose};
+use super::barrier::Barrier;
 use super::lean_planes::LeanPlanes;
 use crate::{Constants, check_max_torque, default_max_torque};
 use ballbot_base::error::{Result, check};
@@ -37,18 +38,23 @@ pub struct LimitOptions {
     pub max_torque: Option<f64>,
     /// Fraction of the friction limit that the wheels may use, from 0.01 to 1; `None` for no traction scaling.
     pub traction: Option<f64>,
+    /// Largest speed of the ball over the floor, m/s, from 0.01; `None` for no barrier. `docs/safety.md` has what is
+    /// guaranteed.
+    pub speed_limit: Option<f64>,
+    /// Least and largest x, then y, of the ball's center in the inertial frame, m; `None` for no barrier.
+    pub boundary: Option<[f64; 4]>,
 }
 
 impl LimitOptions {
     /// Traction scaling at 0.9 of the friction limit.
-    pub const TRACTION: Self = Self { max_torque: None, traction: Some(DEFAULT_TRACTION) };
+    pub const TRACTION: Self = Self { traction: Some(DEFAULT_TRACTION), ..Self::CAP };
 
     /// Only a largest torque.
-    pub const CAP: Self = Self { max_torque: None, traction: None };
+    pub const CAP: Self = Self { max_torque: None, traction: None, speed_limit: None, boundary: None };
 
     /// Only a largest torque (N·m).
     pub const fn capped(max_torque: f64) -> Self {
-        Self { max_torque: Some(max_torque), traction: None }
+        Self { max_torque: Some(max_torque), ..Self::CAP }
     }
 }
 
@@ -57,7 +63,8 @@ impl LimitOptions {
 pub struct Limited<L> {
     /// Wheel torques, N·m.
     pub torques: Wheels<L>,
-    /// Fraction of the desired tilt torque in them, from 0 to 1; a controller with an integral holds it below 1.
+    /// Fraction of the desired tilt torque in them, from 0 to 1, and 0 where a barrier changes it; a controller with an
+    /// integral holds it below 1.
     pub share: L,
     /// Fraction of the desired yaw torque in them, from 0 to 1.
     pub yaw_share: L,
@@ -75,6 +82,14 @@ pub struct Limited<L> {
 pub struct TorqueLimits {
     max_torque: f64,
     traction: Option<Traction>,
+    barrier: Option<Box<Guarded>>,
+}
+
+/// A barrier, and the frame in which it measures the tilt.
+#[derive(Clone, Debug)]
+struct Guarded {
+    barrier: Barrier,
+    frame: BalanceFrame,
 }
 
 /// Conditions on the torques of one robot, c + g·τ ≤ 0 each.
@@ -211,12 +226,13 @@ impl Traction {
 }
 
 impl TorqueLimits {
-    /// Limits of the robot of `params`.
+    /// Limits of the robot of `params`, sampled every `control_dt` seconds.
     ///
     /// # Errors
     /// [`ballbot_base::Error::OutOfRange`] for a torque that is not positive or above the motors' limit, and for a fraction of
-    /// the friction limit out of range.
-    pub fn new(params: &Params, options: &LimitOptions) -> Result<Self> {
+    /// the friction limit, a speed or a boundary out of range; [`ballbot_base::Error::Inconsistent`] for a boundary that is
+    /// too narrow, and for samples that are too long for a barrier.
+    pub fn new(params: &Params, control_dt: f64, options: &LimitOptions) -> Result<Self> {
         if let Some(share) = options.traction {
             check("traction", share, "from 0.01 to 1", |share| (0.01..=1.0).contains(&share))?;
         }
@@ -226,7 +242,17 @@ impl TorqueLimits {
             (None, Some(_)) => motors,
             (None, None) => default_max_torque(params),
         };
-        Ok(Self { max_torque, traction: options.traction.map(|share| Traction::new(params, share)) })
+        let barrier = Barrier::new(params, control_dt, options.speed_limit, options.boundary)?;
+        Ok(Self {
+            max_torque,
+            traction: options.traction.map(|share| Traction::new(params, share)),
+            barrier: barrier.map(|barrier| Box::new(Guarded { barrier, frame: BalanceFrame::new(params) })),
+        })
+    }
+
+    /// Whether the torques respect a limit of the speed or a boundary.
+    pub(crate) fn has_barrier(&self) -> bool {
+        self.barrier.is_some()
     }
 
     /// Largest torque of a wheel, N·m.
@@ -262,9 +288,10 @@ impl TorqueLimits {
     /// unchanged to the last bit; NaN passes through.
     #[inline(always)]
     pub fn apply<L: Lane>(&self, desired: Wheels<L>, state: &LaneState<L>, largest_torque: f64) -> Limited<L> {
-        match &self.traction {
-            Some(traction) => self.apply_at(desired, state, &traction.frame.pose(state), largest_torque),
-            None => cap(desired, self.max_torque.min(largest_torque)),
+        match (&self.traction, &self.barrier) {
+            (Some(Traction { frame, .. }), _) => self.apply_at(desired, state, &frame.pose(state), largest_torque),
+            (None, Some(guarded)) => self.apply_at(desired, state, &guarded.frame.pose(state), largest_torque),
+            (None, None) => cap(desired, self.max_torque.min(largest_torque)),
         }
     }
 
@@ -279,6 +306,10 @@ impl TorqueLimits {
         largest_torque: f64,
     ) -> Wheels<f64> {
         let bound = self.max_torque.min(largest_torque);
+        let desired = match &self.barrier {
+            Some(guarded) => guarded.barrier.filter(desired, state, &guarded.frame.pose(state)).0,
+            None => desired,
+        };
         let capped = |torques: Wheels<f64>| torques.map(|torque| torque.clamp(-bound, bound));
         let mut nearest = capped(desired);
         let Some(traction) = &self.traction else { return nearest };
@@ -315,6 +346,21 @@ impl TorqueLimits {
     /// [`TorqueLimits::apply`] for a robot with known pose.
     #[inline(always)]
     pub(crate) fn apply_at<L: Lane>(
+        &self,
+        desired: Wheels<L>,
+        state: &LaneState<L>,
+        pose: &Pose<L>,
+        largest_torque: f64,
+    ) -> Limited<L> {
+        let Some(guarded) = &self.barrier else { return self.transmitted(desired, state, pose, largest_torque) };
+        let (torques, changed) = guarded.barrier.filter(desired, state, pose);
+        let limited = self.transmitted(torques, state, pose, largest_torque);
+        Limited { share: L::select(changed, limited.share.zero(), limited.share), ..limited }
+    }
+
+    /// The torques that the wheels can transmit.
+    #[inline(always)]
+    fn transmitted<L: Lane>(
         &self,
         desired: Wheels<L>,
         state: &LaneState<L>,

@@ -2,6 +2,7 @@
 
 pub(crate) mod attitude_loop;
 pub(crate) mod balance_frame;
+pub(crate) mod barrier;
 pub mod common_lyapunov;
 pub(crate) mod delayed;
 pub(crate) mod joined;

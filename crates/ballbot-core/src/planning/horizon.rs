@@ -55,7 +55,7 @@ impl Horizon {
             torques: r[(0, 0)],
             to_go: std::array::from_fn(|i| std::array::from_fn(|j| cost[(i, j)])),
         };
-        let limits = TorqueLimits::new(params, limits)?;
+        let limits = TorqueLimits::new(params, control_dt, limits)?;
         Ok(Self { base, limits, objective, control_dt, decisions: decisions.round().max(1.0) as usize })
     }
 

@@ -100,7 +100,7 @@ impl Nmpc {
         // The plan may use all friction, at the cost of a violation.
         let whole = LimitOptions { traction: limits.traction.map(|_| 1.0), ..*limits };
         let horizon = Horizon {
-            limits: TorqueLimits::new(&smooth, &whole)?,
+            limits: TorqueLimits::new(&smooth, control_dt, &whole)?,
             ..Horizon::new(&smooth, control_dt, seconds, &weights, limits)?
         };
         let memory = vec![0.0; WHEELS * horizon.decisions];

@@ -108,7 +108,7 @@ fn the_surface_is_reached() {
     let params = Params::paper();
     let dt = 1e-3;
     let options = SlidingModeOptions { max_lean: 1e3, max_speed: 1e3, ..Default::default() };
-    let limits = LimitOptions { max_torque: None, traction: None };
+    let limits = LimitOptions { traction: None, ..LimitOptions::CAP };
     for (degrees, tolerance) in [(0.2, 0.01), (6.0, 0.05)] {
         let mut law = HierarchicalSlidingMode::with_options(&params, dt, &options, &limits).unwrap();
         let [_, y] = law.surfaces();

@@ -39,7 +39,7 @@ fn settled(params: &Params, controller: &dyn Controller, seconds: f64, force: Ve
 #[test]
 fn the_estimate_converges_at_its_rate() {
     let params = Params::paper();
-    let limits = LimitOptions { max_torque: None, traction: None };
+    let limits = LimitOptions { traction: None, ..LimitOptions::CAP };
     let (a, b) = LinearModel::new(&params).discretize(CONTROL_DT);
     let equilibrium = SVector::<f64, 10>::from_fn(|i, _| if i == 3 { 0.07 } else { 0.0 });
     let wheels = Lqr::new(&params, CONTROL_DT).unwrap().regulator().gain.column(3).into_owned();

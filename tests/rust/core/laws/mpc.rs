@@ -26,7 +26,7 @@ fn short() -> MpcOptions {
 #[test]
 fn without_a_limit_the_torques_match_the_regulator() {
     for (name, params) in presets() {
-        let limits = LimitOptions { max_torque: None, traction: Some(1.0) };
+        let limits = LimitOptions { traction: Some(1.0), ..LimitOptions::CAP };
         let mut mpc = Mpc::with_options(&params, CONTROL_DT, &short(), &limits).unwrap();
         let weights = LqrWeights { max_lean: 1e6, max_speed: 1e6, torque: TORQUE, ..LqrWeights::default() };
         let mut lqr = Lqr::with_weights(&params, CONTROL_DT, &weights, &limits).unwrap();
@@ -140,7 +140,7 @@ fn the_optimum_matches_an_interior_point_method() {
             // Other robots have larger loads per torque, and with them larger curvatures.
             let iterations = if name == "paper" { 2000.0 } else { 10_000.0 };
             let options = MpcOptions { horizon, iterations, ..short() };
-            let limits = LimitOptions { max_torque: None, traction: Some(0.9) };
+            let limits = LimitOptions { traction: Some(0.9), ..LimitOptions::CAP };
             let mpc = Mpc::with_options(&params, CONTROL_DT, &options, &limits).unwrap();
             let plain =
                 Mpc::with_options(&params, CONTROL_DT, &MpcOptions { violation: 1e3, ..options }, &limits).unwrap();
