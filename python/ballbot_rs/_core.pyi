@@ -1182,6 +1182,9 @@ class Controller:
             at which a wheel of the upright robot slips.
         traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
             friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
+        speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
+        boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
+            control barrier; None is none.
         options: weights or gains of the law.
 
     Raises:
@@ -1244,6 +1247,7 @@ class Pid(Controller):
         mapping: "consistent" or "as_printed", as in `virtual_to_wheel_torques`.
         max_torque: as in `Controller`.
         traction: as in `Controller`; None is False.
+        speed_limit, boundary: as in `Controller`.
 
     Raises:
         ValueError: a number out of range; "as_printed" for wheels that are uneven.
@@ -1258,6 +1262,8 @@ class Pid(Controller):
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
         max_torque: float | None = None,
         traction: bool | float | None = None,
+        speed_limit: float | None = None,
+        boundary: npt.ArrayLike | None = None,
         proportional: float = 20.39,  # N·m/rad, >= 0 and <= 1e9
         integral: float = 56.57,  # N·m/(rad·s), >= 0 and <= 1e9
         derivative: float = 1.34,  # N·m·s/rad, >= 0 and <= 1e9
@@ -1276,6 +1282,7 @@ class Lqr(Controller):
         R: cost of the torques (3×3, or its diagonal), in place of `torque`.
         max_torque: as in `Controller`.
         traction: as in `Controller`; None is True.
+        speed_limit, boundary: as in `Controller`.
         weights: deviations of equal cost (Bryson's rule): `position` (0.15 m), `velocity` (0.4 m/s), `tilt` (0.1 rad),
             `tilt_rate` (1 rad/s), `yaw` (0.5 rad), `yaw_rate` (2 rad/s), `torque` (0.2 N·m); and `max_lean` (0.175
             rad), the largest lean that deviations of position and velocity may command, and `max_speed` (1 m/s), the
@@ -1299,6 +1306,8 @@ class Lqr(Controller):
         R: npt.ArrayLike | None = None,
         max_torque: float | None = None,
         traction: bool | float | None = None,
+        speed_limit: float | None = None,
+        boundary: npt.ArrayLike | None = None,
         position: float = 0.15,  # m, >= 1e-6 and <= 1e6
         velocity: float = 0.4,  # m/s, >= 1e-6 and <= 1e6
         tilt: float = 0.1,  # rad, >= 1e-6 and <= 1e6

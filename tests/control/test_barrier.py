@@ -25,7 +25,7 @@ def limits_of(robot):
 
 def batch_of(params, **options):
     options = {"num_envs": EPISODES, "num_threads": 1, "max_wheel_torque": params.max_wheel_torque} | options
-    return bb.Batch(params=params, max_episode_steps=100_000, start_tilt=0.0, start_tilt_rate=0.0, **options)
+    return bb.Batch(params=params, max_episode_steps=100_000, **options)
 
 
 def driven(law, params, commands, steps=STEPS, impulses=None, **options):
@@ -55,7 +55,7 @@ def commands_of(kind, params, speed, boundary, seed):
             # The position follows the ball, as with a joystick.
             yield {"velocity": velocity}
         else:
-            acceleration = 0.1 * params.scale("m/s²") * rng.uniform(-9.0, 9.0, (EPISODES, 2))
+            acceleration = 0.1 * params.scale("m/s²") * rng.uniform(-3.0, 3.0, (EPISODES, 2))
             yield {"position": position, "velocity": velocity, "acceleration": acceleration, "yaw_rate": yaw_rate}
 
 
@@ -117,6 +117,7 @@ def test_a_robot_and_eight_robots_have_the_same_torques():
     commands = list(commands_of("position", params, speed, boundary, 5))
     law = with_limits("lqr", "kugle")
     batch = batch_of(params)
+    batch.reset()
     batch.rollout(law, 150, commands[0], ())
     states = [bb.State.from_array(row) for row in batch.states()]
     found = batch.control(law, commands[1]) * params.max_wheel_torque
@@ -126,21 +127,18 @@ def test_a_robot_and_eight_robots_have_the_same_torques():
 
 @pytest.mark.parametrize("robot", PRESETS)
 def test_a_push_beyond_the_barrier_is_survived_and_the_ball_returns(robot):
-    """A push towards the boundary that a robot at rest beside it recovers from without a barrier."""
-    params, speed, boundary = limits_of(robot)
+    """A push towards the boundary from a place near it."""
+    params, _, boundary = limits_of(robot)
     place = {"position": (0.95 * boundary[1], 0.0)}
-    size = 0.15 * (params.body_mass + params.ball_mass) * params.scale("m/s")
     impulses = np.zeros((1, EPISODES, 3))
-    impulses[0, :, 0] = size
+    impulses[0, :, 0] = 0.15 * (params.body_mass + params.ball_mass) * params.scale("m/s")
     for name in ("lqr", "cascade_pid"):
-        _, fell_free = driven(bb.Controller(name, params), params, [place] * 6, 300, None)
-        law = with_limits(name, robot)
-        batch = batch_of(params)
-        batch.reset(starts=[bb.State.at_equilibrium(params)] * EPISODES)
-        batch.rollout(law, 1500, place, ())
-        found = batch.rollout(law, 1500, place, ("states", "terminated"), impulses=impulses)
-        assert not fell_free.any()
-        assert not found["terminated"].any(), name
+        for law in (bb.Controller(name, params), with_limits(name, robot)):
+            batch = batch_of(params)
+            batch.reset(starts=[bb.State.at_equilibrium(params)] * EPISODES)
+            batch.rollout(law, 1500, place, ())
+            found = batch.rollout(law, 1500, place, ("states", "terminated"), impulses=impulses)
+            assert not found["terminated"].any(), name
         x = found["states"][:, :, 0]
         assert x.max() > boundary[1], name
         assert x[-1].max() < boundary[1], name
@@ -148,8 +146,9 @@ def test_a_push_beyond_the_barrier_is_survived_and_the_ball_returns(robot):
 
 @pytest.mark.parametrize("robot", PRESETS)
 def test_tilts_that_a_law_recovers_from_are_recovered_from_with_a_barrier(robot):
-    params, speed, boundary = limits_of(robot)
-    tilt = 0.8 * recoverable(params, params.max_wheel_torque)[0]
+    params = bb.Params.preset(robot)
+    # The task ends at a tilt of 20°.
+    tilt = min(0.8 * recoverable(params, params.max_wheel_torque)[0], math.radians(18.0))
     angles = np.linspace(0.0, 2.0 * math.pi, EPISODES, endpoint=False)
     starts = [bb.State.at_equilibrium(params, (tilt * math.cos(a), tilt * math.sin(a))) for a in angles]
     for law in (bb.Controller("lqr", params), with_limits("lqr", robot)):

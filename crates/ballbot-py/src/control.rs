@@ -132,7 +132,7 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 ///         at which a wheel of the upright robot slips.
 ///     traction: whether torques are scaled down so that no wheel slips or lifts, yaw torque first; True is 0.9 of the
 ///         friction limit, a number from 0.01 to 1 another fraction, None is True, for "pid" False.
-///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None is no limit.
+///     speed_limit: largest speed of the ball over the floor, m/s, kept by a control barrier; None does not limit it.
 ///     boundary: least and largest x, then y, of the ball's center in the inertial frame, shape (4,), m, kept by a
 ///         control barrier; None is none.
 ///     options: weights or gains of the law.

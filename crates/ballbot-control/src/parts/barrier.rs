@@ -28,7 +28,13 @@ const LEAN_POLE: f64 = 0.7;
 const LARGEST_POLE: f64 = 0.2;
 
 /// Least width of a boundary, over the distance from it at which the ball stops.
-const LEAST_WIDTH: f64 = 6.0;
+const LEAST_WIDTH: f64 = 4.0;
+
+/// Distance of the tests from the boundary, over the distance at which the ball stops.
+const TESTED: f64 = 0.5;
+
+/// Speed of the tests over the limit: the rest is for what the linear model neglects.
+const TESTED_SPEED: f64 = 0.95;
 
 /// Speed of the return to the boundary, over the limit.
 const RETURNING: f64 = 0.8;
@@ -65,7 +71,7 @@ struct Axis {
     /// The place where the ball stops, as in [`Test`].
     stop: [f64; 4],
     stop_displaced: f64,
-    /// The boundary, and the places within it where the ball may stop, m.
+    /// The least and largest places in the tests, and where the ball may stop, m.
     boundary: [f64; 2],
     within: [f64; 2],
 }
@@ -115,8 +121,8 @@ impl Barrier {
             lever: 0.5 * (x.lever + y.lever),
         };
         let lean = BRAKING_LEAN * Scale::of(params).factor("rad").expect("leans scale");
-        // A ball that begins to lean with this lean rolls back by as much.
-        let margin = plane.lever * lean;
+        // A robot that begins to lean with this lean rolls back by half of this.
+        let margin = plane.lever * lean / TESTED;
         let limits = match boundary {
             Some([x_min, x_max, y_min, y_max]) => [[x_min, x_max], [y_min, y_max]],
             None => [[-FREE, FREE]; 2],
@@ -128,7 +134,7 @@ impl Barrier {
             let least = LEAST_WIDTH * margin;
             if high - low < least {
                 return Err(Error::Inconsistent(format!(
-                    "boundary is from {axis} = {low} m to {high} m: it must be at least {least:.3} m wide, to turn round in"
+                    "boundary is from {axis} = {low} m to {high} m: it must be at least {least:.3} m wide"
                 )));
             }
         }
@@ -145,12 +151,13 @@ impl Barrier {
         for axis in &mut axes {
             let [low, high] = axis.boundary;
             axis.within = [low + margin, high - margin];
+            axis.boundary = [low + TESTED * margin, high - TESTED * margin];
         }
         let turning = LinearModel::new(params).b;
         let reachable = braking / poles[0].max(poles[1]);
         Ok(Some(Self {
             axes,
-            max_speed,
+            max_speed: max_speed.map(|speed| TESTED_SPEED * speed),
             // Leaning towards y turns about −x.
             leaning: [
                 std::array::from_fn(|wheel| turning[(8, wheel)]),
@@ -205,7 +212,7 @@ impl Barrier {
             narrow(&mut low[a], &mut high[a], axis.stop_displaced, [least - stop, most - stop]);
         }
         let mut change = [law[0] - backup[0], law[1] - backup[1]];
-        let mut unsafe_ = change[0].lt(low[0]) | high[0].lt(change[0]) | change[1].lt(low[1]) | high[1].lt(change[1]);
+        let mut changes = change[0].lt(low[0]) | high[0].lt(change[0]) | change[1].lt(low[1]) | high[1].lt(change[1]);
         let mut bound = zero;
         if let Some(speed) = self.max_speed {
             bound = zero.splat(speed);
@@ -214,11 +221,11 @@ impl Barrier {
             }
             for k in 0..TESTS {
                 let [x, y] = self.speed(&speeds, change, k);
-                unsafe_ = unsafe_ | bound.lt(x.mul_add(x, y.squared()).sqrt());
+                changes = changes | bound.lt(x.mul_add(x, y.squared()).sqrt());
             }
         }
-        if !L::any(unsafe_) {
-            return (desired, unsafe_);
+        if !L::any(changes) {
+            return (desired, changes);
         }
         change = [change[0].max(low[0]).min(high[0]), change[1].max(low[1]).min(high[1])];
         if self.max_speed.is_some() {
@@ -243,9 +250,9 @@ impl Barrier {
         let added = self.planes.wheel_torques([x, y], zero);
         let mut torques = desired;
         for (torque, added) in torques.iter_mut().zip(added) {
-            *torque = L::select(unsafe_, *torque + added, *torque);
+            *torque = L::select(changes, *torque + added, *torque);
         }
-        (torques, unsafe_)
+        (torques, changes)
     }
 
     /// Lean accelerations of the backup law.
