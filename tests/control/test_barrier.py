@@ -86,7 +86,7 @@ def test_limits_hold_under_any_command(robot, kind):
         group[:] = np.maximum(group, excess(states, speed, boundary)).tolist()
     for group, (faster, farther) in worst.items():
         print(f"barrier: {robot}, {kind}, {group}: {faster:.3f} of the speed limit, {-farther:.3f} m from the boundary")
-        # Where the torques of the law are at the traction limit, the barrier asks for more than the wheels transmit.
+        # Where the torques of the law are at the traction limit, the barrier commands more than the wheels transmit.
         assert faster < (1.1 if group == "mpc" else 1.01)
         # The joints of asroballet have dry friction, which the linear model has not.
         assert farther < (0.05 if robot == "asroballet" else 0.0)

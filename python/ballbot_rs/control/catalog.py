@@ -10,7 +10,6 @@ from ballbot_rs import _short
 from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller, Params
 
-
 #: Options of every controller.
 LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary")
 
