@@ -332,7 +332,7 @@ impl Axis {
             let (position, velocity) = (row(&power, 0), row(&power, 2));
             Test { displaced: along(&position), gained: along(&velocity), position, velocity }
         });
-        let mut last = closed.clone();
+        let mut last = closed;
         for _ in 0..DOUBLINGS {
             last = &last * &last;
             // Rounding must not grow: a displacement stays.
