@@ -194,8 +194,8 @@ impl Barrier {
         let mut speeds = [[zero; TESTS]; 2];
         let (mut low, mut high) = ([zero.splat(-FREE); 2], [zero.splat(FREE); 2]);
         for (a, axis) in self.axes.iter().enumerate() {
-            for i in 0..4 {
-                after[a][i] = backup[a].mul_add_all(axis.driven[i], product(&axis.free[i], &states[a]));
+            for (i, next) in after[a].iter_mut().enumerate() {
+                *next = backup[a].mul_add_all(axis.driven[i], product(&axis.free[i], &states[a]));
             }
             let (mut least, mut most) = (zero.splat(axis.boundary[0]), zero.splat(axis.boundary[1]));
             for (k, test) in axis.tests.iter().enumerate() {
