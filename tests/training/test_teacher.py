@@ -189,6 +189,20 @@ class TestFit:
                 own[i] = controller(batch.state(i), yaw=batch.state(i).yaw) / batch.max_wheel_torque
             np.testing.assert_allclose(labels, own, atol=1e-5)
 
+    def test_of_the_same_observation_of_two_robots_the_weighted_mean_is_learned(self):
+        model = new_model(params=["paper", "rezero"], scale_by_robot=True)
+        settings = dataclasses.replace(FIT, epochs=150, drawn=True, weights={"s": 2, "rad": -1})
+        weights = teacher._weights(teacher._batch(model), settings)
+        paper, rezero = weights[[0, 8]]
+        scale = bb.Params.preset("rezero").scale
+        assert rezero / paper == pytest.approx(scale("s") ** 2 / scale("rad"), rel=1e-6)
+        seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
+        labels = np.where(np.arange(32)[:, None] % 16 < 8, 0.5, -0.5).repeat(3, axis=1).astype(np.float32)
+        optimizer = torch.optim.Adam(teacher._actor(model), lr=2e-2)
+        teacher._regress(model, optimizer, seen, labels, np.sqrt(weights), settings, [])
+        expected = 0.5 * (paper - rezero) / (paper + rezero)
+        np.testing.assert_allclose(model.predict(seen[0], deterministic=True)[0], expected, atol=1e-3)
+
     @pytest.mark.parametrize(("continues", "expected"), [(False, 3), (True, 1)])
     def test_rounds_reset_the_robots_or_continue(self, continues, expected, monkeypatch):
         model = new_model()
@@ -267,6 +281,9 @@ class TestMistakes:
             ("[teacher]\ncontroller = ['lqr']\noptions = {torque = 1}", "options.torque = 1: .* table of options of"),
             ("[teacher]\ncontroller = 'lqr'\ndrawn = 1", "teacher.drawn = 1 must be true or false"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
+            ("[teacher]\ncontroller = 'lqr'\nweights = 1", "teacher.weights = 1 must be a table"),
+            ("[teacher]\ncontroller = 'lqr'\nweights = {kg = 1}", "teacher.weights: .*'kg' has no scale: expected one of"),
+            ("[teacher]\ncontroller = 'lqr'\nweights = {s = 5}", "teacher.weights.s = 5 is out of range: .* from -4 to 4"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),
             ("[teacher]\ncontroller = 'lqr'\nsteps = 1.5", "teacher.steps = 1.5 is out of range"),
             ("[teacher]\ncontroller = 'lqr'\nepochs = true", "teacher.epochs = True is out of range"),

@@ -39,22 +39,25 @@ means over the episodes that ran to their end.
 
 def main() -> int:
     """The command `python -m validation.policies`."""
-    train_all([*shipped.recipes(), any_robot.RECIPE, *robots.recipes()])
-    _export()
     chapters = [
         Chapter("The policies", "", shipped.topics(FOLDER)),
         Chapter("Any robot", "", [any_robot.topic(FOLDER), robots.topic()]),
     ]
+    topics = [topic for chapter in chapters for topic in chapter.topics]
+    chosen = page.arguments("validation.policies", __doc__, topics).topics or [topic.name for topic in topics]
+    recipes = {**shipped.recipes(), "any": [any_robot.RECIPE], "robots": robots.recipes()}
+    train_all([recipe for name in chosen for recipe in recipes[name]])
+    _export(chosen)
     return page.write("policies", "validation.policies", __doc__, chapters, _head)
 
 
-def _export() -> None:
-    """Ships the policies of the first seed."""
+def _export(chosen: Sequence[str]) -> None:
+    """Ships the policies of the first seed of the topics with these names."""
     from ballbot_rs.training.export import export
 
-    for one in shipped.SHIPPED:
-        export(one.recipe.folder, FOLDER / one.file, one.recipe.task)
-    export(any_robot.RECIPE.folder, FOLDER / any_robot.FILE, any_robot.RECIPE.task)
+    files = {one.name: (one.recipe, one.file) for one in shipped.SHIPPED} | {"any": (any_robot.RECIPE, any_robot.FILE)}
+    for recipe, file in (files[name] for name in chosen if name in files):
+        export(recipe.folder, FOLDER / file, recipe.task)
 
 
 def _head(found: Sequence[tuple[Topic, Findings]]) -> str:

@@ -49,11 +49,16 @@ class Shipped(NamedTuple):
     least: Mapping[str, tuple[str, float, str]] = {}
 
     @property
-    def file(self) -> str:
-        """Its file in assets/policies."""
+    def name(self) -> str:
+        """Name of its topic."""
         # The name of a task alone means the default policy.
         variant = None if self.recipe.variant == DEFAULTS.get(self.recipe.task) else self.recipe.variant
-        return "-".join(filter(None, (self.recipe.task, variant))) + ".onnx"
+        return "-".join(filter(None, (self.recipe.task, variant)))
+
+    @property
+    def file(self) -> str:
+        """Its file in assets/policies."""
+        return f"{self.name}.onnx"
 
 
 _REAL = Judge(
@@ -119,9 +124,9 @@ SHIPPED = (
 )
 
 
-def recipes() -> list[Recipe]:
-    """All recipes to train."""
-    return [one.recipe._replace(seed=seed) for one in SHIPPED for seed in SEEDS]
+def recipes() -> dict[str, list[Recipe]]:
+    """All recipes to train, by topic."""
+    return {one.name: [one.recipe._replace(seed=seed) for seed in SEEDS] for one in SHIPPED}
 
 
 def topics(folder: "Path") -> list[Topic]:
@@ -130,7 +135,6 @@ def topics(folder: "Path") -> list[Topic]:
 
 
 def _topic(one: Shipped, folder: "Path") -> Topic:
-    name = one.file.removesuffix(".onnx")
     variant = "" if one.recipe.variant is None else f" --config {one.recipe.variant}"
     text = (
         f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure shows "
@@ -140,7 +144,7 @@ def _topic(one: Shipped, folder: "Path") -> Topic:
     if taught is not None:
         laws = " or ".join(f"`{law}`" for law in taught.laws)
         text += f" At step 0 the policy is already fitted to {laws}; PPO continues from there."
-    return Topic(name, one.title, text, lambda: _run(one, str(folder / one.file)))
+    return Topic(one.name, one.title, text, lambda: _run(one, str(folder / one.file)))
 
 
 def _run(one: Shipped, policy: str) -> Findings:

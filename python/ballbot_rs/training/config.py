@@ -11,7 +11,7 @@ import numpy as np
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
-from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel
+from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel, Params
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, task_of
@@ -62,6 +62,8 @@ class Teacher:
     #: Whether the fit uses the symmetries of three equal wheels 120 degrees apart: what is true of a robot is true of
     #: the robot turned or mirrored. For robots without a preferred side, alone or on average.
     symmetric: bool = False
+    #: Powers of a robot's scales, by the units of `Params.scale`: their product weights its squared errors.
+    weights: dict[str, float] = dataclasses.field(default_factory=dict)
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
@@ -92,6 +94,14 @@ class Teacher:
                         f"teacher.options.{name} = {options!r}: expected a table of options of one of "
                         f"{', '.join(names)}"
                     )
+        if not isinstance(self.weights, dict):
+            raise ValueError(f"teacher.weights = {self.weights!r} must be a table")
+        for unit, power in self.weights.items():
+            try:
+                Params.paper().scale(unit)
+            except ValueError as error:
+                raise ValueError(f"teacher.weights: {error}") from error
+            _check_number(f"teacher.weights.{unit}", power, "-4", "4")
         for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")

@@ -7,6 +7,7 @@ function learns the returns of the fitted policy: with an untrained one the firs
 With `drawn` the law is designed for each robot as events have sampled it, which the policy must infer from its history.
 """
 
+import math
 from collections.abc import Callable
 from typing import Any
 
@@ -115,6 +116,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     alike = _symmetries(batch) if teacher.symmetric else []
+    weights = np.sqrt(_weights(batch, teacher))
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
@@ -127,7 +129,8 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        errors.append(_regress(model, optimizer, np.concatenate(observations), np.concatenate(labels), teacher, alike))
+        everything = (np.concatenate(observations), np.concatenate(labels), np.tile(weights, len(labels) * teacher.steps))
+        errors.append(_regress(model, optimizer, *everything, teacher, alike))
     return errors
 
 
@@ -190,11 +193,16 @@ def _regress(
     optimizer: torch.optim.Optimizer,
     observations: npt.NDArray[np.float32],
     labels: npt.NDArray[np.float32],
+    weights: npt.NDArray[np.float32],
     teacher: Teacher,
     alike: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> float:
-    """Some epochs of least squares, each batch in a form that is `alike`; the root mean square error in the last."""
-    seen, targets = torch.as_tensor(observations), torch.as_tensor(labels)
+    """Some epochs of least squares of weighted errors, each batch in a form that is `alike`.
+
+    Returns:
+        The root mean square error in the last epoch.
+    """
+    seen, targets, factors = torch.as_tensor(observations), torch.as_tensor(labels), torch.as_tensor(weights)[:, None]
     total = 0.0
     for _ in range(teacher.epochs):
         total = 0.0
@@ -203,12 +211,22 @@ def _regress(
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
                 inputs, expected = inputs @ of_inputs, expected @ of_wanted
-            loss = torch.nn.functional.mse_loss(_actions(model, inputs), expected)
+            weight = factors[chosen]
+            loss = torch.nn.functional.mse_loss(weight * _actions(model, inputs), weight * expected)
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
     return float(np.sqrt(total / len(seen)))
+
+
+def _weights(batch: Batch, teacher: Teacher) -> npt.NDArray[np.float32]:
+    """The weight of each robot's squared errors, 1 on average."""
+    robots = [batch.nominal_params(i) for i in range(batch.num_envs)]
+    powers = teacher.weights.items()
+    weights = np.array([math.prod(robot.scale(unit) ** power for unit, power in powers) for robot in robots])
+    normalized: npt.NDArray[np.float32] = (weights / weights.mean()).astype(np.float32)
+    return normalized
 
 
 def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
