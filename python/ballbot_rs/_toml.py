@@ -1,6 +1,7 @@
 """TOML: reads with the core's parser, and writes plain tables."""
 
 import json
+import re
 from collections.abc import Mapping
 from typing import Any
 
@@ -23,18 +24,23 @@ def dumps(table: Mapping[str, Any]) -> str:
 
 def _lines(table: Mapping[str, Any], path: tuple[str, ...]) -> list[str]:
     lines = [
-        f"{name} = {json.dumps(value)}"
+        f"{_key(name)} = {json.dumps(value)}"
         for name, value in table.items()
         if not isinstance(value, Mapping) and not _is_list_of_tables(value)
     ]
     for name, value in table.items():
         inner = (*path, name)
         if isinstance(value, Mapping):
-            lines += ["", f"[{'.'.join(inner)}]", *_lines(value, inner)]
+            lines += ["", f"[{'.'.join(map(_key, inner))}]", *_lines(value, inner)]
         elif _is_list_of_tables(value):
             for one in value:
-                lines += ["", f"[[{'.'.join(inner)}]]", *_lines(one, inner)]
+                lines += ["", f"[[{'.'.join(map(_key, inner))}]]", *_lines(one, inner)]
     return lines
+
+
+def _key(name: str) -> str:
+    """A key, in quotes if it needs them."""
+    return name if re.fullmatch("[A-Za-z0-9_-]+", name) else json.dumps(name)
 
 
 def _is_list_of_tables(value: Any) -> bool:

@@ -31,6 +31,16 @@ def test_the_family_surrounds_the_robots_of_the_package():
         assert high - 0.1 * (high - low) < max(found) <= high
 
 
+def test_a_family_may_have_other_ranges():
+    ranges = {"friction": (0.4, 0.5), "wheel_viscous_friction": (0.0, 0.0)}
+    robots, usual = sample_robots(20, 3, ranges), sample_robots(20, 3)
+    assert all(0.4 <= robot.wheel_static_friction <= 0.5 for robot in robots)
+    assert all(robot.wheel_viscous_friction == 0.0 for robot in robots)
+    assert [robot.body_mass for robot in robots] == [robot.body_mass for robot in usual]
+    batch = new_batch(16, options={"params": {"family": 2, "seed": 3, "ranges": ranges}})
+    assert [batch.nominal_params(i) for i in (0, 8)] == robots[:2]
+
+
 @pytest.mark.parametrize(
     ("params", "error", "text"),
     [
@@ -39,6 +49,14 @@ def test_the_family_surrounds_the_robots_of_the_package():
         ({"family": 3}, ValueError, "params has 3 robots, but num_envs = 16 has room for 2"),
         ({"family": 2, "seed": -1}, ValueError, "seed"),
         ({"family": 2, "sed": 1}, TypeError, "sed"),
+        ({"family": 2, "ranges": 1}, TypeError, "params.ranges = 1 is not a table"),
+        ({"family": 2, "ranges": {"frction": [1, 2]}}, TypeError, "'frction': did you mean 'friction'"),
+        ({"family": 2, "ranges": {"friction": 1}}, ValueError, r"'friction'\] = 1: expected a least and a most"),
+        ({"family": 2, "ranges": {"friction": ["a", 1]}}, TypeError, "friction'] = 'a' is not a number"),
+        ({"family": 2, "ranges": {"friction": [0, 1]}}, ValueError, "expected two positive numbers in ascending"),
+        ({"family": 2, "ranges": {"friction": [1, float("inf")]}}, ValueError, "at most 1e.06"),
+        ({"family": 2, "ranges": {"wheel_coulomb_friction": [0.1, 0]}}, ValueError, "two numbers in ascending order"),
+        ({"family": 2, "ranges": {"wheel_zenith": [3.0, 4.0]}}, ValueError, "none of 1000 sampled robots is valid"),
         ([], ValueError, "no robot"),
         (["paper", "nobody"], ValueError, "nobody"),
         (["paper", 3], TypeError, "int"),

@@ -32,7 +32,8 @@ def run(tmp_path_factory):
 
 def test_a_run_is_of_a_family_and_drives_other_robots(run):
     trained = config.parse((run / "config.toml").read_text(encoding="utf-8"), "config.toml")
-    assert trained.env["params"] == {"family": 4, "seed": 0}
+    usual = config.parse(config.default_text("balance", "any"), "balance-any.toml").env["params"]
+    assert trained.env["params"] == {**usual, "family": 4}
     for params in ({"family": 3, "seed": 9}, "rezero", ["paper", "kugle"]):
         found = bb.evaluate(run, episodes=24, env_options={"params": params})
         assert found.episodes == 24
@@ -57,7 +58,7 @@ def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):
     [
         (["any", "--config", "recover"], "'any' names a configuration of balance"),
         (["any", "--algorithm", "cma"], "evolution tries each policy on one robot"),
-        (["any", "--set", "num_envs=64"], "params has 256 robots, but num_envs = 64 has room for 8"),
+        (["any", "--set", "num_envs=64"], "params has 512 robots, but num_envs = 64 has room for 8"),
         (["any", "--set", "horizon=3.0", "--set", "algorithm_arguments={}"], "horizon follows from one robot"),
         (["any", "--robot", "kugle", "--set", "params.family=3"], "a robot is also given"),
     ],

@@ -15,6 +15,8 @@ import torch
 from stable_baselines3 import PPO
 
 import ballbot_rs as bb
+from ballbot_rs._core import SAME_ROBOT
+from ballbot_rs.envs.family import is_family
 from ballbot_rs.training import config, teacher
 
 #: Training seeds; each has other robots.
@@ -22,7 +24,10 @@ SEEDS: Final = (0, 1)
 
 #: Robots of a fit, a smaller one than the fit of the policy in the package.
 NUM_ENVS: Final = 512
-ROUNDS: Final = 12
+ROUNDS: Final = 18
+
+#: The family without other ranges.
+USUAL: Final = {"family": NUM_ENVS // SAME_ROBOT}
 
 #: Changed options of the environment, and changed settings of the teacher.
 ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
@@ -31,6 +36,7 @@ ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
     "one robot, the paper's": ({"params": "paper"}, {}),
     "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}),
     "no symmetries": ({}, {"symmetric": False}),
+    "no robots outside the family, all errors alike": ({"params": USUAL}, {"weights": {}}),
 }
 
 
@@ -39,8 +45,10 @@ def fitted(arm: str, seed: int) -> PPO:
     options, settings = ARMS[arm]
     whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
     assert whole.teacher is not None
-    robots = {"params": {"family": NUM_ENVS // 8, "seed": seed}}
-    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **robots, **options})
+    options = {"params": {**whole.env["params"], **USUAL}, **options}
+    if is_family(options["params"]):
+        options["params"] = {**options["params"], "seed": seed}
+    env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **options})
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
     model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
     (law,) = teacher.laws_of(model, fit)

@@ -84,7 +84,8 @@ def _sensors(given: Any) -> Any:
 
 def _robot(given: Any) -> str:
     if is_family(given):
-        return f"eight episodes of each robot, of {given['family']} of the family, seed {given.get('seed', 0)}"
+        other = " with other ranges" if given.get("ranges") else ""
+        return f"eight episodes of each robot, of {given['family']} of the family{other}, seed {given.get('seed', 0)}"
     if are_several(given):
         return f"{len(given)} robots"
     if not isinstance(given, (Params, Mapping)):

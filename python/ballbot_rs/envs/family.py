@@ -10,12 +10,15 @@ from typing import Any, Final
 
 import numpy as np
 
-from ballbot_rs._checks import check_count, check_options, check_seed
+from ballbot_rs._checks import check_count, check_options, check_real, check_seed
 from ballbot_rs._core import SAME_ROBOT, Batch, Params
 from ballbot_rs._errors import InvalidInputError
 
+#: Least and most of numbers, by name.
+Ranges = Mapping[str, tuple[float, float]]
+
 #: Ranges of lengths, masses and ratios that are sampled log-uniformly.
-RANGES: Final[Mapping[str, tuple[float, float]]] = {
+RANGES: Final[Ranges] = {
     # m
     "ball_radius": (0.08, 0.2),
     # kg
@@ -39,7 +42,7 @@ RANGES: Final[Mapping[str, tuple[float, float]]] = {
 }
 
 #: Ranges that are sampled uniformly, as they include 0.
-LINEAR: Final[Mapping[str, tuple[float, float]]] = {
+LINEAR: Final[Ranges] = {
     # N·m, and N·m/(rad/s), on the paper's robot.
     "wheel_coulomb_friction": (0.0, 0.013),
     "wheel_viscous_friction": (0.0, 0.001),
@@ -50,31 +53,43 @@ LINEAR: Final[Mapping[str, tuple[float, float]]] = {
 #: Most robots of a family: as many as a batch has environments.
 MOST_ROBOTS: Final = 2**20
 
+#: Largest bound of a range.
+LARGEST: Final = 1e6
 
-def sample_robots(count: int, seed: int = 0) -> list[Params]:
-    """Robots of the family of ballbots; robot i depends only on the seed and i.
+#: Sampled robots of which one must be valid.
+MOST_ATTEMPTS: Final = 1000
+
+
+def sample_robots(count: int, seed: int = 0, ranges: Ranges | None = None) -> list[Params]:
+    """Robots of the family of ballbots; robot i depends only on the seed, i and the ranges.
 
     Args:
         count: number of robots.
         seed: of the random numbers.
+        ranges: least and most of what `RANGES` and `LINEAR` name, in place of theirs.
 
     Raises:
-        ValueError: a number out of range.
+        ValueError: a number out of range, or ranges in which hardly any robot is valid.
     """
     check_count("count", count)
-    return [_robot(np.random.default_rng([check_seed(seed), i])) for i in range(count)]
+    given = {} if ranges is None else ranges
+    if not isinstance(given, Mapping):
+        raise TypeError(f"params.ranges = {given!r} is not a table of ranges")
+    check_options("params.ranges", given, (*RANGES, *LINEAR))
+    checked = {name: _range(name, given.get(name, usual)) for name, usual in (*RANGES.items(), *LINEAR.items())}
+    return [_robot(np.random.default_rng([check_seed(seed), i]), checked) for i in range(count)]
 
 
 def robots_of(spec: Mapping[str, Any], num_envs: int) -> list[Params]:
-    """Robots of the value of an option `params` with the key `family`: their number, and a `seed`.
+    """Robots of the value of an option `params` with the key `family`: their number, a `seed` and `ranges`.
 
     Raises:
         ValueError: an unknown key, or a number out of range.
         TypeError: as `sample_robots`.
     """
-    check_options("params with a family", spec, ("family", "seed"))
+    check_options("params with a family", spec, ("family", "seed", "ranges"))
     # The others have no place.
-    return sample_robots(min(number_of(spec), room(num_envs)), spec.get("seed", 0))
+    return sample_robots(min(number_of(spec), room(num_envs)), spec.get("seed", 0), spec.get("ranges"))
 
 
 def room(num_envs: int) -> int:
@@ -137,21 +152,40 @@ def has_several_robots(batch: Batch) -> bool:
     return any(robot != first for robot in others)
 
 
-def _robot(rng: np.random.Generator) -> Params:
+def _range(name: str, bounds: Any) -> tuple[float, float]:
+    """A range of a name in `RANGES` or `LINEAR`.
+
+    Raises:
+        ValueError: not two numbers in ascending order, or not positive where they are sampled log-uniformly.
+    """
+    if isinstance(bounds, str) or not isinstance(bounds, Sequence) or len(bounds) != 2:
+        raise InvalidInputError(f"params.ranges[{name!r}] = {bounds!r}: expected a least and a most number")
+    least, most = (check_real(f"params.ranges[{name!r}]", bound) for bound in bounds)
+    lowest = np.finfo(float).tiny if name in RANGES else -LARGEST
+    if not lowest <= least <= most <= LARGEST:
+        kind = "positive numbers" if name in RANGES else "numbers"
+        raise InvalidInputError(
+            f"params.ranges[{name!r}] = {bounds!r}: expected two {kind} in ascending order, at most {LARGEST:g}"
+        )
+    return least, most
+
+
+def _robot(rng: np.random.Generator, ranges: Ranges) -> Params:
     """A sampled robot: the first that is valid."""
-    while True:
+    for _ in range(MOST_ATTEMPTS):
         with contextlib.suppress(ValueError):
-            return _attempt(rng)
+            return _attempt(rng, ranges)
+    raise InvalidInputError(f"params.ranges: none of {MOST_ATTEMPTS} sampled robots is valid")
 
 
-def _attempt(rng: np.random.Generator) -> Params:
+def _attempt(rng: np.random.Generator, ranges: Ranges) -> Params:
     """A sampled robot.
 
     Raises:
         ValueError: the numbers make no robot.
     """
-    r = {name: float(np.exp(rng.uniform(*np.log(bounds)))) for name, bounds in RANGES.items()}
-    r |= {name: float(rng.uniform(*bounds)) for name, bounds in LINEAR.items()}
+    r = {name: float(np.exp(rng.uniform(*np.log(ranges[name])))) for name in RANGES}
+    r |= {name: float(rng.uniform(*ranges[name])) for name in LINEAR}
     along = float(rng.uniform(-np.pi, np.pi))
     radius, mass = r["ball_radius"], r["body_mass"]
     ball_mass = mass * r["ball_mass / body_mass"]

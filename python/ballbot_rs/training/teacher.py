@@ -129,7 +129,11 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         labels.append(targets)
         for group in optimizer.param_groups:
             group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        everything = (np.concatenate(observations), np.concatenate(labels), np.tile(weights, len(labels) * teacher.steps))
+        everything = (
+            np.concatenate(observations),
+            np.concatenate(labels),
+            np.tile(weights, len(labels) * teacher.steps),
+        )
         errors.append(_regress(model, optimizer, *everything, teacher, alike))
     return errors
 
