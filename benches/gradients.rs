@@ -1,4 +1,4 @@
-//! Derivatives of the model `contact` beside the step that they differentiate: `cargo bench --bench gradients`.
+//! Derivatives of the model `contact`, and the step that they differentiate: `cargo bench --bench gradients`.
 
 use ballbot_contact::{Constants, ContactState, SolvedStep, advance};
 use ballbot_core::gradients::{Coordinates, Differentiable, Differentiated};
