@@ -355,7 +355,7 @@ def test_what_is_printed_fits_100_columns(capsys, monkeypatch, arguments):
 
 def test_view_randomizes_robots_and_has_motors(capsys, monkeypatch, tmp_path):
     pytest.importorskip("viser")
-    from ballbot_rs.cli import view
+    from ballbot_rs.viewer.session import opening
 
     (tmp_path / "events.toml").write_text('[[events]]\nterm = "body_mass"\nrange = [2.5, 2.6]\n')
     (tmp_path / "motors.toml").write_text("[actuators]\ndelay = 0.004\n")
@@ -365,8 +365,8 @@ def test_view_randomizes_robots_and_has_motors(capsys, monkeypatch, tmp_path):
         sessions.append(Session(*arguments, **options))
         return sessions[-1]
 
-    Session = view.Session
-    monkeypatch.setattr(view, "Session", session)
+    Session = opening.Session
+    monkeypatch.setattr(opening, "Session", session)
     given = ["--events", tmp_path / "events.toml", "--actuators", tmp_path / "motors.toml", "--batch", 2]
     for seed in (3, 3, 4):
         page = ["--seconds", 0.1, "--no-open", "--port", 18765]

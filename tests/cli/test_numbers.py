@@ -59,9 +59,11 @@ LIMITS = [
     ("record", "--frame-rate", 1, 1, 240),
     ("record", "--camera", 2, None, None),
     ("record", "--distance", 1, 0.01, 1000),
+    ("simulate", "--seed", 1, 0, 2**64 - 1),
+    ("simulate", "--position", 2, None, None),
     *(
         (command, option, count, low, high)
-        for command in ("record", "plot", "link")
+        for command in ("record", "plot", "link", "simulate")
         for option, count, low, high in (
             ("--seconds", 1, None, 3600),
             ("--tilt", 2, None, None),

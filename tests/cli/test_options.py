@@ -249,6 +249,19 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             },
         )
     ],
+    "simulate": [
+        (
+            {"--seconds": "0.2", "--push-at": "0.0"},
+            {
+                **MOTION,
+                **SHOWN,
+                "--urdf": URDF,
+                "--position": "0.1 0",
+                "--reference": "position=[0.1,0]",
+                "--output": "a.npz",
+            },
+        )
+    ],
     "view": [
         (
             {"--seconds": "0.01"},

@@ -355,6 +355,8 @@ def _replay(call: Callable[..., Any], log: int, **arguments: Any) -> Any:
 GENTLE = bb.Terrain.generate("noise", size_x=3.0, size_y=3.0, cell=0.05)
 TILTED = bb.Scenario("tilted", "", seconds=0.5, tilt=4.0, score="rms_tilt")
 SHORTER = bb.Scenario("tilted", "", seconds=0.4, tilt=4.0, score="rms_tilt")
+#: Limits of the motion, of every law.
+BARRIER = {"speed_limit": 0.05, "boundary": (-0.1, 0.1, -0.1, 0.1)}
 #: Keywords with another value than the default by callable: how it is called, its other arguments, and the keywords.
 #: None is a keyword whose effect is elsewhere.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
@@ -362,7 +364,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "Controller": (
         bb.Controller,
         {"name": "lqr"},
-        {"name": "lqi", "params": "kugle", "control_dt": 0.02, "max_torque": 0.05, "traction": 0.1},
+        {"name": "lqi", "params": "kugle", "control_dt": 0.02, "max_torque": 0.05, "traction": 0.1, **BARRIER},
     ),
     "Lqr": (
         bb.Lqr,
@@ -374,12 +376,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "R": np.ones(3),
             "max_torque": 0.05,
             "traction": 0.1,
+            **BARRIER,
         },
     ),
     "Pid": (
         bb.Pid,
         {},
-        {"params": "kugle", "control_dt": 0.004, "mapping": "as_printed", "max_torque": 0.05, "traction": True},
+        {
+            "params": "kugle",
+            "control_dt": 0.004,
+            "mapping": "as_printed",
+            "max_torque": 0.05,
+            "traction": True,
+            **BARRIER,
+        },
     ),
     "LinearModel": (_linear, {}, {"params": "kugle"}),
     "SpatialModel": (
@@ -566,6 +576,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "imu_position": (0.0, 0.1, 0.2),
             "noise": {"gyro": 0.5},
             "excitation": 0.5,
+            "pose": True,
             "seed": 1,
             "progress": None,
         },

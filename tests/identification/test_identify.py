@@ -40,7 +40,8 @@ def truth_of(found):
 
 def changed(log, rows=slice(None), **changes):
     fields = {name: getattr(log, name) for name in COLUMNS}
-    return SensorLog(**{name: changes.get(name, value)[rows] for name, value in fields.items()})
+    fields = {name: changes.get(name, value) for name, value in fields.items()}
+    return SensorLog(**{name: value if value is None else value[rows] for name, value in fields.items()})
 
 
 def test_exact_measurements_give_the_exact_robot(exact):

@@ -53,7 +53,7 @@ def fingerprint(value: Any) -> Any:
     if isinstance(value, bb.Controller):
         setpoint = bb.Setpoint(position=(0.1, 0.2), yaw=0.1)
         parts = {name: setpoint[name] for name in value.setpoint_parts if name in setpoint}
-        states = [START, bb.State.at_rest(PAPER, tilt=(0.3, 0.2))]
+        states = [START, bb.State.at_rest(PAPER, tilt=(0.3, 0.2)), bb.State.rolling(PAPER, (0.2, 0.1))]
         return fingerprint(
             [value.control_dt, [np.asarray(value(state, **parts)) for state in states for _ in range(3)]]
         )

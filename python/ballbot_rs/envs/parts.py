@@ -36,10 +36,10 @@ def _robot_table(robot: Any) -> dict[str, Any]:
 
 def _changed(head: str, table: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
     """The table of an option with other values of some parts."""
-    if head == "params" and "family" in parts:
-        return dict(parts)
     if head != "params" or is_family(table):
         return {**table, **parts}
+    if "family" in parts:
+        return dict(parts)
     return Params(**table).replace(**parts).to_dict()
 
 
