@@ -254,7 +254,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {"--seconds": "0.2", "--push-at": "0.0"},
             {
                 **MOTION,
-                **SHOWN,
+                "--json": "",
                 "--urdf": URDF,
                 "--position": "0.1 0",
                 "--reference": "position=[0.1,0]",
@@ -514,7 +514,7 @@ def outcome(files, tmp_path, monkeypatch, capsys):
     monkeypatch.setattr(link, "LinkPeer", Peer)
     monkeypatch.setattr(link, "EstimatedController", lambda found, *options: (found.name, fingerprint(options)))
     monkeypatch.setattr(served.webbrowser, "open", lambda url: print(f"opens {url}"))
-    monkeypatch.setattr(tune, "_carry_out", lambda search, jobs, tell: print(search, jobs, tell))
+    monkeypatch.setattr(tune, "_carry_out", lambda search, jobs, tell, task: print(search, jobs, tell, task))
     monkeypatch.setattr(search.Search, "finish", lambda _: [])
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.setenv("COLUMNS", "100")

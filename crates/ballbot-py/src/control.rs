@@ -224,6 +224,7 @@ impl PyController {
     #[pyo3(signature = (
         name, params=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, **options
     ))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn py_new(
         name: &str,
         params: Argument<'_, '_>,
@@ -360,6 +361,7 @@ impl PyPid {
         text_signature = "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, \
                           speed_limit=None, boundary=None, **gains)"
     )]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
         params: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] control_dt: f64,
@@ -467,6 +469,7 @@ impl PyLqr {
         params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, speed_limit=None,
         boundary=None, **weights
     ))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
         params: Argument<'_, '_>,
