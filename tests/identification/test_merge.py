@@ -311,6 +311,18 @@ def test_a_bad_map_is_rejected_with_its_key(tmp_path, log, old, new, message):
         SensorLog.read(*files)
 
 
+def test_a_map_may_be_a_dictionary(tmp_path, log):
+    table = {"columns": {"time": "t", **COLUMNS}, "scale": {"gyro": (1.0, -1.0, 1.0)}}
+    text = MAP + "[scale]\ngyro = [1.0, -1.0, 1.0]\n"
+    path, map_path = written(tmp_path, {"t": log.time, **rows_of(log)}, text)
+    found, expected = SensorLog.read(path, table), SensorLog.read(path, map_path)
+    for name in ("time", *COLUMNS):
+        assert np.array_equal(getattr(found, name), getattr(expected, name))
+    for key in ("unit", 5):
+        with pytest.raises(ValueError, match=f"unknown key {key!r}"):
+            SensorLog.read(path, {**table, key: {}})
+
+
 def test_a_map_needs_a_regular_file(tmp_path, log):
     log.write(tmp_path / "log.csv")
     with pytest.raises(OSError, match=r"map\.toml"):

@@ -86,7 +86,11 @@ class ColumnMap:
             raise InvalidInputError(f"columns.time = {time!r}, expected the name of a column")
         for name, titles in columns.items():
             count = SIZES[name]
-            if not (isinstance(titles, list) and len(titles) == count and all(isinstance(one, str) for one in titles)):
+            if not (
+                isinstance(titles, (list, tuple))
+                and len(titles) == count
+                and all(isinstance(one, str) for one in titles)
+            ):
                 words = "three" if count == 3 else "four"
                 raise InvalidInputError(f"columns.{name} = {titles!r}, expected {words} names of columns")
         titles = [*(one for several in columns.values() for one in several), *filter(None, [time])]
@@ -135,7 +139,7 @@ def _check_keys(what: str, table: Mapping[str, Any], known: tuple[str, ...]) -> 
     for name in table:
         if name not in known:
             raise InvalidInputError(
-                f"unknown {what} {name!r}: expected one of {', '.join(known)}{did_you_mean(name, known)}"
+                f"unknown {what} {name!r}: expected one of {', '.join(known)}{did_you_mean(str(name), known)}"
             )
 
 
@@ -149,7 +153,7 @@ def _table(table: Mapping[str, Any], key: str, known: tuple[str, ...]) -> Mappin
 
 def _numbers(key: str, value: Any, count: int = 3) -> Array:
     """One number, or one for each column, neither zero nor infinite, as shape (count,)."""
-    values = value if isinstance(value, list) else [value]
+    values = list(value) if isinstance(value, (list, tuple)) else [value]
     numeric = all(isinstance(one, (int, float)) and not isinstance(one, bool) for one in values)
     if not numeric or len(values) not in (1, count) or not all(np.isfinite(one) and one != 0 for one in values):
         words = "three" if count == 3 else "four"

@@ -6,7 +6,7 @@ import io
 from collections.abc import Collection, Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Final
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -110,7 +110,9 @@ class SensorLog:
         return float(np.median(np.diff(self.time)))
 
     @classmethod
-    def read(cls, path: str | PathLike[str], columns: str | PathLike[str] | None = None) -> "SensorLog":
+    def read(
+        cls, path: str | PathLike[str], columns: str | PathLike[str] | Mapping[str, Any] | None = None
+    ) -> "SensorLog":
         """A log from a CSV file with a header, an npz file with one array a column, or an MCAP file.
 
         Of an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as
@@ -122,7 +124,7 @@ class SensorLog:
 
         Args:
             path: the log.
-            columns: a TOML file with a column map.
+            columns: a TOML file with a column map, or the map: its tables by key.
 
         Raises:
             ValueError: a column is missing, a cell is not a number, or as the constructor; the message has the file.
@@ -132,7 +134,10 @@ class SensorLog:
         path = Path(path)
         if path.suffix not in SUFFIXES:
             raise InvalidInputError(f"{path}: the name of a log ends in .csv, .npz or .mcap")
-        found = None if columns is None else ColumnMap.load(columns)
+        if columns is None:
+            found = None
+        else:
+            found = ColumnMap.of(columns) if isinstance(columns, Mapping) else ColumnMap.load(columns)
         try:
             if path.suffix == ".mcap":
                 series, found = read_mcap(read_regular(path, MAX_LOG_FILE), found)
