@@ -55,6 +55,8 @@ def test_it_is_a_law_of_the_robot_that_it_controls(tmp_path):
     done = bb.simulate(law, robot=params, tilt=(0.03, 0.0))
     assert done.fell_at is None
     assert done.metrics().position_error_final < 0.01
+    # The law of the paper's robot, which a call makes, is not copied.
+    assert law(bb.State.at_rest(bb.Params.paper())).shape == (3,)
     for other in (copy.deepcopy(law), pickle.loads(pickle.dumps(law))):
         np.testing.assert_array_equal(bb.simulate(other, robot=params, tilt=(0.03, 0.0)).torques, done.torques)
     np.save(tmp_path / "gain.npy", gain)

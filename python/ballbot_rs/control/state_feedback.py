@@ -1,5 +1,6 @@
 """A feedback gain from elsewhere, such as MATLAB, as a law."""
 
+import functools
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -96,8 +97,15 @@ class StateFeedback:
         yaw_rate: float = 0.0,
     ) -> Array:
         """Wheel torques, shape (3,), N·m, without a limit; without `params` for the paper's robot."""
-        law = _OnRobot(self._gain, self._params or Params.paper())
-        return law(state, position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
+        return self._law(state, position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
+
+    @functools.cached_property
+    def _law(self) -> "_OnRobot":
+        return _OnRobot(self._gain, self._params or Params.paper())
+
+    def __getstate__(self) -> dict[str, Any]:
+        # The law of a robot cannot be pickled, and is made again.
+        return {name: value for name, value in vars(self).items() if name != "_law"}
 
 
 class _OnRobot:
