@@ -18,7 +18,6 @@ from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, numbered, opti
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.engines.engine_batch import in_engine
 from ballbot_rs.envs._batch_env import option_names
-from ballbot_rs.envs.registration import name_of
 
 #: Most episodes of a comparison.
 MAX_EPISODES = 100_000
@@ -130,7 +129,6 @@ def compare(
         raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
     check_episodes(episodes)
     seed = check_seed(seed)
-    task = None if task is None else name_of(task)
     found = [find(source, task=task, env_options=env_options) for source in controllers]
     shared_task = common_task(found, task)
     comparison = _Comparison(found, shared_task, episodes, seed, engine)

@@ -151,14 +151,12 @@ def rollout(
     """
     given = merged_options(
         env_options,
-        {
-            "params": robot,
-            "model": model,
-            "actuators": actuators,
-            "sensors": sensors,
-            "observation": observation,
-            "events": events,
-        },
+        params=robot,
+        model=model,
+        actuators=actuators,
+        sensors=sensors,
+        observation=observation,
+        events=events,
     )
     names, kind = _checked_records(record), _real_type(dtype)
     every, seed = check_count("every", every), check_seed(seed)

@@ -16,7 +16,6 @@ from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
-from ballbot_rs.envs.registration import name_of
 
 #: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -85,19 +84,16 @@ def simulate(
     """
     given = merged_options(
         env_options,
-        {
-            "params": robot,
-            "model": model,
-            "actuators": actuators,
-            "sensors": sensors,
-            "observation": observation,
-            "events": events,
-        },
+        params=robot,
+        model=model,
+        actuators=actuators,
+        sensors=sensors,
+        observation=observation,
+        events=events,
     )
     seconds = simulated_seconds(seconds, reference)
     impulses_of.check(pushes, forces, seconds)
     seed = check_seed(seed)
-    task = None if task is None else name_of(task)
     if reference is not None and not isinstance(reference, Reference):
         _target(reference)
     found = find(controller, task=task, env_options=given)
@@ -189,7 +185,7 @@ def run(
     )
 
 
-def merged_options(env_options: Mapping[str, Any] | None, named: Mapping[str, Any]) -> dict[str, Any]:
+def merged_options(env_options: Mapping[str, Any] | None, **named: Any) -> dict[str, Any]:
     """Options of the environment, including separate arguments, which are None where they are not given.
 
     Raises:

@@ -21,7 +21,7 @@ from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import without_curriculum
-from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of, task_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
@@ -138,7 +138,7 @@ def find(
         ControllerError: a class cannot be instantiated.
     """
     if task is not None:
-        env_id_of(task)
+        task = name_of(task)
     if isinstance(source, ResolvedController):
         return source
     if isinstance(source, str) and trusted and (scheme := source.partition(":")[0]) in SCHEMES:
@@ -201,6 +201,7 @@ def common_task(controllers: Sequence[ResolvedController], task: str | None = No
         ValueError: a policy for another task, or policies for different tasks.
     """
     policies = [controller for controller in controllers if controller.task is not None]
+    task = None if task is None else name_of(task)
     chosen = task or (policies[0].task if policies else None) or DEFAULT_TASK
     for controller in policies:
         if controller.task != chosen:

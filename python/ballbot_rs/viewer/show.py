@@ -87,14 +87,12 @@ def show(
     """
     given = merged_options(
         env_options,
-        {
-            "params": robot,
-            "model": model,
-            "actuators": actuators,
-            "sensors": sensors,
-            "observation": observation,
-            "events": events,
-        },
+        params=robot,
+        model=model,
+        actuators=actuators,
+        sensors=sensors,
+        observation=observation,
+        events=events,
     )
     task = None if task is None else name_of(task)
     found = find(controller, task=task, env_options=given)
