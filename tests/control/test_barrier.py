@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
-from ballbot_rs.deployment import controller_header
 from ballbot_rs.deployment.supervisor import recoverable
 
 PRESETS = bb.Params.preset_names()
@@ -175,9 +174,3 @@ def test_tilts_that_a_law_recovers_from_are_recovered_from_with_a_barrier(robot)
 def test_limits_that_make_no_sense_are_rejected(options, reason):
     with pytest.raises(ValueError, match=reason):
         bb.Controller("lqr", "paper", **options)
-
-
-@pytest.mark.parametrize("option", [{"speed_limit": 0.5}, {"boundary": (-1.0, 1.0, -1.0, 1.0)}])
-def test_the_c_has_no_barrier(option):
-    with pytest.raises(ValueError, match="its control barrier exists in Rust only"):
-        controller_header("lqr", "paper", **option)

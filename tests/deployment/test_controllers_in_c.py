@@ -63,6 +63,28 @@ def test_a_controller_in_c_computes_our_torques(name, robot, tmp_path):
     assert name in ("pid", "lqr_pi") or left_alone
 
 
+@pytest.mark.slow("compiles C for each robot")
+@pytest.mark.parametrize("robot", ROBOTS)
+@pytest.mark.parametrize("name", CONTROLLERS_IN_C)
+def test_a_control_barrier_in_c_changes_the_torques_as_ours(name, robot, tmp_path):
+    params = ROBOTS[robot]
+    rng = np.random.default_rng(2)
+    states = random_states(params, rng, STATES)
+    setpoints = random_setpoints(states, rng)
+    speed, length = 0.2 * params.scale("m/s"), 0.5 * params.scale("m")
+    boundary = [-0.8 * length, length, -0.6 * length, 0.6 * length]
+    free = own_torques(bb.Controller(name, params), states, setpoints)
+    for options in ({"speed_limit": speed}, {"boundary": boundary}, {"speed_limit": speed, "boundary": boundary}):
+        header = controller_header(name, params, **options)
+        expected = own_torques(bb.Controller(name, params, **options), states, setpoints)
+        assert (np.abs(expected - free).max(1) > 1e-3 * np.abs(free).max()).sum() > 3, options
+        for real, tolerance in (("double", TOLERANCE), ("float", FLOAT_TOLERANCE)):
+            torques, _ = CController(tmp_path, header, real).torques(states, setpoints)
+            difference = np.abs(torques - expected).max()
+            print(f"barrier, {name} of {robot}, {', '.join(options)}, {real}: {difference:.1e} N·m")
+            assert difference < tolerance, options
+
+
 @pytest.mark.parametrize("robot", ["kugle", "uneven"])
 @pytest.mark.parametrize("name", CONTROLLERS_IN_C)
 def test_a_closed_loop_under_c_equals_ours(name, robot, tmp_path):

@@ -186,8 +186,7 @@ impl<T: Law> Controller for Sampled<T> {
     }
 
     fn constants(&self) -> Option<Constants> {
-        let constants =
-            if self.law.kept() > T::MEMORY || self.limits.has_barrier() { None } else { self.law.constants() };
+        let constants = if self.law.kept() > T::MEMORY { None } else { self.law.constants() };
         constants.map(|constants| self.friction.add_to(self.limits.add_to(constants)))
     }
 

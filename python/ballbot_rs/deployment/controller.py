@@ -18,9 +18,6 @@ CONTROLLERS_IN_C: Final = tuple(filter(is_piece, CONTROLLERS))
 #: Options that give a law memory that the C lacks.
 NOT_IN_C: Final = ("delay", "lean_observer", "adaptation")
 
-#: Limits whose control barrier the C lacks.
-BARRIERS: Final = ("speed_limit", "boundary")
-
 #: Parts of a setpoint in the C.
 SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap", "yaw", "yaw_rate", "tilt")
 
@@ -57,12 +54,6 @@ def controller_header(
             raise ValueError(
                 f"{option} = {options[option]} of the controller '{name}' cannot be written as C: it must be 0"
             )
-    for option in BARRIERS:
-        if options.get(option) is not None:
-            raise ValueError(
-                f"{option} = {options[option]} of the controller '{name}' cannot be written as C: its control barrier "
-                "exists in Rust only"
-            )
     if max_wheel_torque is not None:
         # The limit of the environment applies in addition, as in a batch.
         options["max_torque"] = _least(law.constants()["max_torque"], max_wheel_torque)
@@ -73,9 +64,12 @@ def controller_header(
         )
     found: dict[str, Any] = law.constants()
     limits = "limits_of_traction" if "traction_rows" in found else "limits_of_cap"
+    barrier = "barrier" if "barrier_tests" in found else "no_barrier"
     values: dict[str, Any] = {"pi": math.pi, "control_dt": law.control_dt, "ball_radius": robot.ball_radius}
     values |= {"ball_rate_of_wheels": _ball_rate_of_wheels(robot)} | found
-    pieces = ("state", "roll", "pose", "limited", limits, *included(name), name)
+    pieces = dict.fromkeys(
+        ("state", "roll", "pose", "limited", limits, *included(barrier), barrier, *included(name), name)
+    )
     body = "\n".join((piece("real"), "/* ---- Constants, SI units. */\n\n" + constants(values), *map(piece, pieces)))
     return guarded("controller", name, comment(_head(name, law, robot, options, found)), body)
 
@@ -127,6 +121,11 @@ def _head(name: str, law: Controller, robot: Params, options: dict[str, Any], fo
         "Wheel i belongs to entry i of wheel_azimuths below; a positive torque drives it towards a positive speed.",
         f"Setpoint: it follows {', '.join(law.setpoint_parts)}; other parts are not read.",
         *_saturation(found),
+        *(
+            ["Control barrier: torques that would break speed_limit or boundary are changed."]
+            if "barrier_tests" in found
+            else []
+        ),
         "`controller.last` has the torques of the last call and the fractions of the desired torques in them.",
         "Inputs are not checked: a NaN among them may give torques that are NaN, and may stay in an integral. Check",
         "them before the call, and call `ballbot_reset` after one that was wrong.",

@@ -3,6 +3,7 @@
 use super::balance_frame::Pose;
 use super::lean_planes::{LeanPlane, LeanPlanes, product, require_stable};
 use super::outer::share_within;
+use crate::Constants;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Lane;
@@ -42,6 +43,9 @@ const RETURNING: f64 = 0.8;
 /// Projections onto the tests of the speed, before the rest is scaled.
 const PROJECTIONS: usize = 3;
 
+/// Speeds of projected changes over their bound: rounding must not decide whether a change that ends at the bound is kept.
+const SLACK: f64 = 1.0 + 1e-6;
+
 /// A bound of a lean acceleration that nothing limits, rad/s².
 const FREE: f64 = 1e30;
 
@@ -62,9 +66,6 @@ struct Test {
 /// The motion along an axis of the inertial frame.
 #[derive(Clone, Copy, Debug)]
 struct Axis {
-    /// −A and B of a sample.
-    free: [[f64; 4]; 4],
-    driven: [f64; 4],
     /// Lean accelerations of the backup law per lean, velocity and rate.
     gains: [f64; 3],
     tests: [Test; TESTS],
@@ -84,6 +85,9 @@ struct Axis {
 /// nearest torques for which it is not: the backup law is always feasible. Derived in `docs/safety.md`.
 #[derive(Clone, Debug)]
 pub(crate) struct Barrier {
+    /// −A and B of a sample, for (y, θ, ẏ, θ̇) in each axis.
+    free: [[f64; 4]; 4],
+    driven: [f64; 4],
     axes: [Axis; 2],
     max_speed: Option<f64>,
     /// Acceleration of the leans per wheel torque, rad/(s²·N·m).
@@ -145,8 +149,9 @@ impl Barrier {
             by_speed.max((braking / (high - low)).sqrt()).min(fastest)
         };
         let poles = limits.map(pole);
-        let axis =
-            |index: usize| Axis::new(params, control_dt, &planes, &plane, [poles[index], lean_pole], limits[index]);
+        let [(ax, bx), (ay, by)] = [0, 1].map(|axis| planes.sampled(axis, params, control_dt));
+        let (a, b) = (0.5 * (ax + ay), 0.5 * (bx + by));
+        let axis = |index: usize| Axis::new([&a, &b], control_dt, &plane, [poles[index], lean_pole], limits[index]);
         let mut axes = [axis(0)?, axis(1)?];
         for axis in &mut axes {
             let [low, high] = axis.boundary;
@@ -156,6 +161,8 @@ impl Barrier {
         let turning = LinearModel::new(params).b;
         let reachable = braking / poles[0].max(poles[1]);
         Ok(Some(Self {
+            free: std::array::from_fn(|i| negative(&a, i)),
+            driven: std::array::from_fn(|i| b[i]),
             axes,
             max_speed: max_speed.map(|speed| TESTED_SPEED * speed),
             // Leaning towards y turns about −x.
@@ -168,6 +175,38 @@ impl Barrier {
             return_rate: fastest,
             return_speed: RETURNING * max_speed.map_or(reachable, |speed| speed.min(reachable)),
         }))
+    }
+
+    /// Adds A and B, the backup law, the tests of both axes (rows of position and velocity, each per lean acceleration),
+    /// where the ball stops, and the limits.
+    pub(crate) fn add_to(&self, constants: Constants) -> Constants {
+        let motion: [[f64; 5]; 4] = std::array::from_fn(|i| {
+            let [y, lean, velocity, rate] = self.free[i].map(|free| -free);
+            [y, lean, velocity, rate, self.driven[i]]
+        });
+        let tests: Vec<[f64; 10]> = self.axes.iter().flat_map(|axis| axis.tests.iter().map(Test::row)).collect();
+        let stops = self.axes.map(|axis| {
+            let [y, lean, velocity, rate] = axis.stop.map(|stop| -stop);
+            [y, lean, velocity, rate, axis.stop_displaced]
+        });
+        let [x, y] = [0, 1].map(|axis| self.planes.driven(axis));
+        let torques: [[f64; 2]; 3] = std::array::from_fn(|wheel| [x[wheel], y[wheel]]);
+        constants
+            .matrix("barrier_motion", &motion)
+            .matrix("barrier_gains", &self.axes.map(|axis| axis.gains))
+            .matrix("barrier_tests", &tests)
+            .matrix("barrier_stops", &stops)
+            .matrix("barrier_boundary", &self.axes.map(|axis| axis.boundary))
+            .matrix("barrier_within", &self.axes.map(|axis| axis.within))
+            .matrix("barrier_accelerations", &self.leaning)
+            .matrix("barrier_torques", &torques)
+            .number("barrier_speed", self.max_speed.unwrap_or(FREE))
+            .number("barrier_largest", self.largest)
+            .number("barrier_return_rate", self.return_rate)
+            .number("barrier_return_speed", self.return_speed)
+            .number("barrier_free", FREE)
+            .number("barrier_slack", SLACK)
+            .number("barrier_least_displaced", LEAST_DISPLACED)
     }
 
     /// The torques near `desired` that respect the barrier, and whether they differ from it. Torques that do are
@@ -195,7 +234,7 @@ impl Barrier {
         let (mut low, mut high) = ([zero.splat(-FREE); 2], [zero.splat(FREE); 2]);
         for (a, axis) in self.axes.iter().enumerate() {
             for (i, next) in after[a].iter_mut().enumerate() {
-                *next = backup[a].mul_add_all(axis.driven[i], product(&axis.free[i], &states[a]));
+                *next = backup[a].mul_add_all(self.driven[i], product(&self.free[i], &states[a]));
             }
             let (mut least, mut most) = (zero.splat(axis.boundary[0]), zero.splat(axis.boundary[1]));
             for (k, test) in axis.tests.iter().enumerate() {
@@ -237,6 +276,7 @@ impl Barrier {
             }
             // The speed is convex in the change: a chord is an upper bound.
             let one = zero.splat(1.0);
+            let bound = bound * SLACK;
             let mut share = one;
             for k in 0..TESTS {
                 let ([x, y], [bx, by]) = (self.speed(&speeds, change, k), [speeds[0][k], speeds[1][k]]);
@@ -308,12 +348,19 @@ impl Barrier {
     }
 }
 
+impl Test {
+    /// Its numbers in a row.
+    fn row(&self) -> [f64; 10] {
+        let ([a, b, c, d], [e, f, g, h]) = (self.position.map(|row| -row), self.velocity.map(|row| -row));
+        [a, b, c, d, e, f, g, h, self.displaced, self.gained]
+    }
+}
+
 impl Axis {
     /// The motion with the poles `slow` of the speed and `fast` (twice) of the lean.
     fn new(
-        params: &Params,
+        [a, b]: [&DMatrix<f64>; 2],
         control_dt: f64,
-        planes: &LeanPlanes,
         plane: &LeanPlane,
         [slow, fast]: [f64; 2],
         boundary: [f64; 2],
@@ -321,15 +368,12 @@ impl Axis {
         let velocity = slow * fast * fast / plane.acceleration;
         let lean = plane.toppling_squared() + fast * (fast + 2.0 * slow);
         let rate = slow + 2.0 * fast + plane.lever * velocity;
-        let [(ax, bx), (ay, by)] = [0, 1].map(|axis| planes.sampled(axis, params, control_dt));
-        let (a, b) = (0.5 * (ax + ay), 0.5 * (bx + by));
-        let closed = &a - &b * DMatrix::from_row_slice(1, 4, &[0.0, lean, velocity, rate]);
+        let closed = a - b * DMatrix::from_row_slice(1, 4, &[0.0, lean, velocity, rate]);
         require_stable(closed.view((1, 1), (3, 3)).into_owned(), control_dt)?;
-        let row = |power: &DMatrix<f64>, i: usize| std::array::from_fn(|j| -power[(i, j)]);
         let along = |row: &[f64; 4]| -> f64 { row.iter().zip(b.iter()).map(|(row, b)| -row * b).sum() };
         let tests = TIMES.map(|time| {
             let power = power(&closed, (time / (plane.toppling * control_dt)).round() as usize);
-            let (position, velocity) = (row(&power, 0), row(&power, 2));
+            let (position, velocity) = (negative(&power, 0), negative(&power, 2));
             Test { displaced: along(&position), gained: along(&velocity), position, velocity }
         });
         let mut last = closed;
@@ -338,10 +382,8 @@ impl Axis {
             // Rounding must not grow: a displacement stays.
             last.set_column(0, &DVector::from_column_slice(&[1.0, 0.0, 0.0, 0.0]));
         }
-        let stop = row(&last, 0);
+        let stop = negative(&last, 0);
         Ok(Self {
-            free: std::array::from_fn(|i| row(&a, i)),
-            driven: std::array::from_fn(|i| b[i]),
             gains: [lean, velocity, rate],
             tests,
             stop_displaced: along(&stop),
@@ -350,6 +392,11 @@ impl Axis {
             within: boundary,
         })
     }
+}
+
+/// The negative of a row.
+fn negative(matrix: &DMatrix<f64>, row: usize) -> [f64; 4] {
+    std::array::from_fn(|column| -matrix[(row, column)])
 }
 
 /// A power of a matrix.

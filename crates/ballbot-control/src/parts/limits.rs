@@ -250,20 +250,16 @@ impl TorqueLimits {
         })
     }
 
-    /// Whether the torques respect a limit of the speed or a boundary.
-    pub(crate) fn has_barrier(&self) -> bool {
-        self.barrier.is_some()
-    }
-
     /// Largest torque of a wheel, N·m.
     pub fn max_torque(&self) -> f64 {
         self.max_torque
     }
 
-    /// Adds the largest torque and, with traction scaling, its numbers.
+    /// Adds the largest torque and the numbers of traction scaling and of a barrier, where there are any.
     pub(crate) fn add_to(&self, constants: Constants) -> Constants {
         let constants = constants.number("max_torque", self.max_torque);
-        self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants))
+        let constants = self.traction.iter().fold(constants, |constants, traction| traction.add_to(constants));
+        self.barrier.iter().fold(constants, |constants, guarded| guarded.barrier.add_to(constants))
     }
 
     /// Traction conditions without yaw torque, which is reduced first.

@@ -1,4 +1,4 @@
-static inline ballbot_limited ballbot_limit(
+static inline ballbot_limited ballbot_transmitted(
     const ballbot_real desired[3], const ballbot_state *state, const ballbot_pose *pose)
 {
     (void)state;

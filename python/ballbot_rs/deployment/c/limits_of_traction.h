@@ -50,7 +50,7 @@ static inline ballbot_real ballbot_excess(
 /* The largest fraction of the desired torques with which no wheel slips or lifts and no motor exceeds its limit.
  * Each row of BALLBOT_TRACTION_ROWS (at rest, per tilt, per torque of each wheel, per squared tilt rate) is a condition
  * c + g . torques <= 0 in N. The yaw torque is given up first: it balances nothing. */
-static inline ballbot_limited ballbot_limit(
+static inline ballbot_limited ballbot_transmitted(
     const ballbot_real desired[3], const ballbot_state *state, const ballbot_pose *pose)
 {
     static const ballbot_real none[3] = {0, 0, 0};
