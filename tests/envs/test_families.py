@@ -67,6 +67,12 @@ def test_invalid_robots_are_named(params, error, text):
         bb.BallbotVecEnv(16, params=params)
 
 
+def test_a_batch_has_room_for_its_robots():
+    with pytest.raises(ValueError, match="params has 2 robots, but num_envs = 8 has room for 1.*at least 9"):
+        bb.Batch(8, params=["paper", "kugle"])
+    assert bb.Batch(9, params=["paper", "kugle"]).nominal_params(8) == bb.Params.preset("kugle")
+
+
 def test_eight_neighbors_have_the_same_robot():
     batch = new_batch(30, options={"params": ["paper", bb.Params.preset("kugle").to_dict(), "rezero"]})
     robots = [bb.Params.preset(name) for name in ("paper", "kugle", "rezero")]

@@ -168,7 +168,7 @@ impl Batch {
     /// the last robot the first robot follows. Whatever options follow from a robot follow from its own robot.
     ///
     /// # Errors
-    /// As [`Batch::new`], for any robot; [`Error::Inconsistent`] if there is none.
+    /// As [`Batch::new`], for any robot; [`Error::Inconsistent`] if there is none, or more than there is room for.
     pub fn of_robots<T: Task>(
         config: &EnvConfig<T>,
         robots: &[Params],
@@ -187,8 +187,17 @@ impl Batch {
             let (actuator, sensor) = (config.drive()?, config.onboard()?);
             Alike::new(config, actuator, sensor)
         };
-        let used = num_envs.div_ceil(Self::SAME_ROBOT).min(robots.len());
-        let kinds = match &robots[..used] {
+        let room = num_envs.div_ceil(Self::SAME_ROBOT);
+        if robots.len() > room {
+            return Err(Error::Inconsistent(format!(
+                "params has {} robots, but num_envs = {num_envs} has room for {room}: {} neighbors have the same robot, so \
+                 it must be at least {}",
+                robots.len(),
+                Self::SAME_ROBOT,
+                Self::SAME_ROBOT * (robots.len() - 1) + 1
+            )));
+        }
+        let kinds = match robots {
             [robot] => vec![alike(robot)?],
             robots => {
                 let numbered = |(i, robot)| {
