@@ -87,6 +87,8 @@ def real_array(what: str, value: npt.ArrayLike, desired: str, kinds: str = "biuf
 
 
 def _whole(name: str, value: int) -> int:
+    if isinstance(value, bool):
+        raise TypeError(f"{name} = {value!r} is not a whole number")
     try:
         return operator.index(value)
     except TypeError:

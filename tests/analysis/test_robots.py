@@ -151,6 +151,7 @@ def test_files_have_everything(tmp_path):
     [
         ({}, TypeError, "num_robots=, robots="),
         ({"num_robots": 0}, ValueError, "num_robots = 0"),
+        ({"num_robots": True}, TypeError, "num_robots = True is not a whole number"),
         ({"num_robots": 2, "robots": {"body_mass": [2.0]}}, ValueError, r"2 robots, robots\['body_mass'\] of 1"),
         ({"robots": {"body_mass": 2.0}}, ValueError, "one value of each robot"),
         ({"robots": {"body_mass": ["x"]}}, TypeError, "expected numbers of each robot"),
@@ -170,3 +171,10 @@ def test_files_have_everything(tmp_path):
 def test_bad_input_names_the_cure(arguments, error, message):
     with pytest.raises(error, match=message):
         bb.rollout("lqr", **{"seconds": 0.1, **arguments})
+
+
+@pytest.mark.parametrize("tilt", [np.nan, -0.1, np.inf, "0.1", np.full(2, 0.1)])
+def test_a_limit_of_the_tilt_is_a_number_of_an_angle(tilt):
+    """Each robot would be within a limit that is not a number."""
+    with pytest.raises(ValueError, match=r"tilt = .* is (out of range: expected 0 to 3\.14159|not a number)"):
+        bb.rollout("lqr", 2, seconds=0.1).settling_times(tilt)

@@ -1,6 +1,7 @@
 """Sweeps of `compare` and `run_scenarios`: their points, their order, their files, their figures."""
 
 import csv
+import itertools
 import json
 import math
 import threading
@@ -108,6 +109,8 @@ def test_controllers_of_one_name_are_numbered():
         ({"model.x": [1]}, ValueError, "'model' has no parts"),
         ([{"body_mass": 2.0}, {"control_dt": 0.02}], ValueError, "point 1 has control_dt, point 0 body_mass"),
         ([{"body_mass": 2.0}, {"body_mass": 2.0}], ValueError, "the point body_mass = 2 twice"),
+        ({"body_mass": range(1, 10**12)}, ValueError, "more than 100000 points"),
+        (({"body_mass": 1.0 + i} for i in itertools.count()), ValueError, "more than 100000 points"),
         ({"body_mass": range(1, 400), "control_dt": range(1, 400)}, ValueError, "159201 points, more than 100000"),
     ],
 )
@@ -186,7 +189,7 @@ def test_laws_in_python_are_distinguished_by_their_numbers(tmp_path):
 
 def test_a_file_that_is_not_a_checkpoint_stays_as_it_is(tmp_path):
     file = tmp_path / "notes.json"
-    for text in ("my notes", "[]", '{"format": "ballbot study 1"}'):
+    for text in ("my notes", "[]", "[" * 100_000, '{"format": "ballbot study 1"}'):
         file.write_text(text)
         with pytest.raises(ValueError, match=r"notes\.json is not a checkpoint of a study"):
             study(checkpoint=file)

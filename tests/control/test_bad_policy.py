@@ -1,10 +1,15 @@
 """Files that are not policies for the environment are rejected, and the message states why."""
 
+import copy
+import pickle
 import zipfile
 
+import numpy as np
 import pytest
 
 from ballbot_rs.analysis.episodes import evaluate
+from ballbot_rs.control.onnx_policy import OnnxPolicy
+from tests.support.paths import ASSETS
 from tests.support.policies import edited_policy
 
 #: (change of the data, what the message must have)
@@ -58,6 +63,14 @@ def test_files_that_are_not_policies_are_rejected(tiny_run, tmp_path):
     for missing in (tmp_path / "nowhere.zip", tmp_path):
         with pytest.raises(FileNotFoundError, match="no policy at"):
             evaluate(str(missing), episodes=1)
+
+
+def test_a_copy_of_a_policy_reads_its_file():
+    policy = OnnxPolicy(ASSETS / "policies" / "balance.onnx")
+    observation = np.linspace(-1.0, 1.0, 16)
+    for copied in (pickle.loads(pickle.dumps(policy)), copy.deepcopy(policy)):
+        np.testing.assert_array_equal(copied.act(observation), policy.act(observation))
+        assert copied.task == "balance"
 
 
 def test_a_python_file_without_a_controller_name_is_rejected(tmp_path):

@@ -85,6 +85,8 @@ def test_it_is_a_law_of_the_robot_that_it_controls(tmp_path):
         (np.ones((3, 1)), {"states": "x"}, "states = 'x': expected a list of names"),
         (np.ones((3, 10)), {"control_dt": 0.0}, "control_dt = 0.0 is out of range: it must be above 0"),
         (np.ones((3, 10)), {"params": "kugel"}, "kugel"),
+        (np.ones((3, 10)), {"states": 10}, "states = 10: expected a list of names"),
+        (np.broadcast_to(0.0, 10**12), {}, r"gain has shape \(1000000000000,\), expected \(3, 10\)"),
     ],
 )
 def test_bad_input_is_named(gain, arguments, message):

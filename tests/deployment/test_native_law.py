@@ -1,6 +1,7 @@
 """`NativeLaw`: laws in C through a function pointer."""
 
 import copy
+import os
 import shutil
 
 import numpy as np
@@ -106,3 +107,6 @@ def test_bad_input_is_named(tmp_path):
         bb.NativeLaw(library, "count", -1.0)
     with pytest.raises(OSError, match=r"nowhere\.so"):
         bb.NativeLaw(tmp_path / "nowhere.so")
+    os.mkfifo(tmp_path / "pipe.so")
+    with pytest.raises(ValueError, match=r"pipe\.so is not a regular file"):
+        bb.NativeLaw(tmp_path / "pipe.so")

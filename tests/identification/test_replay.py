@@ -109,6 +109,9 @@ def test_windows_in_groups_give_the_same(noisy, monkeypatch):
 def test_bad_arguments_are_rejected(noisy, arguments, message):
     with pytest.raises(ValueError, match=message):
         replay(noisy, **arguments)
+    for name in ("window", "sim_dt"):
+        with pytest.raises(TypeError, match=f"{name} = '0.1' is not a number"):
+            replay(noisy, **{name: "0.1"})
 
 
 def test_a_wrong_unit_is_named_instead_of_simulated(noisy):

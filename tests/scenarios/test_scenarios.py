@@ -322,7 +322,7 @@ def test_custom_scenarios(tmp_path):
         (OWN + 'reference = { kind = "random_velocities" }\n', "expected the numbers largest, every, change, yaw_rate"),
         (OWN.replace("rms_tilt", "map") + "tilt = [0, 1, 1e-9]\n", "expected at most 1000 steps"),
         ('[[scenario]]\nid = "A"\nsecond = 2\n', "has no field 'second': did you mean 'seconds'"),
-        ('[[scenario]]\nid = "A"\n', "missing 3 required positional arguments"),
+        ('[[scenario]]\nid = "A"\n', "scenario A lacks title, seconds, score"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = -1\nscore = "map"\n', "seconds = -1"),
         ('[[scenario]]\nid = "A"\ntitle = ""\nseconds = 1\nscore = "mop"\n', "score = 'mop'"),
         (OWN + "tilt = [1, 2]\n", r"tilt = \(1, 2\), expected a finite number or three of them"),

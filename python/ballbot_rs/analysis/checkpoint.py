@@ -58,7 +58,7 @@ class Checkpoint:
             if found["format"] != FORMAT:
                 raise ValueError
             study, rows = dict(found["study"]), {int(i): list(of) for i, of in found["rows"].items()}
-        except (ValueError, TypeError, KeyError, AttributeError):
+        except (ValueError, TypeError, KeyError, AttributeError, RecursionError):
             raise InvalidInputError(f"{self._path} is not a checkpoint of a study: name another file") from None
         for name, part in self._study.items():
             if study.get(name) != part:

@@ -1,6 +1,7 @@
 """Many robots under one controller, and only what a study needs of their motions."""
 
 import dataclasses
+import math
 from collections.abc import Mapping, Sequence
 from os import PathLike
 from typing import Any, Final, TypeAlias
@@ -9,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._arrays import read_only
-from ballbot_rs._checks import check_count, check_seed, did_you_mean, real_array
+from ballbot_rs._checks import check_bounded, check_count, check_seed, did_you_mean, real_array
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._progress import Progress, no_progress
@@ -79,7 +80,9 @@ class Rollout:
 
         Raises:
             KeyError: the record has no "tilt".
+            ValueError: a limit that is not from 0 to pi.
         """
+        tilt = check_bounded("tilt", tilt, 0.0, math.pi)
         dt = float(self.times[1]) if len(self.times) > 1 else 1.0
         found = settling_times(self["tilt"], tilt, dt)
         return np.where(self.upright & np.isnan(self.ended_at), found, np.inf)

@@ -53,7 +53,7 @@ def points_of(sweep: Sweep) -> list[dict[str, Any]]:
     if isinstance(sweep, (str, bytes)) or not isinstance(sweep, Iterable):
         _refuse(sweep)
     points = []
-    for point in sweep:
+    for point in _limited(sweep):
         if not isinstance(point, Mapping):
             _refuse(point)
         points.append({name: plain(value) for name, value in point.items()})
@@ -83,13 +83,24 @@ def _check_points(count: float) -> None:
         raise InvalidInputError(f"{FLAG} has {count:.0f} points, more than {MAX_POINTS}")
 
 
+def _limited(values: Iterable[Any]) -> Iterator[Any]:
+    """The values, of which there may be more than memory holds, or no end."""
+    for i, value in enumerate(values):
+        if i == MAX_POINTS:
+            raise InvalidInputError(f"{FLAG} has more than {MAX_POINTS} points")
+        yield value
+
+
 def _values(name: str, values: Any) -> list[Any]:
     if isinstance(values, (str, bytes, Mapping, Params)) or not isinstance(values, Iterable):
         raise TypeError(f"{FLAG}['{name}'] = {values!r}: expected a list of values, as [{values!r}]")
     found: list[Any] = []
-    for value in map(plain, values):
-        if value in found:
+    seen = set()
+    for value in map(plain, _limited(values)):
+        key = json.dumps(value, default=repr) if isinstance(value, (list, dict)) else value
+        if key in seen:
             raise InvalidInputError(f"{FLAG}['{name}'] has {value!r} twice")
+        seen.add(key)
         found.append(value)
     if not found:
         raise InvalidInputError(f"{FLAG}['{name}'] has no values")

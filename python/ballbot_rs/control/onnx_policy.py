@@ -62,6 +62,10 @@ class OnnxPolicy:
             raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
         self._run: Any = None
 
+    def __reduce__(self) -> tuple[Any, ...]:
+        # A session has no copy: a copy reads the file.
+        return type(self), (self._file.absolute(), self.task)
+
     @property
     def env_options(self) -> dict[str, Any]:
         """Options of the environment that the policy was trained in.

@@ -1,7 +1,7 @@
 """A feedback gain from elsewhere, such as MATLAB, as a law."""
 
 import functools
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -60,7 +60,7 @@ class StateFeedback:
         control_dt: float = CONTROL_DT,
     ) -> None:
         columns = _columns(states)
-        given = real_array("gain is", gain, "numbers").astype(np.float64)
+        given = real_array("gain is", gain, "numbers")
         if given.shape != (3, len(columns)):
             raise InvalidInputError(f"gain has shape {given.shape}, expected (3, {len(columns)}): a column a state")
         if not np.isfinite(given).all():
@@ -133,7 +133,7 @@ def _columns(states: Sequence[str] | None) -> list[int]:
     """Numbers of states."""
     if states is None:
         return list(range(len(NAMES)))
-    if isinstance(states, str):
+    if isinstance(states, str) or not isinstance(states, Iterable):
         raise InvalidInputError(f"states = {states!r}: expected a list of names")
     known: dict[Any, int] = {name: i for i, name in enumerate(NAMES)}
     known |= {name: i for i, name in enumerate(LinearModel.STATES)}

@@ -1,6 +1,7 @@
 """A law in C, called through a function pointer for all robots at once."""
 
 import ctypes
+import sys
 from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
@@ -11,6 +12,7 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_real
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._reading import open_regular
 from ballbot_rs._state_rows import BALL_POSITION, BALL_RATE, BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS
 from ballbot_rs.control.setpoints import PARTS
 from ballbot_rs.deployment.compiled import pointer
@@ -49,7 +51,7 @@ class NativeLaw:
 
     Raises:
         OSError: the library cannot be loaded.
-        ValueError: it has no such function, or `control_dt` is not above 0.
+        ValueError: it is not a regular file, it has no such function, or `control_dt` is not above 0.
     """
 
     batched = True
@@ -57,8 +59,7 @@ class NativeLaw:
     def __init__(
         self, library: str | PathLike[str] | ctypes.CDLL, symbol: str = "law", control_dt: float | None = None
     ) -> None:
-        loaded = library if isinstance(library, ctypes.CDLL) else ctypes.CDLL(str(Path(fspath(library)).resolve()))
-        self._library: Any = loaded
+        self._library: Any = library if isinstance(library, ctypes.CDLL) else _loaded(Path(fspath(library)))
         if control_dt is not None and not check_real("control_dt", control_dt) > 0.0:
             raise InvalidInputError(f"control_dt = {control_dt} is out of range: it must be above 0")
         self.name = symbol
@@ -111,3 +112,12 @@ class NativeLaw:
         torques = np.zeros((count, 3))
         self._step(count, pointer(rows), pointer(given), pointer(torques), self._memory.ctypes.data)
         return torques
+
+
+def _loaded(path: Path) -> ctypes.CDLL:
+    # The loader would wait for a pipe for ever.
+    try:
+        open_regular(path, sys.maxsize).close()
+    except ValueError as error:
+        raise InvalidInputError(str(error)) from error
+    return ctypes.CDLL(str(path.resolve()))

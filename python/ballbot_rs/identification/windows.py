@@ -6,6 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import check_real
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification.log import SensorLog
 
@@ -69,6 +70,7 @@ def split(log: SensorLog, window: float, sim_dt: float, settling: float) -> Wind
         ValueError: a length that is out of range, or a log that is too short.
     """
     low, high = WINDOW_LIMITS
+    window, sim_dt = check_real("window", window), check_real("sim_dt", sim_dt)
     if not low <= window <= high:
         raise InvalidInputError(f"window = {window} s is out of range: it must be from {low} to {high} s")
     if not 0.0 < sim_dt <= log.step * (1.0 + 1e-9):

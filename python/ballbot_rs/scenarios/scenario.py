@@ -1,6 +1,7 @@
 """Scenarios as data: disturbances and motions of a robot, and the criteria of success."""
 
 import dataclasses
+import inspect
 import math
 import numbers
 import reprlib
@@ -254,17 +255,17 @@ def _parsed(text: str) -> dict[str, Scenario]:
     if not tables:
         raise ValueError("there is no [[scenario]]")
     fields = [field.name for field in dataclasses.fields(Scenario)]
+    parameters = inspect.signature(Scenario).parameters.values()
+    required = [parameter.name for parameter in parameters if parameter.default is parameter.empty]
     found: dict[str, Scenario] = {}
     for table in tables:
         name = table["id"] if isinstance(table.get("id"), str) else reprlib.repr(table.get("id"))
         for key in table:
             if key not in fields:
                 raise ValueError(f"scenario {name} has no field '{key}'{did_you_mean(key, fields)}")
-        try:
-            one = Scenario(**table)
-        except TypeError as error:
-            # A missing field.
-            raise ValueError(f"scenario {name}: {error}") from error
+        if missing := [key for key in required if key not in table]:
+            raise ValueError(f"scenario {name} lacks {', '.join(missing)}")
+        one = Scenario(**table)
         if one.id in found:
             raise ValueError(f"there are two scenarios {name}")
         found[one.id] = one
