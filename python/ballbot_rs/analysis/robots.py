@@ -23,6 +23,7 @@ from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.analysis.settling import settling_times
 from ballbot_rs.analysis.simulate import merged_options, simulated_seconds
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
+from ballbot_rs.envs.family import check_room
 
 Array = npt.NDArray[Any]
 
@@ -164,6 +165,7 @@ def rollout(
     names, kind = _checked_records(record), _real_type(dtype)
     every, seed = check_count("every", every), check_seed(seed)
     count = _count(num_robots, robots)
+    check_room(given.get("params"), count)
     time = simulated_seconds(seconds)
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the motion; the rows after it are not kept.

@@ -16,6 +16,7 @@ from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
+from ballbot_rs.envs.family import check_room
 
 #: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -91,6 +92,7 @@ def simulate(
         observation=observation,
         events=events,
     )
+    check_room(given.get("params"), 1)
     seconds = simulated_seconds(seconds, reference)
     impulses_of.check(pushes, forces, seconds)
     seed = check_seed(seed)

@@ -10,9 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_count, check_options, check_seed, real_array
-from ballbot_rs._core import SAME_ROBOT, TASKS, Batch, Params, State
+from ballbot_rs._core import TASKS, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.family import are_several, is_family, is_list, number_of, robots_of, room
+from ballbot_rs.envs.family import are_several, at_most, check_room, is_family, is_list, robots_of
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
 from ballbot_rs.envs.own.task import BARE, NO_TIME_LIMIT, Task
@@ -93,7 +93,7 @@ def _robot_or_robots(params: Any, num_envs: int) -> Any:
     if is_family(params):
         return robots_of(params, num_envs)
     if is_list(params):
-        return [_robot_or_robots(robot, 1) for robot in params]
+        return [_robot_or_robots(robot, 1) for robot in at_most(params, num_envs)]
     return Params(**params) if isinstance(params, Mapping) else params
 
 
@@ -369,12 +369,7 @@ class BatchEnv(BatchAttributes):
             check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
-        robots, most = number_of(options.get("params")), room(num_envs)
-        if robots > most:
-            raise InvalidInputError(
-                f"params has {robots} robots, but num_envs = {num_envs} has room for {most}: "
-                f"{SAME_ROBOT} neighbors have the same robot, so it must be at least {SAME_ROBOT * (robots - 1) + 1}"
-            )
+        check_room(options.get("params"), num_envs)
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(

@@ -97,6 +97,20 @@ def room(num_envs: int) -> int:
     return -(-num_envs // SAME_ROBOT)
 
 
+def check_room(params: Any, num_envs: int) -> None:
+    """Checks that a batch has room for all robots of the value of an option `params`.
+
+    Raises:
+        ValueError: it has not, or as `number_of`.
+    """
+    robots, most = number_of(params), room(num_envs)
+    if robots > most:
+        raise InvalidInputError(
+            f"params has {robots} robots, but num_envs = {num_envs} has room for {most}: "
+            f"{SAME_ROBOT} neighbors have the same robot, so it must be at least {SAME_ROBOT * (robots - 1) + 1}"
+        )
+
+
 def is_family(params: Any) -> bool:
     """Whether the value of an option `params` is a family."""
     return isinstance(params, Mapping) and "family" in params
