@@ -186,7 +186,8 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
                 "--begin": "1",
                 "--seconds": "1",
                 "--output": "b.svg",
-                "--video": "b.webp",
+                # A second of video takes seconds.
+                "--video": With("b.webp", **{"--seconds": "0.1"}),
                 **SHOWN,
             },
         )

@@ -119,15 +119,16 @@ def test_options_of_environments(task):
     described = {option["name"]: option for option in TASKS[task]["options"]}
     names = ["params", "model", *bb.Batch(1, task, num_threads=1).options]
     found = []
+    call, base = functools.partial(episodes, task), {}
     for name in names:
         if name == "reward":
             for term in TASKS[task]["rewards"]:
                 reward = [{term["name"]: 2.0 * term["scale"] + 1.0}]
-                found.append(changes(functools.partial(episodes, task), "reward", reward, {}))
+                found.append(changes(call, "reward", reward, base))
             continue
         number = numbers(described.get(name, {"default": None}))
         candidates = OPTIONS.get(f"{task}.{name}") or OPTIONS.get(name) or number
-        found.append(changes(functools.partial(episodes, task), name, candidates, {}) if candidates else name)
+        found.append(changes(call, name, candidates, base) if candidates else name)
     assert not [wrong for wrong in found if wrong]
 
 
@@ -203,12 +204,13 @@ def closed_loop(name: str, **options: Any) -> list[Any]:
 @pytest.mark.parametrize("name", CONTROLLERS)
 def test_options_of_controllers(name):
     found = []
+    call, base = functools.partial(closed_loop, name), {}
     for option in CONTROLLERS[name]["options"]:
         key = option["name"]
         candidates = CONTROLLER_OPTIONS.get(f"{name}.{key}") or CONTROLLER_OPTIONS.get(key) or numbers(option)
         for candidate in candidates if f"{name}.{key}" in CONTROLLER_OPTIONS else [None]:
             tried = candidates if candidate is None else [candidate]
-            found.append(changes(functools.partial(closed_loop, name), key, tried, {}))
+            found.append(changes(call, key, tried, base))
     assert not [wrong for wrong in found if wrong]
 
 

@@ -62,6 +62,19 @@ def fingerprint(value: Any) -> Any:
     return repr(value)
 
 
+#: Results without a keyword, with what they follow from: many keywords share them.
+_FOUND: dict[tuple[int, int], tuple[Any, Any, Any]] = {}
+
+
+def _without(call: Callable[..., Any], base: Mapping[str, Any], others: Mapping[str, Any]) -> Any:
+    if others:
+        return fingerprint(call(**{**base, **others}))
+    key = id(call), id(base)
+    if key not in _FOUND:
+        _FOUND[key] = call, base, fingerprint(call(**base))
+    return _FOUND[key][2]
+
+
 def changes(
     call: Callable[..., Any], name: str, candidates: list[Any], base: Mapping[str, Any], named: str | None = None
 ) -> str | None:
@@ -71,10 +84,11 @@ def changes(
     """
     rejected = 0
     for candidate in candidates:
-        others = {**base, **candidate.others} if isinstance(candidate, With) else dict(base)
+        added = candidate.others if isinstance(candidate, With) else {}
+        others = {**base, **added}
         value = _value(candidate)
         try:
-            before = fingerprint(call(**others))
+            before = _without(call, base, added)
         except ValueError as error:
             # What a keyword permits is rejected without it.
             if name not in str(error):
