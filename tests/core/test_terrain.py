@@ -217,3 +217,31 @@ def test_the_camera_follows_a_robot_up_and_down_a_slope():
     np.testing.assert_allclose(counts[0], counts[1], atol=3)
     np.testing.assert_allclose(counts[2], counts[1], atol=3)
     assert counts[1][2] > 50
+
+
+@pytest.mark.parametrize(("kind", "slope", "model", "limit"), [
+    ("cobbles", 0.15, "contact", 0.015),
+    ("cobbles", 0.15, "rigid", 0.05),
+    ("noise", 0.2, "contact", 0.002),
+    ("noise", 0.2, "rigid", 0.035),
+])  # fmt: skip
+def test_falls_on_rough_ground_gain_little_energy(kind, slope, model, limit):
+    """The plane below the body of `rigid` has not the slope of the ground at each end (docs/terrain.md)."""
+    params = bb.Params.paper()
+    terrain = bb.Terrain.generate(kind, seed=2, slope=slope)
+    rng = np.random.default_rng(1)
+    rises = []
+    for _ in range(10):
+        robot = bb.Ballbot(params, model, sim_dt=0.002, terrain=terrain)
+        place, yaw, tilt = rng.uniform(-2, 2, 2), rng.uniform(-3, 3), rng.uniform(-0.3, 0.3, 2)
+        robot.place_on_ground(*place, yaw=yaw, tilt=tilt)
+        energies, touched = [robot.energy], False
+        for _ in range(200):
+            robot.step((0.0, 0.0, 0.0), 5)
+            energies.append(robot.energy)
+            touched |= robot.contacts.bot_on_floor
+        assert touched
+        rises.append(np.max(energies - np.minimum.accumulate(energies)))
+    found = max(rises) / (params.body_mass * params.gravity * params.body_com_height)
+    print(f"{kind}, {model}: {100 * found:.1f} % of m g l")
+    assert found < limit
