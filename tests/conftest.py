@@ -19,11 +19,6 @@ else:
     torch.set_num_threads(1)
 
 
-def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    # It compiles for minutes on one core: first, parallel to all others.
-    items.sort(key=lambda item: item.path.name != "test_own_task.py")
-
-
 @pytest.fixture(scope="session", autouse=True)
 def _log_of_learners(tmp_path_factory: pytest.TempPathFactory) -> None:
     """Learners without a log make a folder in the temporary folder, unless this names another folder."""

@@ -44,9 +44,9 @@ def test_a_family_may_have_other_ranges():
 @pytest.mark.parametrize("robots", [["paper", "kugle"], range(10**12), {"family": 2}])
 def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
     """The others would not be simulated."""
-    with pytest.raises(ValueError, match="params has 1?[02]+ robots, but num_envs = 1 has room for 1"):
+    with pytest.raises(ValueError, match=r"params has 1?[02]+ robots, but num_envs = 1 has room for 1"):
         bb.simulate("lqr", robot=robots, seconds=0.1)
-    with pytest.raises(ValueError, match="params has 1?[02]+ robots, but num_envs = 8 has room for 1"):
+    with pytest.raises(ValueError, match=r"params has 1?[02]+ robots, but num_envs = 8 has room for 1"):
         bb.rollout("lqr", 8, robot=robots, seconds=0.1)
 
 
