@@ -221,12 +221,12 @@ def test_the_camera_follows_a_robot_up_and_down_a_slope():
 
 @pytest.mark.parametrize(("kind", "slope", "model", "limit"), [
     ("cobbles", 0.15, "contact", 0.015),
-    ("cobbles", 0.15, "rigid", 0.05),
+    ("cobbles", 0.15, "rigid", 0.005),
     ("noise", 0.2, "contact", 0.002),
-    ("noise", 0.2, "rigid", 0.035),
+    ("noise", 0.2, "rigid", 0.005),
 ])  # fmt: skip
 def test_falls_on_rough_ground_gain_little_energy(kind, slope, model, limit):
-    """The plane below the body of `rigid` has not the slope of the ground at each end (docs/terrain.md)."""
+    """A plane that is not tangent where it is touched does work on a robot that slides."""
     params = bb.Params.paper()
     terrain = bb.Terrain.generate(kind, seed=2, slope=slope)
     rng = np.random.default_rng(1)

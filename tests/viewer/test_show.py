@@ -88,6 +88,17 @@ def test_errors_reach_the_program_and_change_nothing(page):
     ):
         with pytest.raises(ValueError, match=message):
             call()
+    for call, message in (
+        (lambda: page.set_params({"body_mass": 3.0}), "params must be Params or the name of a preset, not dict"),
+        (lambda: page.set_params(None), "params must be Params or the name of a preset, not NoneType"),
+        (lambda: page.reset(np.ma.masked_all(2)), "tilt is a masked array: expected two components"),
+        (lambda: page.reset("0.1"), "tilt is '0.1': expected two components"),
+        (lambda: page.choose(controler="lqi"), r"choose\(\) got an unexpected keyword.*did you mean 'controller'"),
+    ):
+        with pytest.raises(TypeError, match=message):
+            call()
+    with pytest.raises(ValueError, match=r"impulse has shape \(1000000000000,\), expected \(2,\)"):
+        page.push(np.broadcast_to(0.0, 10**12))
     assert page.is_running
     with pytest.raises(ValueError, match="the page shows one kind of robot"):
         bb.show(env_options={"params": {"family": 2}})

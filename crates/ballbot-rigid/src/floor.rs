@@ -1,14 +1,17 @@
-//! The floor of a step: a plane tangent to the ground under the ball, a plane below each wheel, and a plane below the
-//! body.
+//! The floor of a step: planes tangent to the ground under the ball, below each wheel, and below the lowest point of
+//! each end of the body.
 //!
-//! Rapier collides only with planes: a height field would have edges. The planes of ball and wheels are tangent to the
-//! ground. The plane of the body passes through the ground below both ends of its cylinder, on which a fallen robot
-//! lies; between the ends the ground may rise through it.
+//! Rapier collides only with planes: a height field would have edges. A plane that is not tangent where it is touched
+//! moves along its normal while the robot slides, and its force does work. A fallen robot lies on the ends of its
+//! cylinder; between them the ground may rise through it.
 
 use super::convert::{rotation_to_rapier, to_rapier};
 use ballbot_base::terrain::Ground;
-use nalgebra::{UnitQuaternion, Vector2, Vector3};
+use nalgebra::{UnitQuaternion, Vector3};
 use rapier3d_f64::prelude::Pose;
+
+/// Sine of the angle between ground and disc below which the lowest point moves to the center.
+const FLAT: f64 = 0.05;
 
 /// The floor under the ball.
 pub struct Floor {
@@ -46,20 +49,10 @@ pub fn plane_below(ground: &Ground, point: &Vector3<f64>) -> Pose {
     plane(&touched, &terrain.normal(point.x, point.y))
 }
 
-/// Pose of the plane through the ground below two points. Across the line that joins the points, its slope is the slope
-/// of the ground below their middle. If one point is above the other, it is the tangent plane below the lower point.
-pub fn plane_below_ends(ground: &Ground, ends: &[Vector3<f64>; 2]) -> Pose {
-    let terrain = ground.terrain();
-    let [low, high] = if ends[0].z < ends[1].z { [&ends[0], &ends[1]] } else { [&ends[1], &ends[0]] };
-    let heights = [low, high].map(|end| terrain.height(end.x, end.y));
-    let (along, distance) = ((high - low).xy(), (high - low).norm());
-    // For an upright body the ends do not matter, and the line that joins them has no horizontal direction.
-    let share = (2.0 * along.norm() / distance - 1.0).clamp(0.0, 1.0);
-    let Some(direction) = along.try_normalize(0.0).filter(|_| share > 0.0) else { return plane_below(ground, low) };
-    let at = low.xy() + along * (0.5 * share);
-    let mut gradient = Vector2::from(terrain.gradient(at.x, at.y));
-    let secant = (heights[1] - heights[0]) / along.norm();
-    gradient += direction * (share * (secant - gradient.dot(&direction)));
-    let touched = Vector3::new(low.x, low.y, heights[0]);
-    plane(&touched, &Vector3::new(-gradient.x, -gradient.y, 1.0).normalize())
+/// Pose of the plane tangent to the ground below the lowest point of a disc with an axis of length 1. It is the center
+/// of a disc that lies flat.
+pub fn plane_below_disc(ground: &Ground, center: &Vector3<f64>, axis: &Vector3<f64>, radius: f64) -> Pose {
+    let normal = ground.terrain().normal(center.x, center.y);
+    let down = axis * axis.dot(&normal) - normal;
+    plane_below(ground, &(center + down * (radius / down.norm().max(FLAT))))
 }

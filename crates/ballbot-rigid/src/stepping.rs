@@ -2,7 +2,7 @@
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
-use super::floor::{Floor, plane, plane_below, plane_below_ends};
+use super::floor::{Floor, plane, plane_below, plane_below_disc};
 use super::losses::Losses;
 use super::motion::RigidMotion;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
@@ -88,14 +88,17 @@ impl RigidMotion {
 
     /// Moves the planes of the bot to the ground below its parts, unless the ground is level.
     fn move_bot_planes(&mut self) {
-        let (Some(ground), Some([of_body, of_wheels @ ..])) = (&self.ground, self.handles.bot_planes) else { return };
+        let (Some(ground), Some(uneven)) = (&self.ground, &self.handles.uneven) else { return };
         let pose = self.world.bodies[self.handles.body].position();
         let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
         let place = |point: &Vector3<f64>| position + attitude * (point - self.root);
         let shape = &self.collision_shape;
-        let ends = [shape.body.bottom, shape.body.top].map(|height| place(&(Vector3::z() * height)));
-        self.world.colliders[of_body].set_position(plane_below_ends(ground, &ends));
-        for (collider, center) in of_wheels.into_iter().zip(&shape.wheel_centers) {
+        let axis = attitude * Vector3::z();
+        for (collider, height) in uneven.end_planes.into_iter().zip([shape.body.bottom, shape.body.top]) {
+            let pose = plane_below_disc(ground, &place(&(Vector3::z() * height)), &axis, shape.body.radius);
+            self.world.colliders[collider].set_position(pose);
+        }
+        for (collider, center) in uneven.wheel_planes.into_iter().zip(&shape.wheel_centers) {
             self.world.colliders[collider].set_position(plane_below(ground, &place(center)));
         }
     }

@@ -34,27 +34,46 @@ pub struct Handles {
     pub wheels: Wheels<RigidBodyHandle>,
     pub bot: MultibodyIndex,
     pub floor_collider: ColliderHandle,
-    /// On uneven ground, a plane for the body and for each wheel; the other plane then belongs only to the ball.
-    pub bot_planes: Option<[ColliderHandle; 4]>,
+    /// Only on uneven ground, where the plane of the floor belongs only to the ball.
+    pub uneven: Option<Uneven>,
     pub ball_collider: ColliderHandle,
     pub body_collider: ColliderHandle,
     pub wheel_colliders: Wheels<ColliderHandle>,
 }
 
+/// What touches uneven ground, and the planes that it touches.
+#[derive(Clone, Copy)]
+pub struct Uneven {
+    /// Thin discs at the bottom and the top of the body, which itself touches only the ball.
+    ends: [ColliderHandle; 2],
+    pub end_planes: [ColliderHandle; 2],
+    pub wheel_planes: Wheels<ColliderHandle>,
+}
+
 impl Handles {
-    /// Body and wheels, each with its plane.
+    /// Parts of the bot that touch the ground, each with its plane.
     pub fn bot_on_planes(&self) -> impl Iterator<Item = (ColliderHandle, ColliderHandle)> {
-        self.bot_colliders().zip(self.bot_planes.unwrap_or([self.floor_collider; 4]))
+        let floor = self.floor_collider;
+        let (body, wheel_planes) =
+            self.uneven.map_or(([Some((self.body_collider, floor)), None], Wheels([floor; 3])), |uneven| {
+                let [bottom, top] = uneven.ends;
+                let [below, above] = uneven.end_planes;
+                ([Some((bottom, below)), Some((top, above))], uneven.wheel_planes)
+            });
+        body.into_iter().flatten().chain(self.wheel_colliders.into_iter().zip(wheel_planes))
     }
 
     /// Body and wheels.
-    pub fn bot_colliders(&self) -> impl Iterator<Item = ColliderHandle> {
-        [self.body_collider].into_iter().chain(self.wheel_colliders)
+    fn bot_colliders(&self) -> impl Iterator<Item = ColliderHandle> {
+        let ends = self.uneven.into_iter().flat_map(|uneven| uneven.ends);
+        [self.body_collider].into_iter().chain(self.wheel_colliders).chain(ends)
     }
 
     /// All planes of the ground.
     fn planes(&self) -> impl Iterator<Item = ColliderHandle> {
-        [self.floor_collider].into_iter().chain(self.bot_planes.into_iter().flatten())
+        let planes =
+            self.uneven.into_iter().flat_map(|uneven| uneven.end_planes.into_iter().chain(uneven.wheel_planes));
+        [self.floor_collider].into_iter().chain(planes)
     }
 }
 
@@ -69,6 +88,10 @@ const BODY: Group = Group::GROUP_3;
 const PLANE: Group = Group::GROUP_4;
 /// Collision group of each wheel.
 const WHEEL_GROUPS: Wheels<Group> = Wheels([Group::GROUP_5, Group::GROUP_6, Group::GROUP_7]);
+/// Collision group of each end of the body.
+const END_GROUPS: [Group; 2] = [Group::GROUP_8, Group::GROUP_9];
+/// Thickness of the ends of the body, as a fraction of its length.
+const END: f64 = 1e-3;
 
 /// Recovery from overlap: the rate of a spring with 200 Hz natural frequency and damping ratio 5, without its
 /// compliance, so that a contact carries its load from the first step on.
@@ -126,13 +149,16 @@ impl World {
         };
         let touched = if level { Group::ALL } else { BALL };
         let floor_collider = world.colliders.insert(plane(touched));
-        let Wheels([a, b, c]) = WHEEL_GROUPS;
-        let bot_planes = (!level).then(|| [BODY, a, b, c].map(|part| world.colliders.insert(plane(part))));
         let (ball, ball_collider) = world.insert_ball(params);
         let link = BodyLink::new(params, wheels)?;
         let (body, body_collider) = world.insert_body(params, &link);
         let links = Wheels::from_fn(|i| world.insert_wheel(params, wheels, &link, body, i));
         let wheel_handles = links.map(|(handle, _)| handle);
+        let uneven = (!level).then(|| Uneven {
+            ends: world.insert_ends(params, &link, body),
+            end_planes: END_GROUPS.map(|part| world.colliders.insert(plane(part))),
+            wheel_planes: WHEEL_GROUPS.map(|part| world.colliders.insert(plane(part))),
+        });
         let bot = world.bot_index(body);
         let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
         multibody.set_self_contacts_enabled(false);
@@ -144,7 +170,7 @@ impl World {
             wheels: wheel_handles,
             bot,
             floor_collider,
-            bot_planes,
+            uneven,
             ball_collider,
             body_collider,
             wheel_colliders: links.map(|(_, collider)| collider),
@@ -203,6 +229,21 @@ impl World {
                 .position(Pose::from_parts(to_rapier(&center), upright))
                 .collision_groups(InteractionGroups::new(BODY, Group::ALL, InteractionTestMode::And)),
         )
+    }
+
+    /// Inserts the ends of the body that touch uneven ground.
+    fn insert_ends(&mut self, params: &Params, link: &BodyLink, body: RigidBodyHandle) -> [ColliderHandle; 2] {
+        let shape = BodyShape::new(params);
+        let half = 0.5 * END * (shape.top - shape.bottom);
+        let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
+        let mut insert = |height: f64, group| {
+            let center = Vector3::z() * height - link.com;
+            let end = ColliderBuilder::cylinder(half, shape.radius)
+                .position(Pose::from_parts(to_rapier(&center), upright))
+                .collision_groups(InteractionGroups::new(group, PLANE, InteractionTestMode::And));
+            self.colliders.insert_with_parent(end.density(0.0).friction(0.0), body, &mut self.bodies)
+        };
+        [insert(shape.bottom + half, END_GROUPS[0]), insert(shape.top - half, END_GROUPS[1])]
     }
 
     fn insert_wheel(
