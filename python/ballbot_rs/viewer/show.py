@@ -1,6 +1,7 @@
 """The page for scripts, notebooks and bridges: robots that a program shows, commands and observes."""
 
 import concurrent.futures
+import inspect
 import time
 import webbrowser
 from collections.abc import Callable, Mapping
@@ -12,7 +13,7 @@ from typing import Any, Final, TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_real, check_seed, real_array
+from ballbot_rs._checks import check_options, check_real, check_seed, real_array
 from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.analysis.simulate import merged_options
@@ -219,10 +220,10 @@ class Page:
         Raises:
             ValueError: another shape, or an impulse out of range.
         """
-        given = real_array("impulse is", impulse, "two numbers").astype(np.float64)
+        given = real_array("impulse is", impulse, "two numbers")
         if given.shape != (2,):
             raise InvalidInputError(f"impulse has shape {given.shape}, expected (2,): x and y in N·s")
-        x, y = given.tolist()
+        x, y = map(float, given)
         self._in_session(lambda session: session.push(float(np.arctan2(y, x)), float(np.hypot(x, y))))
 
     def set_params(self, params: Params | str) -> None:
@@ -232,7 +233,10 @@ class Page:
 
         Raises:
             ValueError: invalid parameters.
+            TypeError: neither `Params` nor the name of a preset.
         """
+        if not isinstance(params, (Params, str)):
+            raise TypeError(f"params must be Params or the name of a preset, not {type(params).__name__}")
         chosen = Params.preset(params) if isinstance(params, str) else params
         self._in_session(lambda session: session.set_params(chosen))
 
@@ -245,6 +249,7 @@ class Page:
             ValueError: an unknown name, or a combination that does not work; then nothing has changed.
             TypeError: another choice.
         """
+        check_options("choose()", choices, list(inspect.signature(Session.choose).parameters)[1:])
         if isinstance(controller := choices.get("controller"), str):
             choices["controller"] = find(controller)
         self._in_session(lambda session: session.choose(**choices))
@@ -254,7 +259,10 @@ class Page:
 
         Raises:
             ValueError: a tilt of more than 30°, or another shape.
+            TypeError: a tilt that is not numbers.
         """
+        if tilt is not None:
+            tilt = real_array("tilt is", tilt, "two components")
         self._in_session(lambda session: session.reset(tilt))
 
     def record(self) -> None:
