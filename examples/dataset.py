@@ -6,7 +6,7 @@ import ballbot_rs as bb
 
 episodes = int(sys.argv[1]) if len(sys.argv) > 1 else 1000
 
-data = bb.record_dataset("lqr", episodes=episodes, noise=0.05, env_options={"events": "mild"})
+data = bb.record_dataset("lqr", episodes=episodes, noise=0.05, events="mild")
 print(data)
 # data.to_minari("ballbot/balance-lqr-v0") instead, with the extra `minari`
 data.to_npz("dataset.npz")

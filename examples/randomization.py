@@ -25,6 +25,6 @@ for name, events in {
     "delay": [delay],
     "all": [friction, mass, mast, pushes, delay],
 }.items():
-    results = bb.compare(["lqr", "lqi"], episodes=episodes, env_options={"events": events, "actuators": {}})
+    results = bb.compare(["lqr", "lqi"], episodes=episodes, events=events, actuators={})
     cells = [f"{one.controller} upright {one.survival_rate:4.0%}, {one.ball_rms:.3f} m off" for one in results]
     print(f"{name:<9}" + "   ".join(cells))

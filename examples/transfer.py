@@ -24,7 +24,7 @@ places |= {f"delay {1000 * delay:g} ms": {"actuators": {"delay": delay}} for del
 places |= {"body 20 % heavier": scaled("body_mass", 1.2)}
 places |= {"sensors of kugle": {"sensors": "kugle", "observation": "sensors"}}
 for place, options in places.items():
-    results = bb.compare([policy, "lqr"], episodes=episodes, env_options=options)
+    results = bb.compare([policy, "lqr"], episodes=episodes, **options)
     print(f"{place:<18} policy {results[0].success_rate:4.0%}  lqr {results[1].success_rate:4.0%}")
 if importlib.util.find_spec("mujoco"):
     (result,) = bb.compare([policy], episodes=min(episodes, 20), engine="mujoco")

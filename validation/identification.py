@@ -76,7 +76,7 @@ def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | 
         robot, delay = drawn(nominal, np.random.default_rng(seed))
         # LQR is made for the nominal robot: the true robot is unknown when a log is recorded.
         log = bb.record_log(
-            robot, seconds, actuators={"delay": delay}, controller_params=nominal, sim_dt=SIM_DT, seed=seed
+            robot, seconds, actuators={"delay": delay}, controller_robot=nominal, sim_dt=SIM_DT, seed=seed
         )
         began = time.process_time()
         try:

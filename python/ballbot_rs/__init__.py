@@ -47,7 +47,7 @@ from ballbot_rs.analysis.metrics import Metrics
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.result import Result
 from ballbot_rs.analysis.robots import Rollout, rollout
-from ballbot_rs.analysis.simulate import run, simulate
+from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.catalog import ControllerInfo, controllers, make_controller
@@ -205,7 +205,6 @@ __all__ = [
     "register",
     "replay",
     "rollout",
-    "run",
     "run_scenarios",
     "save",
     "show",
@@ -233,6 +232,8 @@ register_environments()
 
 
 def __getattr__(name: str) -> Any:
+    if name == "run":
+        raise AttributeError("bb.run is now bb.simulate, for the same start with tilt=(0.05, 0.0)")
     if name not in _LEARNING:
         raise AttributeError(f"module 'ballbot_rs' has no attribute '{name}'")
     import importlib

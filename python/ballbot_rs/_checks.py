@@ -3,7 +3,7 @@
 import difflib
 import math
 import operator
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -119,9 +119,7 @@ def check_named(who: str, unnamed: Sequence[object]) -> None:
         )
 
 
-def check_options(
-    who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None
-) -> None:
+def check_options(who: str, given: Iterable[str], known: Sequence[str]) -> None:
     """Checks the names of options.
 
     Raises:
@@ -129,8 +127,7 @@ def check_options(
     """
     for name in given:
         if name not in known:
-            close = (hint and hint(name)) or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
-            # TorchRL searches the message for these words.
+            close = did_you_mean(name, known) or f": expected one of {', '.join(known)}"
             raise TypeError(f"{who} got an unexpected keyword argument '{name}'{close}")
 
 

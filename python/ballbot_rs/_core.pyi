@@ -1534,6 +1534,7 @@ class Batch:
         num_threads: int | None = None,
         seed: int = 0,
         stage: Stage | None = None,
+        params: _Robot | Sequence[_Robot] = ...,
         **options: Unpack[TaskOptions],
     ) -> Self: ...
     @property

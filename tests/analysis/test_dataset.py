@@ -12,7 +12,7 @@ ARRAYS = ("observations", "actions", "rewards", "terminations", "truncations")
 
 
 def test_each_episode_is_what_its_environment_returns():
-    data = bb.record_dataset("lqr", episodes=8, noise=0.05, task="velocity", env_options=STEEP, seed=3)
+    data = bb.record_dataset("lqr", episodes=8, noise=0.05, task="velocity", **STEEP, seed=3)
     assert len(data) == 8
     assert len(set(np.diff(data.starts))) > 1
     env = gymnasium.make(data.env_id, **data.env_options)
@@ -30,7 +30,7 @@ def test_each_episode_is_what_its_environment_returns():
 
 
 def test_actions_are_the_controller_and_the_noise():
-    plain, noisy = (bb.record_dataset("lqr", episodes=4, noise=noise, env_options=STEEP) for noise in (0.0, 0.2))
+    plain, noisy = (bb.record_dataset("lqr", episodes=4, noise=noise, **STEEP) for noise in (0.0, 0.2))
     lqr = bb.Lqr(max_torque=STEEP["max_wheel_torque"])
     env = bb.BalanceEnv(**STEEP)
     env.reset(seed=0)
@@ -41,13 +41,13 @@ def test_actions_are_the_controller_and_the_noise():
 
 
 def test_the_same_numbers_on_any_number_of_threads():
-    one, two = (bb.record_dataset("lqr", episodes=9, env_options=STEEP, num_threads=threads) for threads in (1, 2))
+    one, two = (bb.record_dataset("lqr", episodes=9, **STEEP, num_threads=threads) for threads in (1, 2))
     for name in ARRAYS:
         np.testing.assert_array_equal(getattr(one, name), getattr(two, name))
 
 
 def test_the_file_has_all_arrays(tmp_path):
-    data = bb.record_dataset("lqr", episodes=3, task="goal", env_options=STEEP)
+    data = bb.record_dataset("lqr", episodes=3, task="goal", **STEEP)
     data.to_npz(tmp_path / "data.npz")
     with np.load(tmp_path / "data.npz") as read:
         assert set(read) == {"starts", *ARRAYS, *(f"infos_{key}" for key in data.infos)}
@@ -65,7 +65,7 @@ def test_the_file_has_all_arrays(tmp_path):
         ({"noise": -0.1}, "noise = -0.1 is out of range"),
         ({"noise": float("nan")}, "noise = nan is out of range"),
         ({"seed": -1}, "seed = -1 is out of range"),
-        ({"episodes": 1000, "env_options": {"max_episode_steps": 100_000}}, "record fewer at a time"),
+        ({"episodes": 1000, "max_episode_steps": 100_000}, "record fewer at a time"),
     ],
 )
 def test_bad_input_is_named(arguments, message):
@@ -76,7 +76,7 @@ def test_bad_input_is_named(arguments, message):
 def test_minari_reads_the_episodes_back(tmp_path, monkeypatch):
     minari = pytest.importorskip("minari")
     monkeypatch.setenv("MINARI_DATASETS_PATH", str(tmp_path))
-    data = bb.record_dataset("lqr", episodes=4, task="goal", env_options=STEEP, seed=2)
+    data = bb.record_dataset("lqr", episodes=4, task="goal", **STEEP, seed=2)
     about = {"author": "me", "author_email": "me@example.org", "code_permalink": "none", "description": "LQR"}
     data.to_minari("ballbot/goal-lqr-v0", **about)
     read = minari.load_dataset("ballbot/goal-lqr-v0")
@@ -99,4 +99,4 @@ def test_without_minari_the_message_has_the_extra(monkeypatch):
 
     monkeypatch.setitem(sys.modules, "minari", None)
     with pytest.raises(ModuleNotFoundError, match=r"a dataset of Minari needs minari: install it with .*\[minari\]"):
-        bb.record_dataset("lqr", episodes=1, env_options=STEEP).to_minari("x-v0")
+        bb.record_dataset("lqr", episodes=1, **STEEP).to_minari("x-v0")

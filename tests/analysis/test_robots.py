@@ -91,7 +91,7 @@ def test_a_fall_loses_nothing_and_is_never_settled():
 def test_a_robot_that_diverges_is_frozen_at_finite_numbers():
     push = {"term": "push", "at": 0.1, "range": [1e4, 1e4]}
     options = {"fall_tilt": 3.1, "events": [push]}
-    found = bb.rollout("zero", 3, tilt=(0.0, 0.0), seconds=0.5, record=("states",), env_options=options)
+    found = bb.rollout("zero", 3, tilt=(0.0, 0.0), seconds=0.5, record=("states",), **options)
     assert (found.fell_at > 0.1).all()
     assert np.isfinite(found["states"]).all()
     assert (found["states"][-1] == found["states"][-2]).all()
@@ -99,7 +99,7 @@ def test_a_robot_that_diverges_is_frozen_at_finite_numbers():
 
 def test_the_end_of_the_ground_freezes_a_robot_without_a_fall():
     away = {"terrain": bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05), "setpoint": (5.0, 0.0)}
-    found = bb.rollout("lqr", 1, tilt=(0.0, 0.0), seconds=10.0, env_options=away, record=("ball_position",))
+    found = bb.rollout("lqr", 1, tilt=(0.0, 0.0), seconds=10.0, **away, record=("ball_position",))
     assert np.isnan(found.fell_at[0])
     assert 0.0 < found.ended_at[0] < 10.0
     last = found["ball_position"][found.times >= found.ended_at[0] - 1e-9]

@@ -42,7 +42,7 @@ class Counting:
 
 
 def test_an_object_is_compared_like_a_name():
-    named, mine, regulator = bb.compare(["lqr", Proportional(), bb.Lqr()], episodes=3, env_options=SHORT)
+    named, mine, regulator = bb.compare(["lqr", Proportional(), bb.Lqr()], episodes=3, **SHORT)
     assert (mine.controller, regulator.controller) == ("mine", "lqr")
     assert vars(regulator) == vars(named)
     assert mine.success_rate == named.success_rate
@@ -53,27 +53,27 @@ def test_a_function_is_a_controller():
     def still(_):
         return [0.0, 0.0, 0.0]
 
-    named, mine = bb.compare(["zero", still], episodes=2, env_options=SHORT)
+    named, mine = bb.compare(["zero", still], episodes=2, **SHORT)
     assert vars(mine) == {**vars(named), "controller": "still"}
 
 
 def test_each_robot_has_separate_memory_and_each_run_starts_with_new_memory():
     law = Counting()
-    results = [bb.evaluate(law, episodes=4, env_options=SHORT) for _ in range(2)]
+    results = [bb.evaluate(law, episodes=4, **SHORT) for _ in range(2)]
     assert results[0] == results[1]
-    alone = bb.run(law, seconds=0.1, env_options={"model": "spatial"})
+    alone = bb.simulate(law, seconds=0.1, model="spatial", tilt=(0.05, 0.0))
     np.testing.assert_allclose(alone.torques[:5, 0], 1e-4 * np.arange(1, 6), rtol=1e-5)
 
 
 def test_an_object_runs_at_its_rate():
-    shown = bb.run(bb.Pid(control_dt=0.002), seconds=0.5, env_options=SHORT)
-    named = bb.run("pid", seconds=0.5, env_options=SHORT)
+    shown = bb.simulate(bb.Pid(control_dt=0.002), seconds=0.5, **SHORT, tilt=(0.05, 0.0))
+    named = bb.simulate("pid", seconds=0.5, **SHORT, tilt=(0.05, 0.0))
     np.testing.assert_array_equal(shown.torques, named.torques)
     assert shown.times[1] == pytest.approx(0.002)
 
 
 def test_a_pid_object_runs_on_several_robots():
-    mine, named = (bb.evaluate(pid, episodes=4, env_options=SHORT) for pid in (bb.Pid(), "pid"))
+    mine, named = (bb.evaluate(pid, episodes=4, **SHORT) for pid in (bb.Pid(), "pid"))
     assert vars(mine) == vars(named)
 
 
@@ -84,7 +84,7 @@ class Uncopied(Counting):
 
 def test_objects_that_cannot_be_copied_are_rejected_for_several_robots():
     with pytest.raises(TypeError, match="uncopied cannot be copied for 2 robots: one of a kind"):
-        bb.evaluate(Uncopied(), episodes=2, env_options=SHORT)
+        bb.evaluate(Uncopied(), episodes=2, **SHORT)
 
 
 @pytest.mark.parametrize("source", ["lqr", Proportional()], ids=["in the core", "in Python"])
@@ -124,7 +124,7 @@ def test_settling_time(series, expected):
 
 def test_the_seed_of_a_trajectory_seeds_its_events():
     events = {"events": "mild", "max_episode_steps": 20}
-    drawn = [bb.run("lqr", seconds=0.1, env_options=events, seed=seed) for seed in (0, 0, 5)]
+    drawn = [bb.simulate("lqr", seconds=0.1, **events, seed=seed, tilt=(0.05, 0.0)) for seed in (0, 0, 5)]
     assert drawn[0].params == drawn[1].params != drawn[2].params
     assert np.array_equal(drawn[0].torques, drawn[1].torques)
     batch = bb.Batch(1, events="mild", seed=5)
@@ -132,7 +132,7 @@ def test_the_seed_of_a_trajectory_seeds_its_events():
     assert drawn[2].params == batch.params(0)
     for seed in (-1, 2**64, 1.5):
         with pytest.raises((ValueError, TypeError), match="seed"):
-            bb.run("lqr", seconds=0.1, seed=seed)
+            bb.simulate("lqr", seconds=0.1, seed=seed, tilt=(0.05, 0.0))
 
 
 def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
@@ -142,7 +142,7 @@ def test_a_controller_in_a_python_file_is_taken_by_path(tmp_path):
         "    def __call__(self, state):\n        return regulator(state)\n",
         encoding="utf-8",
     )
-    named, mine, shared = bb.compare(["lqr", f"{file}:Mine", f"{file}:regulator"], episodes=2, env_options=SHORT)
+    named, mine, shared = bb.compare(["lqr", f"{file}:Mine", f"{file}:regulator"], episodes=2, **SHORT)
     assert mine.controller == f"{file}:Mine"
     assert mine.success_rate == named.success_rate
     assert vars(shared) == {**vars(named), "controller": f"{file}:regulator"}

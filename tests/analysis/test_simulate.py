@@ -118,7 +118,7 @@ def test_the_time_step_of_the_model_is_in_the_results():
     assert repr(done).endswith("sim_dt 1.55 ms>")
     usual = bb.simulate("lqr", seconds=0.1)
     assert (usual.control_dt, usual.sim_dt) == (0.01, 0.002)
-    result = bb.evaluate(Odd(), episodes=1, env_options={"max_episode_steps": 10})
+    result = bb.evaluate(Odd(), episodes=1, max_episode_steps=10)
     assert (result.control_dt, result.sim_dt) == (0.0031, 0.00155)
     assert repr(result).endswith("sim_dt 1.55 ms>")
     assert "sim dt" in result._repr_html_()
@@ -228,9 +228,9 @@ def test_options_match_the_environment():
         seconds=0.5,
         seed=3,
     )
-    options = {"params": "kugle", "model": "contact", "actuators": "kugle", "sensors": "kugle"}
+    options = {"robot": "kugle", "model": "contact", "actuators": "kugle", "sensors": "kugle"}
     options |= {"observation": "sensors", "events": "mild"}
-    whole = bb.run("lqr", tilt=(0.02, 0.0), seconds=0.5, seed=3, env_options=options)
+    whole = bb.simulate("lqr", tilt=(0.02, 0.0), seconds=0.5, seed=3, **options)
     np.testing.assert_array_equal(named.to_array(), whole.to_array())
     assert len(named.estimates) == len(named.states)
     assert named.draws.keys() == whole.draws.keys() != set()
@@ -238,7 +238,7 @@ def test_options_match_the_environment():
 
 def test_a_run_is_a_simulation_with_one_push():
     push = bb.Push((0.1, 0.0, 0.0), 0.2)
-    short = bb.run("lqr", seconds=0.5, push=push)
+    short = bb.simulate("lqr", seconds=0.5, pushes=push, tilt=(0.05, 0.0))
     same = bb.simulate("lqr", seconds=0.5, tilt=(0.05, 0.0), pushes=[push])
     np.testing.assert_array_equal(short.to_array(), same.to_array())
     start = bb.State.at_equilibrium(PARAMS, (0.05, 0.0))
@@ -267,13 +267,13 @@ def still(_):
         ("lqr", {"pushes": [bb.Push((1, 0, 0), 9.0)]}, ValueError, "a push at 9.0 s is out of range"),
         ("lqr", {"pushes": [bb.Push((1, 0), 0.0)]}, ValueError, r"a push has \(1, 0\): expected three finite"),
         ("lqr", {"pushes": [bb.Push((1, 0, 0), 0.0, -1.0)]}, ValueError, "a push has duration = -1.0"),
-        ("lqr", {"pushes": [(1, 0, 0)]}, TypeError, "push must be a Push, not tuple"),
-        ("lqr", {"forces": [(1, 0, 0)]}, TypeError, "force must be a Force, not tuple"),
+        ("lqr", {"pushes": [(1, 0, 0)]}, TypeError, r"pushes has \(1, 0, 0\): expected a Push"),
+        ("lqr", {"forces": [(1, 0, 0)]}, TypeError, r"forces has \(1, 0, 0\): expected a Force"),
         ("lqr", {"forces": [bb.Force((1, 0, 0), 2.0, 1.0)]}, ValueError, "a force begins at 2.0 s"),
         ("lqr", {"forces": [bb.Force((float("nan"), 0, 0))]}, ValueError, "a force has .nan, 0, 0.: expected three"),
         ("lqr", {"start": 1}, TypeError, "start must be a State, not int"),
         ("lqr", {"start": bb.State([0, 0, 1]), "yaw": 0.1}, TypeError, "start is a whole state"),
-        ("lqr", {"model": "contact", "env_options": {"model": "rigid"}}, TypeError, "model is given twice"),
+        ("lqr", {"env_options": {"model": "rigid"}}, TypeError, "write its entries as keywords"),
         ("lqr", {"robot": "kugel"}, ValueError, "kugel"),
     ],
 )
@@ -285,7 +285,7 @@ def test_invalid_arguments_are_named(controller, arguments, error, message):
 def test_a_policy_has_the_setpoint_of_its_task():
     pytest.importorskip("onnxruntime", reason="needs 'ballbot-rs[onnx]'")
     policy = ASSETS / "policies" / "balance.onnx"
-    done = bb.simulate(policy, seconds=1.0, env_options={"setpoint": (0.1, 0.0)})
+    done = bb.simulate(policy, seconds=1.0, setpoint=(0.1, 0.0))
     assert done.setpoints["position"][-1].tolist() == [0.1, 0.0]
     with pytest.raises(TypeError, match=r"is a policy: its only setpoint is its task's"):
         bb.simulate(policy, seconds=1.0, reference=CIRCLE)
@@ -294,7 +294,7 @@ def test_a_policy_has_the_setpoint_of_its_task():
 def test_a_trajectory_ends_where_the_ground_does():
     small = bb.Terrain.from_heights(np.zeros((11, 11)), 0.1)
     options = {"terrain": small}
-    there = bb.simulate("lqr", seconds=3.0, reference={"position": (2.0, 0.0)}, env_options=options)
+    there = bb.simulate("lqr", seconds=3.0, reference={"position": (2.0, 0.0)}, **options)
     assert there.fell_at is None
     assert there.times[-1] < 2.9
     assert not small.contains(*(there.states[-1].ball_position[:2]))
@@ -381,7 +381,7 @@ def test_the_setpoints_match_the_commands_of_the_task():
 @pytest.mark.parametrize("tilt", [(0.2, 0.0), (0.0, 0.2), (0.0, -0.2)])
 def test_a_fallen_robot_lies_on_the_ground_of_the_environment(tilt):
     slope = bb.Terrain.plane(0.1)
-    fallen = bb.simulate("zero", seconds=2.0, tilt=tilt, env_options={"terrain": slope})
+    fallen = bb.simulate("zero", seconds=2.0, tilt=tilt, terrain=slope)
     assert fallen.fell_at is not None
     assert fallen.times[-1] == pytest.approx(2.0)
     x, y, z = fallen.states[-1].ball_position

@@ -15,7 +15,7 @@ from ballbot_rs.analysis import checkpoint
 from ballbot_rs.analysis.sweep import points_of
 from ballbot_rs.media.figures.study import draw
 
-SHORT = {"episodes": 4, "env_options": {"max_episode_steps": 40}}
+SHORT = {"episodes": 4, "max_episode_steps": 40}
 GRID = {"body_mass": [2.0, 2.5], "actuators.delay": [0.0, 0.02, 0.04]}
 
 
@@ -37,8 +37,8 @@ def test_the_rows_of_a_point_are_the_comparison_at_its_options():
     found = study()
     for i, point in enumerate(found.points):
         robot = bb.Params.paper().replace(body_mass=point["body_mass"])
-        options = {**SHORT["env_options"], "params": robot, "actuators": {"delay": point["actuators.delay"]}}
-        alone = bb.compare(["lqr", "lqi"], episodes=4, env_options=options)
+        options = {"max_episode_steps": 40, "robot": robot, "actuators": {"delay": point["actuators.delay"]}}
+        alone = bb.compare(["lqr", "lqi"], episodes=4, **options)
         assert found.rows[2 * i : 2 * i + 2] == [{**point, **result.row()} for result in alone]
 
 
@@ -73,18 +73,18 @@ def test_an_event_changes_the_robot_and_not_the_controller():
         for name in ("body_mass", "events.body_mass")
     )
     event = {"term": "body_mass", "range": [1.2 * bb.Params.paper().body_mass] * 2}
-    options = {**SHORT["env_options"], "events": [event]}
-    assert unknown.column("tilt_rms") == [bb.evaluate("lqr", episodes=4, env_options=options).tilt_rms]
+    options = {"max_episode_steps": 40, "events": [event]}
+    assert unknown.column("tilt_rms") == [bb.evaluate("lqr", episodes=4, **options).tilt_rms]
     assert unknown.column("tilt_rms") != known.column("tilt_rms")
 
 
 def test_a_sweep_of_a_given_event_changes_its_range():
     push = {"term": "push", "at": 0.1, "range": [0.0, 0.0]}
-    options = {**SHORT["env_options"], "events": [push, {"term": "body_mass", "op": "scale", "range": [1.0, 1.1]}]}
-    found = study(controllers=["lqr"], env_options=options, sweep={"events.push": [[0.3, 0.3], [0.5, 0.5]]})
+    options = {"max_episode_steps": 40, "events": [push, {"term": "body_mass", "op": "scale", "range": [1.0, 1.1]}]}
+    found = study(controllers=["lqr"], **options, sweep={"events.push": [[0.3, 0.3], [0.5, 0.5]]})
     for ends, tilt in zip(([0.3, 0.3], [0.5, 0.5]), found.column("tilt_rms"), strict=True):
         alone = {**options, "events": [{**push, "range": ends}, options["events"][1]]}
-        assert bb.evaluate("lqr", episodes=4, env_options=alone).tilt_rms == tilt
+        assert bb.evaluate("lqr", episodes=4, **alone).tilt_rms == tilt
 
 
 def test_controllers_of_one_name_are_numbered():
@@ -103,7 +103,7 @@ def test_controllers_of_one_name_are_numbered():
         ({"body_mass": [2.0, 2]}, ValueError, "has 2 twice"),
         ({"body_mas": [2.0]}, ValueError, "unknown option 'body_mas': did you mean 'body_mass'"),
         ({"actuators.dela": [0.0]}, ValueError, "did you mean 'delay'"),
-        ({"params.body_mass": [2.0], "body_mass": [2.0]}, ValueError, "which are one option"),
+        ({"robot.body_mass": [2.0], "body_mass": [2.0]}, ValueError, "which are one option"),
         ({"body_mass": [2.0, -1.0]}, ValueError, "sweep at body_mass = -1: .*body_mass = -1 is out of range"),
         ({"body_mass": [math.nan]}, ValueError, "NaN is out of range"),
         ({"model.x": [1]}, ValueError, "'model' has no parts"),
@@ -157,7 +157,7 @@ def test_the_file_of_an_interrupted_study_is_whole_at_any_time(tmp_path, monkeyp
         ({"seed": 1}, "seed is 1000 there and 1 here"),
         ({"controllers": ["lqr", "pid"]}, "controllers is"),
         ({"controllers": ["lqr", bb.Lqr(position=0.3)]}, "controllers is"),
-        ({"env_options": {"max_episode_steps": 41}}, "env_options is"),
+        ({"max_episode_steps": 41}, "options is"),
         ({"sweep": {**GRID, "body_mass": [2.0, 3.0]}}, "points is"),
     ],
 )

@@ -106,17 +106,18 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
             ["evaluate", "--set", "max_torque=1"],
             "--set max_torque: unknown option 'max_torque': did you mean 'max_wh",
         ),
-        (["evaluate", "--set", "zzz=1"], "unknown option 'zzz': expected one of params, model"),
+        (["evaluate", "--set", "zzz=1"], "unknown option 'zzz': expected one of robot, model"),
         (["view", "--set", "actuators.delay=0.003"], "actuators.delay / sim_dt = 1.5 is out of range"),
-        (["evaluate", "--set", "body_mass=2"], "unknown option 'body_mass': did you mean 'params.body_mass'?"),
-        (["evaluate", "--set", "params.body_mass"], "--set params.body_mass: expected NAME=VALUE"),
-        (["evaluate", "--set", "params.body_mas=2"], "did you mean 'body_mass'?"),
+        (["evaluate", "--set", "params.body_mass=2"], "unknown option 'params': it is now robot="),
+        (["evaluate", "--set", "body_mass=2"], "unknown option 'body_mass': did you mean 'robot.body_mass'?"),
+        (["evaluate", "--set", "robot.body_mass"], "--set robot.body_mass: expected NAME=VALUE"),
+        (["evaluate", "--set", "robot.body_mas=2"], "did you mean 'body_mass'?"),
         (["evaluate", "--set", "actuators.dela=1"], "did you mean 'delay'?"),
         (["evaluate", "--set", "terrain=noise", "--set", "terrain.slop=0.1"], "did you mean 'slope'?"),
         (["evaluate", "--set", "reward.positon=1"], "did you mean 'position'?"),
-        (["evaluate", "--set", "setpoint.x=1"], "'setpoint' has no parts: expected one of params.NAME, actuators.NAME"),
+        (["evaluate", "--set", "setpoint.x=1"], "'setpoint' has no parts: expected one of robot.NAME, actuators.NAME"),
         (["evaluate", "--model", "rigid", "--set", "model=spatial"], "model is also given by a separate argument"),
-        (["compare", "--set", "body_mass=2"], "expected params.NAME=VALUE: did you mean 'params.body_mass'?"),
+        (["compare", "--set", "body_mass=2"], "expected robot.NAME=VALUE: did you mean 'robot.body_mass'?"),
         (["compare", "--sweep", "body_mas=2,3"], "unknown option 'body_mas': did you mean 'body_mass'?"),
         (["compare", "--sweep", "body_mass"], "--sweep body_mass: expected NAME=V1,V2,..."),
         (["compare", "--checkpoint", "a.json"], "--checkpoint is of a sweep: add --sweep NAME=V1,V2,..."),
@@ -127,8 +128,8 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (["evaluate", "--sweep", "body_mass=2", "-o", "a.txt"], "a.txt: the name ends in .csv for numbers"),
         (["evaluate", "--sweep", "body_mass=2", "--sweep", "body_mass=3"], "body_mass is swept twice"),
         (["compare", "S3-slwo"], "S22-6s: did you mean 'S3-slow'?"),
-        (["record", "--robot", "paper", "--set", "params.body_mass=-1"], "body_mass = -1 is out of range"),
-        (["plot", "--robot", "paper", "--set", "params.mass=2"], "unknown parameter 'mass': expected one of ball_mass"),
+        (["record", "--robot", "paper", "--set", "robot.body_mass=-1"], "body_mass = -1 is out of range"),
+        (["plot", "--robot", "paper", "--set", "robot.mass=2"], "unknown parameter 'mass': expected one of ball_mass"),
     ],
 )
 def test_an_error_exits_with_1_and_one_line(capsys, tmp_path, monkeypatch, arguments, message):
@@ -332,9 +333,9 @@ def test_a_parameter_of_the_command_line_equals_a_parameter_of_a_file(capsys, tm
     results = []
     for robot in (
         ("--robot", file),
-        ("--robot", "kugle", "--set", "params.body_mass=12", "--set", "params.body_com_offset=[0.01, -0.002]"),
-        ("--robot", file, "--set", "params.body_mass=12.0"),
-        ("--set", "params=kugle", "--set", "params.body_mass=12", "--set", "params.body_com_offset=[0.01, -0.002]"),
+        ("--robot", "kugle", "--set", "robot.body_mass=12", "--set", "robot.body_com_offset=[0.01, -0.002]"),
+        ("--robot", file, "--set", "robot.body_mass=12.0"),
+        ("--set", "robot=kugle", "--set", "robot.body_mass=12", "--set", "robot.body_com_offset=[0.01, -0.002]"),
         ("--robot", "kugle"),
     ):
         code, out, err = run(capsys, "evaluate", *robot, "--model", "spatial", "--episodes", 2, "--json")
@@ -388,7 +389,7 @@ def test_the_table_fits_100_columns(capsys, tiny_run):
 
 def test_the_table_ends_with_all_conditions_that_are_not_default(capsys):
     options = ["--events", "mild", "--set", "reset_tilt=0.02", "--set", "actuators.delay=0.01"]
-    code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--set", "params.body_mass=2", *options)
+    code, out, _ = run(capsys, "evaluate", "--episodes", 2, "--set", "robot.body_mass=2", *options)
     assert code == 0
     text = " ".join(out.split())
     robot = "robot paper with body_mass = 2"

@@ -28,7 +28,7 @@ def test_parts_of_options_override_the_options_of_a_policy(capsys, tmp_path, tin
     trained = ("--robot", "kugle", "--set", "actuators.lag=0.01")
     assert run(capsys, "train", "--config", tiny_config, *trained, *how)[0] == 0
     controllers = ("--controller", tmp_path / "run", "--controller", "lqr")
-    given = ("--set", "params.body_mass=15", "--set", "actuators.delay=0.004")
+    given = ("--set", "robot.body_mass=15", "--set", "actuators.delay=0.004")
     code, out, _ = run(capsys, "evaluate", *controllers, "--episodes", 1, *given)
     assert code == 0
     conditions = " ".join(out.split())
@@ -41,12 +41,12 @@ def test_parts_of_the_command_line_override_the_configuration(capsys, tmp_path, 
 
     text = tiny_config.read_text(encoding="utf-8")
     assert "[env]" in text
-    tiny_config.write_text(text.replace("[env]", '[env]\nparams = "kugle"\nreward = { tilt = 2.0 }'), encoding="utf-8")
+    tiny_config.write_text(text.replace("[env]", '[env]\nrobot = "kugle"\nreward = { tilt = 2.0 }'), encoding="utf-8")
     how = ("--run", tmp_path / "run", "--quiet", "--episodes", 0, "--no-report")
-    given = ("--set", "params.body_mass=15", "--set", "reward.position=2", "--set", "evaluation.episodes=1")
+    given = ("--set", "robot.body_mass=15", "--set", "reward.position=2", "--set", "evaluation.episodes=1")
     assert run(capsys, "train", "--config", tiny_config, *given, *how)[0] == 0
     kept, _ = config.load("balance", tmp_path / "run" / "config.toml")
-    assert Params(**kept.env["params"]) == Params.preset("kugle").replace(body_mass=15)
+    assert Params(**kept.env["robot"]) == Params.preset("kugle").replace(body_mass=15)
     assert kept.env["reward"] == {"tilt": 2.0, "position": 2}
     assert kept.evaluation.episodes == 1
 
@@ -65,7 +65,7 @@ def test_values_of_the_command_line_override_the_configuration(capsys, tmp_path,
     assert kept.algorithm_arguments["gamma"] == 0.9
     assert kept.total_timesteps == 256
     assert kept.policy == {"net_arch": [8]}
-    assert Params(**kept.env["params"]) == Params.preset("kugle")
+    assert Params(**kept.env["robot"]) == Params.preset("kugle")
     code, out, _ = run(capsys, "evaluate", "--controller", tmp_path / "run", "--episodes", 1, "--json")
     assert code == 0
     assert parse_json(out)["results"][0]["model"] == "planar"
@@ -82,11 +82,11 @@ def test_instruments_have_parts(capsys):
 @pytest.mark.parametrize(
     ("given", "message"),
     [
-        ("params.body_mass=nan", "body_mass = NaN is out of range"),
-        ("params.body_mass=-inf", "body_mass = -inf is out of range"),
+        ("robot.body_mass=nan", "body_mass = NaN is out of range"),
+        ("robot.body_mass=-inf", "body_mass = -inf is out of range"),
         ("control_dt=nan", "control_dt = NaN is out of range"),
         ("reward.position=inf", "reward.position = inf is out of range"),
-        ("params.body_mass=heavy", "body_mass must be an array of numbers, not str"),
+        ("robot.body_mass=heavy", "body_mass must be an array of numbers, not str"),
     ],
 )
 def test_values_that_are_not_finite_are_named(capsys, given, message):

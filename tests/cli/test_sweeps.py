@@ -15,7 +15,7 @@ SWEEP = ["--sweep", "body_mass=2,2.5", "--sweep", "actuators.delay=0,0.02"]
 
 def study():
     sweep = {"body_mass": [2, 2.5], "actuators.delay": [0, 0.02]}
-    return bb.compare(["lqr", "lqi"], episodes=3, env_options={"max_episode_steps": 30}, sweep=sweep)
+    return bb.compare(["lqr", "lqi"], episodes=3, max_episode_steps=30, sweep=sweep)
 
 
 def test_the_command_prints_the_study(capsys):

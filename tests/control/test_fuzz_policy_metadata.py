@@ -23,7 +23,7 @@ OPTION_VALUES = st.one_of(values, numbers, st.sampled_from(["paper", "kugle", "/
 
 #: Some options replaced, and sometimes an unknown option.
 edited_options = st.dictionaries(
-    st.sampled_from([*OPTIONS, "params", "num_threads", "more"]), OPTION_VALUES, min_size=1, max_size=3
+    st.sampled_from([*OPTIONS, "robot", "num_threads", "more"]), OPTION_VALUES, min_size=1, max_size=3
 )
 
 

@@ -15,5 +15,5 @@ def test_policy_of_0_1_0_still_balances() -> None:
     policy = bb.OnnxPolicy(str(OLD))
     assert policy.env_options["scale_observations"] is False
     assert policy.env_options["max_wheel_torque"] == 1.0
-    result = bb.evaluate(str(OLD), episodes=20, env_options={"model": "contact"})
+    result = bb.evaluate(str(OLD), episodes=20, model="contact")
     assert result.success_rate == 1.0, result

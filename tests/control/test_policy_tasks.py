@@ -24,7 +24,7 @@ def policy_of(tmp_path):
 def test_a_policy_file_names_its_task(policy_of, task):
     found = find(policy_of(task))
     assert found.task == bb.OnnxPolicy(policy_of(task)).task == task
-    (result,) = bb.compare([policy_of(task)], episodes=2, env_options={"max_episode_steps": 3})
+    (result,) = bb.compare([policy_of(task)], episodes=2, max_episode_steps=3)
     metrics = bb.Batch(1, task).metrics(0)
     assert set(result.metrics) == set(metrics)
 

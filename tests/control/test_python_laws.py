@@ -49,7 +49,7 @@ class Batched:
 @pytest.mark.parametrize("form", [WithSetpoint, WithPosition, Batched])
 def test_each_form_does_what_the_core_does(form):
     """The same LQR, so the same numbers; both run at the rate of the task."""
-    core, mine = bb.compare(["lqr", form], episodes=3, env_options=SHORT)
+    core, mine = bb.compare(["lqr", form], episodes=3, **SHORT)
     assert mine.controller == form.__name__.lower()
     assert mine.tilt_rms == pytest.approx(core.tilt_rms, rel=1e-5)
     assert mine.ball_rms == pytest.approx(core.ball_rms, rel=1e-5)
@@ -68,9 +68,9 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
         def __call__(self, state):  # noqa: ARG002
             return np.zeros(3)
 
-    result = bb.evaluate(Asking, episodes=2, env_options={"params": "kugle", "max_episode_steps": 5})
+    result = bb.evaluate(Asking, episodes=2, robot="kugle", max_episode_steps=5)
     assert result.control_dt == found["control_dt"] == 0.004
-    assert found["params"].ball_mass == bb.Params.preset("kugle").ball_mass
+    assert found["robot"].ball_mass == bb.Params.preset("kugle").ball_mass
 
 
 def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():
@@ -209,7 +209,7 @@ class Timeless:
 )
 def test_a_bad_law_is_named(law, error, message):
     with pytest.raises(error, match=message):
-        bb.evaluate(law, episodes=1, env_options=SHORT)
+        bb.evaluate(law, episodes=1, **SHORT)
 
 
 def test_a_batched_law_of_a_wrong_shape_is_named():
@@ -218,7 +218,7 @@ def test_a_batched_law_of_a_wrong_shape_is_named():
 
     flat.batched = True
     with pytest.raises(ValueError, match=r"flat gave torques of shape \(3,\): expected \(2, 3\), N·m"):
-        bb.evaluate(flat, episodes=2, env_options=SHORT)
+        bb.evaluate(flat, episodes=2, **SHORT)
 
 
 def test_a_file_may_have_a_dataclass_and_is_made_for_the_robot(tmp_path):
@@ -229,7 +229,7 @@ def test_a_file_may_have_a_dataclass_and_is_made_for_the_robot(tmp_path):
         "    def __call__(self, state, setpoint):\n        return self.law(state, **setpoint)\n",
         encoding="utf-8",
     )
-    core, mine = bb.compare(["lqr", f"{tmp_path}/numpy.py:Mine"], episodes=2, env_options=SHORT)
+    core, mine = bb.compare(["lqr", f"{tmp_path}/numpy.py:Mine"], episodes=2, **SHORT)
     assert mine.tilt_rms == pytest.approx(core.tilt_rms, rel=1e-5)
 
 

@@ -47,7 +47,7 @@ def test_a_saved_policy_is_evaluated_and_exported_as_itself(algorithm, tmp_path)
         lambda: VecMonitor(bb.BallbotVecEnv(2, **OPTIONS)),
         lambda: gymnasium.make(BALANCE, **OPTIONS),
         lambda: make_vec_env(BALANCE, n_envs=2, env_kwargs=OPTIONS),
-        lambda: bb.BalanceEnv(**OPTIONS, params=bb.Params.paper()),
+        lambda: bb.BalanceEnv(**OPTIONS, robot=bb.Params.paper()),
     ],
 )
 def test_the_options_match_the_environment(make, tmp_path):
@@ -90,7 +90,7 @@ def test_a_plain_file_is_accepted_once_its_task_is_named(algorithm, tmp_path, ca
     model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)).save(path)
     with pytest.raises(ValueError, match="does not name the environment it was trained on: name the task"):
         bb.evaluate(path)
-    named = bb.evaluate(path, task="balance", episodes=2, env_options=OPTIONS)
+    named = bb.evaluate(path, task="balance", episodes=2, **OPTIONS)
     saved = bb.evaluate(bb.save(model_of(algorithm, bb.BallbotVecEnv(1, **OPTIONS)), tmp_path / "s"), episodes=2)
     assert vars(named) == {**vars(saved), "controller": str(path)}
     option = ["--set", "max_wheel_torque=0.25", "--model", "spatial"]

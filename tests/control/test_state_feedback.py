@@ -29,7 +29,7 @@ def motions(params, count=40):
 def test_the_gain_of_lqr_gives_the_torques_of_lqr(robot):
     params = bb.Params.preset(robot).replace(max_wheel_torque=1e3)
     lqr = bb.Lqr(params, max_torque=1e3, **BARE)
-    law = bb.StateFeedback(lqr.gain, params=params)
+    law = bb.StateFeedback(lqr.gain, robot=params)
     for state, setpoint in motions(params):
         np.testing.assert_allclose(law(state, **setpoint), lqr(state, **setpoint), rtol=1e-10, atol=1e-12)
         np.testing.assert_allclose(law(state), lqr(state), rtol=1e-10, atol=1e-12)
@@ -67,9 +67,7 @@ def test_it_is_a_law_of_the_robot_that_it_controls(tmp_path):
     named = bb.simulate(f"{tmp_path / 'mine.py'}:law", robot=params, tilt=(0.03, 0.0))
     np.testing.assert_array_equal(named.torques, done.torques)
     assert named.controller.endswith("mine.py:law")
-    found = bb.evaluate(
-        bb.StateFeedback(bb.Lqr().gain), task="velocity", episodes=3, env_options={"max_episode_steps": 500}
-    )
+    found = bb.evaluate(bb.StateFeedback(bb.Lqr().gain), task="velocity", episodes=3, max_episode_steps=500)
     assert (found.survival_rate, found.control_dt) == (1.0, 0.01)
     assert find(bb.StateFeedback(gain, control_dt=0.002)).control_dt == 0.002
 
@@ -84,7 +82,7 @@ def test_it_is_a_law_of_the_robot_that_it_controls(tmp_path):
         (np.ones((3, 2)), {"states": ["x", "x (m)"]}, r"the state 'x \(m\)' has two columns"),
         (np.ones((3, 1)), {"states": "x"}, "states = 'x': expected a list of names"),
         (np.ones((3, 10)), {"control_dt": 0.0}, "control_dt = 0.0 is out of range: it must be above 0"),
-        (np.ones((3, 10)), {"params": "kugel"}, "kugel"),
+        (np.ones((3, 10)), {"robot": "kugel"}, "kugel"),
         (np.ones((3, 10)), {"states": 10}, "states = 10: expected a list of names"),
         (np.broadcast_to(0.0, 10**12), {}, r"gain has shape \(1000000000000,\), expected \(3, 10\)"),
     ],

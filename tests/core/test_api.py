@@ -99,7 +99,7 @@ class TestParams:
         assert Params.from_toml(path) == heavy
         assert Ballbot(path).params == heavy
         np.testing.assert_array_equal(Lqr(path, 0.005).gain, Lqr(heavy, 0.005).gain)
-        assert BalanceEnv(params=path).params == heavy
+        assert BalanceEnv(robot=path).params == heavy
 
     def test_a_path_object_needs_no_suffix(self, paper, tmp_path):
         path = tmp_path / "robot"
@@ -124,7 +124,7 @@ class TestParams:
 
     def test_a_toml_file_that_is_missing(self):
         with pytest.raises(FileNotFoundError, match=r"^\[Errno 2\] No such file or directory: 'no_robot\.toml'$"):
-            BalanceEnv(params="no_robot.toml")
+            BalanceEnv(robot="no_robot.toml")
         with pytest.raises(TypeError, match="TOML text or a path, not int"):
             Params.from_toml(3)
 

@@ -110,7 +110,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
     "Batch": [_seeing, _own_batch],
     "Robots": [_robots],
     "Trajectory": [_trajectory],
-    "Dataset": [lambda: bb.record_dataset("lqr", episodes=1, env_options={"max_episode_steps": 3})],
+    "Dataset": [lambda: bb.record_dataset("lqr", episodes=1, max_episode_steps=3)],
     "Rollout": [lambda: bb.rollout("lqr", 2, seconds=0.1)],
     "Outcome": [_outcome],
     "OptimizedTrajectory": [lambda: dataclasses.replace(_motion_once())],

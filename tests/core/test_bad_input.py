@@ -213,7 +213,7 @@ CASES = {
     "evaluate name": (lambda: evaluate("lpr"), FileNotFoundError, "no policy at lpr: .*did you mean 'lqr'"),
     "evaluate object": (lambda: evaluate(3), TypeError, "3 is not a controller"),
     "evaluate option": (
-        lambda: evaluate("zero", episodes=1, env_options={"x": 1}),
+        lambda: evaluate("zero", episodes=1, x=1),
         TypeError,
         "unexpected keyword argument 'x'",
     ),
@@ -245,7 +245,7 @@ def test_closed_form_models_reject_numbers_that_are_not_finite(call):
 
 def test_a_robot_too_fast_for_its_wheels_is_rejected(paper):
     with pytest.raises(ValueError, match="first wheel or ball rate"):
-        BalanceVectorEnv(20, params=paper.replace(wheel_radius=1e-6)).reset(seed=0)
+        BalanceVectorEnv(20, robot=paper.replace(wheel_radius=1e-6)).reset(seed=0)
 
 
 PARAMETERS = [

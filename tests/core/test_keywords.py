@@ -43,7 +43,7 @@ def numbers(option: Mapping[str, Any]) -> list[Any]:
 
 #: Options that are not numbers, or act together with others.
 OPTIONS: dict[str, list[Any]] = {
-    "params": ["kugle"],
+    "robot": ["kugle"],
     "model": ["rigid"],
     "sim_dt": [0.001],
     "control_dt": [0.02],
@@ -117,7 +117,7 @@ def episodes(task: str, **options: Any) -> list[Any]:
 @pytest.mark.parametrize("task", TASKS)
 def test_options_of_environments(task):
     described = {option["name"]: option for option in TASKS[task]["options"]}
-    names = ["params", "model", *bb.Batch(1, task, num_threads=1).options]
+    names = ["robot", "model", *bb.Batch(1, task, num_threads=1).options]
     found = []
     call, base = functools.partial(episodes, task), {}
     for name in names:
@@ -359,6 +359,17 @@ TILTED = bb.Scenario("tilted", "", seconds=0.5, tilt=4.0, score="rms_tilt")
 SHORTER = bb.Scenario("tilted", "", seconds=0.4, tilt=4.0, score="rms_tilt")
 #: Limits of the motion, of every law.
 BARRIER = {"speed_limit": 0.05, "boundary": (-0.1, 0.1, -0.1, 0.1)}
+#: Options of the environment, which mean the same wherever a robot is simulated.
+SETUP: dict[str, Any] = {
+    "robot": "kugle",
+    "model": "rigid",
+    "actuators": {"delay": 0.01},
+    "sensors": With({"gyro_noise": 0.1}, observation="sensors"),
+    "observation": With("sensors", sensors={"gyro_noise": 0.1}),
+    "terrain": SLOPE,
+    "events": [{"term": "push", "at": 0.05, "range": [0.2, 0.3]}],
+    "control_dt": 0.02,
+}
 #: Keywords with another value than the default by callable: how it is called, its other arguments, and the keywords.
 #: None is a keyword whose effect is elsewhere.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
@@ -460,8 +471,6 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {"controller": "lqr", "seconds": 0.3},
         {
             "controller": "lqi",
-            "robot": "kugle",
-            "model": "rigid",
             "reference": bb.Reference.line((0.1, 0.0), 2.0),
             "pushes": [bb.Push((0.1, 0.0, 0.0), 0.1)],
             "forces": [bb.Force((0.1, 0.0, 0.0))],
@@ -470,24 +479,20 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             "position": (0.1, 0.0),
             "tilt": (0.05, 0.0),
             "yaw": 0.2,
-            "actuators": {"delay": 0.01},
-            "sensors": With({"gyro_noise": 0.1}, observation="sensors"),
-            "observation": With("sensors", sensors={"gyro_noise": 0.1}),
-            "events": [{"term": "push", "at": 0.1, "range": [0.2, 0.3]}],
             "task": "velocity",
-            "env_options": {"control_dt": 0.02},
+            **SETUP,
             "seed": With(1, events=[{"term": "push", "at": 0.1, "range": [0.2, 0.3]}]),
         },
     ),
     "record_dataset": (
         functools.partial(_progress, bb.record_dataset),
-        {"controller": "lqr", "episodes": 2, "env_options": {"max_episode_steps": 10}},
+        {"controller": "lqr", "episodes": 2, "max_episode_steps": 10},
         {
             "controller": "lqi",
             "episodes": 3,
             "noise": 0.1,
             "task": "velocity",
-            "env_options": {"max_episode_steps": 5},
+            **SETUP,
             "seed": 1,
             "num_threads": Same(2),
             "progress": "messages",
@@ -499,49 +504,29 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {
             "controller": "lqi",
             "num_robots": 3,
-            "robot": "kugle",
             "robots": {"body_mass": [2.0, 2.5]},
-            "model": "rigid",
             "seconds": 0.2,
             "tilt": (0.05, 0.0),
             "record": ("torques",),
             "every": 2,
             "dtype": "float64",
-            "actuators": {"delay": 0.01},
-            "sensors": With({"gyro_noise": 0.1}, observation="sensors"),
-            "observation": With("sensors", sensors={"gyro_noise": 0.1}),
-            "events": [{"term": "push", "at": 0.05, "range": [0.2, 0.3]}],
             "task": "velocity",
-            "env_options": {"control_dt": 0.02},
+            **SETUP,
             "seed": 1,
             "num_threads": Same(2),
             "progress": "messages",
         },
     ),
-    "run": (
-        bb.run,
-        {"controller": "lqr", "seconds": 0.3},
-        {
-            "controller": "lqi",
-            "seconds": 0.2,
-            "tilt": (0.0, 0.05),
-            "yaw": 0.3,
-            "push": bb.Push((0.1, 0.0, 0.0), 0.1),
-            "task": "velocity",
-            "env_options": {"control_dt": 0.02},
-            "seed": With(1, env_options={"events": [{"term": "push", "at": 0.1, "range": [0.2, 0.3]}]}),
-        },
-    ),
     "compare": (
         functools.partial(_progress, bb.compare),
-        {"controllers": ["lqr"], "episodes": 2, "env_options": {"max_episode_steps": 20}},
+        {"controllers": ["lqr"], "episodes": 2, "max_episode_steps": 20},
         {
             "controllers": ["lqi"],
             "task": "velocity",
             "episodes": 3,
             "seed": 1,
             "num_threads": Same(2),
-            "env_options": {"max_episode_steps": 10},
+            **SETUP,
             "engine": None,
             "sweep": {"body_mass": [2.0, 2.5]},
             "checkpoint": None,
@@ -568,10 +553,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         functools.partial(_progress, bb.record_log),
         {"seconds": 0.3},
         {
-            "params": "kugle",
+            "robot": "kugle",
             "seconds": 0.2,
             "actuators": {"delay": 0.01},
-            "controller_params": bb.Params.paper().replace(body_mass=2.4),
+            "controller_robot": bb.Params.paper().replace(body_mass=2.4),
             "model": "rigid",
             "sim_dt": 0.001,
             "control_dt": 0.02,
@@ -586,7 +571,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "make_controller": (
         bb.make_controller,
         {"name": "lqr"},
-        {"name": "lqi", "params": "kugle", "control_dt": 0.02},
+        {"name": "lqi", "robot": "kugle", "control_dt": 0.02},
     ),
     "virtual_to_wheel_torques": (
         bb.virtual_to_wheel_torques,
@@ -708,8 +693,8 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     ),
     "write_urdf": (
         functools.partial(_written, bb.write_urdf),
-        {"params": "paper", "path": "a.urdf"},
-        {"params": "kugle", "path": None, "part": "bot"},
+        {"robot": "paper", "path": "a.urdf"},
+        {"robot": "kugle", "path": None, "part": "bot"},
     ),
     "register": (lambda **_: None, {}, {"env_id": None, "task": None}),
     "identify": (
@@ -717,7 +702,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {"log": 0, "fields": ["body_mass"], "sim_dt": 0.005},
         {
             "log": 1,
-            "params": PAPER.replace(body_com_height=0.36),
+            "robot": PAPER.replace(body_com_height=0.36),
             "fields": ["body_com_height"],
             "actuators": {"delay": 0.002},
             "model": "spatial",
@@ -735,7 +720,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {"log": 0},
         {
             "log": 1,
-            "params": PAPER.replace(body_com_height=0.36),
+            "robot": PAPER.replace(body_com_height=0.36),
             "actuators": {"delay": 0.002},
             "model": "spatial",
             "sim_dt": 0.01,
@@ -782,10 +767,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     ),
     "tune": (
         functools.partial(_progress, bb.tune),
-        {"controller": "lqr", "scenario": TILTED, "budget": 3},
+        {"controller": "lqr", "scenarios": TILTED, "budget": 3},
         {
             "controller": "lqi",
-            "scenario": SHORTER,
+            "scenarios": SHORTER,
             "budget": 4,
             "options": ["position"],
             "baseline": "lqi",

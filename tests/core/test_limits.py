@@ -265,4 +265,4 @@ def test_make_vec_rejects_too_many_environments():
 
 def test_a_push_of_another_type_is_rejected():
     with pytest.raises(TypeError, match="push must be a Push, not list"):
-        bb.run("lqr", push=[0.1, 0, 0])
+        bb.simulate("lqr", pushes=[0.1, 0, 0], tilt=(0.05, 0.0))

@@ -148,7 +148,7 @@ def test_on_a_slope_a_regulator_drifts_down_and_an_observer_removes_the_drift():
     ends = {}
     for name, options in {"lqr": {}, "observer": {"lean_observer": 2.0}}.items():
         law = bb.make_controller("lqr", control_dt=0.01, **options)
-        path = bb.simulate(law, seconds=8.0, env_options={"terrain": bb.Terrain.plane(0.05)})
+        path = bb.simulate(law, seconds=8.0, terrain=bb.Terrain.plane(0.05))
         assert path.terrain == bb.Terrain.plane(0.05)
         ends[name] = np.linalg.norm(path.states[-1].ball_position[:2])
     assert ends["observer"] < 0.02 < 0.1 < ends["lqr"]

@@ -17,7 +17,7 @@ PAGE = (ROOT / "docs" / "deployment.md").read_text(encoding="utf-8")
 
 def test_the_command_writes_the_requested_controller(tmp_path, capsys):
     target = tmp_path / "gains.h"
-    robot = ["--robot", "kugle", "--set", "params.body_com_offset=[0.01,0]"]
+    robot = ["--robot", "kugle", "--set", "robot.body_com_offset=[0.01,0]"]
     rate = ["--set", "control_dt=0.005", "--set", "max_wheel_torque=1.5"]
     options = ["--controller-option", "max_lean=0.1", "--controller-option", "traction=0.8"]
     assert main(["export", "--controller", "lqi", *robot, *rate, *options, "-o", str(target)]) == 0

@@ -68,7 +68,7 @@ def test_an_exported_law_moves_robots_as_the_law_of_the_core(name, library):
     options = {"robot": "kugle", "tilt": (0.05, 0.02), "yaw": 0.4, "reference": {"position": (0.2, 0.1), "yaw": 0.3}}
     found, expected = bb.simulate(law, **options), bb.simulate(name, **options)
     np.testing.assert_allclose(found.to_array(), expected.to_array(), atol=1e-9)
-    results = bb.compare([law, name], episodes=5, env_options={"params": "kugle", "max_episode_steps": 200})
+    results = bb.compare([law, name], episodes=5, robot="kugle", max_episode_steps=200)
     assert results[0].tilt_rms == pytest.approx(results[1].tilt_rms, rel=1e-9)
     # Each robot has its own memory, and each episode begins without.
     again = bb.simulate(copy.deepcopy(law), **options)

@@ -156,12 +156,11 @@ def test_a_scaled_policy_in_c_is_for_the_robot_that_is_named(tmp_path):
     for robot in ("kugle", "rezero"):
         folder = tmp_path / robot
         folder.mkdir()
-        text = policy_header(several, params=robot)
+        text = policy_header(several, robot=robot)
         assert f"Scaled to the robot '{robot}'." in text
         in_c = CPolicy(folder, text)
         scaled, plain = (
-            bb.BalanceEnv(params=robot, scale_by_robot=True, scale_observations=is_scaled)
-            for is_scaled in (True, False)
+            bb.BalanceEnv(robot=robot, scale_by_robot=True, scale_observations=is_scaled) for is_scaled in (True, False)
         )
         seen, rows, over = scaled.reset(seed=3)[0], plain.reset(seed=3)[0], False
         in_c.reset()
@@ -171,7 +170,7 @@ def test_a_scaled_policy_in_c_is_for_the_robot_that_is_named(tmp_path):
             np.testing.assert_allclose(in_c.step(rows), torques, rtol=1e-5, atol=TOLERANCE * scaled.max_wheel_torque)
             seen, rows, over = scaled.step(action)[0], *plain.step(action)[:3:2]
     with pytest.raises(ValueError, match="drives the robot that it was trained on"):
-        policy_header(SHIPPED, params="kugle")
+        policy_header(SHIPPED, robot="kugle")
 
 
 def test_rows_are_saturated_and_nan_is_zero_as_in_the_environment(tmp_path):

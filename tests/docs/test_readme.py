@@ -76,7 +76,7 @@ def test_the_controller_block_runs_on_the_command_line(clone: Path) -> None:
 @pytest.mark.slow("a training")
 def test_training_block_learns_to_balance(clone: Path) -> None:
     run(TRAINING)
-    result = bb.evaluate(str(clone / "balance.zip"), episodes=100, env_options={"model": "contact"})
+    result = bb.evaluate(str(clone / "balance.zip"), episodes=100, model="contact")
     assert result.success_rate >= 0.95, result
 
 

@@ -32,9 +32,7 @@ def test_a_diverged_state_has_a_plane_too():
 def test_a_regulator_behaves_alike_in_both_engines_on_hills():
     ground = {"kind": "noise", "slope": 0.08, "wavelength": 0.8, "seed": 2}
     options = {"max_episode_steps": 200, "terrain": ground}
-    here, there = (
-        bb.compare(["lqr"], episodes=2, seed=7, env_options=options, engine=engine)[0] for engine in (None, "mujoco")
-    )
+    here, there = (bb.compare(["lqr"], episodes=2, seed=7, **options, engine=engine)[0] for engine in (None, "mujoco"))
     assert there.survival_rate == here.survival_rate == 1.0
     assert there.tilt_rms == pytest.approx(here.tilt_rms, rel=0.02)
     assert there.mean_reward == pytest.approx(here.mean_reward, rel=0.02)

@@ -18,8 +18,7 @@ def test_a_regulator_behaves_alike_in_both_engines(task):
     if task == "push":
         options["push"] = (0.0, 0.2)
     here, there = (
-        bb.compare(["lqr"], task=task, episodes=3, seed=7, env_options=options, engine=engine)[0]
-        for engine in (None, "mujoco")
+        bb.compare(["lqr"], task=task, episodes=3, seed=7, **options, engine=engine)[0] for engine in (None, "mujoco")
     )
     assert there.model == "mujoco"
     assert there.survival_rate == here.survival_rate == 1.0
@@ -54,7 +53,7 @@ def test_parameters_that_are_set_change_the_motion():
     start = bb.State.at_rest(params, (0.05, 0.0))
     tilts = []
     for first in (params, lower):
-        batch = EngineBatch(new_batch(1, autoreset="disabled", options={"params": first}), "mujoco")
+        batch = EngineBatch(new_batch(1, autoreset="disabled", options={"robot": first}), "mujoco")
         for robot in (first, lower):
             batch.set_params(0, robot)
             batch.reset(starts=[start])
@@ -113,7 +112,7 @@ def test_a_task_in_python_runs_in_the_engine():
     bb.register("tests/Upright-v0", Upright)
     options = {"max_episode_steps": 50}
     here, there = (
-        bb.compare(["zero"], task="tests/Upright-v0", episodes=3, env_options=options, engine=engine)[0]
+        bb.compare(["zero"], task="tests/Upright-v0", episodes=3, **options, engine=engine)[0]
         for engine in (None, "mujoco")
     )
     assert there.mean_reward == pytest.approx(here.mean_reward, rel=1e-2)
@@ -123,7 +122,7 @@ def test_a_task_in_python_runs_in_the_engine():
     ("options", "message"),
     [
         ({"actuators": {"delay": 0.01}}, "ideal motors"),
-        ({"params": "kugle"}, "ball_viscous_friction = 0.001"),
+        ({"robot": "kugle"}, "ball_viscous_friction = 0.001"),
         ({"events": "mild"}, "ball_viscous_friction, which an event changes"),
         (
             {
@@ -145,7 +144,7 @@ def test_a_task_in_python_runs_in_the_engine():
 )
 def test_features_that_the_engine_does_not_simulate_are_rejected(options, message):
     with pytest.raises(ValueError, match=message):
-        bb.compare(["lqr"], episodes=1, env_options=options, engine="mujoco")
+        bb.compare(["lqr"], episodes=1, **options, engine="mujoco")
 
 
 def test_an_unknown_engine_is_rejected():

@@ -111,7 +111,7 @@ def test_a_robots_file_has_parameters_and_motors(tmp_path, capsys):
     path = tmp_path / "robot.toml"
     path.write_text(bb.Params.preset("kugle").to_toml() + "\n[actuators]\ndelay = 0.01\n")
     assert bb.Params.from_toml(path) == bb.Params.preset("kugle")
-    env = bb.BalanceEnv(params=path, actuators=path)
+    env = bb.BalanceEnv(robot=path, actuators=path)
     assert env.task_options["actuators"]["delay"] == 0.01
     command = ["evaluate", "--episodes", "2", "--quiet", "--robot", str(path), "--actuators", str(path)]
     assert main(command) == 0
@@ -192,8 +192,7 @@ def test_a_policy_keeps_its_motors(tmp_path, capsys):
     assert main(["export", str(path), "-o", str(tmp_path / "p.onnx")]) == 0
     assert find(tmp_path / "p.onnx").env_options["actuators"] == EVERYTHING
     given, own, ideal = (
-        bb.evaluate(path, episodes=3, env_options=options)
-        for options in ({"actuators": EVERYTHING}, {}, {"actuators": None})
+        bb.evaluate(path, episodes=3, **options) for options in ({"actuators": EVERYTHING}, {}, {"actuators": None})
     )
     assert own == given
     assert own.tilt_rms != ideal.tilt_rms

@@ -37,28 +37,28 @@ def test_a_family_may_have_other_ranges():
     assert all(0.4 <= robot.wheel_static_friction <= 0.5 for robot in robots)
     assert all(robot.wheel_viscous_friction == 0.0 for robot in robots)
     assert [robot.body_mass for robot in robots] == [robot.body_mass for robot in usual]
-    batch = new_batch(16, options={"params": {"family": 2, "seed": 3, "ranges": ranges}})
+    batch = new_batch(16, options={"robot": {"family": 2, "seed": 3, "ranges": ranges}})
     assert [batch.nominal_params(i) for i in (0, 8)] == robots[:2]
 
 
 @pytest.mark.parametrize("robots", [["paper", "kugle"], range(10**12), {"family": 2}])
 def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
     """The others would not be simulated."""
-    with pytest.raises(ValueError, match=r"params has 1?[02]+ robots, but num_envs = 1 has room for 1"):
+    with pytest.raises(ValueError, match=r"robot has 1?[02]+ robots, but num_envs = 1 has room for 1"):
         bb.simulate("lqr", robot=robots, seconds=0.1)
-    with pytest.raises(ValueError, match=r"params has 1?[02]+ robots, but num_envs = 8 has room for 1"):
+    with pytest.raises(ValueError, match=r"robot has 1?[02]+ robots, but num_envs = 8 has room for 1"):
         bb.rollout("lqr", 8, robot=robots, seconds=0.1)
 
 
 @pytest.mark.parametrize(
-    ("params", "error", "text"),
+    ("robot", "error", "text"),
     [
-        ({"family": 0}, ValueError, "params.family = 0"),
-        ({"family": 2**21}, ValueError, "params.family = 2097152 is out of range"),
-        ({"family": 3}, ValueError, "params has 3 robots, but num_envs = 16 has room for 2"),
+        ({"family": 0}, ValueError, "robot.family = 0"),
+        ({"family": 2**21}, ValueError, "robot.family = 2097152 is out of range"),
+        ({"family": 3}, ValueError, "robot has 3 robots, but num_envs = 16 has room for 2"),
         ({"family": 2, "seed": -1}, ValueError, "seed"),
         ({"family": 2, "sed": 1}, TypeError, "sed"),
-        ({"family": 2, "ranges": 1}, TypeError, "params.ranges = 1 is not a table"),
+        ({"family": 2, "ranges": 1}, TypeError, "robot.ranges = 1 is not a table"),
         ({"family": 2, "ranges": {"frction": [1, 2]}}, TypeError, "'frction': did you mean 'friction'"),
         ({"family": 2, "ranges": {"friction": 1}}, ValueError, r"'friction'\] = 1: expected a least and a most"),
         ({"family": 2, "ranges": {"friction": ["a", 1]}}, TypeError, "friction'] = 'a' is not a number"),
@@ -71,30 +71,30 @@ def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
         (["paper", 3], TypeError, "int"),
     ],
 )
-def test_invalid_robots_are_named(params, error, text):
+def test_invalid_robots_are_named(robot, error, text):
     with pytest.raises(error, match=text):
-        bb.BallbotVecEnv(16, params=params)
+        bb.BallbotVecEnv(16, robot=robot)
 
 
 def test_a_batch_has_room_for_its_robots():
-    with pytest.raises(ValueError, match="params has 2 robots, but num_envs = 8 has room for 1.*at least 9"):
+    with pytest.raises(ValueError, match=r"params has 2 robots, but num_envs = 8 has room for 1.*at least 9"):
         bb.Batch(8, params=["paper", "kugle"])
     assert bb.Batch(9, params=["paper", "kugle"]).nominal_params(8) == bb.Params.preset("kugle")
 
 
 def test_eight_neighbors_have_the_same_robot():
-    batch = new_batch(30, options={"params": ["paper", bb.Params.preset("kugle").to_dict(), "rezero"]})
+    batch = new_batch(30, options={"robot": ["paper", bb.Params.preset("kugle").to_dict(), "rezero"]})
     robots = [bb.Params.preset(name) for name in ("paper", "kugle", "rezero")]
     assert [batch.nominal_params(i) for i in range(30)] == [robots[i // 8 % 3] for i in range(30)]
-    own = [new_batch(1, options={"params": robot}).max_wheel_torque for robot in robots]
+    own = [new_batch(1, options={"robot": robot}).max_wheel_torque for robot in robots]
     np.testing.assert_array_equal(batch.action_torques, [own[i // 8 % 3] for i in range(30)])
     assert batch.max_wheel_torque == own[0]
 
 
 def test_options_of_a_family_name_no_number_that_follows_from_a_robot():
-    options = {"params": FAMILY, "scale_by_robot": True}
+    options = {"robot": FAMILY, "scale_by_robot": True}
     found = resolved_options(new_batch(16, task="velocity", options=options), options)
-    assert found["params"] == FAMILY
+    assert found["robot"] == FAMILY
     assert found["max_wheel_torque"] is None
     assert "command_seconds" not in found
     assert "speed" not in found
@@ -103,20 +103,20 @@ def test_options_of_a_family_name_no_number_that_follows_from_a_robot():
     given = {**options, "speed": 0.2, "max_wheel_torque": 0.1}
     found = resolved_options(new_batch(16, task="velocity", options=given), given)
     assert (found["speed"], found["max_wheel_torque"]) == (0.2, 0.1)
-    several = {"params": ["paper", "kugle"]}
+    several = {"robot": ["paper", "kugle"]}
     assert resolved_options(new_batch(16, options=several), several)["max_wheel_torque"] is None
 
 
 def test_each_robot_has_its_own_torque_in_every_front_end():
     params = ["paper", "kugle"]
-    each = [new_batch(1, options={"params": robot}).max_wheel_torque for robot in params]
+    each = [new_batch(1, options={"robot": robot}).max_wheel_torque for robot in params]
     expected = [each[i // 8] for i in range(16)]
-    assert bb.BallbotVecEnv(16, params=params).get_attr("max_wheel_torque") == expected
-    assert list(bb.BalanceVectorEnv(16, params=params).get_attr("max_wheel_torque")) == expected
+    assert bb.BallbotVecEnv(16, robot=params).get_attr("max_wheel_torque") == expected
+    assert list(bb.BalanceVectorEnv(16, robot=params).get_attr("max_wheel_torque")) == expected
 
 
 def test_a_snapshot_of_another_robot_is_rejected():
-    batch = new_batch(16, options={"params": ["paper", "rezero"], "scale_by_robot": True, "max_wheel_torque": 0.2})
+    batch = new_batch(16, options={"robot": ["paper", "rezero"], "scale_by_robot": True, "max_wheel_torque": 0.2})
     batch.reset()
     batch.restore(1, batch.snapshot(0))
     with pytest.raises(ValueError, match="snapshot"):
@@ -124,13 +124,13 @@ def test_a_snapshot_of_another_robot_is_rejected():
 
 
 def test_laws_are_designed_for_each_robot():
-    options = {"params": {"family": 4, "seed": 11}}
-    result = bb.evaluate("lqr", episodes=32, env_options=options)
+    options = {"robot": {"family": 4, "seed": 11}}
+    result = bb.evaluate("lqr", episodes=32, **options)
     assert result.success_rate == 1.0
-    each = [bb.evaluate("lqr", episodes=8, env_options={"params": robot}) for robot in sample_robots(4, 11)]
+    each = [bb.evaluate("lqr", episodes=8, robot=robot) for robot in sample_robots(4, 11)]
     assert result.torque_rms > 0.8 * np.sqrt(np.mean([np.square(one.torque_rms) for one in each]))
     with pytest.raises(ValueError, match="law in Python: it runs on one robot"):
-        bb.evaluate(lambda state: 0.0 * state.wheel_speeds, episodes=16, env_options=options)
+        bb.evaluate(lambda state: 0.0 * state.wheel_speeds, episodes=16, **options)
     # The law of the first robot falls on others.
     batch = new_batch(32, options=options, seed=1000)
     batch.reset()
@@ -141,7 +141,7 @@ def test_laws_are_designed_for_each_robot():
 
 def test_other_engines_drive_each_robot_with_its_own_torque():
     pytest.importorskip("mujoco")
-    options = {"params": ["paper", "rezero"], "scale_by_robot": True}
+    options = {"robot": ["paper", "rezero"], "scale_by_robot": True}
     batch = EngineBatch(new_batch(16, options=options), "mujoco")
     batch.reset()
     law = bb.Controller("lqr", bb.Params.paper(), batch.control_dt)
@@ -151,17 +151,17 @@ def test_other_engines_drive_each_robot_with_its_own_torque():
 
 
 def test_the_command_line_takes_families(capsys):
-    arguments = ["evaluate", "--controller", "lqr", "--episodes", "16", "--set", "params.family=2", "--json"]
-    assert main([*arguments, "--set", "params.seed=5"]) == 0
+    arguments = ["evaluate", "--controller", "lqr", "--episodes", "16", "--set", "robot.family=2", "--json"]
+    assert main([*arguments, "--set", "robot.seed=5"]) == 0
     assert '"success_rate": 1.0' in capsys.readouterr().out
-    assert main(["evaluate", "--controller", "lqr", "--set", "params.family=0"]) == 1
-    assert "params.family = 0" in capsys.readouterr().err
+    assert main(["evaluate", "--controller", "lqr", "--set", "robot.family=0"]) == 1
+    assert "robot.family = 0" in capsys.readouterr().err
     assert main([*arguments[:-1], "--robot", "kugle"]) == 1
     assert "a robot is also given" in capsys.readouterr().err
 
 
 def test_scaled_observations_have_gains_of_the_robot():
-    plain, scaled = (new_batch(1, options={"params": "kugle", "scale_by_robot": on}) for on in (False, True))
+    plain, scaled = (new_batch(1, options={"robot": "kugle", "scale_by_robot": on}) for on in (False, True))
     robot = bb.Params.preset("kugle")
     factors = plain.observation_gains / scaled.observation_gains
     np.testing.assert_allclose(factors[:3], 1.0)

@@ -163,7 +163,7 @@ def test_a_frame_shows_the_present_parameters() -> None:
     env.set_params("kugle")
     start = bb.State.at_rest(env.params, tilt=(0.05, 0.0))
     env.reset(options={"state": start})
-    other = bb.BalanceEnv(params="kugle", render_mode="rgb_array", width=64, height=48)
+    other = bb.BalanceEnv(robot="kugle", render_mode="rgb_array", width=64, height=48)
     other.reset(options={"state": start})
     np.testing.assert_array_equal(env.render(), other.render())
 

@@ -344,7 +344,7 @@ def test_actions_of_any_memory_layout_are_equivalent(convert):
 
 
 def test_other_parameters_make_another_robot():
-    heavy = BalanceEnv(params=Params.paper().replace(body_mass=4.0))
+    heavy = BalanceEnv(robot=Params.paper().replace(body_mass=4.0))
     light = BalanceEnv()
     assert heavy.params.body_mass == 4.0
     heavy.reset(seed=0)

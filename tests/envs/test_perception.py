@@ -127,7 +127,7 @@ def test_policies_keep_their_instruments(tmp_path):
     session = Session(controller=find(str(file)), task="velocity")
     session.advance(0.1)
     assert session.robots.observations.shape == (1, env.observation_space.shape[0])
-    assert bb.evaluate(file, episodes=2, env_options={"max_episode_steps": 20}).episodes == 2
+    assert bb.evaluate(file, episodes=2, max_episode_steps=20).episodes == 2
 
 
 def test_copies_and_pickles_continue_with_the_same_readings():

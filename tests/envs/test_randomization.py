@@ -103,7 +103,7 @@ def test_records_have_the_draws():
 
 
 def test_trajectories_have_the_draws():
-    trajectory = bb.run("lqr", seconds=0.2, env_options={"events": EVENTS})
+    trajectory = bb.simulate("lqr", seconds=0.2, events=EVENTS, tilt=(0.05, 0.0))
     rows = len(trajectory.times)
     assert {term: values.shape for term, values in trajectory.draws.items()} == {
         "body_mass": (rows,),
@@ -119,15 +119,15 @@ def test_trajectories_have_the_draws():
     # From its first event on, the value of the params at the end.
     assert np.isnan(friction[0])
     assert friction[-1] == trajectory.params.floor_dynamic_friction
-    assert bb.run("lqr", seconds=0.1).draws == {}
-    fallen = bb.run("lqr", seconds=2.0, tilt=(1.0, 0.0), env_options={"events": EVENTS})
+    assert bb.simulate("lqr", seconds=0.1, tilt=(0.05, 0.0)).draws == {}
+    fallen = bb.simulate("lqr", seconds=2.0, tilt=(1.0, 0.0), events=EVENTS)
     assert fallen.fell_at is not None
     assert len(fallen.draws["body_mass"]) == len(fallen.times)
 
 
 def test_a_controller_runs_on_motors_weaker_than_nominal():
     weak = {"term": "max_wheel_torque", "op": "scale", "range": [0.02, 0.5]}
-    result = bb.evaluate("lqr", episodes=4, env_options={"events": weak, "max_episode_steps": 50})
+    result = bb.evaluate("lqr", episodes=4, events=weak, max_episode_steps=50)
     assert result.episodes == 4
 
 
@@ -229,16 +229,16 @@ def test_invalid_events_are_rejected_with_their_term(events, error, message):
 
 def test_controllers_and_evaluations_have_nominal_robots_by_default():
     nominal = bb.evaluate("lqr", episodes=10)
-    randomized = bb.evaluate("lqr", episodes=10, env_options={"events": "hard"})
+    randomized = bb.evaluate("lqr", episodes=10, events="hard")
     assert randomized != nominal
-    assert randomized == bb.evaluate("lqr", episodes=10, env_options={"events": "hard"}, num_threads=1)
+    assert randomized == bb.evaluate("lqr", episodes=10, events="hard", num_threads=1)
     # The same law, made for the nominal robot by hand.
-    by_hand = bb.evaluate(bb.Lqr(), episodes=10, env_options={"events": "hard"})
+    by_hand = bb.evaluate(bb.Lqr(), episodes=10, events="hard")
     assert by_hand.tilt_rms == pytest.approx(randomized.tilt_rms, rel=1e-6)
 
 
 def test_a_trajectory_is_of_a_sampled_robot():
-    trajectories = [bb.run("lqr", seconds=0.5, env_options={"events": "hard"}) for _ in range(2)]
+    trajectories = [bb.simulate("lqr", seconds=0.5, events="hard", tilt=(0.05, 0.0)) for _ in range(2)]
     assert trajectories[0].params != bb.Params.paper()
     assert trajectories[0].params == trajectories[1].params
     np.testing.assert_array_equal(trajectories[0].torques, trajectories[1].torques)
@@ -288,8 +288,8 @@ def test_a_training_keeps_its_events(tmp_path):
     found = find(folder)
     assert found.env_options["events"] == []
     assert found.events == full
-    nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, env_options={"events": "trained"})
-    assert nominal != own == bb.evaluate(folder, episodes=4, env_options={"events": EVENTS})
+    nominal, own = bb.evaluate(folder, episodes=4), bb.evaluate(folder, episodes=4, events="trained")
+    assert nominal != own == bb.evaluate(folder, episodes=4, events=EVENTS)
     assert main(["evaluate", "--controller", str(folder), "--events", "trained", "--episodes", "2", "--quiet"]) == 0
 
 

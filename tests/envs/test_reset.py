@@ -69,9 +69,9 @@ def test_call_rejects_unknown_methods_of_an_environment():
 
 
 def test_a_robot_may_be_named_by_its_preset():
-    assert BalanceEnv(params="kugle", max_wheel_torque=1.5).params.body_mass == pytest.approx(16.154)
+    assert BalanceEnv(robot="kugle", max_wheel_torque=1.5).params.body_mass == pytest.approx(16.154)
     with pytest.raises(ValueError, match="unknown robot preset 'kugel'"):
-        BalanceEnv(params="kugel")
+        BalanceEnv(robot="kugel")
     for name in ("params", "sim_dt"):
         with pytest.raises(TypeError, match=name):
             BalanceEnv(**{name: None})

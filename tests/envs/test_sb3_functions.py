@@ -14,7 +14,7 @@ from stable_baselines3.common.monitor import Monitor, load_results
 import ballbot_rs as bb
 from tests.support.names import BALANCE
 
-OPTIONS = {"model": "spatial", "control_dt": 0.02, "params": "kugle"}
+OPTIONS = {"model": "spatial", "control_dt": 0.02, "robot": "kugle"}
 
 
 def pair(tmp_path=None, **options):

@@ -251,8 +251,7 @@ def test_a_policy_keeps_its_sensors_and_history(history, tmp_path):
         options = find(file).env_options
         assert {name: options[name] for name in observed} == observed
     given, own, truth = (
-        bb.evaluate(path, episodes=3, env_options=options)
-        for options in (observed, {}, {"observation": "ground_truth"})
+        bb.evaluate(path, episodes=3, **options) for options in (observed, {}, {"observation": "ground_truth"})
     )
     assert own == given
     assert own.tilt_rms != truth.tilt_rms
@@ -339,10 +338,10 @@ def law_in_python(state):
 def test_every_command_has_controllers_on_estimates(capsys):
     """A controller in Python observes the same as in the core, and neither observes the truth."""
     options = {"sensors": EVERYTHING, "observation": "sensors"}
-    core, python = (bb.evaluate(law, episodes=5, env_options=options) for law in ("lqr", law_in_python))
+    core, python = (bb.evaluate(law, episodes=5, **options) for law in ("lqr", law_in_python))
     assert core.tilt_rms == pytest.approx(python.tilt_rms, rel=1e-6)
     assert bb.evaluate("lqr", episodes=5).tilt_rms != core.tilt_rms
-    runs = [bb.run(law, seconds=1.0, env_options=options) for law in ("lqr", law_in_python)]
+    runs = [bb.simulate(law, seconds=1.0, **options, tilt=(0.05, 0.0)) for law in ("lqr", law_in_python)]
     states = [np.array([state.to_array() for state in found.states]) for found in runs]
     np.testing.assert_allclose(states[0], states[1], atol=1e-6)
     seen = [state.to_array() for state in runs[0].estimates]
@@ -352,7 +351,7 @@ def test_every_command_has_controllers_on_estimates(capsys):
     given = ["--sensors", "kugle", "--set", "observation=sensors", "--quiet", "--json", "--episodes", "5"]
     assert main(["evaluate", "--controller", "lqr", *given]) == 0
     (found,) = json.loads(capsys.readouterr().out)["results"]
-    kugle = bb.evaluate("lqr", episodes=5, env_options={"sensors": "kugle", "observation": "sensors"})
+    kugle = bb.evaluate("lqr", episodes=5, sensors="kugle", observation="sensors")
     assert found["tilt_rms"] == pytest.approx(kugle.tilt_rms)
 
 

@@ -165,7 +165,7 @@ def test_a_regulator_does_the_task(task):
     options = {"model": "contact", "max_episode_steps": 500}
     if TASKS[task]["has_terrain"]:
         options["terrain"] = {"kind": "plane", "slope": 0.05}
-    found = bb.compare(["lqr"], task=task, episodes=6, seed=2, env_options=options)[0]
+    found = bb.compare(["lqr"], task=task, episodes=6, seed=2, **options)[0]
     params = bb.Params.paper()
     lqr = bb.Controller("lqr", params, 0.01)
 
@@ -177,7 +177,7 @@ def test_a_regulator_does_the_task(task):
 
     assert found.survival_rate == 1.0
     assert set(found.metrics) == {metric["name"] for metric in TASKS[task]["metrics"]}
-    by_hand = bb.compare([Law()], task=task, episodes=6, seed=2, env_options=options)[0]
+    by_hand = bb.compare([Law()], task=task, episodes=6, seed=2, **options)[0]
     for name, value in found.metrics.items():
         if value is not None:
             assert by_hand.metrics[name] == pytest.approx(value, rel=0.02, abs=1e-3)

@@ -123,9 +123,9 @@ def turn_error(state):
 def test_every_function_takes_a_task_with_its_source(task):
     short = {"max_episode_steps": 20}
     assert bb.rollout("lqr", 2, task=task, seconds=0.1).upright.all()
-    assert bb.record_dataset("lqr", episodes=2, task=task, env_options=short).env_id == "ballbot_rs:user/Turn-v0"
+    assert bb.record_dataset("lqr", episodes=2, task=task, **short).env_id == "ballbot_rs:user/Turn-v0"
     assert bb.simulate("lqr", task=task, seconds=0.1).fell_at is None
-    assert bb.evaluate("lqr", episodes=2, task=task, env_options=short).survival_rate == 1.0
+    assert bb.evaluate("lqr", episodes=2, task=task, **short).survival_rate == 1.0
 
 
 def test_metrics_are_means_over_the_steps_of_an_episode(task):
@@ -166,7 +166,7 @@ def test_a_task_on_a_base_has_its_commands_and_metrics(task):
     command = [0.2 * np.cos(yaw) - 0.1 * np.sin(yaw), 0.2 * np.sin(yaw) + 0.1 * np.cos(yaw)]
     assert reward == pytest.approx(-np.linalg.norm(env.state.ball_velocity[:2] - command), abs=1e-5)
     assert set(info) >= {"velocity_error", "yaw_rate_error", "effort"}
-    found = bb.evaluate("lqr", task=gentle, episodes=2, env_options={"max_episode_steps": 600})
+    found = bb.evaluate("lqr", task=gentle, episodes=2, max_episode_steps=600)
     assert found.success_rate == 1.0
     assert found.metrics["velocity_error"] < 0.05
     assert 0.0 < found.metrics["effort"] < 0.1

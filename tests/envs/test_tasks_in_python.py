@@ -189,7 +189,7 @@ def test_controllers_run_and_are_compared_on_it():
             return robots.tilt > 0.5
 
     bb.register("me/Stand-v0", Stand)
-    result = bb.evaluate("lqr", task="me/Stand-v0", episodes=5, seed=3, env_options={"reset_yaw": 0.0})
+    result = bb.evaluate("lqr", task="me/Stand-v0", episodes=5, seed=3, reset_yaw=0.0)
     assert result.survival_rate == 1.0
     assert result.mean_reward == pytest.approx(-1.0, abs=0.1)
 
@@ -453,7 +453,7 @@ def test_the_tilt_follows_the_present_robot():
     params = bb.Params.paper().replace(body_com_offset=(0.02, 0.0))
     env.set_params(params)
     env.reset(seed=0)
-    same = bb.BallbotEnv("me/Tilt-v0", model="contact", params=params)
+    same = bb.BallbotEnv("me/Tilt-v0", model="contact", robot=params)
     same.reset(seed=0)
     for each in (env, same):
         each.step(np.zeros(3))

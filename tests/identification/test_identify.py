@@ -223,11 +223,11 @@ def test_a_robot_at_rest_determines_little():
         ({"fields": ("body_mas",)}, "unknown field 'body_mas': expected one of .*: did you mean 'body_mass'"),
         ({"fields": ("max_wheel_torque",)}, "unknown field 'max_wheel_torque'"),
         ({"fields": ("floor_tilt",)}, "unknown field 'floor_tilt'"),
-        ({"params": TRUTH.replace(floor_tilt=(0.0, 0.1))}, r"floor_tilt = \[0.0, 0.1\]: a log has no heading"),
+        ({"robot": TRUTH.replace(floor_tilt=(0.0, 0.1))}, r"floor_tilt = \[0.0, 0.1\]: a log has no heading"),
         ({"fields": ("delay", "delay")}, "fields names delay twice"),
-        ({"params": "r2d2"}, "r2d2"),
+        ({"robot": "r2d2"}, "r2d2"),
         (
-            {"params": TRUTH.replace(max_wheel_torque=0.1)},
+            {"robot": TRUTH.replace(max_wheel_torque=0.1)},
             r"torque_. of row .* is .* N·m, beyond max_wheel_torque = 0.1 N·m",
         ),
         ({"model": "planar"}, "model = 'planar': expected spatial, contact, rigid"),
@@ -251,7 +251,7 @@ def test_a_robot_at_rest_determines_little():
 )
 def test_bad_arguments_are_rejected_with_value_and_limit(exact, arguments, message):
     with pytest.raises(ValueError, match=message):
-        identify(exact, **{"params": TRUTH, "fields": ("delay",), **arguments})
+        identify(exact, **{"robot": TRUTH, "fields": ("delay",), **arguments})
 
 
 @pytest.mark.parametrize(

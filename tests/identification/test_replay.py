@@ -97,13 +97,13 @@ def test_windows_in_groups_give_the_same(noisy, monkeypatch):
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        ({"params": "r2d2"}, "r2d2"),
+        ({"robot": "r2d2"}, "r2d2"),
         ({"model": "planar"}, "model = 'planar': expected spatial, contact, rigid"),
         ({"window": 9.0}, "window = 9.0 s is out of range"),
         ({"sim_dt": 0.1}, "sim_dt = 0.1 s is out of range"),
         ({"imu_position": (0, 0)}, r"imu_position is \(0, 0\)"),
         ({"actuators": {"delay": 0.5}}, "delay = 0.5 is out of range"),
-        ({"params": PAPER.replace(floor_tilt=(0.1, 0.0))}, "the floor must be level"),
+        ({"robot": PAPER.replace(floor_tilt=(0.1, 0.0))}, "the floor must be level"),
     ],
 )
 def test_bad_arguments_are_rejected(noisy, arguments, message):
@@ -213,7 +213,7 @@ def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_pat
     pytest.importorskip("matplotlib")
     noisy.write(tmp_path / "log.csv")
     common = [
-        "replay", str(tmp_path / "log.csv"), "--set", "params.body_mass=2.3", "--set", "actuators.delay=0.006",
+        "replay", str(tmp_path / "log.csv"), "--set", "robot.body_mass=2.3", "--set", "actuators.delay=0.006",
         "--threads", "1", "-o", str(tmp_path / "replay.svg"),
     ]  # fmt: skip
     assert main(common) == 0
@@ -232,8 +232,8 @@ def test_the_command_writes_a_figure_and_prints_the_table(noisy, capsys, tmp_pat
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
-        (("--set", "control_dt=0.01"), "--set control_dt: a replay has params.NAME, actuators.NAME"),
-        (("--set", "params.body_mas=1"), "body_mas"),
+        (("--set", "control_dt=0.01"), "--set control_dt: a replay has robot.NAME, actuators.NAME"),
+        (("--set", "robot.body_mas=1"), "body_mas"),
         (("-o", "replay.gif"), "replay.gif: the name of a figure ends in .svg, .pdf, .png"),
         (("--video", "replay.avi"), "replay.avi: a video ends in .mp4"),
         (("--begin", "99"), "--begin 99 is outside the log, which has 6.00 s, from 0.00 to 6.00 s"),

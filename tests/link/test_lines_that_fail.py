@@ -380,7 +380,7 @@ def test_controller_that_restarts_gives_no_torques_until_the_next_episode(tmp_pa
     law.process = subprocess.Popen(command)
     try:
         with link:
-            first = bb.simulate(law, **{**SCENE, "seconds": 3.0}, env_options={"fall_tilt": 3.0, "model": "spatial"})
+            first = bb.simulate(law, **{**SCENE, "seconds": 3.0}, fall_tilt=3.0, model="spatial")
             assert link.statistics.statuses["starting"] > 0
             assert link.statistics.zeroed > 0
             assert first.torques[1:10].any(axis=1).all()

@@ -77,7 +77,7 @@ def test_readings_carry_flags_clock_and_setpoint():
             link,
             seconds=0.05,
             reference=SETPOINT,
-            env_options={"control_dt": 0.004},
+            control_dt=0.004,
         )
     assert [frame.flags for frame in seen] == [Flag.RESET] + [0] * (len(seen) - 1)
     assert [frame.time for frame in seen] == [4000 * i for i in range(len(seen))]
@@ -177,7 +177,7 @@ def test_estimated_controller_over_a_link_is_the_same_bit_for_bit():
 def test_a_supervised_controller_answers_with_its_trip():
     """It begins beyond what it recovers from: its status is in the statistics, its torques fall to zero."""
     address, law = free_address(), bb.EstimatedController("lqr", sensors="kugle")
-    scene = {"sensors": "kugle", "tilt": (0.6, 0.0), "seconds": 0.3, "env_options": {"fall_tilt": 1.5}}
+    scene = {"sensors": "kugle", "tilt": (0.6, 0.0), "seconds": 0.3, "fall_tilt": 1.5}
     with serving(bb.Supervised(law, tilt_time=0.05), address), bb.Link(address) as link:
         motion = bb.simulate(link, **scene)
     assert link.statistics.statuses["running"] == 4
@@ -190,7 +190,7 @@ def test_a_supervised_controller_answers_with_its_trip():
 def test_estimated_controller_rejects_another_period():
     law = bb.EstimatedController("lqr", control_dt=0.01)
     with pytest.raises(bb.InvalidInputError, match=r"lqr is made for control_dt = 0\.01 s, .* every 0\.02 s"):
-        bb.simulate(law, sensors="exact", seconds=0.1, env_options={"control_dt": 0.02})
+        bb.simulate(law, sensors="exact", seconds=0.1, control_dt=0.02)
     assert bb.simulate(law, sensors="exact", seconds=0.05).times[1] == pytest.approx(0.01)
 
 
@@ -224,7 +224,7 @@ def test_copies_of_an_estimated_controller_have_their_own_memory(controller):
 def test_evaluation_of_an_estimated_controller_is_of_its_copies():
     law = bb.EstimatedController("lqr", sensors="exact")
     options = {"sensors": "exact", "max_episode_steps": 20}
-    assert bb.evaluate(law, episodes=3, env_options=options).episodes == 3
+    assert bb.evaluate(law, episodes=3, **options).episodes == 3
 
 
 def test_law_that_cannot_be_copied_is_named_whatever_it_raises():

@@ -16,7 +16,7 @@ SMALL = {"width": 96, "height": 72, "samples": 1}
 
 @pytest.fixture(scope="module")
 def shown():
-    return bb.simulate("lqr", seconds=0.4, tilt=(0.1, 0.0), env_options={"model": "spatial"})
+    return bb.simulate("lqr", seconds=0.4, tilt=(0.1, 0.0), model="spatial")
 
 
 def test_pictures_are_the_frames_with_their_numbers(shown, tmp_path):

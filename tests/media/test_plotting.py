@@ -23,7 +23,7 @@ CONTACT = {"model": "contact"}
 @pytest.fixture(scope="module")
 def moving():
     push = bb.Push((0.3, 0.0, 0.0), 0.5)
-    return [bb.run(name, seconds=1.0, push=push, env_options=CONTACT) for name in ("lqr", "zero")]
+    return [bb.simulate(name, seconds=1.0, pushes=push, **CONTACT, tilt=(0.05, 0.0)) for name in ("lqr", "zero")]
 
 
 @pytest.fixture(scope="module")
@@ -146,7 +146,7 @@ def test_an_invalid_width_is_rejected(width, count, message, moving):
 
 def test_estimates_are_plotted_over_the_true_states():
     options = {**CONTACT, "sensors": "kugle", "observation": "sensors"}
-    standing, fallen = (bb.run(name, seconds=1.0, env_options=options) for name in ("lqr", "zero"))
+    standing, fallen = (bb.simulate(name, seconds=1.0, **options, tilt=(0.05, 0.0)) for name in ("lqr", "zero"))
     assert len(standing.estimates) == len(standing.times)
     # After the fall nothing is estimated.
     assert fallen.times[len(fallen.estimates) - 1] == pytest.approx(fallen.fell_at)
@@ -182,7 +182,7 @@ def test_the_phase_portrait_ends_where_the_robot_fell(moving):
 
 
 def test_a_start_at_rest_has_no_tilt_rate_in_the_phase_portrait():
-    started = bb.run("lqr", seconds=0.2, tilt=(0.1, -0.05), push=bb.Push((0.3, 0.1, 0.0), 0.1), env_options=CONTACT)
+    started = bb.simulate("lqr", seconds=0.2, tilt=(0.1, -0.05), pushes=bb.Push((0.3, 0.1, 0.0), 0.1), **CONTACT)
     for axis in range(2):
         _, rates = phase_portrait.tilts_and_rates(started, axis)
         assert rates[0] == 0.0
@@ -328,7 +328,7 @@ def test_numbers_are_written_next_to_the_pictures(tiny_run, tmp_path, capsys):
     name = tiny_run.resolve().name
     assert (tmp_path / f"trajectory-{name}.csv").exists()
     table = np.genfromtxt(tmp_path / "trajectory-LQR.csv", delimiter=",", names=True)
-    expected = bb.run("lqr", seconds=0.2, tilt=(0.08, 0.05), task="balance")
+    expected = bb.simulate("lqr", seconds=0.2, tilt=(0.08, 0.05), task="balance")
     np.testing.assert_array_equal(table["time_s"], expected.times)
     learned = np.genfromtxt(tmp_path / f"learning_curve-{name}.csv", delimiter=",", names=True)
     read = curve.read(tiny_run)

@@ -29,9 +29,7 @@ def decoded(path):
 @pytest.mark.parametrize("controller", ["lqr", "pid"])
 @pytest.mark.parametrize("model", ["spatial", "contact", "rigid"])
 def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
-    shown = bb.run(
-        controller, seconds=4.0, tilt=(0.1, 0.0), push=bb.Push((0.3, 0.0, 0.0)), env_options={"model": model}
-    )
+    shown = bb.simulate(controller, seconds=4.0, tilt=(0.1, 0.0), pushes=bb.Push((0.3, 0.0, 0.0)), model=model)
     assert shown.fell_at is None
     tilts = shown.of_states("tilt")
     assert tilts[0] == pytest.approx(0.1)
@@ -44,7 +42,7 @@ def test_a_robot_that_was_pushed_comes_back_upright(controller, model):
 
 
 def test_a_trajectory_matches_the_environment():
-    shown = bb.run("lqr", seconds=1.0, tilt=(0.1, 0.05), env_options=CONTACT)
+    shown = bb.simulate("lqr", seconds=1.0, tilt=(0.1, 0.05), **CONTACT)
     torque = bb.Params.paper().max_wheel_torque
     batch = Batch(1, autoreset="disabled", num_threads=1, max_wheel_torque=torque, **CONTACT)
     batch.reset(starts=[bb.State.at_rest(batch.params(), tilt=(0.1, 0.05))])
@@ -54,12 +52,12 @@ def test_a_trajectory_matches_the_environment():
 
 
 def test_motors_are_off_after_a_fall():
-    shown = bb.run("lqr", seconds=2.0, tilt=(0.6, 0.0), env_options=CONTACT)
+    shown = bb.simulate("lqr", seconds=2.0, tilt=(0.6, 0.0), **CONTACT)
     assert shown.fell_at is not None
     assert not shown.torques[shown.times >= shown.fell_at].any()
     assert shown.states[-1].tilt > 1.0
     # Without contacts there is no floor to lie on.
-    shown = bb.run("zero", seconds=2.0, env_options={"model": "spatial"})
+    shown = bb.simulate("zero", seconds=2.0, model="spatial", tilt=(0.05, 0.0))
     assert shown.times[-1] == shown.fell_at
 
 
@@ -68,30 +66,30 @@ def test_motors_are_off_after_a_fall():
     [
         ({"seconds": 0.0}, "seconds = 0.0"),
         ({"seconds": float("nan")}, "seconds = nan"),
-        ({"seconds": 1.0, "push": bb.Push((1.0, 0.0, 0.0), 1.0)}, "a push at 1.0 s"),
-        ({"env_options": {"model": "flat"}}, "unknown model 'flat'"),
+        ({"seconds": 1.0, "pushes": bb.Push((1.0, 0.0, 0.0), 1.0)}, "a push at 1.0 s"),
+        ({"model": "flat"}, "unknown model 'flat'"),
     ],
 )
 def test_impossible_requests_are_rejected(arguments, message):
     with pytest.raises(ValueError, match=message):
-        bb.run("lqr", **arguments)
+        bb.simulate("lqr", **arguments)
 
 
 @pytest.mark.parametrize("model", ["rigid", "contact", "spatial"])
 def test_a_robot_that_is_shot_away_has_fallen(model):
     shot = bb.Push((1000.0, 0.0, 0.0), 0.1)
-    found = bb.run("lqr", seconds=1.0, push=shot, env_options={"model": model})
+    found = bb.simulate("lqr", seconds=1.0, pushes=shot, model=model, tilt=(0.05, 0.0))
     assert found.fell_at == pytest.approx(0.1, abs=0.02)
 
 
 def test_a_push_just_before_the_end_counts():
     late = bb.Push((0.5, 0.0, 0.0), 0.996)
-    pushed, left_alone = (bb.run("lqr", seconds=1.0, push=push) for push in (late, None))
+    pushed, left_alone = (bb.simulate("lqr", seconds=1.0, pushes=push, tilt=(0.05, 0.0)) for push in (late, ()))
     assert not np.array_equal(pushed.states, left_alone.states)
 
 
 def test_a_video_shows_the_robot_in_real_time(tmp_path):
-    shown = bb.run("zero", seconds=0.8, tilt=(0.0, 0.2), env_options=CONTACT)
+    shown = bb.simulate("zero", seconds=0.8, tilt=(0.0, 0.2), **CONTACT)
     renderer = renderer_for(shown, **SMALL)
     path = tmp_path / "folder" / "fall.mp4"
     assert write_video(shown, path, renderer=renderer, frame_rate=25.0) == 20 == frame_count(shown, 25.0)
@@ -106,7 +104,7 @@ def test_a_video_shows_the_robot_in_real_time(tmp_path):
 
 
 def test_forces_are_shown_on_request():
-    shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
+    shown = bb.simulate("lqr", seconds=0.1, **CONTACT, tilt=(0.05, 0.0))
     renderer = renderer_for(shown, **SMALL)
     assert (picture(shown, renderer, 0.1) != picture(shown, renderer, 0.1, forces=True)).any()
     with pytest.raises(ValueError, match=r"no picture at 0\.2 s"):
@@ -178,7 +176,7 @@ def still(arguments, folder):
 
 
 def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, assets, capsys):
-    files = ["--urdf", str(assets / "bot.urdf"), str(assets / "ball.urdf"), "--set", "params.body_mass=3"]
+    files = ["--urdf", str(assets / "bot.urdf"), str(assets / "ball.urdf"), "--set", "robot.body_mass=3"]
     plain, meshes, given = (
         still([*arguments, "--still", "0"], tmp_path) for arguments in (["--schematic"], ["--robot", "paper"], files)
     )
@@ -193,7 +191,7 @@ def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, assets, capsys)
 
 def test_an_arrow_shows_a_push_where_it_acts():
     push = bb.Push((0.0, 0.3, 0.0), 0.2)
-    shown = bb.run("lqr", seconds=1.0, tilt=(0.0, 0.0), push=push, env_options=CONTACT)
+    shown = bb.simulate("lqr", seconds=1.0, tilt=(0.0, 0.0), pushes=push, **CONTACT)
     rows = [round(time / 0.01) for time in (0.1, 0.2, 0.5, 0.7)]
     before, during, after, long_after = (arrows(shown, row) for row in rows)
     assert len(before) == len(long_after) == 0
@@ -235,7 +233,7 @@ def test_the_command_of_the_task_is_shown():
 
 
 def test_a_caption_states_when_the_robot_fell():
-    shown = bb.run("zero", seconds=1.5, tilt=(0.3, 0.0), env_options=CONTACT)
+    shown = bb.simulate("zero", seconds=1.5, tilt=(0.3, 0.0), **CONTACT)
     assert shown.fell_at is not None
     assert lines(shown, len(shown.times) - 1)[2] == f"fell at {shown.fell_at:.2f} s"
     renderer = renderer_for(shown, **SMALL)
@@ -285,7 +283,7 @@ HALVES = (slice(0, 62), slice(66, 128))
 
 
 def test_one_image_for_each_robot_needs_one_renderer_for_each(tmp_path):
-    shown = bb.run("lqr", seconds=0.1, env_options=CONTACT)
+    shown = bb.simulate("lqr", seconds=0.1, **CONTACT, tilt=(0.05, 0.0))
     one, low = renderer_for(shown, **SMALL), renderer_for(shown, **{**SMALL, "height": 48})
     for renderers, message in (
         ([one], "1 renderers for 2 trajectories"),

@@ -148,7 +148,7 @@ def test_render_options_are_checked_when_an_environment_is_made():
     shipped = (ROOT / "assets/bot.urdf", ROOT / "assets/ball.urdf")
     bb.BalanceEnv(render_mode="rgb_array", render_options={"urdf": shipped, **SMALL})
     with pytest.raises(ValueError, match="ball_radius"):
-        bb.BalanceEnv(params="kugle", max_wheel_torque=1.0, render_mode="rgb_array", render_options={"urdf": shipped})
+        bb.BalanceEnv(robot="kugle", max_wheel_torque=1.0, render_mode="rgb_array", render_options={"urdf": shipped})
 
 
 def test_images_larger_than_memory_are_rejected():

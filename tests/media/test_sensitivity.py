@@ -66,11 +66,11 @@ def test_a_parameter_without_effect_has_none_and_losses_of_zero_have_one():
 def test_at_a_limit_of_a_parameter_the_difference_is_one_sided(robot):
     """The balls of these are thin shells, or static and dynamic friction are equal: the derivatives are of one side."""
     names = ("ball_inertia", "wheel_static_friction", "wheel_dynamic_friction")
-    found = sensitivity.collect("lqr", names, env_options={"params": robot}, seconds=1.0)
+    found = sensitivity.collect("lqr", names, env_options={"robot": robot}, seconds=1.0)
     # The same motion with the parameter away from its limit.
     params = bb.Params.preset(robot)
     away = params.replace(ball_inertia=0.995 * params.ball_inertia)
-    inside = sensitivity.collect("lqr", names, robot=away, env_options={"params": robot}, seconds=1.0)
+    inside = sensitivity.collect("lqr", names, robot=away, env_options={"robot": robot}, seconds=1.0)
     for name, effects in inside.effects.items():
         assert found.effects[name][0] == pytest.approx(effects[0], rel=0.05)
         assert effects[0] > 0.0

@@ -256,6 +256,8 @@ _PAPER = bb.Params.paper().to_dict()
 RIGHT: dict[str, list[Any]] = {
     **{name: [value] for name, value in _PAPER.items()},
     "params": [bb.Params.paper(), "kugle"],
+    "robot": [None, bb.Params.paper(), "kugle", bb.Params.preset("rezero").to_dict()],
+    "pushes": [(), bb.Push((0.1, 0, 0), 0.01), [bb.Push((0.1, 0, 0), 0.01)]],
     "model": ["planar", "spatial", "contact", "rigid"],
     "sim_dt": [0.001, 0.002],
     "control_dt": [0.01, 0.004],
@@ -373,7 +375,6 @@ RIGHT: dict[str, list[Any]] = {
     "other": [None],
     "attr_name": ["params"],
     "seconds": [0.05],
-    "push": [None, bb.Push((0.1, 0, 0), 0.01)],
     "Push.impulse": [(0.1, 0.0, 0.0)],
     "Force.force": [(0.1, 0.0, 0.0)],
     "simulate.reference": [None, {"position": (0.1, 0.0)}, bb.Reference.hold((0.1, 0.0))],
@@ -403,7 +404,6 @@ RIGHT |= {"PushEnv.push": [(0.1, 0.5)], "BallbotEnv.push": [(0.1, 0.5)], "Batch.
 #: Keyword arguments that a signature does not list.
 _FLOATING = {option["name"]: [option["default"]] for task in bb._core.TASKS.values() for option in task["options"]}
 _COMMON = [
-    "params",
     "model",
     "sim_dt",
     "control_dt",
@@ -419,7 +419,8 @@ _COMMON = [
     "events",
     "terrain",
 ]
-_ENVIRONMENT = [*_COMMON, *_FLOATING]
+#: Of everything that simulates robots in environments.
+_ENVIRONMENT = ["robot", *_COMMON, *_FLOATING]
 _STATE = ["ball_velocity", "ball_angular_velocity", "body_quaternion", "body_position", "wheel_speeds"]
 OPEN: dict[str, list[str]] = {
     "Params": list(_PAPER),
@@ -432,14 +433,15 @@ OPEN: dict[str, list[str]] = {
     "Controller.__call__": ["position", "velocity", "yaw"],
     "Pid.__call__": ["tilt"],
     "Lqr.__call__": ["position", "velocity", "yaw"],
-    "Batch": _ENVIRONMENT,
+    "Batch": ["params", *_ENVIRONMENT[1:]],
     **{
-        f"{class_name(name)}Env": [*_COMMON, *(option["name"] for option in task["options"])]
+        f"{class_name(name)}Env": ["robot", *_COMMON, *(option["name"] for option in task["options"])]
         for name, task in bb._core.TASKS.items()
     },
     "BallbotEnv": _ENVIRONMENT,
     "BalanceVectorEnv": _ENVIRONMENT,
     "BallbotVectorEnv": _ENVIRONMENT,
+    **{name: ["robot", *_COMMON] for name in ("simulate", "rollout", "compare", "evaluate", "record_dataset")},
 }
 #: Weights and gains are single numbers where the part of a setpoint with the same name has two.
 SCALAR = {f"{owner}.{name}": [1.0] for owner in ("Pid", "Lqr", "Controller") for name in OPEN[owner]}

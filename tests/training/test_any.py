@@ -11,7 +11,7 @@ from ballbot_rs.training import config
 
 SMALL = {
     "num_envs": 32,
-    "params.family": 4,
+    "robot.family": 4,
     "teacher.rounds": 1,
     "teacher.steps": 5,
     "teacher.epochs": 1,
@@ -32,10 +32,10 @@ def run(tmp_path_factory):
 
 def test_a_run_is_of_a_family_and_drives_other_robots(run):
     trained = config.parse((run / "config.toml").read_text(encoding="utf-8"), "config.toml")
-    usual = config.parse(config.default_text("balance", "any"), "balance-any.toml").env["params"]
-    assert trained.env["params"] == {**usual, "family": 4}
+    usual = config.parse(config.default_text("balance", "any"), "balance-any.toml").env["robot"]
+    assert trained.env["robot"] == {**usual, "family": 4}
     for params in ({"family": 3, "seed": 9}, "rezero", ["paper", "kugle"]):
-        found = bb.evaluate(run, episodes=24, env_options={"params": params})
+        found = bb.evaluate(run, episodes=24, robot=params)
         assert found.episodes == 24
     # Tools for one robot take the first.
     map_of_one = recovery_map.collect(str(run), rings=1, sectors=3, seconds=1.0, env_options={"events": None})
@@ -49,7 +49,7 @@ def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):
     assert "name the robot" in capsys.readouterr().err
     assert main(["export", str(onnx), "--robot", "kugle", "-o", str(header), "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["metadata"]["max_wheel_torque"] is None
-    torque = bb.BalanceEnv(params="kugle", scale_by_robot=True).max_wheel_torque
+    torque = bb.BalanceEnv(robot="kugle", scale_by_robot=True).max_wheel_torque
     assert f"BALLBOT_POLICY_MAX_TORQUE = {torque:.6g} N m" in header.read_text(encoding="utf-8")
 
 
@@ -60,7 +60,7 @@ def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):
         (["any", "--algorithm", "cma"], "evolution tries each policy on one robot"),
         (["any", "--set", "num_envs=64"], "params has 512 robots, but num_envs = 64 has room for 8"),
         (["any", "--set", "horizon=3.0", "--set", "algorithm_arguments={}"], "horizon follows from one robot"),
-        (["any", "--robot", "kugle", "--set", "params.family=3"], "a robot is also given"),
+        (["any", "--robot", "kugle", "--set", "robot.family=3"], "a robot is also given"),
     ],
 )
 def test_what_does_not_fit_several_robots_is_rejected(arguments, words, tmp_path, capsys):

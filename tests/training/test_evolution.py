@@ -127,7 +127,7 @@ def test_a_policy_is_written_as_c(tmp_path, capsys):
         ("algorithm_arguments.sigma", 0.0, "algorithm_arguments: sigma = 0.0 is out of range"),
         ("algorithm_arguments.n_steps", 8, "algorithm_arguments got an unexpected keyword argument 'n_steps'"),
         ("algorithm_arguments.symmetric", 1, "algorithm_arguments: symmetric = 1 is not a boolean"),
-        ("env.params", ["paper", "kugle"], "params: evolution tries each policy on one robot, not on several"),
+        ("env.robot", ["paper", "kugle"], "robot: evolution tries each policy on one robot, not on several"),
         ("policy.net_arch", [0], "net_arch: a width of 0 is out of range"),
         ("policy.activation_fn", "relu", "evolution accepts only net_arch"),
     ],
@@ -162,9 +162,9 @@ def space_of(**values):
 def test_policies_are_symmetric_where_robots_are():
     assert space_of().size == 9
     assert space_of(**{"algorithm_arguments.symmetric": False}).size == 51
-    uneven = {"env.params": bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0)).to_dict()}
+    uneven = {"env.robot": bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0)).to_dict()}
     assert space_of(**uneven).size == 51
-    leaning = {"env.params": bb.Params.paper().replace(body_com_offset=(0.003, 0.0)).to_dict()}
+    leaning = {"env.robot": bb.Params.paper().replace(body_com_offset=(0.003, 0.0)).to_dict()}
     assert space_of(**leaning).size == 51
     assert space_of(**leaning, **{"algorithm_arguments.symmetric": True}).size == 9
     assert space_of(**{"policy.net_arch": [8]}).size == 16 * 8 + 8 + 8 * 3 + 3
@@ -198,6 +198,6 @@ def test_coordinates_of_one_give_actions_of_one():
 @pytest.mark.slow("a training")
 @pytest.mark.parametrize("robot", bb.Params.preset_names())
 def test_linear_policies_balance(tmp_path, robot):
-    text = config.with_values(evolution.adapted(config.default_text("balance")), {"env.params": robot})
+    text = config.with_values(evolution.adapted(config.default_text("balance")), {"env.robot": robot})
     _, record, _ = trained(tmp_path / "run", text)
     assert record["success"] == 1.0

@@ -101,9 +101,7 @@ def test_a_rate_falls_again_in_each_round():
 
 def test_the_discount_follows_the_robot():
     found = {
-        robot: config.parse(
-            config.with_values(config.default_text("balance"), {"env.params": robot}), robot
-        ).arguments()
+        robot: config.parse(config.with_values(config.default_text("balance"), {"env.robot": robot}), robot).arguments()
         for robot in ("paper", "kugle", "rezero", "asroballet")
     }
     assert found["paper"]["gamma"] == pytest.approx(0.98, abs=1e-3)
@@ -124,5 +122,5 @@ def test_every_configuration_defines_success(task):
 def test_a_robot_with_a_variant_is_trained_with_it():
     own, text = config.load("balance", None, "rezero")
     assert text == config.default_text("balance", "rezero")
-    assert own.env == {**config.load("balance")[0].env, "params": "rezero"}
+    assert own.env == {**config.load("balance")[0].env, "robot": "rezero"}
     assert config.load("balance", None, "kugle") == config.load("balance")

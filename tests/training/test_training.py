@@ -262,18 +262,18 @@ class TestEvaluation:
 
     def test_pid_runs_at_its_rate(self):
         options = {"model": "spatial"}
-        pid = evaluate("pid", episodes=5, env_options=options)
+        pid = evaluate("pid", episodes=5, **options)
         assert pid.control_dt == 0.002
         assert pid.survival_rate == 1.0
-        slower = evaluate("pid", episodes=5, env_options={**options, "control_dt": 0.004})
+        slower = evaluate("pid", episodes=5, **options, control_dt=0.004)
         assert slower.control_dt == 0.004
 
     def test_results_depend_on_seeds_not_on_threads(self):
-        first = evaluate("lqr", episodes=6, num_threads=1, env_options={"model": "spatial"})
-        assert evaluate("lqr", episodes=6, num_threads=2, env_options={"model": "spatial"}) == first
-        assert evaluate("lqr", episodes=6, seed=1, env_options={"model": "spatial"}) != first
+        first = evaluate("lqr", episodes=6, num_threads=1, model="spatial")
+        assert evaluate("lqr", episodes=6, num_threads=2, model="spatial") == first
+        assert evaluate("lqr", episodes=6, seed=1, model="spatial") != first
 
     def test_a_policy_runs_on_what_it_was_trained_for(self, tiny_run):
         result = evaluate(str(tiny_run), episodes=3)
         assert result.model == "spatial"
-        assert evaluate(str(tiny_run), episodes=3, env_options={"model": "planar"}).model == "planar"
+        assert evaluate(str(tiny_run), episodes=3, model="planar").model == "planar"

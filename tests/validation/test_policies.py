@@ -42,7 +42,7 @@ def test_a_policy_reproduces_its_page(one):
         ROOT / "assets" / "policies" / one.file,
         episodes=EPISODES,
         seed=FIRST_SEED,
-        env_options=episodes_of(one.recipe.task),
+        **episodes_of(one.recipe.task),
     )
     row = row_of(one.file)
     low, high = interval_in(row["success"])
@@ -65,11 +65,11 @@ def test_one_policy_balances_every_robot():
     file = ROOT / "assets" / "policies" / any_robot.FILE
     assert file.stat().st_size <= 20_000
     for robot in bb.Params.preset_names():
-        options = {**episodes_of("balance"), "params": robot, "events": None}
-        found = bb.evaluate(file, episodes=64, env_options=options)
+        options = {**episodes_of("balance"), "robot": robot, "events": None}
+        found = bb.evaluate(file, episodes=64, **options)
         assert found.success_rate >= 0.98, robot
-    family = {**episodes_of("balance"), "params": {"family": 32, "seed": any_robot.SEED}, "events": None}
-    found = bb.evaluate(file, episodes=256, env_options=family)
+    family = {**episodes_of("balance"), "robot": {"family": 32, "seed": any_robot.SEED}, "events": None}
+    found = bb.evaluate(file, episodes=256, **family)
     assert found.survival_rate >= 0.98
     assert found.success_rate >= 0.95
 

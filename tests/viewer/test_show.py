@@ -101,7 +101,7 @@ def test_errors_reach_the_program_and_change_nothing(page):
         page.push(np.broadcast_to(0.0, 10**12))
     assert page.is_running
     with pytest.raises(ValueError, match="the page shows one kind of robot"):
-        bb.show(env_options={"params": {"family": 2}})
+        bb.show(robot={"family": 2})
     with pytest.raises(ValueError, match="the task balance is not driven"):
         Session().command(0.1, 0.0, 0.0)
     page.close()

@@ -45,11 +45,11 @@ SCALED = ", scaled"
 
 #: Options that every task has: name, type, unit, limit, description. Defaults are a batch's defaults.
 COMMON = (
-    ("params", "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any]", "",
+    ("robot", "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any] | None", "",
      f"{', '.join(ROBOTS)}, or FILE.toml",
-     "The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight "
-     "neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`."),
-    ("model", "Model | str", "", ", ".join(MODELS), "Model of the robot."),
+     "The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several robots, "
+     "each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`."),
+    ("model", "Model | str | None", "", ", ".join(MODELS), "Model of the robot."),
     *_SCALARS,
     ("history", "int | Sequence[int]", "", ">= 1 and <= 1000; ages: ascending from 0, at most 1000",
      "How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest "
@@ -67,7 +67,7 @@ COMMON = (
       for name, known in INSTRUMENTS.items()),
     ("level", "int | str | None", "", "a level of the terrain, curriculum, or None",
      "Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md."),
-    ("observation", "Observed | str", "", ", ".join(OBSERVATIONS),
+    ("observation", "Observed | str | None", "", ", ".join(OBSERVATIONS),
      "What policies and controllers observe: the true state, or what follows from the readings of the sensors."),
     ("reward", "Mapping[str, float | Function | str]", "",
      "finite scales, functions, or their names as module:function",
@@ -123,7 +123,7 @@ def class_name(task: str) -> str:
 
 def option_rows(task: str) -> list[list[str]]:
     """Name, unit, default, limit and meaning of every option of a task."""
-    defaults = Batch(1, task, num_threads=1).options | {"params": ROBOTS[0], "model": Batch(1, task).model}
+    defaults = Batch(1, task, num_threads=1).options | {"robot": ROBOTS[0], "model": Batch(1, task).model}
     defaults |= {"max_wheel_torque": None, "reward": "see above", "events": None, "rows": None, "terminations": None}
     rows = []
     for name, _, unit, limit, doc in COMMON:

@@ -40,7 +40,7 @@ def run() -> Findings:
         policy = train.train(settings, changed, Path(folder) / "run", seed=_SEED, progress_bar=False)
         with np.load(policy.parent / "evaluations.npz") as log:
             steps, returns, successes = log["timesteps"], log["results"], log["successes"]
-        results = compare([str(policy), "lqr", "pid"], episodes=_EPISODES, env_options=settings.env)
+        results = compare([str(policy), "lqr", "pid"], episodes=_EPISODES, **settings.env)
     names = ("policy (PPO)", "LQR", "PID of the paper")
     rows = [[name, *_cells(result)] for name, result in zip(names, results, strict=True)]
     claims = [

@@ -33,10 +33,10 @@ USUAL: Final = {"family": NUM_ENVS // SAME_ROBOT}
 ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
     "all parts": ({}, {}),
     "newest observation only": ({"history": 1}, {}),
-    "one robot, the paper's": ({"params": "paper"}, {}),
+    "one robot, the paper's": ({"robot": "paper"}, {}),
     "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}),
     "no symmetries": ({}, {"symmetric": False}),
-    "no robots outside the family, all errors alike": ({"params": USUAL}, {"weights": {}}),
+    "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}),
 }
 
 
@@ -45,9 +45,9 @@ def fitted(arm: str, seed: int) -> PPO:
     options, settings = ARMS[arm]
     whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
     assert whole.teacher is not None
-    options = {"params": {**whole.env["params"], **USUAL}, **options}
-    if is_family(options["params"]):
-        options["params"] = {**options["params"], "seed": seed}
+    options = {"robot": {**whole.env["robot"], **USUAL}, **options}
+    if is_family(options["robot"]):
+        options["robot"] = {**options["robot"], "seed": seed}
     env = bb.BallbotVecEnv(NUM_ENVS, num_threads=1, seed=1000 * seed, **{**whole.env, **options})
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
     model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
@@ -58,9 +58,7 @@ def fitted(arm: str, seed: int) -> PPO:
 
 def evaluated(path: Path, params: Any, episodes: int) -> bb.Result:
     """A policy on robots that it has not been fitted on."""
-    return bb.evaluate(
-        path, episodes=episodes, seed=1000, num_threads=1, env_options={"params": params, "events": None}
-    )
+    return bb.evaluate(path, episodes=episodes, seed=1000, num_threads=1, robot=params, events=None)
 
 
 def main() -> int:

@@ -80,15 +80,15 @@ def conditions() -> list[Conditions]:
     """All conditions."""
     presets = bb.Params.preset_names()
     wide = [event for event in bb.load_events("wide") if event["term"] != "push"]
-    family = {"params": {"family": 1000, "seed": SEED}, **_SENSORS}
+    family = {"robot": {"family": 1000, "seed": SEED}, **_SENSORS}
     delayed = {**family, "events": _DELAY}
     return [
         Conditions("1000 robots of the family, delay 0 to 30 ms", 8000, delayed, None, (0.995, 0.95)),
         Conditions("40 of them in `rigid`", 320, {**delayed, "model": "rigid"}, None, (0.99, 0.95)),
         Conditions("8 of them in MuJoCo, no delay", 64, family, "mujoco", (0.98, 0.95)),
-        *(Conditions(robot, 400, {"params": robot, **_SENSORS}, None, (0.99, 0.99)) for robot in presets),
+        *(Conditions(robot, 400, {"robot": robot, **_SENSORS}, None, (0.99, 0.99)) for robot in presets),
         *(
-            Conditions(f"{robot}, `wide` without pushes", 400, {"params": robot, **_SENSORS, "events": wide, **_LEANS})
+            Conditions(f"{robot}, `wide` without pushes", 400, {"robot": robot, **_SENSORS, "events": wide, **_LEANS})
             for robot in presets
         ),
     ]
@@ -137,7 +137,7 @@ def of_law(given: Conditions, law: str, *, is_given: bool) -> Shares:
         return batch.control(controller, drawn=is_given)
 
     # A law is not limited by the torque of the policy's action.
-    limits = {} if are_several(given.options["params"]) else {"max_wheel_torque": robot.max_wheel_torque}
+    limits = {} if are_several(given.options["robot"]) else {"max_wheel_torque": robot.max_wheel_torque}
     return judged(given, act, limits)
 
 
@@ -149,7 +149,7 @@ def _run(policy: str) -> Findings:
     for one in conditions():
         ours = judged(one, lambda _, rows: np.asarray(found.policy(rows)), options)  # type: ignore[misc]
         given = {law: of_law(one, law, is_given=True) for law in LAWS} if one.engine is None else {}
-        is_random = not are_several(one.options["params"]) and "events" in one.options
+        is_random = not are_several(one.options["robot"]) and "events" in one.options
         nominal = {law: of_law(one, law, is_given=False) for law in LAWS} if is_random else {}
         lines.append([one.name, str(ours), _best(nominal), _best(given)])
         if one.least is not None:

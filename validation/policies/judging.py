@@ -65,6 +65,7 @@ def _result(cell: Cell) -> bb.Result:
         episodes=cell.judge.episodes,
         seed=FIRST_SEED,
         num_threads=1,
-        env_options={**({} if cell.is_default else episodes_of(cell.task)), **cell.judge.options},
+        **{} if cell.is_default else episodes_of(cell.task),
+        **cell.judge.options,
         engine=cell.judge.engine,
     )

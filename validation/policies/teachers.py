@@ -42,10 +42,7 @@ def main() -> int:
         for history, drawn in ((AGES, True), (AGES, False), (1, True), (1, False)):
             model, seconds = fitted(history, drawn)
             path = bb.save(model, Path(folder) / "policy.zip")
-            results = [
-                bb.evaluate(path, episodes=100, seed=1000, env_options={"events": events})
-                for events in (None, EVALUATED)
-            ]
+            results = [bb.evaluate(path, episodes=100, seed=1000, events=events) for events in (None, EVALUATED)]
             cells = " | ".join(f"{100 * result.success_rate:.0f} %" for result in results)
             label = f"`{history}`" if history == AGES else "newest observation only"
             robot = "of each robot (`drawn`)" if drawn else "of the nominal robot"

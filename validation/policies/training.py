@@ -52,7 +52,7 @@ def _text(recipe: Recipe) -> str:
     if recipe.events is not None:
         values["env.events"] = recipe.events
     if recipe.robot is not None:
-        values["env.params"] = recipe.robot
+        values["env.robot"] = recipe.robot
     variant = None if recipe.variant is None else Path(recipe.variant)
     return config.with_values(config.load(recipe.task, variant, recipe.robot)[1], values)
 

@@ -62,7 +62,7 @@ def claims() -> list[Claim]:
     ]
     slippery = drawn("floor_dynamic_friction", "abs", 0.1)
     for name, source in (("LQR", "lqr"), ("policy", POLICY)):
-        upright = bb.evaluate(source, episodes=EPISODES, env_options=slippery).survival_rate
+        upright = bb.evaluate(source, episodes=EPISODES, **slippery).survival_rate
         found.append(Claim(f"fraction of upright robots, floor μ = 0.1, {name}", upright, 1.0, 0.0))
     return found
 

@@ -62,14 +62,14 @@ class Measured:
         self.edges = {name: self._edge(name) for name in self.controllers}
 
     def _lqr(self, value: float) -> Result:
-        return bb.evaluate("lqr", episodes=EPISODES, env_options=self.sweep.options(value))
+        return bb.evaluate("lqr", episodes=EPISODES, **self.sweep.options(value))
 
     def _policy(self, value: float) -> Result:
-        return bb.evaluate(POLICY, episodes=EPISODES, env_options=self.sweep.options(value))
+        return bb.evaluate(POLICY, episodes=EPISODES, **self.sweep.options(value))
 
     def _own(self, value: float) -> Result:
         assert self.sweep.robot is not None
-        return bb.evaluate("lqr", episodes=EPISODES, env_options={"params": self.sweep.robot(value)})
+        return bb.evaluate("lqr", episodes=EPISODES, robot=self.sweep.robot(value))
 
     def _edge(self, name: str) -> float | None:
         """The strongest effect without a fall from any start; None if it is beyond the last value."""

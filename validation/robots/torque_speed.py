@@ -76,7 +76,7 @@ def claims() -> list[Claim]:
             ),
             Claim(f"wheel speed after {_SECONDS:g} s, {speed:g} rad/s", speeds[-1], expected[-1], 1e-6, "rad/s"),
         ]
-    facing = bb.evaluate("lqr", episodes=EPISODES, env_options={"actuators": motors(5.0), "reset_yaw": 0.0})
+    facing = bb.evaluate("lqr", episodes=EPISODES, actuators=motors(5.0), reset_yaw=0.0)
     found.append(Claim("fraction of upright robots, LQR, 5 rad/s, `reset_yaw` = 0", facing.survival_rate, 1.0, 0.0))
     return found
 

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from ballbot_rs._core import ROBOTS, SENSORS, Params, load_sensors
+from ballbot_rs._robot import params_of
 from ballbot_rs.envs._batch_env import new_batch, resolved_options
 from ballbot_rs.envs.family import are_several, is_family
 from ballbot_rs.envs.registration import description_of
@@ -23,8 +24,8 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
         options: options of the environment. `control_dt` is omitted: each controller has its own rate.
     """
     found = []
-    if "params" in options:
-        robot = _robot(options["params"])
+    if "robot" in options:
+        robot = _robot(options["robot"])
         found += [] if robot == "robot paper" else [robot]
     actuators = options.get("actuators")
     if actuators not in (None, {}, "ideal"):
@@ -32,9 +33,9 @@ def differences(task: str, options: Mapping[str, Any]) -> list[str]:
     events = options.get("events")
     if events:
         found.append(f"events {events}" if isinstance(events, str) else f"{len(events)} events of a list or file")
-    defaults = _resolved(task, {name: options[name] for name in ("params", "actuators") if name in options})
+    defaults = _resolved(task, {name: options[name] for name in ("robot", "actuators") if name in options})
     resolved = _resolved(task, options)
-    apart = ("model", "params", "actuators", "events", "control_dt")
+    apart = ("model", "robot", "actuators", "events", "control_dt")
     for name in sorted(options.keys() - apart):
         # None of an option means its default.
         if options[name] is not None and not _equal(resolved.get(name), defaults.get(name)):
@@ -90,7 +91,7 @@ def _robot(given: Any) -> str:
         return f"{len(given)} robots"
     if not isinstance(given, (Params, Mapping)):
         return f"robot {given}"
-    own = (given if isinstance(given, Params) else Params(**given)).to_dict()
+    own = params_of(given).to_dict()
     changed = {name: _changes(own, Params.preset(name).to_dict()) for name in ROBOTS}
     nearest = min(changed, key=lambda name: len(changed[name]))
     if len(changed[nearest]) > _MOST_LISTED:

@@ -8,16 +8,19 @@ from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Unpack
 
 from ballbot_rs._arrays import keep_copies
 from ballbot_rs._checks import check_bounded, check_seed
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis import exports
 from ballbot_rs.analysis.actors import make_actor
 from ballbot_rs.analysis.episodes import check_episodes
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
+from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.envs.registration import env_id_of
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 
@@ -115,16 +118,17 @@ class Dataset:
             env.close()
 
 
+@named
 def record_dataset(
     controller: Source,
     *,
     episodes: int = 100,
     noise: float = 0.0,
     task: str | None = None,
-    env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
 ) -> Dataset:
     """Records episodes of a task under a controller, all robots at once, as its environment returns them.
 
@@ -133,10 +137,10 @@ def record_dataset(
         episodes: their number; episode i is the episode of the environment reset with seed + i.
         noise: standard deviation of normal numbers that are added to the actions, for data beyond the closed loop.
         task: as in `compare`.
-        env_options: as in `compare`.
         seed: of the first episode, and of the noise.
         num_threads: threads that step the robots; None takes all cores.
         progress: called with the number of steps done and their largest number.
+        options: as in `compare`.
 
     Raises:
         ValueError: a number out of range, or as `compare`.
@@ -144,9 +148,9 @@ def record_dataset(
     """
     check_episodes(episodes)
     seed, noise = check_seed(seed), check_bounded("noise", noise, 0.0, 1.0)
-    found = find(controller, task=task, env_options=env_options)
-    named, options = common_task([found], task), common_options([found], env_options)
-    env = BallbotVectorEnv(episodes, task=named, num_threads=num_threads, **options)
+    found = find(controller, task=task, env_options=options)
+    chosen, env_options = common_task([found], task), common_options([found], options)
+    env = BallbotVectorEnv(episodes, task=chosen, num_threads=num_threads, **env_options)
     batch = env._batch
     steps, width = batch.max_episode_steps, env.single_observation_space.shape
     if episodes * steps * (width or (1,))[0] > MAX_NUMBERS:
@@ -192,8 +196,8 @@ def record_dataset(
     arrays = {name: flat([row[i] for row in rows], zero_at_end=name != "observations") for i, name in enumerate(names)}
     return Dataset(
         controller=found.name,
-        env_id=f"ballbot_rs:{env_id_of(named)}",
-        env_options=options,
+        env_id=f"ballbot_rs:{env_id_of(chosen)}",
+        env_options=env_options,
         seed=seed,
         starts=np.concatenate([[0], np.cumsum(lengths + 1)]),
         infos={key: flat([row[i] for row in infos]) for i, key in enumerate(keys)},

@@ -6,9 +6,12 @@ from os import PathLike
 from pathlib import Path
 from typing import Any, overload
 
+from typing_extensions import Unpack
+
 from ballbot_rs._checks import check_count, check_seed
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis.checkpoint import Checkpoint, identity_of_controller
 from ballbot_rs.analysis.result import Result, result_of
@@ -18,6 +21,7 @@ from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, numbered, opti
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.engines.engine_batch import in_engine
 from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.options import TaskOptions
 
 #: Most episodes of a comparison.
 MAX_EPISODES = 100_000
@@ -36,11 +40,39 @@ def check_episodes(episodes: int) -> int:
     return count
 
 
-def evaluate(controller: Source, **arguments: Any) -> Result:
-    """The result of one controller; arguments as in `compare`, without a sweep."""
-    if arguments.get("sweep") is not None:
+@named
+def evaluate(
+    controller: Source,
+    *,
+    task: str | None = None,
+    episodes: int = 100,
+    seed: int = 1000,
+    num_threads: int | None = None,
+    engine: str | None = None,
+    progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
+) -> Result:
+    """The result of one controller.
+
+    Args:
+        controller: as in `compare`, and so is every other argument.
+        task: see there.
+        episodes: see there.
+        seed: see there.
+        num_threads: see there.
+        engine: see there.
+        progress: see there.
+        options: see there.
+
+    Raises:
+        TypeError, ValueError, ModuleNotFoundError, FileNotFoundError: as `compare`.
+    """
+    if "sweep" in options:
         raise TypeError(f"a sweep has several results: compare([{controller!r}], sweep=...)")
-    results: list[Result] = compare([controller], **arguments)
+    shared: dict[str, Any] = {"engine": engine, "progress": progress, **options}
+    results: list[Result] = compare(
+        [controller], task=task, episodes=episodes, seed=seed, num_threads=num_threads, **shared
+    )
     return results[0]
 
 
@@ -52,11 +84,11 @@ def compare(
     episodes: int = 100,
     seed: int = 1000,
     num_threads: int | None = None,
-    env_options: Mapping[str, Any] | None = None,
     engine: str | None = None,
     sweep: None = None,
     checkpoint: None = None,
     progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
 ) -> list[Result]: ...
 
 
@@ -68,14 +100,15 @@ def compare(
     episodes: int = 100,
     seed: int = 1000,
     num_threads: int | None = None,
-    env_options: Mapping[str, Any] | None = None,
     engine: str | None = None,
     sweep: Sweep,
     checkpoint: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
 ) -> Study: ...
 
 
+@named
 def compare(
     controllers: Sequence[Source],
     *,
@@ -83,26 +116,24 @@ def compare(
     episodes: int = 100,
     seed: int = 1000,
     num_threads: int | None = None,
-    env_options: Mapping[str, Any] | None = None,
     engine: str | None = None,
     sweep: Sweep | None = None,
     checkpoint: str | PathLike[str] | None = None,
     progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
 ) -> list[Result] | Study:
     """Runs episodes of one task from starts that follow from `seed`, the same for every controller.
 
     Args:
-        controllers: each the name of a controller ("pid" runs at 500 Hz, unless `env_options` has a `control_dt`;
+        controllers: each the name of a controller ("pid" runs at 500 Hz, unless `control_dt` is given;
             "zero" is zero torque), the path of a policy file (Stable-Baselines3 or ONNX) or of a training run, a
             `Controller`, or an object that maps a `State` to wheel torques in N·m (one that takes `position` gets the
             setpoint, m).
         task: name of the task; None is the policies' task, else "balance". Policy files without metadata need it or
-            `env_options`.
+            `options`.
         episodes: number of episodes; episode i is the episode of an environment seeded with seed + i.
         seed: of the first episode.
         num_threads: threads that step the robots; None takes all cores.
-        env_options: options of the environment; they override the options that the policies were trained with. Without
-            `max_wheel_torque`, feedback laws have the motors' limit and their own, not the policies' limit.
         engine: another engine in place of a model, "mujoco" or None; its motors are ideal.
         sweep: lists of values by name, of which all combinations are compared, or a list of points, each values by
             name. Names are options of the environment, "actuators.delay" for a part of one, "robot", parameters of the
@@ -110,6 +141,9 @@ def compare(
             no controller knows. The episodes are the same at every point, and for any `num_threads`.
         checkpoint: file that keeps the points of a sweep that are done; a sweep that was interrupted continues from it.
         progress: called with the number of steps done and their total, or, of a sweep, of points.
+        options: of the environment, as `robot`, `model`, `actuators` and `terrain`; they override the options that the
+            policies were trained with. Without `max_wheel_torque`, feedback laws have the motors' limit and their own,
+            not the policies' limit.
 
     Returns:
         A result for each controller, or, with a sweep, a `Study`.
@@ -129,26 +163,26 @@ def compare(
         raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
     check_episodes(episodes)
     seed = check_seed(seed)
-    found = [find(source, task=task, env_options=env_options) for source in controllers]
+    found = [find(source, task=task, env_options=options) for source in controllers]
     shared_task = common_task(found, task)
     comparison = _Comparison(found, shared_task, episodes, seed, engine)
     if sweep is None:
-        return comparison.results(env_options, num_threads, progress)
+        return comparison.results(options, num_threads, progress)
     points = points_of(sweep)
     names = full_names(points[0], option_names(shared_task))
-    options = []
+    at_points = []
     for point in points:
         with at(point):
-            options.append(options_at(point, names, env_options or {}, common_options(found, env_options)))
+            at_points.append(options_at(point, names, options, common_options(found, options)))
             # Before the first point is run, and not after hours.
-            comparison.batches(options[-1], 1)
+            comparison.batches(at_points[-1], 1)
     study = {
         "task": shared_task,
         "episodes": episodes,
         "seed": seed,
         "engine": engine,
         "controllers": [identity_of_controller(source) for source in controllers],
-        "env_options": dict(env_options or {}),
+        "options": dict(options),
         "points": points,
     }
 
@@ -156,7 +190,7 @@ def compare(
 
     def work(point: int, num_threads: int | None, report: Progress) -> list[Row]:
         with at(points[point]):
-            rows = [result.row() for result in comparison.results(options[point], num_threads, report)]
+            rows = [result.row() for result in comparison.results(at_points[point], num_threads, report)]
             return [{**row, "controller": name} for row, name in zip(rows, labels, strict=True)]
 
     rows = run_points(
@@ -181,10 +215,10 @@ class _Comparison:
     seed: int
     engine: str | None
 
-    def batches(self, env_options: Mapping[str, Any] | None, num_threads: int | None) -> list[Batch]:
+    def batches(self, env_options: Mapping[str, Any], num_threads: int | None) -> list[Batch]:
         """The robots of each controller, in their model."""
         options = common_options(self.controllers, env_options)
-        if self.engine is not None and "model" in (env_options or {}):
+        if self.engine is not None and "model" in env_options:
             raise InvalidInputError(f"engine = '{self.engine}' replaces model = '{options['model']}': leave one out")
         if self.engine is not None:
             # A policy may have been trained in a model that cannot represent the engine's states.
@@ -197,14 +231,12 @@ class _Comparison:
                 num_threads=num_threads,
                 seed=self.seed,
                 options=options_of(controller, options, env_options),
-                given=env_options or (),
+                given=env_options,
             )
             for controller in self.controllers
         ]
 
-    def results(
-        self, env_options: Mapping[str, Any] | None, num_threads: int | None, progress: Progress
-    ) -> list[Result]:
+    def results(self, env_options: Mapping[str, Any], num_threads: int | None, progress: Progress) -> list[Result]:
         """A result for each controller."""
         batches = self.batches(env_options, num_threads)
         if self.engine is not None:

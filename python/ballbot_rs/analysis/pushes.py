@@ -2,14 +2,17 @@
 
 import dataclasses
 import math
-from collections.abc import Mapping, Sequence
-from typing import Any, TypeAlias
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_real, real_array
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+
+T = TypeVar("T")
 
 Vector: TypeAlias = tuple[float, float, float]
 #: An impulse, inertial frame, N·s, and its point, body frame, m, or None for the CoM.
@@ -22,6 +25,7 @@ def half_sine(count: int) -> npt.NDArray[np.float64]:
     return shares
 
 
+@named
 @dataclasses.dataclass(frozen=True)
 class Push:
     """An impulse on the body at a time, at once or over a duration.
@@ -46,6 +50,7 @@ class Push:
         return 0.5 * (math.cos(angles[0]) - math.cos(angles[1]))
 
 
+@named
 @dataclasses.dataclass(frozen=True)
 class Force:
     """A constant force on the body between two times."""
@@ -60,16 +65,17 @@ class Force:
     point: Vector | None = None
 
 
-def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> None:
-    """Checks pushes and forces on a simulation of a duration.
+def checked(
+    pushes: Push | Sequence[Push], forces: Force | Sequence[Force], seconds: float
+) -> tuple[tuple[Push, ...], tuple[Force, ...]]:
+    """Pushes and forces on a simulation of a duration, one or several of each.
 
     Raises:
         TypeError: anything other than pushes and forces.
         ValueError: a number out of range.
     """
-    for push in pushes:
-        if not isinstance(push, Push):
-            raise TypeError(f"push must be a Push, not {type(push).__name__}")
+    several, constant = _several("pushes", pushes, Push), _several("forces", forces, Force)
+    for push in several:
         _check_vectors("a push", push.impulse, push.point)
         time, duration = check_real("time of a push", push.time), check_real("duration of a push", push.duration)
         if not 0.0 <= time < seconds:
@@ -77,15 +83,26 @@ def check(pushes: Sequence[Push], forces: Sequence[Force], seconds: float) -> No
             raise InvalidInputError(f"a push at {time} s is out of range: {limits}")
         if not 0.0 <= duration < math.inf:
             raise InvalidInputError(f"a push has duration = {duration}: it must be at least 0 and finite")
-    for force in forces:
-        if not isinstance(force, Force):
-            raise TypeError(f"force must be a Force, not {type(force).__name__}")
+    for force in constant:
         _check_vectors("a force", force.force, force.point)
         begin = check_real("begin of a force", force.begin)
         end = seconds if force.end is None else check_real("end of a force", force.end)
         if not 0.0 <= begin < min(end, seconds):
             limits = f"it must be from 0 to before its end, {min(end, seconds)} s"
             raise InvalidInputError(f"a force begins at {begin} s: {limits}")
+    return several, constant
+
+
+def _several(name: str, given: T | Sequence[T], kind: type[T]) -> tuple[T, ...]:
+    if isinstance(given, kind):
+        return (given,)
+    if isinstance(given, (str, bytes)) or not isinstance(given, Iterable):
+        raise TypeError(f"{name} = {given!r}: expected a {kind.__name__} or a list of them")
+    several = tuple(given)
+    for one in several:
+        if not isinstance(one, kind):
+            raise TypeError(f"{name} has {one!r}: expected a {kind.__name__}")
+    return several
 
 
 def _check_vectors(what: str, vector: Any, point: Any) -> None:

@@ -89,8 +89,8 @@ def collect(
         options["fall_tilt"] = FALLEN
     if options.get("events"):
         raise ValueError("a recovery map is for one robot: it does not accept events")
-    if "params" in options:
-        options["params"] = first_of(options["params"])
+    if "robot" in options:
+        options["robot"] = first_of(options["robot"])
     batch = batch_for(
         found,
         rings * sectors,

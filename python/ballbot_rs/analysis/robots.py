@@ -8,11 +8,13 @@ from typing import Any, Final, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Unpack
 
 from ballbot_rs._arrays import read_only
 from ballbot_rs._checks import check_bounded, check_count, check_seed, did_you_mean, real_array
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs.analysis import exports
 from ballbot_rs.analysis.actors import core_law, make_actor
@@ -21,9 +23,10 @@ from ballbot_rs.analysis.records import RECORDS, KeptRows
 from ballbot_rs.analysis.result import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.analysis.simulate import merged_options, simulated_seconds
+from ballbot_rs.analysis.simulate import simulated_seconds
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.envs.family import check_room
+from ballbot_rs.envs.options import TaskOptions
 
 Array = npt.NDArray[Any]
 
@@ -99,84 +102,66 @@ class Rollout:
         exports.write_npz({**own, **self.records}, path)
 
 
+@named
 def rollout(
     controller: Source,
     num_robots: int | None = None,
     *,
-    robot: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
     robots: OwnRobots | None = None,
-    model: str | None = None,
     seconds: float | None = None,
     tilt: npt.ArrayLike | None = None,
     record: Sequence[str] = ("ball_position", "tilt"),
     every: int = 1,
     dtype: npt.DTypeLike = np.float32,
-    actuators: Any = None,
-    sensors: Any = None,
-    observation: str | None = None,
-    events: Any = None,
     task: str | None = None,
-    env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     progress: Progress = no_progress,
+    **options: Unpack[TaskOptions],
 ) -> Rollout:
     """Runs a controller on many robots at once and keeps only what is named, for studies of thousands.
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
         num_robots: their number; None is the number of `robots`.
-        robot: as in `simulate`, the robot for which the controller is designed.
         robots: the true robots, unknown to the controller: `Params` of each, or arrays by parameter, as
-            {"body_mass": masses}, shape (n,), or (n, numbers) of a vector; the rest is as in `robot`.
-        model: of the robots; None is a policy's own, else "contact".
+            {"body_mass": masses}, shape (n,), or (n, numbers) of a vector; the rest is as in `robot`, for which
+            the controller is designed.
         seconds: simulated time; None is 5 s.
         tilt: from the equilibrium, at rest, components (x, y), rad, shape (2,) or (n, 2); None samples starts.
         record: names: "tilt" (rad) and "tilt_components" from the equilibrium, "states" or attributes of `State` as
             "ball_position", "torques", "wheel_normal_forces", "wheel_tractions", "wheel_slip_speeds".
         every: control steps from a row to the next.
         dtype: of the records, a type of real numbers.
-        actuators: as in `simulate`.
-        sensors: as in `simulate`.
-        observation: as in `simulate`.
-        events: what is sampled at random for each robot, as the option of the environment.
         task: name of the task, as in `compare`.
-        env_options: more options of the environment; they override the options that a policy was trained with.
         seed: of the first robot; robot i has the random numbers of seed + i.
         num_threads: threads that step the robots; None takes all cores.
         progress: called with the number of control steps done and their total.
+        options: as in `simulate`; `events` are sampled for each robot.
 
     Raises:
         ValueError: a number out of range, an unknown record, robots of another number, invalid parameters of a robot,
             or as `compare`.
-        TypeError: an argument of the wrong type, or an option given twice.
+        TypeError: an argument of the wrong type or of an unknown name.
         ControllerError: a controller in Python failed.
         MemoryError: the records need more memory than is available.
     """
-    given = merged_options(
-        env_options,
-        params=robot,
-        model=model,
-        actuators=actuators,
-        sensors=sensors,
-        observation=observation,
-        events=events,
-    )
+    given = dict(options)
     names, kind = _checked_records(record), _real_type(dtype)
     every, seed = check_count("every", every), check_seed(seed)
     count = _count(num_robots, robots)
-    check_room(given.get("params"), count)
+    check_room(given.get("robot"), count)
     time = simulated_seconds(seconds)
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the motion; the rows after it are not kept.
-    options = {**common_options([found], given), "max_episode_steps": None}
+    env_options = {**common_options([found], given), "max_episode_steps": None}
     batch = batch_for(
         found,
         count,
         task=common_task([found], task),
         num_threads=num_threads,
         seed=seed,
-        options=options,
+        options=env_options,
         given=given,
     )
     steps = max(round(time / batch.control_dt), 1)

@@ -86,7 +86,7 @@ def batch_for(
     """
     if controller.policy is None and options.get("max_wheel_torque") is None:
         limit = None
-        if not are_several(options.get("params")):
+        if not are_several(options.get("robot")):
             limit = new_batch(1, task=task, num_threads=1, options=options).nominal_params(0).max_wheel_torque
         options = {**options, "max_wheel_torque": limit, "scale_by_robot": False}
 

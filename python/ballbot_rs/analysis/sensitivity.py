@@ -118,8 +118,8 @@ def collect(
     options = dict(common_options([found], env_options))
     if options.get("events") or options.get("observation") == "sensors":
         raise InvalidInputError("sensitivities are for one robot and true states: leave out events and sensors")
-    if "params" in options:
-        options["params"] = first_of(options["params"])
+    if "robot" in options:
+        options["robot"] = first_of(options["robot"])
     task = common_task([found], task)
 
     def batch_of(count: int) -> Any:
@@ -189,7 +189,7 @@ def _rows(
     loop.reset(seeds=[0] * n, starts=starts)
     given, points = np.zeros((steps, n, 3)), None
     if push is not None:
-        impulses_of.check([push], [], seconds)
+        impulses_of.checked(push, (), seconds)
         for step, parts in impulses_of.impulses([push], [], steps, batch.control_dt).items():
             given[step] = np.sum([impulse for impulse, _ in parts], axis=0)
         points = None if push.point is None else np.tile(push.point, (n, 1))

@@ -1,14 +1,15 @@
 """One robot under one controller, along a reference, under pushes and forces."""
 
 from collections.abc import Callable, Mapping, Sequence
-from os import PathLike
 from typing import Any, TypeAlias
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Unpack
 
 from ballbot_rs._checks import check_real, check_seed
-from ballbot_rs._core import Batch, Params, Reference, State
+from ballbot_rs._core import Batch, Reference, State
+from ballbot_rs._keywords import named
 from ballbot_rs.analysis import pushes as impulses_of
 from ballbot_rs.analysis.drawn_pushes import drawn_pushes
 from ballbot_rs.analysis.pushes import Force, Push
@@ -17,6 +18,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
 from ballbot_rs.envs.family import check_room
+from ballbot_rs.envs.options import TaskOptions
 
 #: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -25,26 +27,21 @@ Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[s
 SECONDS = 5.0
 
 
+@named
 def simulate(
     controller: Source,
     *,
-    robot: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
-    model: str | None = None,
     reference: Target | None = None,
-    pushes: Sequence[Push] = (),
-    forces: Sequence[Force] = (),
+    pushes: Push | Sequence[Push] = (),
+    forces: Force | Sequence[Force] = (),
     seconds: float | None = None,
     start: State | None = None,
     position: npt.ArrayLike | None = None,
     tilt: npt.ArrayLike = (0.0, 0.0),
     yaw: float | None = None,
-    actuators: Any = None,
-    sensors: Any = None,
-    observation: str | None = None,
-    events: Any = None,
     task: str | None = None,
-    env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
+    **options: Unpack[TaskOptions],
 ) -> Trajectory:
     """Runs a controller on one robot; the result can plot, record and export itself.
 
@@ -54,53 +51,40 @@ def simulate(
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
-        robot: `Params`, the name of a preset, or a dict of parameters; None is a policy's own, else the paper's.
-        model: of the robot; None is a policy's own, else "contact".
         reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of constant
             parts, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are omitted. A `Reference`
             without `params` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
             made. None is the setpoint of the task.
-        pushes: impulses on the body, at once or over a duration.
-        forces: constant forces on the body. Both act as impulses at the starts of control steps.
+        pushes: an impulse on the body, or several, at once or over a duration.
+        forces: a constant force on the body, or several. Both act as impulses at the starts of control steps.
         seconds: simulated time; None is until the reference ends, or 5 s if it does not.
         start: initial state, in place of position, tilt and yaw.
         position: place of the ball above the ground, shape (2,), m; None is the start of the reference, or the origin
             without a reference or for constant parts.
         tilt: from the equilibrium, components (x, y), rad; on a slope added to the equilibrium lean there.
         yaw: heading, rad; None as `position`.
-        actuators: motors, as the option of the environment.
-        sensors: sensors, as the option of the environment.
-        observation: "sensors" gives controllers the estimate from sensors, "ground_truth" the true state.
-        events: what is sampled at random, as the option of the environment.
         task: name of the task, as in `compare`.
-        env_options: more options of the environment; they override the options that a policy was trained with.
         seed: of the events and sensors.
+        options: of the environment, as `robot`, `model`, `actuators` and `terrain`; they override the options that a
+            policy was trained with.
 
     Raises:
         ValueError: a number out of range, an unknown part of a setpoint, a `Reference` that this robot cannot follow
             or that was made with `params` of another robot, or as `compare`.
-        TypeError: an argument of the wrong type, a reference that the controller cannot follow, or an option given
-            twice.
+        TypeError: an argument of the wrong type or of an unknown name, or a reference that the controller cannot
+            follow.
         ControllerError: a controller in Python failed.
     """
-    given = merged_options(
-        env_options,
-        params=robot,
-        model=model,
-        actuators=actuators,
-        sensors=sensors,
-        observation=observation,
-        events=events,
-    )
-    check_room(given.get("params"), 1)
+    given = dict(options)
+    check_room(given.get("robot"), 1)
     seconds = simulated_seconds(seconds, reference)
-    impulses_of.check(pushes, forces, seconds)
+    pushes, forces = impulses_of.checked(pushes, forces, seconds)
     seed = check_seed(seed)
     if reference is not None and not isinstance(reference, Reference):
         _target(reference)
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
-    options = {**common_options([found], given), "max_episode_steps": None}
+    env_options = {**common_options([found], given), "max_episode_steps": None}
     named = common_task([found], task)
     batch = batch_for(
         found,
@@ -108,7 +92,7 @@ def simulate(
         task=named,
         num_threads=1,
         seed=seed,
-        options=options,
+        options=env_options,
         given=given,
         autoreset="disabled",
     )
@@ -144,8 +128,8 @@ def simulate(
         fell_at=None if done.fell_at is None else done.fell_at * batch.control_dt,
         setpoints=_setpoints(done.setpoints if target is None else [target(float(time)) for time in times]),
         terrain=batch.terrain,
-        pushes=tuple(pushes),
-        forces=tuple(forces),
+        pushes=pushes,
+        forces=forces,
         max_wheel_torque=batch.max_wheel_torque,
         commands=done.commands,
         task=named,
@@ -153,54 +137,6 @@ def simulate(
         sim_dt=batch.sim_dt,
         drawn_pushes=drawn_pushes(draws, times, batch.options["events"], batch.nominal_params(0).body_mass),
     )
-
-
-def run(
-    controller: Source,
-    *,
-    seconds: float = SECONDS,
-    tilt: tuple[float, float] = (0.05, 0.0),
-    yaw: float = 0.0,
-    push: Push | None = None,
-    task: str | None = None,
-    env_options: Mapping[str, Any] | None = None,
-    seed: int = 0,
-) -> Trajectory:
-    """`simulate` for a robot that starts tilted at the setpoint of its task, with at most one push.
-
-    Args:
-        controller: as in `simulate`.
-        seconds: simulated time.
-        tilt: initial tilt components, rad.
-        yaw: initial heading, rad.
-        push: on the body.
-        task: name of the task, as in `compare`.
-        env_options: options of the environment; they override the options that a policy was trained with.
-        seed: of the events.
-
-    Raises:
-        ValueError, TypeError, ControllerError: as `simulate`.
-    """
-    pushes = () if push is None else (push,)
-    return simulate(
-        controller, seconds=seconds, tilt=tilt, yaw=yaw, pushes=pushes, task=task, env_options=env_options, seed=seed
-    )
-
-
-def merged_options(env_options: Mapping[str, Any] | None, **named: Any) -> dict[str, Any]:
-    """Options of the environment, including separate arguments, which are None where they are not given.
-
-    Raises:
-        TypeError: an option given twice.
-    """
-    options = dict(env_options or {})
-    for name, value in named.items():
-        if value is None:
-            continue
-        if name in options:
-            raise TypeError(f"{'robot' if name == 'params' else name} is given twice: also as env_options['{name}']")
-        options[name] = value
-    return options
 
 
 def simulated_seconds(seconds: float | None, reference: Target | None = None) -> float:

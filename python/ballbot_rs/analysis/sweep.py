@@ -14,6 +14,7 @@ import numpy as np
 from ballbot_rs._checks import check_count, did_you_mean
 from ballbot_rs._core import Params, load_events
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import renamed
 from ballbot_rs._machine import threads
 from ballbot_rs._progress import Progress
 from ballbot_rs._short import number
@@ -129,23 +130,23 @@ def numbered(names: Sequence[str]) -> list[str]:
 
 
 def full_names(names: Iterable[str], options: Sequence[str]) -> dict[str, str]:
-    """The option, or its part, of each name of a sweep: a parameter of the robot needs no `params.` before it.
+    """The option, or its part, of each name of a sweep: a parameter of the robot needs no `robot.` before it.
 
     Args:
-        names: of the sweep; "robot" is the option `params`.
+        names: of the sweep; "robot" is the whole robot.
         options: names of the options that are known.
 
     Raises:
         ValueError: an unknown name, or two names of one option.
     """
-    known = (*options, "robot", *PARAMETER_NAMES)
+    known = (*options, *PARAMETER_NAMES)
     found: dict[str, str] = {}
     for name in names:
         head = name.partition(".")[0] if isinstance(name, str) else name
         if head not in known:
-            close = did_you_mean(str(name), known) or f": expected one of {', '.join(known)}"
+            close = renamed(head, known) or did_you_mean(str(name), known) or f": expected one of {', '.join(known)}"
             raise InvalidInputError(f"{FLAG}: unknown option '{name}'{close}")
-        full = "params" if name == "robot" else f"params.{name}" if head not in options else name
+        full = name if head in options else f"robot.{name}"
         same = next((other for other, its in found.items() if its == full), None)
         if same is not None:
             raise InvalidInputError(f"{FLAG} has '{same}' and '{name}', which are one option")

@@ -9,7 +9,6 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from typing import Any
 
-from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import (
     ACTUATORS,
@@ -24,18 +23,15 @@ from ballbot_rs._core import (
     load_sensors,
 )
 from ballbot_rs._modules import import_from_here
-from ballbot_rs._reading import read_regular
+from ballbot_rs._robot import params_of
 from ballbot_rs.analysis.pushes import Push
-from ballbot_rs.analysis.simulate import run
+from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli import settings
 from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.envs.own.source import is_in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
-
-#: Largest file of parameters, bytes.
-MAX_ROBOT_FILE = 1 << 20
 
 CONTROLLER_METAVAR = "NAME|PATH"
 CONTROLLER_HELP = f"{', '.join(NAMES)}, a policy file, a training run, FILE.py:NAME with your own, or a link's address"
@@ -193,7 +189,7 @@ def add_verbosity(command: Any, what: str) -> None:
 
 
 def robot_option(name: str) -> Any:
-    """The option `params` of an environment for a preset's name or a TOML file.
+    """The option `robot` of an environment for a preset's name or a TOML file.
 
     Raises:
         ValueError: a malformed file, or an unknown parameter.
@@ -205,15 +201,7 @@ def robot_option(name: str) -> Any:
             hint = did_you_mean(name, known)
             raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
         return name
-    try:
-        table = _toml.loads(read_regular(Path(name), MAX_ROBOT_FILE).decode())
-        # --actuators and --sensors read these.
-        for part in ("actuators", "sensors"):
-            if isinstance(table.get(part), dict):
-                del table[part]
-        return Params(**table).to_dict()
-    except (ValueError, TypeError) as error:
-        raise ValueError(f"{name}: {error}") from error
+    return params_of(name).to_dict()
 
 
 def actuators_option(name: str) -> Any:
@@ -250,11 +238,11 @@ def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
     if arguments.model is not None:
         options["model"] = arguments.model
     if arguments.robot is not None:
-        options["params"] = robot_option(arguments.robot)
+        options["robot"] = robot_option(arguments.robot)
     if getattr(arguments, "urdf", None) is not None:
         if arguments.robot is not None:
             raise ValueError("--urdf and --robot exclude each other: both name a robot")
-        options["params"] = Params.from_urdf(*arguments.urdf).to_dict()
+        options["robot"] = Params.from_urdf(*arguments.urdf).to_dict()
     if arguments.actuators is not None:
         options["actuators"] = actuators_option(arguments.actuators)
     if getattr(arguments, "sensors", None) is not None:
@@ -296,7 +284,16 @@ class Scenario:
 
     def of(self, controller: Source) -> Trajectory:
         """The trajectory under a controller."""
-        return run(controller, **self.motion, seed=self.seed)
+        return simulate(
+            controller,
+            seconds=self.seconds,
+            tilt=self.tilt,
+            yaw=self.yaw,
+            pushes=() if self.push is None else self.push,
+            task=self.task,
+            seed=self.seed,
+            **self.env_options,
+        )
 
     @property
     def motion(self) -> dict[str, Any]:

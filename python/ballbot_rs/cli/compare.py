@@ -27,7 +27,7 @@ def add_to(commands: Any) -> None:
     shared.add_controller(command, several=True)
     command.add_argument("--file", type=Path, metavar="FILE.toml", help="custom scenarios")
     command.add_argument("--robot", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)")
-    settings.add_to(command, "a parameter of the robot, as params.body_mass=2.5")
+    settings.add_to(command, "a parameter of the robot, as robot.body_mass=2.5")
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")

@@ -49,11 +49,11 @@ def run(arguments: argparse.Namespace) -> None:
             task=task,
             episodes=arguments.episodes,
             seed=arguments.seed,
-            env_options=options,
             engine=arguments.engine,
             sweep=sweep,
             checkpoint=arguments.checkpoint,
             progress=progress,
+            **options,
         )
     if sweep is not None:
         sweeps.write(results, arguments)

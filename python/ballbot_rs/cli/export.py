@@ -22,12 +22,12 @@ from ballbot_rs.deployment import (
 )
 
 #: Options of the environment that a controller in C depends on.
-OF_CONTROLLERS = ("params", "control_dt", "max_wheel_torque")
+OF_CONTROLLERS = ("robot", "control_dt", "max_wheel_torque")
 #: Options of the environment that an estimator in C depends on.
-OF_ESTIMATORS = ("params", "control_dt", "sensors")
+OF_ESTIMATORS = ("robot", "control_dt", "sensors")
 
 #: Options of the environment that a supervisor in C depends on.
-OF_SUPERVISORS = ("params", "control_dt", "actuators")
+OF_SUPERVISORS = ("robot", "control_dt", "actuators")
 
 
 def add_to(commands: Any) -> None:
@@ -140,12 +140,12 @@ def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
     task = arguments.task
     if arguments.policy.suffix == ".onnx":
         options = shared.env_options(arguments)
-        robot = options.pop("params", None)
+        robot = options.pop("robot", None)
         if options:
             raise ValueError(
                 f"{arguments.policy} has its own options of the environment: leave out {', '.join(options)}"
             )
-        params = None if robot is None else settings.params_of(robot)
+        params = None if robot is None else settings.one_robot(robot)
         text, metadata = policy_header(arguments.policy, task, params), OnnxPolicy(arguments.policy, task).metadata
     else:
         with _files.scratch_folder() as folder:
@@ -166,7 +166,7 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
         raise ValueError(
             f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"
         )
-    return target, {**options, "params": settings.params_of(options.get("params", "paper"))}
+    return target, {**options, "robot": settings.one_robot(options.get("robot", "paper"))}
 
 
 def _header(arguments: argparse.Namespace, otherwise: str) -> Path:

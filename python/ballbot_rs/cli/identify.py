@@ -34,7 +34,7 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.output
     if out is not None and out.suffix != ".toml":
         raise ValueError(f"{out}: the name of a robot's file ends in .toml")
-    params = settings.params_of(shared.robot_option(arguments.robot))
+    params = settings.one_robot(shared.robot_option(arguments.robot))
     log = SensorLog.read(arguments.log, arguments.columns)
     actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
     with bar("identifying", arguments.quiet or arguments.json) as progress:

@@ -23,7 +23,10 @@ from ballbot_rs.link.link import MAX_COUNT, MAX_SECONDS, ON_TIMEOUT, Link
 from ballbot_rs.link.peer import MAX_IDLE, LinkPeer
 
 #: Options of the environment that a controller with its estimator depends on.
-OF_PEERS = ("params", "sensors", "control_dt")
+#: Largest file of parameters, bytes.
+MAX_ROBOT_FILE = 1 << 20
+
+OF_PEERS = ("robot", "sensors", "control_dt")
 
 
 def add_to(commands: Any) -> None:
@@ -90,7 +93,7 @@ def _use_own_stages(arguments: argparse.Namespace) -> None:
         if robot is None or getattr(arguments, stage) is not None:
             continue
         if Path(robot).suffix == ".toml":
-            has_own = stage in _toml.loads(read_regular(Path(robot), shared.MAX_ROBOT_FILE).decode())
+            has_own = stage in _toml.loads(read_regular(Path(robot), MAX_ROBOT_FILE).decode())
         else:
             has_own = robot in known
         if has_own:
@@ -102,7 +105,7 @@ def _law(arguments: argparse.Namespace) -> Law:
     if others := sorted(set(options) - {*OF_PEERS, "actuators"}):
         raise ValueError(f"a peer does not depend on {', '.join(others)}, only on {', '.join(OF_PEERS)}")
     found = find(arguments.peer)
-    params = settings.params_of(options.get("params", "paper"))
+    params = settings.one_robot(options.get("robot", "paper"))
     control_dt = options.get("control_dt") or found.control_dt or CONTROL_DT
     if found.make_law is not None and reads_sensors(law := found.law(params, control_dt)):
         return law

@@ -44,7 +44,7 @@ def run(arguments: argparse.Namespace) -> None:
         raise ValueError(f"{out}: the name of a log ends in .csv or .npz")
     with bar("recording", arguments.quiet or arguments.json) as progress:
         log = record_log(
-            settings.params_of(shared.robot_option(arguments.robot)),
+            settings.one_robot(shared.robot_option(arguments.robot)),
             arguments.seconds,
             actuators=None if arguments.actuators is None else load_actuators(arguments.actuators),
             model=arguments.model,

@@ -16,7 +16,7 @@ from ballbot_rs.identification.replay import replay
 from ballbot_rs.media.video import check_suffix
 
 #: Options of an environment that a replay has.
-_OPTIONS: Final = ("params", "actuators")
+_OPTIONS: Final = ("robot", "actuators")
 #: Files of the figure.
 _SUFFIXES: Final = (".svg", ".pdf", ".png")
 
@@ -25,7 +25,7 @@ def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("replay", help="compare a log of a robot with a simulation under the same torques")
     log_arguments.add_log(command, "", "motors: ")
-    settings.add_to(command, "a parameter of the robot or its motors, as params.body_mass=2.5, actuators.delay=0.01")
+    settings.add_to(command, "a parameter of the robot or its motors, as robot.body_mass=2.5, actuators.delay=0.01")
     log_arguments.add_simulation(command)
     command.add_argument(
         "--begin", type=real(), metavar="S", help="of the span in figure and video (default: of the log)"
@@ -54,7 +54,7 @@ def run(arguments: argparse.Namespace) -> None:
         from ballbot_rs.media.figures.replay import draw
         from ballbot_rs.media.figures.style import save
     given = {
-        "params": shared.robot_option(arguments.robot),
+        "robot": shared.robot_option(arguments.robot),
         "actuators": None if arguments.actuators is None else load_actuators(arguments.actuators),
     }
     options = settings.apply(settings.assignments(arguments.set), given, {})
@@ -70,7 +70,7 @@ def run(arguments: argparse.Namespace) -> None:
     with bar("replaying", arguments.quiet or arguments.json) as progress:
         found = replay(
             log,
-            settings.params_of(options["params"]),
+            settings.one_robot(options["robot"]),
             actuators=options["actuators"],
             **log_arguments.simulation(arguments),
             progress=progress,

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 from ballbot_rs._core import Params
-from ballbot_rs.envs.parts import FLAG, apply, as_part, check_names, params_of
+from ballbot_rs.envs.parts import FLAG, apply, as_part, check_names, one_robot
 
 __all__ = [
     "EXAMPLES",
@@ -16,13 +16,13 @@ __all__ = [
     "apply",
     "assignments",
     "check_names",
-    "params_of",
+    "one_robot",
     "robot_of",
     "value_of",
 ]
 
 #: Text after `--set` in messages and in `--help`.
-EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, params.body_mass=2.5"
+EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, robot.body_mass=2.5"
 
 
 def add_to(command: Any, what: str = f"an option of the environment, or a part of one, as {EXAMPLES}") -> None:
@@ -53,6 +53,6 @@ def robot_of(arguments: argparse.Namespace, robot: Any) -> Params:
     """The robot of a command that has no environments, where `--set` only changes parameters."""
     values = assignments(arguments.set)
     for name, value in values.items():
-        if not name.startswith("params."):
-            raise ValueError(f"{FLAG} {name}={value}: expected params.NAME=VALUE{as_part(name)}")
-    return params_of(apply(values, {"params": robot}, {})["params"])
+        if not name.startswith("robot."):
+            raise ValueError(f"{FLAG} {name}={value}: expected robot.NAME=VALUE{as_part(name)}")
+    return one_robot(apply(values, {"robot": robot}, {})["robot"])

@@ -50,14 +50,14 @@ def run(arguments: argparse.Namespace) -> None:
     done = simulate(
         controller,
         reference=settings.assignments(arguments.reference, "--reference") or None,
-        pushes=() if chosen.push is None else (chosen.push,),
+        pushes=() if chosen.push is None else chosen.push,
         seconds=chosen.seconds,
         position=arguments.position,
         tilt=chosen.tilt,
         yaw=chosen.yaw,
         task=chosen.task,
-        env_options=chosen.env_options,
         seed=chosen.seed,
+        **chosen.env_options,
     )
     done.write(out)
     if arguments.json:

@@ -73,7 +73,7 @@ def _robot(arguments: argparse.Namespace, chosen: Any) -> tuple[str, Params | No
     if isinstance(chosen, str):
         return chosen, None
     if are_several(chosen):
-        return "the first robot", settings.params_of(first_of(chosen))
+        return "the first robot", settings.one_robot(first_of(chosen))
     name = "policy" if arguments.robot is None else Path(arguments.robot).stem
-    is_changed = any(text.startswith("params.") for text in arguments.set)
+    is_changed = any(text.startswith("robot.") for text in arguments.set)
     return (f"{name} with --set" if is_changed else name), Params(**chosen)

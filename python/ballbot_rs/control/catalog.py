@@ -3,12 +3,13 @@
 import dataclasses
 import html
 from collections.abc import Mapping
-from os import PathLike
 from typing import Any, Final
 
 from ballbot_rs import _short
 from ballbot_rs._checks import check_options
-from ballbot_rs._core import CONTROLLERS, Controller, Params
+from ballbot_rs._core import CONTROLLERS, Controller
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 
 #: Options of every controller.
 LIMITS: Final = ("max_torque", "traction", "speed_limit", "boundary")
@@ -91,9 +92,10 @@ def controllers() -> dict[str, ControllerInfo]:
     }
 
 
+@named
 def make_controller(
     name: str,
-    params: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     control_dt: float | None = None,
     **options: Any,
 ) -> Controller:
@@ -101,7 +103,7 @@ def make_controller(
 
     Args:
         name: one of `controllers()`.
-        params: the robot: `Params`, the name of a preset or the path of a TOML file; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         control_dt: time between two calls, s; None is the time that the controller is made for (0.002 for "pid"), or
             0.01.
         options: weights or gains listed in `controllers()[name].options`, and `max_torque`, `traction`, `speed_limit`
@@ -114,4 +116,4 @@ def make_controller(
     if name in CONTROLLERS:
         known = [option["name"] for option in CONTROLLERS[name]["options"]]
         check_options(f"the controller '{name}'", options, (*known, *LIMITS))
-    return Controller(name, params, control_dt, **options)
+    return Controller(name, params_of(robot), control_dt, **options)

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import real_array
 from ballbot_rs._extras import require
+from ballbot_rs._keywords import named
 from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.spaces import observation_width
 
@@ -31,6 +32,7 @@ CALL_LIMIT = 1.0
 ROW_LIMIT = 1e-3
 
 
+@named
 class OnnxPolicy:
     """A policy that `ballbot export` wrote.
 

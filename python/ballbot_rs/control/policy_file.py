@@ -90,7 +90,9 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
     """
     if isinstance(options.get("events"), str):
         raise ValueError(f"events = {options['events']!r}: a policy file has them as a list, not the name of a file")
-    for name, known in (("actuators", ACTUATORS), ("sensors", SENSORS), ("params", ROBOTS)):
+    # As versions before 0.4 wrote it.
+    options = {"robot" if name == "params" else name: value for name, value in options.items()}
+    for name, known in (("actuators", ACTUATORS), ("sensors", SENSORS), ("robot", ROBOTS)):
         value = options.get(name)
         if isinstance(value, str) and value not in known:
             raise ValueError(f"{name} = {value!r}: a policy file has one of {', '.join(known)}, or all numbers")

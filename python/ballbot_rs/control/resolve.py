@@ -20,7 +20,7 @@ from ballbot_rs._modules import module_of
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
-from ballbot_rs.envs._batch_env import without_curriculum
+from ballbot_rs.envs._batch_env import decided, without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
@@ -228,7 +228,7 @@ def common_options(
                 f"{controller.name} is for {dict(controller.env_options)}, {policies[0].name} for {dict(options)}: "
                 "not one task"
             )
-    given = dict(env_options or {})
+    given = decided(env_options or {})
     if isinstance(given.get("events"), str) and given["events"] == TRAINED:
         found = [controller.events for controller in policies]
         if not found or any(events != found[0] for events in found):

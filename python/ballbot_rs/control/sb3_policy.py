@@ -17,6 +17,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
+from ballbot_rs._keywords import named
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, history_ages, observation_space, observation_width
@@ -54,6 +55,7 @@ def metadata(task: str, algorithm: str, env_options: Mapping[str, Any]) -> dict[
     }
 
 
+@named
 def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     """Saves a model of Stable-Baselines3 with the task that it was trained for; every command takes such a file.
 

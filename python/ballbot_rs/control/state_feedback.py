@@ -10,6 +10,8 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_real, did_you_mean, real_array
 from ballbot_rs._core import LinearModel, Lqr, Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
 
 Array = npt.NDArray[np.float64]
@@ -21,6 +23,7 @@ NAMES: Final = tuple(name.partition(" (")[0] for name in LinearModel.STATES)
 YAW_RATE: Final = NAMES.index("body rate z")
 
 
+@named
 class StateFeedback:
     """The law τ = −K x of a gain K, for whatever takes a law; `lqr` and `dlqr` of MATLAB return K with this sign.
 
@@ -40,7 +43,7 @@ class StateFeedback:
         gain: K, shape (3, k), N·m per unit of the state.
         states: the state of each column, names of `LinearModel.STATES` with or without unit; states without a column
             have no feedback. None is all ten in the order of `LinearModel.STATES`.
-        params: the robot, whose equilibrium is zero tilt; None is the robot that it controls.
+        robot: as in `simulate`, whose equilibrium is zero tilt; None is the robot that it controls.
         control_dt: time between two calls, s, as in the design of K.
 
     Raises:
@@ -55,7 +58,7 @@ class StateFeedback:
         self,
         gain: npt.ArrayLike,
         states: Sequence[str] | None = None,
-        params: Params | str | None = None,
+        robot: Robot | None = None,
         *,
         control_dt: float = CONTROL_DT,
     ) -> None:
@@ -71,7 +74,7 @@ class StateFeedback:
         self.control_dt = float(control_dt)
         self._gain = np.zeros((3, len(NAMES)))
         self._gain[:, columns] = given
-        self._params = Params.preset(params) if isinstance(params, str) else params
+        self._params = None if robot is None else params_of(robot)
 
     @property
     def gain(self) -> Array:
@@ -96,7 +99,7 @@ class StateFeedback:
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> Array:
-        """Wheel torques, shape (3,), N·m, without a limit; without `params` for the paper's robot."""
+        """Wheel torques, shape (3,), N·m, without a limit; without `robot` for the paper's robot."""
         return self._law(state, position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
 
     @functools.cached_property

@@ -8,9 +8,10 @@ import numpy as np
 from ballbot_rs import __version__
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, Controller, Params
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.deployment.c_text import comment, constants, guarded, included, is_piece, piece
-from ballbot_rs.deployment.robot import robot_name, robot_of
+from ballbot_rs.deployment.robot import robot_name
 
 #: The controllers that can be written as C: those with a part of their name in the folder `c`.
 CONTROLLERS_IN_C: Final = tuple(filter(is_piece, CONTROLLERS))
@@ -24,7 +25,7 @@ SETPOINT_PARTS: Final = ("position", "velocity", "acceleration", "jerk", "snap",
 
 def controller_header(
     name: str,
-    params: Params | str | None = None,
+    robot: Robot | None = None,
     control_dt: float | None = None,
     *,
     max_wheel_torque: float | None = None,
@@ -34,7 +35,7 @@ def controller_header(
 
     Args:
         name: one of `CONTROLLERS_IN_C`.
-        params: the robot: `Params`, or the name of a preset; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         control_dt: as in `Controller`.
         max_wheel_torque: a torque limit in addition to the controller's, N·m, as the option of an environment.
         options: as in `Controller`.
@@ -47,7 +48,7 @@ def controller_header(
         known = ", ".join(CONTROLLERS_IN_C)
         hint = did_you_mean(name, CONTROLLERS_IN_C)
         raise ValueError(f"the controller '{name}' cannot be written as C: expected one of {known}{hint}")
-    robot = robot_of(params)
+    robot = params_of(robot)
     law = make_controller(name, robot, control_dt, **options)
     for option in NOT_IN_C:
         if np.any(options.get(option, 0.0)):

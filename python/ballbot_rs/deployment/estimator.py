@@ -5,8 +5,9 @@ from typing import Any, Final
 
 from ballbot_rs import __version__
 from ballbot_rs._core import Params, estimator_constants
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
-from ballbot_rs.deployment.robot import robot_name, robot_of
+from ballbot_rs.deployment.robot import robot_name
 
 #: Variance of a wheel rate, (rad/s)², below which single precision is insufficient: the covariance is then a small
 #: difference of large numbers. 4096 ticks at 100 Hz give 3.9e-3.
@@ -19,21 +20,21 @@ typedef char ballbot_estimator_of_these_sensors_needs_double[BALLBOT_IS_FLOAT ? 
 
 
 def estimator_header(
-    params: Params | str | None,
+    robot: Robot | None,
     sensors: Mapping[str, Any] | str,
     control_dt: float = 0.01,
 ) -> str:
     """The text of a C99 header with the estimator of attitude, velocity, position and lean bias for one robot.
 
     Args:
-        params: the robot: `Params`, or the name of a preset; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         sensors: as `sensors=` of an environment: the errors that the estimator expects.
         control_dt: time between two readings, s.
 
     Raises:
         ValueError: a number out of range.
     """
-    robot = robot_of(params)
+    robot = params_of(robot)
     values = estimator_constants(robot, sensors, control_dt)
     is_coarse = float(values["encoder_variance"]) >= LEAST_SINGLE
     parts = (

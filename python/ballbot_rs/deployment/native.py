@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_real
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._reading import open_regular
 from ballbot_rs._state_rows import BALL_POSITION, BALL_RATE, BALL_VELOCITY, BODY_QUATERNION, BODY_RATE, WHEEL_SPEEDS
 from ballbot_rs.control.setpoints import PARTS
@@ -29,6 +30,7 @@ SETPOINT: Final = {"position": 0, "velocity": 2, "yaw": 4, "acceleration": 7, "j
 SETPOINT_LEN: Final = 14
 
 
+@named
 class NativeLaw:
     """A law in C, for whatever takes a law: one call for all robots at each control step.
 

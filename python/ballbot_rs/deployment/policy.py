@@ -1,13 +1,13 @@
 """A policy as a C99 header."""
 
 import re
-from collections.abc import Mapping
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs import __version__
-from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND, Params
+from ballbot_rs._core import INSTRUMENTS, SCALED_BOUND
+from ballbot_rs._robot import Robot
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment.c_text import array, comment, guarded, number, piece
 from ballbot_rs.deployment.network import network
@@ -39,30 +39,30 @@ _NUMBERS: Final = ("bound", "rest", "typical")
 def policy_header(
     path: str | PathLike[str],
     task: str | None = None,
-    params: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
+    robot: Robot | None = None,
 ) -> str:
     """The text of a C99 header with a policy.
 
     Args:
         path: an ONNX file that `ballbot export` wrote.
         task: the task that it was trained for; None is the task that the file names.
-        params: the robot that it is to drive, of which a policy with `scale_by_robot` needs the size; None is the
+        robot: which it is to drive, of which a policy with `scale_by_robot` needs the size; None is the
             training robot.
 
     Raises:
         FileNotFoundError: there is no such file.
         ValueError: it is not a policy for the task, or has an operator that cannot be written as C; a policy that was
-            trained on several robots needs `params`; a robot whose motors are too weak.
+            trained on several robots needs `robot`; a robot whose motors are too weak.
         ModuleNotFoundError: onnxruntime or onnx is not installed.
     """
     file = Path(fspath(path))
     policy = OnnxPolicy(file, task)
     options = policy.env_options
-    if params is not None:
-        if not options["scale_by_robot"] and not are_several(options.get("params")):
-            raise ValueError(f"{file} drives the robot that it was trained on: leave out params (--robot)")
-        options["params"] = params
-    if are_several(options.get("params")):
+    if robot is not None:
+        if not options["scale_by_robot"] and not are_several(options.get("robot")):
+            raise ValueError(f"{file} drives the robot that it was trained on: leave out robot (--robot)")
+        options["robot"] = robot
+    if are_several(options.get("robot")):
         raise ValueError(f"{file} was trained on several robots: name the robot that it is to drive (--robot)")
     for part in (*INSTRUMENTS, "rows"):
         if options.get(part) is not None:
@@ -180,5 +180,5 @@ def _seen(history: Any) -> str:
 
 
 def _robot(options: dict[str, Any]) -> str:
-    robot = options.get("params", "paper")
+    robot = options.get("robot", "paper")
     return f"'{robot}'" if isinstance(robot, str) else f"with {robot}"

@@ -9,12 +9,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params, State
+from ballbot_rs._core import State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.resolve import CONTROL_DT, Source, find
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.deployment.compiled import compiled, pointer
-from ballbot_rs.deployment.robot import robot_of
 from ballbot_rs.deployment.supervisor import supervisor_header
 
 Array = npt.NDArray[np.float64]
@@ -54,6 +55,7 @@ void inspect(const ballbot_supervisor *supervisor, double *numbers)
 """
 
 
+@named
 class Supervised:
     """Any controller within the limits of a robot, as it runs on the robot: a law, for whatever takes one.
 
@@ -63,7 +65,7 @@ class Supervised:
     Args:
         controller: a name, or a law or class of laws in Python. A law that reads sensors has `estimate()`, the `State`
             that is supervised, as `EstimatedController`.
-        params: the robot, the name of a preset, or None for the paper's.
+        robot: as in `simulate`; None is the paper's.
         control_dt: time between two calls, s; None is the controller's, else 0.01 s.
         limits: as of `supervisor_header`.
 
@@ -73,15 +75,15 @@ class Supervised:
     """
 
     def __init__(
-        self, controller: Source, params: Params | str | None = None, control_dt: float | None = None, **limits: Any
+        self, controller: Source, robot: Robot | None = None, control_dt: float | None = None, **limits: Any
     ) -> None:
         found = find(controller)
         if found.make_law is None:
             raise InvalidInputError(f"{found.name} is a policy, which observes more than the state of a robot")
         self.name = found.name
         self.control_dt = found.control_dt or CONTROL_DT if control_dt is None else control_dt
-        self._given = controller, params, control_dt, limits
-        robot = robot_of(params)
+        self._given = controller, robot, control_dt, limits
+        robot = params_of(robot)
         known = [*inspect.signature(supervisor_header).parameters][2:]
         if unknown := [name for name in limits if name not in known]:
             raise InvalidInputError(f"unknown limit {unknown[0]!r}: expected {', '.join(known)}")
@@ -95,8 +97,8 @@ class Supervised:
         self.reset()
 
     def __deepcopy__(self, memo: dict[int, Any]) -> "Supervised":
-        controller, params, control_dt, limits = self._given
-        return type(self)(copy.deepcopy(controller, memo), params, control_dt, **limits)
+        controller, robot, control_dt, limits = self._given
+        return type(self)(copy.deepcopy(controller, memo), robot, control_dt, **limits)
 
     @property
     def heat(self) -> Array:

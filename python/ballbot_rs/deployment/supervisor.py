@@ -12,8 +12,10 @@ from ballbot_rs import __version__
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._core import Controller, LinearModel, Params, load_actuators
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.deployment.c_text import comment, constants, guarded, piece
-from ballbot_rs.deployment.robot import robot_name, robot_of
+from ballbot_rs.deployment.robot import robot_name
 
 Array = npt.NDArray[np.float64]
 
@@ -29,8 +31,9 @@ MOST_MISSED: Final = 3
 _DIRECTIONS: Final = 72
 
 
+@named
 def supervisor_header(
-    params: Params | str | None = None,
+    robot: Robot | None = None,
     control_dt: float = 0.01,
     *,
     actuators: Mapping[str, Any] | str | PathLike[str] | None = None,
@@ -46,7 +49,7 @@ def supervisor_header(
     """The text of a C99 header with the supervisor of one robot: docs/safety.md has what it does.
 
     Args:
-        params: the robot: `Params`, or the name of a preset; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         control_dt: time between two calls, s.
         actuators: as `actuators=` of an environment: motors, from which the largest speed of a wheel follows.
         max_torque: largest torque of a motor, N·m; None is `max_wheel_torque` of the robot.
@@ -62,7 +65,7 @@ def supervisor_header(
     Raises:
         ValueError: a number out of range, or unknown actuators.
     """
-    robot = robot_of(params)
+    robot = params_of(robot)
     torque = robot.max_wheel_torque if max_torque is None else check_bounded("max_torque", max_torque, 1e-9, 1e9)
     rest = torque / 3.0 if continuous_torque is None else continuous_torque
     tilt, rate, toppling = recoverable(robot, torque)

@@ -9,9 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_count, check_options, check_seed, real_array
+from ballbot_rs._checks import check_count, check_seed, real_array
 from ballbot_rs._core import TASKS, Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import check_keywords
+from ballbot_rs._robot import params_of
 from ballbot_rs.envs.family import are_several, at_most, check_room, is_family, is_list, robots_of
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS, Stage, split
@@ -37,16 +39,16 @@ def new_batch(
         autoreset: see above.
         num_threads: see above.
         seed: see above.
-        options: of its environments. `params` may also be a dict of parameters, a family (a dict with the keys
-            `family`, the number of robots, and `seed`), or a list of robots, of which eight neighbors have the same;
-            `max_episode_steps` may be None, and the values of `FUNCTION_OPTIONS` functions.
+        options: of its environments. `robot` is the option `params` of `Batch`, or a dict of parameters, a family (a
+            dict with the keys `family`, the number of robots, and `seed`), or a list of robots, of which eight
+            neighbors have the same; `max_episode_steps` may be None, and the values of `FUNCTION_OPTIONS` functions.
         stage: the stage of a batch with the same task and options; None makes a new stage.
     """
     env_id_of(task)
     own = registry.find(task)
     given = dict(options or {}) if own is None else {**own.options, **(options or {})}
     if given:
-        check_options(f"the environment of {task}", given, option_names(task))
+        check_keywords(f"the environment of {task}", given, option_names(task))
     given, functions = split(given)
     arguments = {} if own is None else {name: given.pop(name) for name in own.parameters() if name in given}
     made = None if own is None else own.made_by(**arguments)
@@ -81,20 +83,24 @@ def _of_own_task(made: Task, options: dict[str, Any]) -> dict[str, Any]:
 
 def _plain(options: Mapping[str, Any], num_envs: int) -> dict[str, Any]:
     """Options in the form that the core takes."""
-    plain = dict(options)
-    if "params" in plain:
-        plain["params"] = _robot_or_robots(plain["params"], num_envs)
+    plain = decided(options)
+    if "robot" in plain:
+        plain["params"] = _robot_or_robots(plain.pop("robot"), num_envs)
     if "max_episode_steps" in plain and plain["max_episode_steps"] is None:
         plain["max_episode_steps"] = NO_TIME_LIMIT
     return plain
 
 
-def _robot_or_robots(params: Any, num_envs: int) -> Any:
-    if is_family(params):
-        return robots_of(params, num_envs)
-    if is_list(params):
-        return [_robot_or_robots(robot, 1) for robot in at_most(params, num_envs)]
-    return Params(**params) if isinstance(params, Mapping) else params
+def decided(options: Mapping[str, Any]) -> dict[str, Any]:
+    """The options without a choice that is left to the policy, or to the default, by None."""
+    undecided = [name for name in ("robot", "model", "observation") if options.get(name) is None]
+    return {name: value for name, value in options.items() if name not in undecided}
+
+
+def _robot_or_robots(robot: Any, num_envs: int) -> Any:
+    if is_family(robot):
+        return robots_of(robot, num_envs)
+    return [_robot_or_robots(one, 1) for one in at_most(robot, num_envs)] if is_list(robot) else params_of(robot)
 
 
 def option_names(task: str) -> tuple[str, ...]:
@@ -110,7 +116,7 @@ def options_of_own_tasks(base: str | None) -> tuple[str, ...]:
 
 @functools.cache
 def _option_names(task: str) -> tuple[str, ...]:
-    return tuple(dict.fromkeys(("params", "model", *Batch(1, task, num_threads=1).options, *FUNCTION_OPTIONS)))
+    return tuple(dict.fromkeys(("robot", "model", *Batch(1, task, num_threads=1).options, *FUNCTION_OPTIONS)))
 
 
 def has_fall_tilt(task: str) -> bool:
@@ -141,13 +147,12 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     options: dict[str, Any] = {"model": batch.model, **batch.options}
     if options["max_episode_steps"] == NO_TIME_LIMIT:
         options["max_episode_steps"] = None
-    several = are_several(given.get("params"))
+    several = are_several(given.get("robot"))
     if (several or options["scale_by_robot"]) and given.get("max_wheel_torque") is None:
         # It follows from each robot.
         options["max_wheel_torque"] = None
-    if "params" in given:
-        params = given["params"]
-        options["params"] = _as_json(params)
+    if "robot" in given:
+        options["robot"] = _as_json(given["robot"])
         if several:
             # They follow from each robot, too.
             fitted = {option["name"] for option in description_of(batch.task)["options"] if option["scaled"]}
@@ -155,12 +160,12 @@ def resolved_options(batch: Batch, given: Mapping[str, Any]) -> dict[str, Any]:
     return options if batch.stage is None else batch.stage.options(options)
 
 
-def _as_json(params: Any) -> Any:
-    if isinstance(params, Params):
-        return params.to_dict()
-    if isinstance(params, Mapping):
-        return dict(params)
-    return [_as_json(robot) for robot in params] if is_list(params) else params
+def _as_json(robot: Any) -> Any:
+    if isinstance(robot, Params):
+        return robot.to_dict()
+    if isinstance(robot, Mapping):
+        return dict(robot)
+    return [_as_json(one) for one in robot] if is_list(robot) else robot
 
 
 def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
@@ -170,8 +175,8 @@ def without_curriculum(options: Mapping[str, Any]) -> dict[str, Any]:
 
 def fixed_option(task: str, name: str) -> str | None:
     """The reason why an option of the task cannot be set as an attribute; None for other names."""
-    if name == "params":
-        return "params is not an attribute to set: call set_params"
+    if name in ("robot", "params"):
+        return f"{name} is not an attribute to set: call set_params"
     is_option = name in option_names(task)
     return f"{name} is fixed once an environment is made: make one with {name}=..." if is_option else None
 
@@ -369,7 +374,7 @@ class BatchEnv(BatchAttributes):
             check_count("max_episode_steps", options["max_episode_steps"])
         if num_threads is not None:
             check_count("num_threads", num_threads)
-        check_room(options.get("params"), num_envs)
+        check_room(options.get("robot"), num_envs)
         self._batch_arguments = (num_envs, task, autoreset, num_threads, dict(options))
         self._first_seed = secrets.randbits(63) if seed is None else check_seed(seed)
         self._batch = new_batch(
@@ -381,7 +386,7 @@ class BatchEnv(BatchAttributes):
         return ["none", *(name for name, _ in self._batch.terminations)]
 
     def _check_names(self, options: Mapping[str, Any]) -> None:
-        check_options(type(self).__name__, options, option_names(self.task), self._hint)
+        check_keywords(type(self).__name__, options, option_names(self.task), self._hint)
 
     def _hint(self, name: str) -> str:  # noqa: ARG002
         return ""

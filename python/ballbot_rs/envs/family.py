@@ -74,20 +74,20 @@ def sample_robots(count: int, seed: int = 0, ranges: Ranges | None = None) -> li
     check_count("count", count)
     given = {} if ranges is None else ranges
     if not isinstance(given, Mapping):
-        raise TypeError(f"params.ranges = {given!r} is not a table of ranges")
-    check_options("params.ranges", given, (*RANGES, *LINEAR))
+        raise TypeError(f"robot.ranges = {given!r} is not a table of ranges")
+    check_options("robot.ranges", given, (*RANGES, *LINEAR))
     checked = {name: _range(name, given.get(name, usual)) for name, usual in (*RANGES.items(), *LINEAR.items())}
     return [_robot(np.random.default_rng([check_seed(seed), i]), checked) for i in range(count)]
 
 
 def robots_of(spec: Mapping[str, Any], num_envs: int) -> list[Params]:
-    """Robots of the value of an option `params` with the key `family`: their number, a `seed` and `ranges`.
+    """Robots of the value of an option `robot` with the key `family`: their number, a `seed` and `ranges`.
 
     Raises:
         ValueError: an unknown key, or a number out of range.
         TypeError: as `sample_robots`.
     """
-    check_options("params with a family", spec, ("family", "seed", "ranges"))
+    check_options("robot with a family", spec, ("family", "seed", "ranges"))
     # The others have no place.
     return sample_robots(min(number_of(spec), room(num_envs)), spec.get("seed", 0), spec.get("ranges"))
 
@@ -98,7 +98,7 @@ def room(num_envs: int) -> int:
 
 
 def check_room(params: Any, num_envs: int) -> None:
-    """Checks that a batch has room for all robots of the value of an option `params`.
+    """Checks that a batch has room for all robots of the value of an option `robot`.
 
     Raises:
         ValueError: it has not, or as `number_of`.
@@ -106,23 +106,23 @@ def check_room(params: Any, num_envs: int) -> None:
     robots, most = number_of(params), room(num_envs)
     if robots > most:
         raise InvalidInputError(
-            f"params has {robots} robots, but num_envs = {num_envs} has room for {most}: "
+            f"robot has {robots} robots, but num_envs = {num_envs} has room for {most}: "
             f"{SAME_ROBOT} neighbors have the same robot, so it must be at least {SAME_ROBOT * (robots - 1) + 1}"
         )
 
 
 def is_family(params: Any) -> bool:
-    """Whether the value of an option `params` is a family."""
+    """Whether the value of an option `robot` is a family."""
     return isinstance(params, Mapping) and "family" in params
 
 
 def is_list(params: Any) -> bool:
-    """Whether the value of an option `params` is a list of robots."""
+    """Whether the value of an option `robot` is a list of robots."""
     return isinstance(params, Sequence) and not isinstance(params, str)
 
 
 def number_of(params: Any) -> int:
-    """How many robots the value of an option `params` has.
+    """How many robots the value of an option `robot` has.
 
     Raises:
         ValueError: a number of a family out of range.
@@ -130,26 +130,26 @@ def number_of(params: Any) -> int:
     """
     if not is_family(params):
         return len(params) if is_list(params) else 1
-    count = check_count("params.family", params["family"])
+    count = check_count("robot.family", params["family"])
     if count > MOST_ROBOTS:
-        raise InvalidInputError(f"params.family = {count} is out of range: it must be at most {MOST_ROBOTS}")
+        raise InvalidInputError(f"robot.family = {count} is out of range: it must be at most {MOST_ROBOTS}")
     return count
 
 
 def are_several(params: Any) -> bool:
-    """Whether the value of an option `params` is of several robots."""
+    """Whether the value of an option `robot` is of several robots."""
     return number_of(params) != 1
 
 
 def at_most(params: Any, num_envs: int) -> Any:
-    """The value of an option `params`, of no more robots than a batch has room for."""
+    """The value of an option `robot`, of no more robots than a batch has room for."""
     if is_family(params):
         return {**params, "family": min(params["family"], room(num_envs))}
     return params[: room(num_envs)] if is_list(params) else params
 
 
 def first_of(params: Any) -> Any:
-    """The value of an option `params`, of the first robot alone."""
+    """The value of an option `robot`, of the first robot alone."""
     if is_family(params):
         return robots_of(params, 1)[0].to_dict()
     return params[0] if is_list(params) else params
@@ -173,13 +173,13 @@ def _range(name: str, bounds: Any) -> tuple[float, float]:
         ValueError: not two numbers in ascending order, or not positive where they are sampled log-uniformly.
     """
     if isinstance(bounds, str) or not isinstance(bounds, Sequence) or len(bounds) != 2:
-        raise InvalidInputError(f"params.ranges[{name!r}] = {bounds!r}: expected a least and a most number")
-    least, most = (check_real(f"params.ranges[{name!r}]", bound) for bound in bounds)
+        raise InvalidInputError(f"robot.ranges[{name!r}] = {bounds!r}: expected a least and a most number")
+    least, most = (check_real(f"robot.ranges[{name!r}]", bound) for bound in bounds)
     lowest = np.finfo(float).tiny if name in RANGES else -LARGEST
     if not lowest <= least <= most <= LARGEST:
         kind = "positive numbers" if name in RANGES else "numbers"
         raise InvalidInputError(
-            f"params.ranges[{name!r}] = {bounds!r}: expected two {kind} in ascending order, at most {LARGEST:g}"
+            f"robot.ranges[{name!r}] = {bounds!r}: expected two {kind} in ascending order, at most {LARGEST:g}"
         )
     return least, most
 
@@ -189,7 +189,7 @@ def _robot(rng: np.random.Generator, ranges: Ranges) -> Params:
     for _ in range(MOST_ATTEMPTS):
         with contextlib.suppress(ValueError):
             return _attempt(rng, ranges)
-    raise InvalidInputError(f"params.ranges: none of {MOST_ATTEMPTS} sampled robots is valid")
+    raise InvalidInputError(f"robot.ranges: none of {MOST_ATTEMPTS} sampled robots is valid")
 
 
 def _attempt(rng: np.random.Generator, ranges: Ranges) -> Params:

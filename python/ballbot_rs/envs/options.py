@@ -177,11 +177,12 @@ class Lidar(TypedDict, total=False):
 class CommonOptions(TypedDict, total=False):
     """Options of every task."""
 
-    #: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight neighbors,
-    #: are a list, or `{'family': COUNT, 'seed': SEED}`. (paper, asroballet, kugle, rezero, or FILE.toml)
-    params: "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any]"
+    #: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several robots,
+    #: each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (paper, asroballet, kugle, rezero, or
+    #: FILE.toml)
+    robot: "Params | str | PathLike[str] | Mapping[str, Any] | Sequence[Any] | None"
     #: Model of the robot. (planar, spatial, contact, rigid)
-    model: Model | str
+    model: Model | str | None
     #: Time step of the model. (s, >= 1e-6 and <= 0.02)
     sim_dt: float
     #: Time between two actions, a whole multiple of `sim_dt`. (s, > 0)
@@ -220,7 +221,7 @@ class CommonOptions(TypedDict, total=False):
     level: int | str | None
     #: What policies and controllers observe: the true state, or what follows from the readings of the sensors.
     #: (ground_truth, sensors)
-    observation: Observed | str
+    observation: Observed | str | None
     #: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (finite scales,
     #: functions, or their names as module:function)
     reward: "Mapping[str, float | Function | str]"

@@ -1,4 +1,4 @@
-"""Options of environments by name, of which a dot names a part: `actuators.delay`, `params.body_mass`."""
+"""Options of environments by name, of which a dot names a part: `actuators.delay`, `robot.body_mass`."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any, Final
@@ -6,6 +6,8 @@ from typing import Any, Final
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import INSTRUMENTS, PARAMETERS, Params, load_actuators, load_sensors
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import renamed
+from ballbot_rs._robot import params_of
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.family import are_several, is_family, is_list
 from ballbot_rs.envs.own.stage import FUNCTION_OPTIONS
@@ -18,25 +20,25 @@ FLAG: Final = "--set"
 PARAMETER_NAMES: Final = tuple(one["name"] for one in PARAMETERS)
 
 
-def params_of(robot: Any) -> Params:
-    """The parameters that the option `params` of an environment names or holds."""
+def one_robot(robot: Any) -> Params:
+    """The parameters that the option `robot` of an environment names or holds."""
     if are_several(robot):
-        raise ValueError("params: expected one robot, not several")
-    return Params.preset(robot) if isinstance(robot, str) else Params(**robot)
+        raise ValueError("robot: expected one robot, not several")
+    return params_of(robot)
 
 
 def _robot_table(robot: Any) -> dict[str, Any]:
-    """The parts of the option `params`: parameters, or the keys of a family."""
+    """The parts of the option `robot`: parameters, or the keys of a family."""
     if is_family(robot):
         return dict(robot)
     if is_list(robot):
-        raise ValueError("params: a list of robots has no parts")
-    return params_of("paper" if robot is None else robot).to_dict()
+        raise ValueError("robot: a list of robots has no parts")
+    return one_robot(robot).to_dict()
 
 
 def _changed(head: str, table: dict[str, Any], parts: Mapping[str, Any]) -> dict[str, Any]:
     """The table of an option with other values of some parts."""
-    if head != "params" or is_family(table):
+    if head != "robot" or is_family(table):
         return {**table, **parts}
     if "family" in parts:
         return dict(parts)
@@ -45,7 +47,7 @@ def _changed(head: str, table: dict[str, Any], parts: Mapping[str, Any]) -> dict
 
 #: Options that have parts, with a function for the table of an option that is given by name or in full.
 _TABLES: Final[Mapping[str, Callable[[Any], dict[str, Any]]]] = {
-    "params": _robot_table,
+    "robot": _robot_table,
     "actuators": lambda motors: dict(load_actuators(motors) if isinstance(motors, str) else motors or {}),
     "sensors": lambda sensors: dict(load_sensors(sensors) if isinstance(sensors, str) else sensors or {}),
     "terrain": lambda terrain: {"kind": terrain} if isinstance(terrain, str) else dict(terrain or {}),
@@ -81,7 +83,7 @@ def apply(
             raise ValueError(f"{flag} {name}={value}: {name} is also given by a separate argument")
         else:
             found[name] = value
-        if name == "params.family" and "params" in options:
+        if name == "robot.family" and "robot" in options:
             raise ValueError(f"{flag} {name}={value}: a robot is also given by a separate argument")
         if dot and head not in _TABLES:
             known = ", ".join(f"{one}.NAME" for one in _TABLES)
@@ -113,12 +115,13 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
     """
     known = (*option_names(task or DEFAULT_TASK), *others)
     for name in (name.partition(".")[0] for name in names):
-        if name in known or (task is None and not as_part(name)):
+        better = renamed(name, known) or as_part(name)
+        if name in known or (task is None and not better):
             continue
-        close = as_part(name) or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
+        close = better or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
         raise ValueError(f"{flag} {name}: unknown option '{name}'{close}")
 
 
 def as_part(name: str) -> str:
     """The hint that a name is a parameter of the robot."""
-    return f": did you mean 'params.{name}'?" if name in PARAMETER_NAMES else ""
+    return f": did you mean 'robot.{name}'?" if name in PARAMETER_NAMES else ""

@@ -85,9 +85,9 @@ class BalanceEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -282,9 +282,9 @@ class VelocityEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -487,9 +487,9 @@ class GoalEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -702,9 +702,9 @@ class PathEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -893,9 +893,9 @@ class PushEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -1099,9 +1099,9 @@ class TerrainEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
@@ -1286,9 +1286,9 @@ class OpenBallBotEnv(BallbotEnv):
     ## Options
     Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
 
-    - `params`: The robot: parameters, the name of a preset, or the path of a TOML file. Several robots, each on eight
-      neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper, asroballet, kugle, rezero, or
-      FILE.toml)
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
     - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
     - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
     - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)

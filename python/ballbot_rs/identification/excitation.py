@@ -2,7 +2,6 @@
 
 import dataclasses
 from collections.abc import Mapping, Sequence
-from os import PathLike
 from typing import Any, Final
 
 import numpy as np
@@ -11,7 +10,9 @@ import numpy.typing as npt
 from ballbot_rs._checks import check_seed, real_array
 from ballbot_rs._core import Batch, Lqr, Params, State
 from ballbot_rs._errors import DivergedError, InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION, body_axes_of
 from ballbot_rs.identification.log import SensorLog
 
@@ -30,12 +31,13 @@ POSITION: Final = 0.15
 YAW: Final = 0.8
 
 
+@named
 def record_log(
-    params: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     seconds: float = 20.0,
     *,
     actuators: Mapping[str, Any] | str | None = None,
-    controller_params: Params | None = None,
+    controller_robot: Robot | None = None,
     model: str = "contact",
     sim_dt: float = 0.002,
     control_dt: float = 0.01,
@@ -53,10 +55,10 @@ def record_log(
     the upright robot slips.
 
     Args:
-        params: the robot; None is the paper's.
+        robot: as in `simulate`; None is the paper's.
         seconds: duration, s.
         actuators: its motors, as `actuators=` of an environment.
-        controller_params: the robot that LQR is designed for; None is `params`.
+        controller_robot: the robot that LQR is designed for; None is `robot`.
         model: of the simulation.
         sim_dt: time step of the model, s.
         control_dt: time between two rows, s.
@@ -85,22 +87,22 @@ def record_log(
         raise InvalidInputError(f"control_dt = {control_dt} is out of range: it must be above 0")
     rows = max(round(seconds / control_dt), 1) + 1
     options: dict[str, Any] = {
-        "params": params or Params.paper(),
+        "params": params_of(robot),
         "model": model,
         "sim_dt": sim_dt,
         "control_dt": control_dt,
     }
     more: dict[str, Any] = {"actuators": actuators, "max_episode_steps": rows + 1, "fall_tilt": np.pi / 2}
     batch = Batch(1, autoreset="disabled", num_threads=1, **more, **options)
-    robot, limit = batch.nominal_params(0), batch.max_wheel_torque
-    lqr = Lqr(controller_params or robot, control_dt, max_torque=limit)
+    params, limit = batch.nominal_params(0), batch.max_wheel_torque
+    lqr = Lqr(params if controller_robot is None else params_of(controller_robot), control_dt, max_torque=limit)
     times: Array = np.asarray(control_dt * np.arange(rows), dtype=np.float64)
     sines = excitation * MULTISINE * limit * _multisine(times, rng)
     count = int(max(seconds, times[-1]) / STEP_EVERY) + 1
     steps = rng.uniform(-1.0, 1.0, (count, 3)) * [POSITION, POSITION, YAW] * excitation
     states, torques = np.empty((rows, 32)), np.empty((rows, 3))
 
-    batch.reset(starts=[State.at_equilibrium(robot)])
+    batch.reset(starts=[State.at_equilibrium(params)])
     for row in range(rows):
         state = batch.state(0)
         states[row] = state.to_array()
@@ -112,7 +114,7 @@ def record_log(
         if terminated[0]:
             raise DivergedError(f"the robot falls at {times[row]:g} s: lower the excitation of {excitation:g}")
         progress(row + 1, rows)
-    log = _measured(times, torques, states, robot, place, spread, rng)
+    log = _measured(times, torques, states, params, place, spread, rng)
     if not pose:
         return log
     return dataclasses.replace(log, attitude=states[:, BODY_QUATERNION], position=states[:, BALL_POSITION])

@@ -8,10 +8,11 @@ from typing import Any, Final, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Params
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._robot import Robot
 from ballbot_rs.identification import noise as noise_of
 from ballbot_rs.identification import starts as starts_of
 from ballbot_rs.identification.determined import (
@@ -22,7 +23,8 @@ from ballbot_rs.identification.determined import (
     jackknife_errors,
 )
 from ballbot_rs.identification.log import SensorLog
-from ballbot_rs.identification.parameters import Fitted, Robot, fitted
+from ballbot_rs.identification.parameters import Fitted, fitted
+from ballbot_rs.identification.parameters import Robot as FitRobot
 from ballbot_rs.identification.problem import Point, Problem
 from ballbot_rs.identification.result import IdentifiedParams, actuators_of, units_of
 from ballbot_rs.identification.setup import prepare
@@ -52,9 +54,10 @@ MAX_EVALUATIONS: Final = 60
 USUAL: Final = 100
 
 
+@named
 def identify(
     log: SensorLog | str | PathLike[str],
-    params: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     fields: Sequence[str] = FIELDS,
     *,
     actuators: Mapping[str, Any] | str | None = None,
@@ -76,7 +79,8 @@ def identify(
 
     Args:
         log: the log, or the path of its file, as `SensorLog.read` takes it.
-        params: the robot to start from, with the values of all parameters that are not fitted; None is the paper's.
+        robot: as in `simulate`, to start from, with the values of all parameters that are not fitted; None is the
+            paper's.
         fields: parameters of `Params` by name (except `max_wheel_torque`), `delay`, `lag` and `strength` of the
             motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
         actuators: motors to start from, as `actuators=` of an environment, with only delay, lag and strengths;
@@ -102,7 +106,7 @@ def identify(
     with require("identification", "identify"):
         import scipy.optimize  # noqa: F401
     log, base, windows, simulator = prepare(
-        log, params, actuators, model, sim_dt, window, imu_position, num_threads, fields
+        log, robot, actuators, model, sim_dt, window, imu_position, num_threads, fields
     )
     if rejection is not None and not rejection > 1.0:
         raise InvalidInputError(f"rejection = {rejection}, it must be above 1")
@@ -214,7 +218,7 @@ def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mas
 
 def _result(
     problem: Problem,
-    base: Robot,
+    base: FitRobot,
     log: SensorLog,
     point: Point,
     derivatives: Array,
@@ -269,5 +273,5 @@ def _result(
     )
 
 
-def _nominal(unknowns: Fitted, base: Robot) -> Array:
+def _nominal(unknowns: Fitted, base: FitRobot) -> Array:
     return np.array([unknowns.number(base, place) for place in unknowns.places])

@@ -12,7 +12,9 @@ import numpy.typing as npt
 from ballbot_rs._arrays import keep_copies
 from ballbot_rs._core import Params, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._robot import Robot
 from ballbot_rs._state_rows import (
     BALL_POSITION,
     BALL_QUATERNION,
@@ -237,9 +239,10 @@ class Replay:
         return f"<pre>{html.escape(self.table())}</pre>"
 
 
+@named
 def replay(
     log: SensorLog | str | PathLike[str],
-    params: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     *,
     actuators: Mapping[str, Any] | str | None = None,
     model: Literal["spatial", "contact", "rigid"] | str = "contact",
@@ -256,7 +259,7 @@ def replay(
 
     Args:
         log: the log, or the path of its file, as `SensorLog.read` takes it.
-        params: the robot; None is the paper's.
+        robot: as in `simulate`; None is the paper's.
         actuators: its motors, as `actuators=` of an environment, with only delay, lag and strengths; None is ideal.
         model: of the simulation: `spatial`, `contact` or `rigid`.
         sim_dt: time step of the model, s, at most the log's median step.
@@ -271,7 +274,7 @@ def replay(
         OSError: a file cannot be read.
         KeyboardInterrupt: Ctrl-C.
     """
-    log, base, windows, simulator = prepare(log, params, actuators, model, sim_dt, window, imu_position, num_threads)
+    log, base, windows, simulator = prepare(log, robot, actuators, model, sim_dt, window, imu_position, num_threads)
     count, groups = 0, -(-len(windows) // GROUP)
 
     def called() -> None:

@@ -2,17 +2,17 @@
 
 from collections.abc import Mapping, Sequence
 from os import PathLike
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from ballbot_rs._checks import real_array
-from ballbot_rs._core import MODELS, Params
+from ballbot_rs._core import MODELS
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
-from ballbot_rs.identification.parameters import Robot
+from ballbot_rs.identification.parameters import Robot as FitRobot
 from ballbot_rs.identification.plausibility import check_log
 from ballbot_rs.identification.simulation import Simulator, check_torques
 from ballbot_rs.identification.windows import Windows, split
@@ -20,7 +20,7 @@ from ballbot_rs.identification.windows import Windows, split
 
 def prepare(
     log: SensorLog | str | PathLike[str],
-    params: Params | str | PathLike[str] | None,
+    robot: Robot | None,
     actuators: Mapping[str, Any] | str | None,
     model: str,
     sim_dt: float,
@@ -28,7 +28,7 @@ def prepare(
     imu_position: Sequence[float],
     num_threads: int | None,
     fields: Sequence[str] = (),
-) -> tuple[SensorLog, Robot, Windows, Simulator]:
+) -> tuple[SensorLog, FitRobot, Windows, Simulator]:
     """The log, its robot, its windows and their simulator; arguments as of `identify`.
 
     Raises:
@@ -37,10 +37,10 @@ def prepare(
     """
     if not isinstance(log, SensorLog):
         log = SensorLog.read(log)
-    base = Robot(_robot(params), Motors.of(actuators))
+    base = FitRobot(params_of(robot), Motors.of(actuators))
     if any(base.params.floor_tilt):
         tilt = list(base.params.floor_tilt)
-        raise InvalidInputError(f"params.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
+        raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
     offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
@@ -53,13 +53,3 @@ def prepare(
         MAX_LAG if base.motors.lag or "lag" in fields else 0.0
     )
     return log, base, split(log, window, sim_dt, settling), Simulator(log, model, sim_dt, offset, num_threads)
-
-
-def _robot(params: Params | str | PathLike[str] | None) -> Params:
-    if params is None:
-        return Params.paper()
-    if isinstance(params, Params):
-        return params
-    if Path(params).suffix == ".toml":
-        return Params.from_toml(Path(params))
-    return Params.preset(str(params))

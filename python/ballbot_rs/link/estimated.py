@@ -8,11 +8,12 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Self
 
-from ballbot_rs._core import Estimator, Params, State
+from ballbot_rs._core import Estimator, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController, Source, find
 from ballbot_rs.control.setpoints import Setpoint
-from ballbot_rs.deployment.robot import robot_of
 
 Array = npt.NDArray[np.float64]
 
@@ -20,6 +21,7 @@ Array = npt.NDArray[np.float64]
 _MEASURED = ("gyro", "specific_force", "wheel_angles")
 
 
+@named
 class EstimatedController:
     """Any controller on readings of an IMU and encoders, as it runs on a robot: a law that reads sensors.
 
@@ -28,7 +30,7 @@ class EstimatedController:
 
     Args:
         controller: a name, or a law or class of laws in Python; a policy observes more than a state.
-        params: the robot, the name of a preset, or None for the paper's.
+        robot: as in `simulate`; None is the paper's.
         sensors: as `sensors=` of an environment: the errors that the estimator expects.
         control_dt: time between two calls, s; None is the controller's, else 0.01 s.
 
@@ -41,7 +43,7 @@ class EstimatedController:
     def __init__(
         self,
         controller: Source,
-        params: Params | str | None = None,
+        robot: Robot | None = None,
         sensors: Mapping[str, Any] | str = "exact",
         control_dt: float | None = None,
     ) -> None:
@@ -52,7 +54,7 @@ class EstimatedController:
             raise InvalidInputError(f"{found.name} is a policy, which observes more than the state of a robot")
         self.name = found.name
         self.control_dt = found.control_dt or CONTROL_DT if control_dt is None else control_dt
-        self._robot = robot_of(params)
+        self._robot = params_of(robot)
         self._estimator = Estimator(self._robot, sensors, self.control_dt)
         self._found = found
         self._laws = found.laws(1, self._robot, self.control_dt)

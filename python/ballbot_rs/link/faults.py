@@ -5,11 +5,13 @@ import dataclasses
 import numpy as np
 
 from ballbot_rs._checks import check_bounded, check_seed
+from ballbot_rs._keywords import named
 
 #: Longest delay of a frame, s.
 MAX_DELAY = 10.0
 
 
+@named
 @dataclasses.dataclass(frozen=True)
 class LinkFaults:
     """Probabilities of faults of each frame, in each direction, independent of each other.

@@ -16,6 +16,7 @@ from typing_extensions import Self
 
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs.control import resolve
 from ballbot_rs.control.resolve import CONTROL_DT, ResolvedController
 from ballbot_rs.control.setpoints import Setpoint
@@ -43,6 +44,7 @@ MAX_SECONDS: Final = 3600.0
 MAX_COUNT: Final = 1_000_000
 
 
+@named
 class Link:
     """A controller of one robot in another process or on a board, for `simulate` and whatever else takes a law.
 

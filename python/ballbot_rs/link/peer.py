@@ -7,6 +7,7 @@ import numpy as np
 
 from ballbot_rs._checks import check_bounded
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs.control.laws import Law, Laws, is_batched, reads_sensors
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.link.channel import Channel
@@ -33,6 +34,7 @@ _TRIPPED: Final = {
 _READINGS: Final = ("gyro", "specific_force", "wheel_angles")
 
 
+@named
 class LinkPeer:
     """Answers the readings of a simulation with the torques of a law that reads sensors.
 

@@ -11,8 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs import _files
-from ballbot_rs._core import Ballbot, Params
+from ballbot_rs._core import Params
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.engines.robot_geometry import Link, RobotGeometry, robot_geometry
 
 #: What a URDF may contain.
@@ -25,7 +27,8 @@ _WIDTH = 0.52
 _COLORS = {"rubber": "0.80 0.22 0.18 1", "plate": "0.07 0.36 0.42 1", "tyre": "0.10 0.30 0.55 1"}
 
 
-def write_urdf(params: Params | str | PathLike[str], path: str | PathLike[str], part: str = "robot") -> Path:
+@named
+def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> Path:
     """Writes a robot as a URDF, in SI units, with primitive shapes.
 
     Links: `base_link`, the body without wheels, whose frame is the body frame of docs/conventions.md (origin at the
@@ -41,7 +44,7 @@ def write_urdf(params: Params | str | PathLike[str], path: str | PathLike[str], 
     ball, floor and rollers, the rollers' ripple, motors and sensors; the velocity limit is 1e6 rad/s, in effect none.
 
     Args:
-        params: `Params`, the name of a preset, or the path of a TOML file.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters.
         path: of the file, with the suffix `.urdf`.
         part: "robot": all of it, for RViz and MuJoCo. "bot" and "ball": the two files that `Params.from_urdf` reads,
             with the roots `base_link` and `ball`.
@@ -55,7 +58,7 @@ def write_urdf(params: Params | str | PathLike[str], path: str | PathLike[str], 
         raise InvalidInputError(f"{path}: a robot is written as .urdf, not '{path.suffix}'")
     if part not in PARTS:
         raise InvalidInputError(f"part = {part!r} is unknown: expected one of {', '.join(PARTS)}")
-    geometry = robot_geometry(Ballbot(params).params)
+    geometry = robot_geometry(params_of(robot))
     root = ET.Element("robot", name="ballbot" if part == "robot" else part)
     for name, rgba in _COLORS.items():
         ET.SubElement(ET.SubElement(root, "material", name=name), "color", rgba=rgba)

@@ -16,6 +16,7 @@ from ballbot_rs._checks import check_real
 from ballbot_rs._core import MOST_HEIGHTS, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
+from ballbot_rs._keywords import named
 from ballbot_rs._reading import read_regular
 
 #: Largest picture file, bytes: twice the size of the most heights in an uncompressed picture.
@@ -29,6 +30,7 @@ _BASE = 0.1
 _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 
 
+@named
 def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None) -> Path:
     """Writes the heights of a terrain on a grid; the suffix of the path selects the format.
 
@@ -57,6 +59,7 @@ def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None)
     return path
 
 
+@named
 def read_terrain(path: str | Path, cell: float | None = None, height: float | None = None) -> Terrain:
     """The terrain of an 8-bit or 16-bit gray picture, its first row at the largest y.
 

@@ -43,7 +43,7 @@ class TimeVaryingLqr:
         #: Time between two calls, s.
         self.control_dt = control_dt
         #: Options of the environment that the motion is for.
-        self.env_options: dict[str, Any] = {"params": params, "control_dt": control_dt, "sim_dt": sim_dt}
+        self.env_options: dict[str, Any] = {"robot": params, "control_dt": control_dt, "sim_dt": sim_dt}
         if terrain is not None:
             self.env_options["terrain"] = terrain
         self._step = 0
@@ -52,7 +52,7 @@ class TimeVaryingLqr:
     def _holding(self) -> Lqr:
         """A law that holds the last place: on a terrain it observes the lean that holds the robot there."""
         options: dict[str, Any] = {"lean_observer": LEAN_OBSERVER} if "terrain" in self.env_options else {}
-        params = self.env_options["params"]
+        params = self.env_options["robot"]
         return Lqr(params, control_dt=self.control_dt, max_torque=self._max_torque, **options)
 
     def __getstate__(self) -> dict[str, Any]:

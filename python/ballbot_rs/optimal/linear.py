@@ -1,13 +1,13 @@
 """Linear models about any state."""
 
-from os import PathLike
-
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded
-from ballbot_rs._core import Ballbot, Params, State
+from ballbot_rs._core import Ballbot, State
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 
 Array = npt.NDArray[np.float64]
 
@@ -15,8 +15,9 @@ Array = npt.NDArray[np.float64]
 APART = 0.01
 
 
+@named
 def linearize(
-    robot: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     state: State | None = None,
     wheel_torques: npt.ArrayLike | None = None,
     *,
@@ -29,7 +30,7 @@ def linearize(
     for changes u of the torques, N·m. Unless the robot stays in the state, it is about the motion that begins there.
 
     Args:
-        robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
+        robot: as in `simulate`; None is the paper's.
         state: None is at rest in equilibrium; on a slope (`floor_tilt`) the equilibrium there.
         wheel_torques: about which to linearize, shape (3,), N·m; None holds the robot at rest.
         dt: s, a multiple of `sim_dt`.
@@ -40,7 +41,7 @@ def linearize(
             body.
         DivergedError: the state leaves the simulation's bounds.
     """
-    simulated = Ballbot(robot, "contact", sim_dt)
+    simulated = Ballbot(params_of(robot), "contact", sim_dt)
     substeps = steps_of("dt", dt, sim_dt)
     params = simulated.params
     if state is None:

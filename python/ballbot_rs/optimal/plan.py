@@ -3,15 +3,15 @@
 import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
-from os import PathLike
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded, real_array
-from ballbot_rs._core import Ballbot, Lqr, Params, Reference, State, Terrain
+from ballbot_rs._core import Ballbot, Lqr, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._quaternions import about_vertical, conjugate, product
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.laws import Laws
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.optimal import solver, tangent
@@ -81,16 +81,17 @@ class Plan:
 
     def __init__(
         self,
-        robot: Params | str | PathLike[str] | None,
+        robot: Robot | None,
         terrain: Terrain | str | None,
         control_dt: float,
         sim_dt: float,
         max_torque: float | None,
         friction: float,
     ) -> None:
-        self.robot = Ballbot(robot, "contact", sim_dt, terrain)
+        params = params_of(robot)
+        self.robot = Ballbot(params, "contact", sim_dt, terrain)
         #: Another one, to find equilibria.
-        self.scratch = Ballbot(robot, "contact", sim_dt, terrain)
+        self.scratch = Ballbot(params, "contact", sim_dt, terrain)
         self.params = self.robot.params
         self.substeps = steps_of("control_dt", control_dt, sim_dt)
         self.control_dt, self.sim_dt, self.friction = control_dt, sim_dt, friction

@@ -2,22 +2,24 @@
 
 import math
 from collections.abc import Callable
-from os import PathLike
 
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_bounded, check_count
-from ballbot_rs._core import Params, Reference, State, Terrain
+from ballbot_rs._core import Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot
 from ballbot_rs.optimal import solver
 from ballbot_rs.optimal.plan import MOST_STEPS, Plan
 from ballbot_rs.optimal.result import OptimizedTrajectory
 
 
+@named
 def optimize_trajectory(
     goal: Reference | State | npt.ArrayLike,
     *,
-    robot: Params | str | PathLike[str] | None = None,
+    robot: Robot | None = None,
     start: State | None = None,
     seconds: float | None = None,
     terrain: Terrain | str | None = None,
@@ -39,7 +41,7 @@ def optimize_trajectory(
     Args:
         goal: the last position of the ball, shape (2,), m, at rest with the heading of the start; the last state; or a
             reference, which is made for this robot.
-        robot: `Params`, the name of a preset, or the path of a TOML file; None is the paper's.
+        robot: as in `simulate`; None is the paper's.
         start: None is at rest, above the origin or at the start of the reference. A push acts in the step after
             `Ballbot.push`, so the state after this step is the start of a pushed robot.
         seconds: duration, rounded up to whole control steps; None is the duration of the reference.

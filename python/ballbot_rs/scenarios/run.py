@@ -12,7 +12,9 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_seed
 from ballbot_rs._core import Params
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.analysis.checkpoint import Checkpoint, identity_of_controller
 from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, points_of, run_points
@@ -33,7 +35,7 @@ def run_scenarios(
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
-    robot: Params | str | None = None,
+    robot: Robot | None = None,
     model: str = "contact",
     seed: int = 0,
     num_threads: int | None = None,
@@ -49,7 +51,7 @@ def run_scenarios(
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
-    robot: Params | str | None = None,
+    robot: Robot | None = None,
     model: str = "contact",
     seed: int = 0,
     num_threads: int | None = None,
@@ -59,12 +61,13 @@ def run_scenarios(
 ) -> Study: ...
 
 
+@named
 def run_scenarios(
     controllers: "Source | list[Source] | tuple[Source, ...]",
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
-    robot: Params | str | None = None,
+    robot: Robot | None = None,
     model: str = "contact",
     seed: int = 0,
     num_threads: int | None = None,
@@ -78,7 +81,7 @@ def run_scenarios(
         controllers: one or more, each a name, a path or an object, as in `compare`.
         scenarios: ids ("S13-6s", or "S13" for all of them), or `Scenario`s, one or more; none are all.
         file: a TOML file of scenarios in place of the package's scenarios.
-        robot: parameters or a preset's name; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: of the robot.
         seed: of everything random.
         num_threads: threads that step the robots; None takes all cores.
@@ -98,7 +101,7 @@ def run_scenarios(
     """
     if checkpoint is not None and sweep is None:
         raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
-    params = robot if isinstance(robot, Params) else Params.preset("paper" if robot is None else robot)
+    params = params_of(robot)
     known = load(file)
     requested = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios)
     named = [one for one in requested if isinstance(one, str)]

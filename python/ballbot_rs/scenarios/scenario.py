@@ -14,6 +14,7 @@ from typing import Any, Final
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.settling import HOLD
 from ballbot_rs.scenarios.metrics import METRICS
@@ -87,6 +88,7 @@ _EXPECTED: Final[Mapping[Any, tuple[str, Callable[[object], bool]]]] = {
 }
 
 
+@named
 @dataclasses.dataclass(frozen=True)
 class Scenario:
     """A scenario; numbers are for the paper's robot, and `Scale` scales them for others.

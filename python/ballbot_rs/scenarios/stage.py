@@ -72,7 +72,7 @@ class Stage:
             # A policy of another task with the same observations has its own options.
             **{name: value for name, value in controller.env_options.items() if name in known},
             "model": model,
-            "params": params.to_dict(),
+            "robot": params.to_dict(),
             "fall_tilt": math.radians(scenario.fall_tilt),
             "max_episode_steps": _ENDLESS,
             "actuators": dict(scenario.actuators) or None,
@@ -91,7 +91,7 @@ class Stage:
         self.scenario = scenario
         # The rate of the controller determines the number of steps.
         self.episodes: Final[Trial] = trial(scenario, params, batch(1, 1).control_dt, seed=seed)
-        options["params"] = self.episodes.nominal.to_dict()
+        options["robot"] = self.episodes.nominal.to_dict()
         self._batch: Final = batch(len(self.episodes), num_threads)
         # The parameters with which the batch was made.
         self._seeds = [(seed + i) % 2**64 for i in range(len(self.episodes))]

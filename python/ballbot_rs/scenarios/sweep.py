@@ -6,6 +6,7 @@ from typing import Final
 
 from ballbot_rs._core import Params
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._robot import params_of
 from ballbot_rs.analysis.sweep import FLAG, Point
 from ballbot_rs.envs.parts import apply
 from ballbot_rs.scenarios.scenario import Axis, Scenario
@@ -16,7 +17,7 @@ FIELDS: Final = tuple(
 )
 
 #: Names that a sweep may have in addition to parameters of the robot.
-NAMES: Final = ("params", "model", "actuators", *FIELDS)
+NAMES: Final = ("robot", "model", "actuators", *FIELDS)
 
 
 def at_point(
@@ -38,12 +39,10 @@ def at_point(
     changes = {name: values.pop(name) for name in FIELDS if name in values}
     model = values.pop("model", model)
     motors = {name: value for name, value in values.items() if name.startswith("actuators.")}
-    robot = {name: value for name, value in values.items() if name.partition(".")[0] == "params"}
+    robot = {name: value for name, value in values.items() if name.partition(".")[0] == "robot"}
     if unknown := values.keys() - motors.keys() - robot.keys():
         raise InvalidInputError(f"{unknown.pop()}: expected a part, as actuators.delay")
-    found = apply(robot, {}, {"params": params.to_dict()}, FLAG).get("params", params)
-    if not isinstance(found, Params):
-        found = Params.preset(found) if isinstance(found, str) else Params(**found)
+    found = params_of(apply(robot, {}, {"robot": params.to_dict()}, FLAG).get("robot", params))
     changed = [
         dataclasses.replace(
             one, **changes, actuators=apply(motors, {}, {"actuators": one.actuators}, FLAG)["actuators"]

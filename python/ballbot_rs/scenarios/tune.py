@@ -9,9 +9,11 @@ import numpy as np
 
 from ballbot_rs import _short
 from ballbot_rs._checks import check_count, check_seed
-from ballbot_rs._core import CONTROLLERS, Params
+from ballbot_rs._core import CONTROLLERS
 from ballbot_rs._extras import require
+from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.catalog import make_controller
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.scenarios.outcome import Outcome
@@ -115,14 +117,15 @@ def with_options(name: str, options: Mapping[str, float], title: str | None = No
     )
 
 
+@named
 def tune(
     controller: str,
-    scenario: str | Scenario | Sequence[str | Scenario] = DEFAULT,
+    scenarios: str | Scenario | Sequence[str | Scenario] = (),
     budget: int = 2000,
     *,
     options: Sequence[str] | None = None,
     baseline: str | None = None,
-    robot: Params | str | None = None,
+    robot: Robot | None = None,
     model: str = "contact",
     seed: int = 0,
     num_threads: int | None = None,
@@ -134,13 +137,13 @@ def tune(
 
     Args:
         controller: the name of a controller of the core.
-        scenario: ids or `Scenario`s, equally weighted.
+        scenarios: ids or `Scenario`s, one or more, equally weighted; none are a push, a line, a circle and noise.
         budget: number of evaluations.
         options: names of the options to search; None are all options above zero by default, except for
             the heading, for trading computing time for accuracy, and without effect by default.
         baseline: the controller of the core whose scores with default options count as 1; None is the controller
             itself. With the same baseline the costs of several controllers can be compared.
-        robot: parameters or a preset's name; None is the paper's.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: of the robot.
         seed: of the search and of everything random in the scenarios.
         num_threads: threads that step the robots; None takes all cores.
@@ -156,7 +159,7 @@ def tune(
         if name not in CONTROLLERS:
             raise ValueError(f"tune takes a controller of the core, one of {', '.join(CONTROLLERS)}, not '{name}'")
     budget, seed = check_count("budget", budget), check_seed(seed)
-    params = robot if isinstance(robot, Params) else Params.preset("paper" if robot is None else robot)
+    params = params_of(robot)
     known: dict[str, float] = {
         option["name"]: option["default"] * (params.scale(option["unit"]) if option["scaled"] else 1.0)
         for option in CONTROLLERS[controller]["options"]
@@ -166,7 +169,7 @@ def tune(
     unknown = [name for name in names if name not in known]
     if unknown or not names:
         raise ValueError(f"{controller} has no option {unknown} to search: expected some of {', '.join(known)}")
-    chosen = [scenario] if isinstance(scenario, (str, Scenario)) else list(scenario)
+    chosen = [scenarios] if isinstance(scenarios, (str, Scenario)) else list(scenarios) or list(DEFAULT)
     known_scenarios = load()
     stages = [
         Stage(with_options(controller, {}), one, params, model=model, seed=seed, num_threads=num_threads)

@@ -211,7 +211,7 @@ class TrainConfig:
         """
         given = dict(self.algorithm_arguments)
         if self.horizon is not None and "gamma" not in given:
-            if are_several(self.env.get("params")):
+            if are_several(self.env.get("robot")):
                 raise ValueError("horizon follows from one robot: with several, give algorithm_arguments.gamma")
             batch = new_batch(1, task=task_of(self.env_id), num_threads=1, options=self.env)
             rate = math.sqrt(LinearModel(batch.nominal_params(0)).A[8, 3])
@@ -221,9 +221,9 @@ class TrainConfig:
     def _fitted(self) -> dict[str, Any]:
         """`scaled` for the robot of the environment: torques by what its wheels transmit, all else by its units."""
         task = task_of(self.env_id)
-        if are_several(self.env.get("params")):
+        if are_several(self.env.get("robot")):
             raise ValueError("scaled: options for one robot, not for several: leave it out, or set scale_by_robot")
-        given = {name: value for name, value in self.env.items() if name == "params"}
+        given = {name: value for name, value in self.env.items() if name == "robot"}
         own, paper = (new_batch(1, task=task, num_threads=1, options=options) for options in (given, {}))
         robot = own.nominal_params(0)
         factors = {option["name"]: robot.scale(option["unit"]) for option in description_of(task)["options"]}

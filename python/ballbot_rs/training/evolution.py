@@ -213,8 +213,8 @@ class Evolution:
         self._config, self._seed = config, seed
         self._settings = Settings.of(config)
         self._task = task_of(config.env_id)
-        if are_several(config.env.get("params")):
-            raise ValueError("params: evolution tries each policy on one robot, not on several")
+        if are_several(config.env.get("robot")):
+            raise ValueError("robot: evolution tries each policy on one robot, not on several")
         one = new_batch(1, task=self._task, num_threads=1, options=config.env)
         self._options = resolved_options(one, config.env)
         nominal = {name: value for name, value in without_curriculum(config.env).items() if name != "events"}

@@ -282,8 +282,8 @@ def _keep_best(
     first = first_seed(seed) + EVALUATION_SEEDS
 
     def environments(count: int, options: dict[str, Any]) -> VecEnv:
-        if "params" in options:
-            options = {**options, "params": at_most(options["params"], count)}
+        if "robot" in options:
+            options = {**options, "robot": at_most(options["robot"], count)}
         return VecMonitor(
             BallbotVecEnv(
                 count,

@@ -4,7 +4,7 @@ import concurrent.futures
 import inspect
 import time
 import webbrowser
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 from types import TracebackType
@@ -12,14 +12,17 @@ from typing import Any, Final, TypeVar
 
 import numpy as np
 import numpy.typing as npt
+from typing_extensions import Unpack
 
 from ballbot_rs._checks import check_options, check_real, check_seed, real_array
-from ballbot_rs._core import Params, State
+from ballbot_rs._core import ROBOTS, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.analysis.simulate import merged_options
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import params_of
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, find
 from ballbot_rs.envs.family import are_several
+from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.envs.registration import name_of
 from ballbot_rs.viewer.server.download import trajectory_of
 from ballbot_rs.viewer.session.opening import open_session
@@ -39,21 +42,16 @@ WAIT, WAIT_PER_SECOND = 30.0, 10.0
 POLL: Final = 0.01
 
 
+@named
 def show(
     controller: Source = "lqr",
     *,
     task: str | None = None,
-    robot: Params | str | PathLike[str] | Mapping[str, Any] | None = None,
-    model: str | None = None,
     num_robots: int = 1,
-    actuators: Any = None,
-    sensors: Any = None,
-    observation: str | None = None,
-    events: Any = None,
-    env_options: Mapping[str, Any] | None = None,
     seed: int = 0,
     port: int = 8080,
     open_browser: bool = False,
+    **options: Unpack[TaskOptions],
 ) -> "Page":
     """Shows robots in the browser, in real time, as `ballbot view` does, and returns a handle to command them.
 
@@ -68,33 +66,19 @@ def show(
     Args:
         controller: as in `simulate`.
         task: name of the task; None is a policy's task, else "balance". "velocity" is driven by `Page.command`.
-        robot: as in `simulate`.
-        model: as in `simulate`, as `actuators`, `sensors`, `observation`, `events`, `env_options` and `seed`.
         num_robots: 1 to 64; they start tilted in different directions, and all follow the same commands.
-        actuators: see above.
-        sensors: see above.
-        observation: see above.
-        events: see above.
-        env_options: see above.
-        seed: see above.
+        seed: of the events and sensors.
         port: where the page is served, on 127.0.0.1; if it is taken, the next free one.
         open_browser: whether to open the page.
+        options: as in `simulate`.
 
     Raises:
         ValueError: an unknown name, a number out of range, or a policy that does not balance this robot.
-        TypeError: an option that the task does not have, or an option given twice.
+        TypeError: an option that the task does not have.
         OSError: no port is free.
         ModuleNotFoundError: viser is not installed (extra `view`).
     """
-    given = merged_options(
-        env_options,
-        params=robot,
-        model=model,
-        actuators=actuators,
-        sensors=sensors,
-        observation=observation,
-        events=events,
-    )
+    given = dict(options)
     task = None if task is None else name_of(task)
     found = find(controller, task=task, env_options=given)
     session = open_session(found, given, _robot_of, task=task, num_robots=num_robots, seed=check_seed(seed))
@@ -104,16 +88,12 @@ def show(
     return page
 
 
-def _robot_of(params: Any) -> tuple[str, Params | None]:
-    if are_several(params):
+def _robot_of(robot: Any) -> tuple[str, Params | None]:
+    if are_several(robot):
         raise InvalidInputError("the page shows one kind of robot: name one (robot=)")
-    if isinstance(params, Params):
-        return "robot", params
-    if isinstance(params, Mapping):
-        return "robot", Params(**params)
-    if Path(params).suffix == ".toml":
-        return Path(params).stem, Params.from_toml(params)
-    return str(params), None
+    if isinstance(robot, str) and robot in ROBOTS:
+        return robot, None
+    return Path(robot).stem if isinstance(robot, (str, PathLike)) else "robot", params_of(robot)
 
 
 class Page:
@@ -235,9 +215,7 @@ class Page:
             ValueError: invalid parameters.
             TypeError: neither `Params` nor the name of a preset.
         """
-        if not isinstance(params, (Params, str)):
-            raise TypeError(f"params must be Params or the name of a preset, not {type(params).__name__}")
-        chosen = Params.preset(params) if isinstance(params, str) else params
+        chosen = params_of(params)
         self._in_session(lambda session: session.set_params(chosen))
 
     def choose(self, **choices: Any) -> None:

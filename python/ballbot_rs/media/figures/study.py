@@ -81,7 +81,7 @@ def _unit(name: str, task: str) -> str:
 def _label(name: str, task: str) -> str:
     # What an event draws is true, and unknown to controllers.
     true = "true " if name.startswith("events.") else ""
-    name = name.removeprefix("events.").removeprefix("params.")
+    name = name.removeprefix("events.").removeprefix("robot.")
     unit = _unit(name, task)
     text = true + name.replace("_", " ").replace(".", " ")
     return f"{text} ({unit})" if unit else text

@@ -14,7 +14,7 @@ from ballbot_rs.analysis.conditions import baselines
 from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.result import Result
-from ballbot_rs.analysis.simulate import run
+from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.control.resolve import ResolvedController, find, options_of
 from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.media.report import origin, page
@@ -93,13 +93,8 @@ def write(
     # The nominal robot, without samples of events.
     nominal = {name: value for name, value in policy.env_options.items() if name != "events"}
     shown = [
-        run(
-            one,
-            seconds=SECONDS,
-            tilt=TILT,
-            push=PUSH,
-            task=task,
-            env_options={**options_of(one, nominal), "events": None},
+        simulate(
+            one, seconds=SECONDS, tilt=TILT, pushes=PUSH, task=task, **{**options_of(one, nominal), "events": None}
         )
         for one in (policy, *map(find, baselines(task)))
     ]
@@ -152,7 +147,7 @@ def _versions(record: dict[str, Any]) -> list[tuple[str, str]]:
 
 def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
     push = PUSH if seconds > PUSH.time else None
-    shown = run(policy, seconds=seconds, tilt=TILT, push=push)
+    shown = simulate(policy, seconds=seconds, tilt=TILT, pushes=push or ())
     # Small and plain, so that the report is quick.
     renderer = renderer_for(shown, width=480, height=360, samples=1)
     with _files.scratch_folder() as folder:

@@ -67,7 +67,7 @@ class Ray:
         Raises:
             ValueError: the robots cannot be divided evenly, or differ.
         """
-        if self.workers > 1 and are_several(config.env.get("params")):
+        if self.workers > 1 and are_several(config.env.get("robot")):
             raise ValueError(f"workers = {self.workers}: each worker would have the first robots alone, expected 1")
         each, rest = divmod(config.num_envs, self.workers)
         if rest or each == 0:

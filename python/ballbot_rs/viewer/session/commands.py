@@ -258,7 +258,7 @@ class Commanding:
         # A law has the options with which the robots were made, possibly of another task.
         given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
         self.task_options: Mapping[str, Any] = {name: value for name, value in given.items() if name not in DECIDED}
-        on_ground = {**self.task_options, "params": params, "terrain": options.get("terrain")}
+        on_ground = {**self.task_options, "robot": params, "terrain": options.get("terrain")}
         made = new_batch(1, task=task, num_threads=1, options=on_ground).options
         #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
         bounds = [part["bound"] for part in description_of(task)["command"]] if self.geometry == DRIVEN else [0.0]

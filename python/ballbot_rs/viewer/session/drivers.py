@@ -122,7 +122,7 @@ class PolicyDriver:
         self.reads_sensors = False
         self._policy = controller.policy
         # All models observe a state alike, with any motors; `contact` accepts every state, even fallen or slipping.
-        fixed = {"params": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
+        fixed = {"robot": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
         options = {**controller.env_options, **fixed}
         past = {"history": controller.env_options.get("history", 1)}
@@ -188,7 +188,7 @@ def lead_of(controller: ResolvedController, params: Params) -> float:
     if driver.reads_sensors:
         driver = make_driver(find("lqr"), params, 1)
     # The torque at which no wheel of the upright robot slips, within the motors' limit.
-    limit = new_batch(1, num_threads=1, options={"params": params}).max_wheel_torque
+    limit = new_batch(1, num_threads=1, options={"robot": params}).max_wheel_torque
     rest = [State.at_equilibrium(params)]
 
     def torques(target: npt.NDArray[np.float64]) -> Torques:
@@ -215,7 +215,7 @@ class TaskPolicy:
         self.reads_sensors = False
         self._policy = controller.policy
         # The given ground is made already, which takes longest.
-        trained = {**controller.env_options, "params": params, "terrain": options.get("terrain")}
+        trained = {**controller.env_options, "robot": params, "terrain": options.get("terrain")}
         batch = new_batch(1, task=task, num_threads=1, options=trained)
         self.control_dt, self.sim_dt, self.max_torque = batch.control_dt, batch.sim_dt, batch.max_wheel_torque
         check_steps(controller.name, self.control_dt, self.sim_dt)

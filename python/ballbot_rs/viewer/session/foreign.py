@@ -188,8 +188,8 @@ def check_balances(controller: ResolvedController, objective: Objective, setup: 
 
 def trained_on(env_options: Mapping[str, Any]) -> Params | None:
     """The robot of the environment that a policy was trained in; None if its file no longer exists."""
-    params = env_options.get("params")
+    params = env_options.get("robot")
     try:
-        return new_batch(1, num_threads=1, options={} if params is None else {"params": params}).params(0)
+        return new_batch(1, num_threads=1, options={} if params is None else {"robot": params}).params(0)
     except OSError:
         return None

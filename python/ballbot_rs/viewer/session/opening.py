@@ -4,8 +4,8 @@ import dataclasses
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from ballbot_rs._checks import check_options
 from ballbot_rs._core import Params
+from ballbot_rs._keywords import check_keywords
 from ballbot_rs.control.resolve import ResolvedController, common_options, common_task
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.viewer.session.session import Session
@@ -26,7 +26,7 @@ def open_session(
     Args:
         controller: of all robots.
         given: options of the environment; they override the options that a policy was trained with.
-        robot_of: the robot's name from the option `params`, and its parameters unless it is a preset.
+        robot_of: the robot's name from the option `robot`, and its parameters unless it is a preset.
         task: its name; None is a policy's task, else balance.
         num_robots: number of robots.
         seed: of the samples.
@@ -41,10 +41,10 @@ def open_session(
             "training"
         )
     options = common_options([controller], given)
-    robot, params = robot_of(options.get("params", "paper"))
+    robot, params = robot_of(options.get("robot", "paper"))
     # Keep the robot of the policy's training: a session can try the policy on any other robot.
-    trained = {name: value for name, value in controller.env_options.items() if name == "params"}
-    kept = {name: value for name, value in options.items() if name != "params"}
+    trained = {name: value for name, value in controller.env_options.items() if name == "robot"}
+    kept = {name: value for name, value in options.items() if name != "robot"}
     controller = dataclasses.replace(controller, env_options={**kept, **trained})
     return Session(
         options.get("model", "contact"),
@@ -64,5 +64,5 @@ def open_session(
 
 def _of_task(given: Mapping[str, Any], task: str) -> dict[str, Any]:
     """The options that do not concern the robot, for controllers that the page selects later."""
-    check_options(f"the environment of {task}", given, option_names(task))
+    check_keywords(f"the environment of {task}", given, option_names(task))
     return {name: value for name, value in given.items() if name == "terrain" or name not in DECIDED}

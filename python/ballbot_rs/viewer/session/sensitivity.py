@@ -72,7 +72,7 @@ class Sensitivities:
 class _Computation:
     def __init__(self, session: Session, direction: float, impulse: float) -> None:
         setup, controller = session.robots.setup, session.resolved.copied()
-        options = {**setup.options, "params": setup.nominal, "control_dt": session.driver.control_dt}
+        options = {**setup.options, "robot": setup.nominal, "control_dt": session.driver.control_dt}
         # As the task has it, in place of the floor.
         options.pop("fall_tilt", None)
         push = Push((impulse * math.cos(direction), impulse * math.sin(direction), 0.0), 0.0, PUSH_DURATION)

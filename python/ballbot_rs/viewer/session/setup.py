@@ -43,7 +43,7 @@ SHAPE = (
 
 #: Options of an environment that a setup determines.
 DECIDED = (
-    "params",
+    "robot",
     "model",
     "control_dt",
     "sim_dt",
@@ -212,7 +212,7 @@ class Setup:
         """
         estimates = self.sensors is not None
         decided = {
-            "params": self.nominal if estimates else self.params,
+            "robot": self.nominal if estimates else self.params,
             "model": self.model,
             "control_dt": self.substeps * self.sim_dt,
             "sim_dt": self.sim_dt,
@@ -273,7 +273,7 @@ class Grounds:
             return None
         key = (task, params, given)
         if self._key is None or any(a is not b and a != b for a, b in zip(key, self._key, strict=True)):
-            options = {"params": params, "terrain": given}
+            options = {"robot": params, "terrain": given}
             self._made = new_batch(1, task=task, num_threads=1, options=options).terrain
             self._key = key
         return self._made
