@@ -6,5 +6,14 @@ from collections.abc import Callable
 Progress = Callable[[int, int], None]
 
 
-def no_progress(done: int, total: int) -> None:
-    """A `Progress` that shows nothing."""
+class _NoProgress:
+    """A `Progress` that shows nothing, and is short in signatures."""
+
+    def __call__(self, done: int, total: int) -> None:
+        pass
+
+    def __repr__(self) -> str:
+        return "no_progress"
+
+
+no_progress = _NoProgress()

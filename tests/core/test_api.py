@@ -477,7 +477,7 @@ def test_an_unknown_name_suggests_the_closest_name(call, closest):
     with pytest.raises((ValueError, TypeError)) as caught:
         call()
     text = str(caught.value)
-    assert f"did you mean '{closest}'?" in text if closest else "expected one of params, model" in text
+    assert f"did you mean '{closest}'?" in text if closest else "expected one of robot, model" in text
     restored = pickle.loads(pickle.dumps(caught.value))
     assert str(restored) == text
 

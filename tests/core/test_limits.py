@@ -264,5 +264,5 @@ def test_make_vec_rejects_too_many_environments():
 
 
 def test_a_push_of_another_type_is_rejected():
-    with pytest.raises(TypeError, match="push must be a Push, not list"):
+    with pytest.raises(TypeError, match=r"pushes has 0\.1: expected a Push"):
         bb.simulate("lqr", pushes=[0.1, 0, 0], tilt=(0.05, 0.0))

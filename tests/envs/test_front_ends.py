@@ -65,7 +65,7 @@ def test_episodes_without_a_time_limit():
 
 def test_parameters_may_be_a_dict():
     params = bb.Params.preset("kugle")
-    for env in front_ends(params=params.to_dict(), max_wheel_torque=1.0):
+    for env in front_ends(robot=params.to_dict(), max_wheel_torque=1.0):
         assert env.params == params
 
 

@@ -242,7 +242,7 @@ def test_registration_is_checked():
     assert "me/Spin-v0" not in TASKS
 
 
-@pytest.mark.parametrize("name", ["control_dt", "params", "terrain", "model", "seed", "num_envs", "fall_tilt"])
+@pytest.mark.parametrize("name", ["control_dt", "robot", "terrain", "model", "seed", "num_envs", "fall_tilt"])
 def test_an_argument_of_a_task_with_the_name_of_an_option_is_rejected(name):
     class Counts(Spin):
         pass
@@ -485,7 +485,7 @@ def test_a_failed_registration_changes_nothing():
         gymnasium.make("me/Bad-v0")
     with pytest.raises(ValueError, match="unknown task 'me/Bad-v0'"):
         bb.BallbotEnv("me/Bad-v0")
-    bb.register("me/Long-v0", Spin, max_episode_steps=None, params=bb.Params.paper().to_dict())
+    bb.register("me/Long-v0", Spin, max_episode_steps=None, robot=bb.Params.paper().to_dict())
     assert bb.BallbotEnv("me/Long-v0").reset(seed=0)[0].shape == (9,)
     with pytest.raises(TypeError, match="fool"):
         bb.register("me/Odd-v0", Spin, fool=1)

@@ -127,7 +127,14 @@ def _vector_env(task: str) -> str:
     return f'''
 
 class {name}VectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `{name}Env`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `{name}Env`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.{name}VectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -180,6 +187,12 @@ def _text(task: str) -> str:
         f"±{tables.number(SCALED_BOUND)}. `scale_observations=False` gives the rows in their units."
     )
     return f"""{described["summary"]}
+
+```python
+env = bb.{tables.class_name(task)}Env(robot="kugle")
+observation, info = env.reset(seed=0)
+observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+```
 
 ## Action space
 `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.

@@ -1,5 +1,7 @@
 """Episodes of a controller as data for imitation and offline learning."""
 
+from __future__ import annotations
+
 import dataclasses
 import importlib
 from collections.abc import Mapping
@@ -32,7 +34,14 @@ MAX_NUMBERS: Final = 10**9
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Dataset:
-    """Episodes one after another; its arrays are read-only. Episode i has rows `starts[i]` to `starts[i + 1]`.
+    """Episodes one after another; its arrays are read-only.
+
+    ```python
+    data = bb.record_dataset("lqr", episodes=3, max_episode_steps=50)
+    print(data.observations.shape, data.rewards[data.starts[0] : data.starts[1]].sum())
+    ```
+
+    Episode i has rows `starts[i]` to `starts[i + 1]`.
 
     A row is a step, but for the last row of an episode: the observation after it, with zeros as action and reward.
     """
@@ -131,6 +140,11 @@ def record_dataset(
     **options: Unpack[TaskOptions],
 ) -> Dataset:
     """Records episodes of a task under a controller, all robots at once, as its environment returns them.
+
+    ```python
+    data = bb.record_dataset("lqr", episodes=3, noise=0.05, events="mild", max_episode_steps=50)
+    data.to_npz("episodes.npz")
+    ```
 
     Args:
         controller: as in `compare`, at the rate and torque limit of the environment.

@@ -1,5 +1,7 @@
 """Controllers and policies compared over episodes from the same starts."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -53,6 +55,10 @@ def evaluate(
     **options: Unpack[TaskOptions],
 ) -> Result:
     """The result of one controller.
+
+    ```python
+    print(bb.evaluate("lqr", robot="kugle", actuators="kugle", episodes=10).success_rate)
+    ```
 
     Args:
         controller: as in `compare`, and so is every other argument.
@@ -123,6 +129,11 @@ def compare(
     **options: Unpack[TaskOptions],
 ) -> list[Result] | Study:
     """Runs episodes of one task from starts that follow from `seed`, the same for every controller.
+
+    ```python
+    for result in bb.compare(["lqr", "lqi"], robot="kugle", events="mild", episodes=10):
+        print(result.controller, result.success_rate)
+    ```
 
     Args:
         controllers: each the name of a controller ("pid" runs at 500 Hz, unless `control_dt` is given;

@@ -1,5 +1,7 @@
 """Numbers that summarize a trajectory, until the robot fell."""
 
+from __future__ import annotations
+
 import dataclasses
 from typing import TYPE_CHECKING
 
@@ -15,7 +17,13 @@ if TYPE_CHECKING:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Metrics:
-    """Performance of a controller on one trajectory, until the robot fell."""
+    """Performance of a controller on one trajectory, until the robot fell.
+
+    ```python
+    metrics = bb.simulate("lqr", tilt=(0.05, 0.0), seconds=3.0).metrics()
+    print(metrics.tilt_rms, metrics.position_error_max)
+    ```
+    """
 
     #: Tilt from the equilibrium, rad.
     tilt_rms: float
@@ -39,7 +47,7 @@ class Metrics:
         return table_of(self)
 
 
-def metrics(trajectory: "Trajectory") -> Metrics:
+def metrics(trajectory: Trajectory) -> Metrics:
     """The numbers of a trajectory."""
     end = len(trajectory.times)
     if trajectory.fell_at is not None:

@@ -30,6 +30,11 @@ def half_sine(count: int) -> npt.NDArray[np.float64]:
 class Push:
     """An impulse on the body at a time, at once or over a duration.
 
+    ```python
+    push = bb.Push((0.5, 0.0, 0.0), time=0.5, duration=0.1)
+    print(bb.simulate("lqr", pushes=push, seconds=3.0))
+    ```
+
     Over a duration the force is half a sine: zero at both ends, π/2 times the mean in the middle.
     """
 
@@ -53,7 +58,13 @@ class Push:
 @named
 @dataclasses.dataclass(frozen=True)
 class Force:
-    """A constant force on the body between two times."""
+    """A constant force on the body between two times.
+
+    ```python
+    wind = bb.Force((2.0, 0.0, 0.0), begin=0.5, end=1.5)
+    print(bb.simulate("lqr", forces=wind, seconds=3.0))
+    ```
+    """
 
     #: Inertial frame, N.
     force: Vector

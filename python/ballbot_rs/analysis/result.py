@@ -1,5 +1,7 @@
 """The result of one controller over episodes."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Callable, Mapping
@@ -29,7 +31,13 @@ MAX_STEPS = 10**8
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Result:
-    """How a controller did over a number of episodes."""
+    """How a controller did over a number of episodes.
+
+    ```python
+    result = bb.evaluate("lqr", robot="kugle", episodes=10)
+    print(result.success_rate, result.tilt_rms)
+    ```
+    """
 
     controller: str
     #: Model of the robot, or name of another engine.

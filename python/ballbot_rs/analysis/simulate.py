@@ -1,5 +1,7 @@
 """One robot under one controller, along a reference, under pushes and forces."""
 
+from __future__ import annotations
+
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -44,6 +46,12 @@ def simulate(
     **options: Unpack[TaskOptions],
 ) -> Trajectory:
     """Runs a controller on one robot; the result can plot, record and export itself.
+
+    ```python
+    push = bb.Push((2.0, 0.0, 0.0), time=2.0)
+    path = bb.simulate("lqr", robot="kugle", actuators="kugle", pushes=push)
+    print(path.metrics())
+    ```
 
     The robot begins at rest in equilibrium, except for its tilt. Once the task counts it as fallen its motors are off;
     a model whose robot cannot lie on the floor ends there. An episode that ends without a fall, as at the end of the

@@ -1,5 +1,7 @@
 """The results of a sweep, as a table and as a figure."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -21,6 +23,11 @@ _CASES: Final = ("scenario", "controller")
 @dataclasses.dataclass(frozen=True, repr=False)
 class Study:
     """Controllers at the points of a sweep, as `compare` and `run_scenarios` return them with `sweep=`.
+
+    ```python
+    study = bb.compare(["lqr", "lqi"], episodes=5, sweep={"body_mass": [2.0, 2.5]})
+    print(study.column("survival_rate", controller="lqr"))
+    ```
 
     Shown as a table of `value` in a notebook.
     """

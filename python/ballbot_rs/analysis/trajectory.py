@@ -1,5 +1,7 @@
 """One robot under one controller: states, contacts and torques over time."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -25,7 +27,15 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Trajectory:
-    """Rows at the times of the controller's decisions; torques hold from a row to the next. Its arrays are read-only.
+    """Rows at the times of the controller's decisions; torques hold from a row to the next.
+
+    ```python
+    path = bb.simulate("lqr", tilt=(0.05, 0.0), pushes=bb.Push((0.3, 0.0, 0.0)), seconds=3.0)
+    print(path.metrics().tilt_max, path.fell_at)
+    path.write("path.csv")
+    ```
+
+    Its arrays are read-only.
 
     Shown as a table and a figure in a notebook. Quaternions are (w, x, y, z) and map body, or ball, to inertial.
     """
@@ -209,7 +219,7 @@ class Trajectory:
 
         return write_video(self, Path(path), **options)
 
-    def animate(self, **options: Any) -> "Animation":
+    def animate(self, **options: Any) -> Animation:
         """A video that a notebook shows in its output, with controls.
 
         `options` as in `ballbot_rs.media.video.write_video`, as `frame_rate`, `forces` and `renderer`.

@@ -35,7 +35,13 @@ class ControllerOption:
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class ControllerInfo:
-    """A controller as `controllers` lists it."""
+    """A controller as `controllers` lists it.
+
+    ```python
+    info = bb.controllers()["lqr"]
+    print(info.summary, info.setpoint_parts, info.control_dt)
+    ```
+    """
 
     name: str
     summary: str
@@ -72,6 +78,11 @@ class ControllerInfo:
 def controllers() -> dict[str, ControllerInfo]:
     """The controllers by name, with their parts of a setpoint, rates and options.
 
+    ```python
+    for name, info in bb.controllers().items():
+        print(name, info.summary)
+    ```
+
     `print(bb.controllers()["lqr"])` shows one of them.
     """
     return {
@@ -100,6 +111,12 @@ def make_controller(
     **options: Any,
 ) -> Controller:
     """A controller by name, called as `controller(state)` or `controller(state, position=...)`.
+
+    ```python
+    law = bb.make_controller("lqr", "kugle", tilt=0.2)
+    robot = bb.Ballbot("kugle")
+    robot.step(law(robot.state, position=(0.1, 0.0)), 10)
+    ```
 
     Args:
         name: one of `controllers()`.

@@ -36,6 +36,12 @@ ROW_LIMIT = 1e-3
 class OnnxPolicy:
     """A policy that `ballbot export` wrote.
 
+    ```python
+    policy = bb.OnnxPolicy("assets/policies/balance.onnx")
+    observation, info = bb.BalanceEnv(**policy.env_options).reset(seed=0)
+    print(policy.act(observation))
+    ```
+
     Args:
         path: the file.
         task: the task that it is to act in; None is the task that the file names.

@@ -59,6 +59,14 @@ def metadata(task: str, algorithm: str, env_options: Mapping[str, Any]) -> dict[
 def save(model: BaseAlgorithm, path: str | PathLike[str]) -> Path:
     """Saves a model of Stable-Baselines3 with the task that it was trained for; every command takes such a file.
 
+    ```python
+    from stable_baselines3 import PPO
+
+    model = PPO("MlpPolicy", bb.BallbotVecEnv(8, robot="kugle"), n_steps=16, batch_size=64)
+    model.learn(128)
+    print(bb.evaluate(bb.save(model, "policy.zip"), episodes=3))
+    ```
+
     Args:
         model: trained on a `BallbotVecEnv`, or on environments of `gymnasium.make`.
         path: the file; `.zip` is added if missing.

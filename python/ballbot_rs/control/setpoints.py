@@ -1,5 +1,7 @@
 """Setpoints as laws in Python get them: desired ball position and heading, with their derivatives."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Iterator, Mapping
 from typing import Any, Final
@@ -29,6 +31,11 @@ ALL_PARTS: Final[Mapping[str, int]] = {**PARTS, "tilt": 2}
 @dataclasses.dataclass(frozen=True, eq=False)
 class Setpoint(Mapping[str, Any]):
     """The setpoint of a law, with attributes and as a mapping of the same names; arrays are read-only.
+
+    ```python
+    setpoint = bb.Setpoint(position=(0.5, 0.0), yaw=0.3)
+    print(setpoint.position, setpoint["yaw"])
+    ```
 
     Raises:
         ValueError: a wrong shape, or a number that is not finite.

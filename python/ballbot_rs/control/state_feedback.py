@@ -1,5 +1,7 @@
 """A feedback gain from elsewhere, such as MATLAB, as a law."""
 
+from __future__ import annotations
+
 import functools
 from collections.abc import Iterable, Sequence
 from typing import Any, Final
@@ -34,9 +36,9 @@ class StateFeedback:
     `yaw_rate`.
 
     ```python
-    A, B = bb.LinearModel("kugle").discretize(0.01)  # for K = dlqr(A, B, Q, R)
-    law = bb.StateFeedback(K, ["tilt x", "tilt y", "body rate x", "body rate y"])
-    bb.simulate(law, robot="kugle")
+    A, B = bb.LinearModel("kugle").discretize(0.01)  # for K = dlqr(A, B, Q, R), as this one
+    K = bb.Lqr("kugle").gain
+    print(bb.simulate(bb.StateFeedback(K), robot="kugle", tilt=(0.05, 0.0)))
     ```
 
     Args:
@@ -103,7 +105,7 @@ class StateFeedback:
         return self._law(state, position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
 
     @functools.cached_property
-    def _law(self) -> "_OnRobot":
+    def _law(self) -> _OnRobot:
         return _OnRobot(self._gain, self._params or Params.paper())
 
     def __getstate__(self) -> dict[str, Any]:

@@ -34,6 +34,16 @@ SETPOINT_LEN: Final = 14
 class NativeLaw:
     """A law in C, for whatever takes a law: one call for all robots at each control step.
 
+    ```python
+    import pathlib, subprocess
+
+    body = "{ for (int i = 0; i < 3 * count; i++) torques[i] = 0.0; }"
+    arguments = "int count, const void *states, const void *setpoints, double *torques, void *memory"
+    pathlib.Path("law.c").write_text(f"void law({arguments}) {body}")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", "law.so", "law.c"], check=True)
+    print(bb.simulate(bb.NativeLaw("law.so"), robot="kugle", seconds=1.0))
+    ```
+
     With the structs of a header of `ballbot export --controller`, in double precision, the library has the function
 
     ```c

@@ -59,6 +59,11 @@ void inspect(const ballbot_supervisor *supervisor, double *numbers)
 class Supervised:
     """Any controller within the limits of a robot, as it runs on the robot: a law, for whatever takes one.
 
+    ```python
+    law = bb.Supervised("lqr", "kugle", actuators="kugle")
+    print(bb.simulate(law, robot="kugle", actuators="kugle", seconds=1.0))
+    ```
+
     The supervisor is the C99 of `ballbot export --supervisor`, compiled with the C compiler of this computer. Readings
     that are not finite do not reach the controller.
 

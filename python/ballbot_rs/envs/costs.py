@@ -17,6 +17,12 @@ _MOST_SPEED: Final = 100.0
 class CostInfo(gymnasium.Wrapper[Any, Any, Any, Any]):
     """Puts the costs of each step into the info: `cost_fall`, `cost_traction`, `cost_speed`, and `cost`, their sum.
 
+    ```python
+    env = bb.CostInfo(bb.BalanceEnv(), max_speed=0.5)
+    env.reset(seed=0)
+    print(env.step([0.1, 0.0, -0.1])[-1]["cost"])
+    ```
+
     Each is 1 or 0 as float: whether the step terminated the episode, as by a fall; whether a wheel or the floor used
     more of its friction limit than `max_traction` at the end of the step; whether the ball was faster than `max_speed`.
     A reset has zeros.
@@ -61,6 +67,12 @@ class CostInfo(gymnasium.Wrapper[Any, Any, Any, Any]):
 
 class SafetyEnv(CostInfo):
     """`CostInfo` with the interface of Safety-Gymnasium: `step` returns the cost after the reward, six values.
+
+    ```python
+    env = bb.SafetyEnv(bb.BalanceEnv(), max_speed=0.5)
+    env.reset(seed=0)
+    observation, reward, cost, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     It is the outermost wrapper: wrappers of Gymnasium expect five values.
     """

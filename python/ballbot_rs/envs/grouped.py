@@ -38,7 +38,14 @@ class Groups:
 
 
 class GroupedObservations(gymnasium.ObservationWrapper[Any, Any, Any]):
-    """A `BallbotEnv` whose observation is a dict: `state`, and the robot's instruments by name."""
+    """A `BallbotEnv` whose observation is a dict: `state`, and the robot's instruments by name.
+
+    ```python
+    env = bb.GroupedObservations(bb.BallbotEnv(terrain="wave", scan={"points": (3, 3)}))
+    observation, info = env.reset(seed=0)
+    print(observation["state"].shape, observation["scan"].shape)
+    ```
+    """
 
     def __init__(self, env: gymnasium.Env[Any, Any]) -> None:
         super().__init__(env)
@@ -52,7 +59,14 @@ class GroupedObservations(gymnasium.ObservationWrapper[Any, Any, Any]):
 
 
 class GroupedVectorObservations(VectorObservationWrapper):
-    """A `BallbotVectorEnv` whose observations are dicts, as in `GroupedObservations`."""
+    """A `BallbotVectorEnv` whose observations are dicts, as in `GroupedObservations`.
+
+    ```python
+    envs = bb.GroupedVectorObservations(bb.BallbotVectorEnv(8, terrain="wave", scan={"points": (3, 3)}))
+    observations, infos = envs.reset(seed=0)
+    print(observations["scan"].shape)
+    ```
+    """
 
     def __init__(self, env: VectorEnv[Any, Any, Any]) -> None:
         super().__init__(env)

@@ -1,5 +1,7 @@
 """A task as a single Gymnasium environment."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import gymnasium
@@ -15,6 +17,12 @@ from ballbot_rs.envs.spaces import FloatArray, action_space, observation_space_o
 
 class BallbotEnv(BatchEnv, OneRobot, Rendered, gymnasium.Env[FloatArray, FloatArray]):
     """A robot with a task.
+
+    ```python
+    env = bb.BallbotEnv("goal", robot="kugle", actuators="kugle", events="mild")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     The classes of the tasks, `BalanceEnv` for example, list their actions, observations, rewards and options.
 

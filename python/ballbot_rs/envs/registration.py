@@ -37,6 +37,17 @@ def _register(name: str, env_id: str, task: Mapping[str, Any]) -> None:
 def register(env_id: str, task: type[Task], **options: Any) -> None:
     """Makes a task in Python known: to Gymnasium by its id, and to every front end and command as a task.
 
+    ```python
+    class Slow(bb.Task):
+        base = "balance"
+
+        def reward(self, robots):
+            return -np.linalg.norm(robots.velocity, axis=1)
+
+    bb.register("me/Slow-v0", Slow, robot="kugle")
+    env = bb.BallbotVectorEnv(16, task="me/Slow-v0")
+    ```
+
     Registering an id again replaces its task, in notebooks for example.
 
     Args:

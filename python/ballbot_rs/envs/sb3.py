@@ -1,5 +1,7 @@
 """A task as a Stable-Baselines3 `VecEnv`."""
 
+from __future__ import annotations
+
 import contextlib
 import copy
 import operator
@@ -29,7 +31,7 @@ from ballbot_rs.envs.spaces import action_space, observation_space_of
 class EnvView(OneRobot):
     """One environment of a `BallbotVecEnv`, as `get_attr`, `set_attr` and `env_method` reach it."""
 
-    def __init__(self, owner: "BallbotVecEnv", index: int) -> None:
+    def __init__(self, owner: BallbotVecEnv, index: int) -> None:
         self._owner = owner
         self._index = index
         self.render_mode = owner.render_mode
@@ -40,7 +42,7 @@ class EnvView(OneRobot):
         return self._owner._batch
 
     @property
-    def unwrapped(self) -> "EnvView":
+    def unwrapped(self) -> EnvView:
         """The environment itself: it has no wrappers."""
         return self
 
@@ -109,6 +111,12 @@ class EnvView(OneRobot):
 
 class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
     """`num_envs` environments for Stable-Baselines3, stepped at once in Rust.
+
+    ```python
+    env = bb.BallbotVecEnv("goal", num_envs=64, robot="kugle", model="contact")
+    observations = env.reset()
+    observations, rewards, dones, infos = env.step(np.zeros((64, 3)))
+    ```
 
     Spaces and options as in `BallbotEnv`. The info of every reset and step has `TimeLimit.truncated`, `is_success` and
     `termination`, an index into the names `metadata["terminations"]`. Finished episodes are reset within the step;

@@ -12,6 +12,11 @@ from ballbot_rs.envs.sb3 import BallbotVecEnv
 class GroupedVecEnv(VecEnvWrapper):
     """A `BallbotVecEnv` whose observations are dicts: `state`, and the robots' instruments by name.
 
+    ```python
+    env = bb.GroupedVecEnv(bb.BallbotVecEnv(8, terrain="wave", scan={"points": (3, 3)}))
+    print(env.reset()["scan"].shape)
+    ```
+
     `PPO("MultiInputPolicy", GroupedVecEnv(env))` learns from it.
     """
 

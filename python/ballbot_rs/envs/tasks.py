@@ -24,6 +24,12 @@ from ballbot_rs.envs.vector_env import BallbotVectorEnv
 class BalanceEnv(BallbotEnv):
     """Keep a ballbot upright with its ball at the setpoint.
 
+    ```python
+    env = bb.BalanceEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
+
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
 
@@ -165,7 +171,14 @@ class BalanceEnv(BallbotEnv):
 
 
 class BalanceVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `BalanceEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `BalanceEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.BalanceVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -198,6 +211,12 @@ class BalanceVectorEnv(BallbotVectorEnv):
 
 class VelocityEnv(BallbotEnv):
     """Follow a commanded velocity of the ball and rate of the heading.
+
+    ```python
+    env = bb.VelocityEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -375,7 +394,14 @@ class VelocityEnv(BallbotEnv):
 
 
 class VelocityVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `VelocityEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `VelocityEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.VelocityVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -408,6 +434,12 @@ class VelocityVectorEnv(BallbotVectorEnv):
 
 class GoalEnv(BallbotEnv):
     """Go to points on the floor, and stay there.
+
+    ```python
+    env = bb.GoalEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -571,7 +603,14 @@ class GoalEnv(BallbotEnv):
 
 
 class GoalVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `GoalEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `GoalEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.GoalVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -604,6 +643,12 @@ class GoalVectorEnv(BallbotVectorEnv):
 
 class PathEnv(BallbotEnv):
     """Follow a point that moves along a closed curve, with a preview of one second.
+
+    ```python
+    env = bb.PathEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -792,7 +837,14 @@ class PathEnv(BallbotEnv):
 
 
 class PathVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `PathEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `PathEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.PathVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -825,6 +877,12 @@ class PathVectorEnv(BallbotVectorEnv):
 
 class PushEnv(BallbotEnv):
     """Keep a ballbot upright with its ball at the setpoint while it is pushed.
+
+    ```python
+    env = bb.PushEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -977,7 +1035,14 @@ class PushEnv(BallbotEnv):
 
 
 class PushVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `PushEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `PushEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.PushVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -1010,6 +1075,12 @@ class PushVectorEnv(BallbotVectorEnv):
 
 class TerrainEnv(BallbotEnv):
     """Follow a commanded velocity over uneven ground.
+
+    ```python
+    env = bb.TerrainEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -1190,7 +1261,14 @@ class TerrainEnv(BallbotEnv):
 
 
 class TerrainVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `TerrainEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `TerrainEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.TerrainVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,
@@ -1223,6 +1301,12 @@ class TerrainVectorEnv(BallbotVectorEnv):
 
 class OpenBallBotEnv(BallbotEnv):
     """Go along the inertial y axis over random hills without a fall.
+
+    ```python
+    env = bb.OpenBallBotEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
 
     ## Action space
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
@@ -1364,7 +1448,14 @@ class OpenBallBotEnv(BallbotEnv):
 
 
 class OpenBallBotVectorEnv(BallbotVectorEnv):
-    """`num_envs` environments of `OpenBallBotEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`."""
+    """`num_envs` environments of `OpenBallBotEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.OpenBallBotVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
 
     def __init__(
         self,

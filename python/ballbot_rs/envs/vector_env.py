@@ -1,5 +1,7 @@
 """A task as a Gymnasium vector environment, all robots stepped at once in Rust."""
 
+from __future__ import annotations
+
 from collections.abc import Sequence
 from typing import Any, Final
 
@@ -28,6 +30,12 @@ def _autoreset_name(mode: str | AutoresetMode) -> str:
 
 class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, FloatArray, npt.NDArray[Any]]):
     """`num_envs` environments of a task; spaces and options as in `BallbotEnv`.
+
+    ```python
+    envs = bb.BallbotVectorEnv(64, task="goal", robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
 
     Environment i, reset with seed s, is bit-identical to a `BallbotEnv` reset with seed s + i, for any `num_threads`.
 

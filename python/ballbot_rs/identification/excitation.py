@@ -1,5 +1,7 @@
 """Simulated logs: a balancing robot under torques and setpoints that excite all its motions."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
@@ -49,6 +51,11 @@ def record_log(
     progress: Progress = no_progress,
 ) -> SensorLog:
     """A log of a simulated robot that LQR balances under excitation by a torque multisine and setpoint steps.
+
+    ```python
+    log = bb.record_log("kugle", seconds=4.0, actuators={"delay": 0.01})
+    log.write("log.csv")
+    ```
 
     The multisine has nine frequencies from 0.3 to 7.9 Hz, of equal amplitude, with separate phases for each wheel.
     Position and yaw step to new setpoints every 2 s. Commands are limited to 0.9 times the torque at which a wheel of

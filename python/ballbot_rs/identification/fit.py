@@ -1,5 +1,7 @@
 """The fit: nonlinear least squares over the parameters, in passes that update the noise and the accepted windows."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -58,7 +60,7 @@ USUAL: Final = 100
 def identify(
     log: SensorLog | str | PathLike[str],
     robot: Robot | None = None,
-    fields: Sequence[str] = FIELDS,
+    fields: Sequence[str] | None = None,
     *,
     actuators: Mapping[str, Any] | str | None = None,
     model: Literal["spatial", "contact", "rigid"] | str = "contact",
@@ -72,6 +74,11 @@ def identify(
 ) -> IdentifiedParams:
     """Fits parameters of a robot to a log by nonlinear least squares.
 
+    ```python
+    log = bb.record_log(bb.Params.paper().replace(body_mass=2.4), seconds=4.0)
+    print(bb.identify(log, "paper", ["body_mass"], sim_dt=0.005).params.body_mass)
+    ```
+
     The log is divided into windows. Each is simulated under the logged torques from its own initial state, which is
     also fitted; the residuals are measured minus simulated wheel angles, body rates and specific forces, divided by the
     noise of their sensor. docs/identify.md has the formulas, how to record a log, and which parameters are
@@ -82,7 +89,8 @@ def identify(
         robot: as in `simulate`, to start from, with the values of all parameters that are not fitted; None is the
             paper's.
         fields: parameters of `Params` by name (except `max_wheel_torque`), `delay`, `lag` and `strength` of the
-            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components.
+            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components. None are
+            mass, inertia and CoM of the body, the frictions of ball and wheels, and the delay.
         actuators: motors to start from, as `actuators=` of an environment, with only delay, lag and strengths;
             None is ideal.
         model: of the simulations: `spatial`, `contact` or `rigid`.
@@ -105,6 +113,7 @@ def identify(
     """
     with require("identification", "identify"):
         import scipy.optimize  # noqa: F401
+    fields = FIELDS if fields is None else fields
     log, base, windows, simulator = prepare(
         log, robot, actuators, model, sim_dt, window, imu_position, num_threads, fields
     )

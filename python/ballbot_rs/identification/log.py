@@ -1,5 +1,7 @@
 """A log of a robot: torques, wheel encoders and IMU over time, in memory and in files."""
 
+from __future__ import annotations
+
 import csv
 import dataclasses
 import io
@@ -53,6 +55,12 @@ SPECIFIC_FORCE: Final = (5.0, 20.0)
 @dataclasses.dataclass(frozen=True)
 class SensorLog:
     """Torques and measurements of one robot, one row per sample.
+
+    ```python
+    bb.record_log(seconds=2.0).write("log.csv")
+    log = bb.SensorLog.read("log.csv")
+    print(log.time[-1], log.gyro.shape)
+    ```
 
     `torques[k]` acts from `time[k]` to `time[k + 1]`; everything else is measured at `time[k]`. Time steps may differ,
     and rows may be missing.
@@ -112,7 +120,7 @@ class SensorLog:
     @classmethod
     def read(
         cls, path: str | PathLike[str], columns: str | PathLike[str] | Mapping[str, Any] | None = None
-    ) -> "SensorLog":
+    ) -> SensorLog:
         """A log from a CSV file with a header, an npz file with one array a column, or an MCAP file.
 
         Of an MCAP file: ROS 2 messages `sensor_msgs/msg/Imu` and `sensor_msgs/msg/JointState` in CDR, with torques as

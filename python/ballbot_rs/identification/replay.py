@@ -1,5 +1,7 @@
 """A log compared with a simulation: short windows under the logged torques, each from the start that fits it best."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Mapping, Sequence
 from os import PathLike
@@ -48,7 +50,16 @@ GROUP: Final = 250
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Replay:
-    """A log and its simulation; m rows in w windows. Rows of windows that fell are NaN in `simulated`."""
+    """A log and its simulation; m rows in w windows.
+
+    ```python
+    found = bb.replay(bb.record_log(seconds=2.0))
+    for residual in found.residuals:
+        print(residual)
+    ```
+
+    Rows of windows that fell are NaN in `simulated`.
+    """
 
     log: SensorLog
     params: Params
@@ -253,6 +264,11 @@ def replay(
     progress: Progress = no_progress,
 ) -> Replay:
     """Simulates a robot under the torques of a log, and compares it with the log's measurements.
+
+    ```python
+    log = bb.record_log(bb.Params.paper().replace(body_mass=2.4), seconds=2.0)
+    print(bb.replay(log, "paper"))
+    ```
 
     A balancing robot diverges in open loop, so the log is divided into windows, each simulated from the tilt, rates,
     velocity and spin that fit its measurements best, as `identify` does.

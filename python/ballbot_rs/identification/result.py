@@ -1,5 +1,7 @@
 """Result of an identification."""
 
+from __future__ import annotations
+
 import dataclasses
 import html
 import math
@@ -19,6 +21,12 @@ Array = npt.NDArray[np.float64]
 @dataclasses.dataclass(frozen=True, repr=False)
 class IdentifiedParams:
     """A robot that explains a log, with the uncertainty of each fitted number.
+
+    ```python
+    log = bb.record_log(seconds=4.0)
+    found = bb.identify(log, fields=["body_mass"], sim_dt=0.005)
+    print(found.params.body_mass, found.interval("body_mass"))
+    ```
 
     Vectors count as their components: `body_inertia` is `body_inertia_xx`, `body_inertia_yy` and `body_inertia_zz`.
     """

@@ -25,6 +25,11 @@ _MEASURED = ("gyro", "specific_force", "wheel_angles")
 class EstimatedController:
     """Any controller on readings of an IMU and encoders, as it runs on a robot: a law that reads sensors.
 
+    ```python
+    law = bb.EstimatedController("lqr", "kugle", sensors="kugle")
+    print(bb.simulate(law, robot="kugle", sensors="kugle", seconds=2.0))
+    ```
+
     Each episode begins as `Estimator.reset` without a state: at rest at the origin with yaw 0, in the attitude that the
     accelerometer measures. A copy begins a new episode.
 

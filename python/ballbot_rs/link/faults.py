@@ -16,6 +16,11 @@ MAX_DELAY = 10.0
 class LinkFaults:
     """Probabilities of faults of each frame, in each direction, independent of each other.
 
+    ```python
+    faults = bb.LinkFaults(drop=0.05, corrupt=0.01, seed=1)
+    link = bb.Link("udp://127.0.0.1:9471", faults=faults)  # opened by the first step of a simulation
+    ```
+
     Raises:
         ValueError: a probability that is not within 0 and 1, or a delay that is not within 0 and `MAX_DELAY`.
     """

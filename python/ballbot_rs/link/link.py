@@ -1,5 +1,7 @@
 """A controller in another process or on a board, as a law: readings go out, torques come back."""
 
+from __future__ import annotations
+
 import contextlib
 import operator
 import weakref
@@ -47,6 +49,14 @@ MAX_COUNT: Final = 1_000_000
 @named
 class Link:
     """A controller of one robot in another process or on a board, for `simulate` and whatever else takes a law.
+
+    ```python
+    import sys
+
+    peer = f"{sys.executable} -m ballbot_rs link --peer lqr stdio:"
+    with bb.Link(f"exec:{peer}") as link:
+        print(bb.simulate(link, sensors="exact", seconds=0.2))
+    ```
 
     At each control step it sends the readings of the sensors and the setpoint, and gets torques: docs/link.md has the
     frames. It opens line and log at the first step, and closes them in `close`, at the end of a `with`, or when it is
@@ -125,7 +135,7 @@ class Link:
     def resolved(self) -> ResolvedController:
         """The law as `find` returns it: it needs sensors, and learns its period from the robot that it is put on."""
 
-        def begin(_: Any, control_dt: float) -> "Link":
+        def begin(_: Any, control_dt: float) -> Link:
             self._period = control_dt
             self.reset()
             return self

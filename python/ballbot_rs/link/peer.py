@@ -38,6 +38,16 @@ _READINGS: Final = ("gyro", "specific_force", "wheel_angles")
 class LinkPeer:
     """Answers the readings of a simulation with the torques of a law that reads sensors.
 
+    ```python
+    import threading
+
+    law = bb.EstimatedController("lqr", "kugle", sensors="kugle")
+    peer = bb.LinkPeer(law, "udp://127.0.0.1:9471")
+    threading.Thread(target=peer.serve).start()  # usually in another process
+    with bb.Link("udp://127.0.0.1:9471") as link:
+        print(bb.simulate(link, robot="kugle", sensors="kugle", seconds=0.2))
+    ```
+
     Readings that it has answered already get the same answer, without another call of the law; late readings get none.
     The status is of a law that is `Supervised`, with the torques that it ramps down, else `running`.
     Before the first RESET it is `starting`, and for readings that are not finite `not_finite`, both with zero

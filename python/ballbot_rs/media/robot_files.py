@@ -31,6 +31,10 @@ _COLORS = {"rubber": "0.80 0.22 0.18 1", "plate": "0.07 0.36 0.42 1", "tyre": "0
 def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> Path:
     """Writes a robot as a URDF, in SI units, with primitive shapes.
 
+    ```python
+    bb.write_urdf("kugle", "kugle.urdf")
+    ```
+
     Links: `base_link`, the body without wheels, whose frame is the body frame of docs/conventions.md (origin at the
     ball's center, z along the mast); `wheel_0`, `wheel_1`, `wheel_2`, with x towards the ball's center, y along the
     drive direction and z along the axle; `ball`, with the origin at its center; `odom`, the root, a point of the floor.

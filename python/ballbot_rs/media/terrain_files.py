@@ -34,6 +34,10 @@ _FACET = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute
 def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None) -> Path:
     """Writes the heights of a terrain on a grid; the suffix of the path selects the format.
 
+    ```python
+    bb.write_terrain(bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05), "bowl.stl")
+    ```
+
     - `.xml`: MJCF of a world with a height field, whose heights are next to it in a file `.hf`.
     - `.png`: 16-bit gray, the first row at the largest y, black the least height and white the largest; both and
       the cell are in its text `ballbot`, which `read_terrain` reads.
@@ -62,6 +66,11 @@ def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None)
 @named
 def read_terrain(path: str | Path, cell: float | None = None, height: float | None = None) -> Terrain:
     """The terrain of an 8-bit or 16-bit gray picture, its first row at the largest y.
+
+    ```python
+    bb.write_terrain(bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05), "bowl.png")
+    print(bb.evaluate("lqr", terrain=bb.read_terrain("bowl.png"), episodes=3, max_episode_steps=50))
+    ```
 
     Args:
         path: of the picture, of at most 4194304 pixels.

@@ -14,6 +14,16 @@ from ballbot_rs.optimal.differentiable import DifferentiableRobots
 class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
     """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library.
 
+    ```python
+    import jax
+    import jax.numpy as jnp
+
+    jax.config.update("jax_enable_x64", True)
+    robots = bb.DifferentiableJaxBatch(bb.Batch(4))
+    states = robots.reset([0, 1, 2, 3])
+    print(jax.grad(lambda torques: robots.step(states, torques)[0][:, 0].sum())(jnp.zeros((4, 3))))
+    ```
+
         jax.config.update("jax_enable_x64", True)
         robots = DifferentiableJaxBatch(Batch(64))
 

@@ -11,6 +11,17 @@ from ballbot_rs.optimal.differentiable import DifferentiableRobots
 class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     """Robots of a batch whose states PyTorch differentiates, through contact and slip.
 
+    ```python
+    import torch
+
+    robots = bb.DifferentiableBatch(bb.Batch(4))
+    states = robots.reset([0, 1, 2, 3])
+    torques = torch.zeros((4, 3), dtype=torch.float64, requires_grad=True)
+    after, ended = robots.step(states, torques)
+    after[:, 0].sum().backward()  # the balls' position x
+    print(torques.grad)
+    ```
+
     For policies that follow the gradient of what their robots do:
 
         robots = DifferentiableBatch(Batch(64))

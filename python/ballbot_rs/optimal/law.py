@@ -1,5 +1,7 @@
 """The time-varying linear-quadratic regulator."""
 
+from __future__ import annotations
+
 from typing import Any
 
 import numpy as np
@@ -16,6 +18,11 @@ LEAN_OBSERVER = 4.0
 
 class TimeVaryingLqr:
     """Follows one motion: its torques, and feedback on the difference from its states, with gains for each step.
+
+    ```python
+    law = bb.optimize_trajectory((0.2, 0.0), seconds=1.4, control_dt=0.02).law()
+    print(bb.simulate(law, pushes=bb.Push((0.1, 0.0, 0.0), time=0.5), seconds=2.0))
+    ```
 
     Made by `OptimizedTrajectory.law()`. Each call is the next step of the motion, whatever the time; `reset()` starts
     it over. After the motion `Lqr` holds its last position and heading. It follows no setpoint. `simulate` runs it on

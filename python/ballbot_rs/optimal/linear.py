@@ -1,5 +1,7 @@
 """Linear models about any state."""
 
+from __future__ import annotations
+
 import numpy as np
 import numpy.typing as npt
 
@@ -25,6 +27,11 @@ def linearize(
     sim_dt: float = 0.001,
 ) -> tuple[Array, Array]:
     """The linear model of the next `dt` seconds about any state on a plane floor: leaning, driving, turning, slipping.
+
+    ```python
+    A, B = bb.linearize("kugle", dt=0.01)
+    print(np.abs(np.linalg.eigvals(A)).max())
+    ```
 
     Returns A (11, 11) and B (11, 3): the change of the state is x' = A x + B u in the coordinates `Jacobian.ROLLING`,
     for changes u of the torques, N·m. Unless the robot stays in the state, it is about the motion that begins there.

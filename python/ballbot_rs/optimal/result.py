@@ -1,5 +1,7 @@
 """What an optimization has found."""
 
+from __future__ import annotations
+
 import dataclasses
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -17,7 +19,14 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False, eq=False)
 class OptimizedTrajectory:
-    """A motion from `optimize_trajectory`, with T control steps. Its arrays are read-only. It can be pickled.
+    """A motion from `optimize_trajectory`, with T control steps.
+
+    ```python
+    found = bb.optimize_trajectory((0.2, 0.0), seconds=1.4, control_dt=0.02)
+    print(bb.simulate(found.law(), seconds=2.0))
+    ```
+
+    Its arrays are read-only. It can be pickled.
 
     `reached` is whether the last state is the goal within 1 mm, 5 mm/s, 2 mrad of lean, 5 mrad of heading, 10 mrad/s,
     20 mrad/s of heading and 0.1 rad/s of the ball's spin, for the paper's robot, and scaled for another.

@@ -1,5 +1,7 @@
 """Motions of least cost."""
 
+from __future__ import annotations
+
 import math
 from collections.abc import Callable
 
@@ -33,6 +35,11 @@ def optimize_trajectory(
     progress: Callable[[int, float], None] | None = None,
 ) -> OptimizedTrajectory:
     """The motion of least cost from `start` to a goal, or along a reference, in the model `contact`.
+
+    ```python
+    found = bb.optimize_trajectory((0.2, 0.0), seconds=1.4, control_dt=0.02)
+    print(found.reached, found.cost)
+    ```
 
     By differential dynamic programming with limits of the torques, on the exact derivatives of the steps. Torques cost,
     and so does the distance from the reference, or from the goal, with a weight that grows until the goal is reached.

@@ -1,5 +1,7 @@
 """A scenario under a controller."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Mapping
@@ -18,7 +20,13 @@ Array = npt.NDArray[np.float64]
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Outcome:
-    """A scenario under a controller; its arrays are read-only."""
+    """A scenario under a controller; its arrays are read-only.
+
+    ```python
+    (outcome,) = bb.run_scenarios("lqr", "S13-6s")
+    print(outcome.scenario.title, outcome.score, outcome.row())
+    ```
+    """
 
     controller: str
     scenario: Scenario

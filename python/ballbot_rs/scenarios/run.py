@@ -1,5 +1,7 @@
 """Scenarios under controllers."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Sequence
@@ -31,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 @overload
 def run_scenarios(
-    controllers: "Source | list[Source] | tuple[Source, ...]",
+    controllers: Source | list[Source] | tuple[Source, ...],
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
@@ -47,7 +49,7 @@ def run_scenarios(
 
 @overload
 def run_scenarios(
-    controllers: "Source | list[Source] | tuple[Source, ...]",
+    controllers: Source | list[Source] | tuple[Source, ...],
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
@@ -63,7 +65,7 @@ def run_scenarios(
 
 @named
 def run_scenarios(
-    controllers: "Source | list[Source] | tuple[Source, ...]",
+    controllers: Source | list[Source] | tuple[Source, ...],
     scenarios: str | Scenario | Sequence[str | Scenario] = (),
     *,
     file: str | Path | None = None,
@@ -76,6 +78,11 @@ def run_scenarios(
     progress: Progress = no_progress,
 ) -> list[Outcome] | Study:
     """Runs scenarios under controllers, the same episodes for all of them.
+
+    ```python
+    for outcome in bb.run_scenarios(["lqr", "lqi"], "S13-6s", robot="kugle"):
+        print(outcome.controller, outcome.score)
+    ```
 
     Args:
         controllers: one or more, each a name, a path or an object, as in `compare`.

@@ -17,6 +17,11 @@ _DIRECTIONS = 72
 class Scale:
     """Numbers of one robot, from its linear model and the loads of its wheels upright.
 
+    ```python
+    scale = bb.Scale.of(bb.Params.preset("kugle"))
+    print(scale.holdable_lean, scale.capture_impulse)
+    ```
+
     Derived in docs/scenarios.md.
     """
 

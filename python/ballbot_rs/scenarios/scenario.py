@@ -1,5 +1,7 @@
 """Scenarios as data: disturbances and motions of a robot, and the criteria of success."""
 
+from __future__ import annotations
+
 import dataclasses
 import inspect
 import math
@@ -9,7 +11,7 @@ from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from importlib import resources
 from pathlib import Path
-from typing import Any, Final
+from typing import Any, Final, get_type_hints
 
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
@@ -93,6 +95,11 @@ _EXPECTED: Final[Mapping[Any, tuple[str, Callable[[object], bool]]]] = {
 class Scenario:
     """A scenario; numbers are for the paper's robot, and `Scale` scales them for others.
 
+    ```python
+    leaning = bb.Scenario("lean", "Release at 5 deg", seconds=2.0, tilt=5.0, directions=4, score="rms_tilt")
+    print(bb.run_scenarios(["lqr", "lqi"], leaning))
+    ```
+
     Disturbances have `directions`, evenly spaced. A triple (first, last, step) of `tilt` or `push` makes a map: the
     largest number up to which all succeed, in each direction. Success in a map also requires recovery: the tilt stays
     within `final_tilt` from some time to the end, for at least 1 s. With enough `seconds` the map does not depend on
@@ -165,7 +172,7 @@ class Scenario:
             if isinstance(value, list):
                 value = tuple(value)
                 object.__setattr__(self, field.name, value)
-            words, fits = _EXPECTED[field.type]
+            words, fits = _EXPECTED[types()[field.name]]
             if not fits(value):
                 shown = f"{field.name} = {reprlib.repr(value)}"
                 raise InvalidInputError(
@@ -225,8 +232,19 @@ class Scenario:
         return isinstance(self.tilt, tuple) or isinstance(self.push, tuple)
 
 
+@cache
+def types() -> Mapping[str, Any]:
+    """Types of the fields of a scenario by name."""
+    return get_type_hints(Scenario)
+
+
 def load(path: str | Path | None = None) -> dict[str, Scenario]:
     """The scenarios of a TOML file, a list of tables `scenario`, by their id; None are the package's scenarios.
+
+    ```python
+    for name, scenario in bb.load_scenarios().items():
+        print(name, scenario.title)
+    ```
 
     Raises:
         ValueError: malformed TOML, an unknown or missing field, a value of the wrong kind, or a number out of range;

@@ -9,12 +9,10 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._robot import params_of
 from ballbot_rs.analysis.sweep import FLAG, Point
 from ballbot_rs.envs.parts import apply
-from ballbot_rs.scenarios.scenario import Axis, Scenario
+from ballbot_rs.scenarios.scenario import Axis, Scenario, types
 
 #: Fields of a scenario that may be swept.
-FIELDS: Final = tuple(
-    field.name for field in dataclasses.fields(Scenario) if field.type in (float, int, float | None, Axis)
-)
+FIELDS: Final = tuple(name for name, kind in types().items() if kind in (float, int, float | None, Axis))
 
 #: Names that a sweep may have in addition to parameters of the robot.
 NAMES: Final = ("robot", "model", "actuators", *FIELDS)

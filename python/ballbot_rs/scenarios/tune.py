@@ -1,5 +1,7 @@
 """Automatic tuning: optimizes the options of a controller on scenarios, with the same budget for all controllers."""
 
+from __future__ import annotations
+
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
@@ -89,7 +91,14 @@ DEFAULT: Final = (
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Tuned:
-    """Options of a controller found by a search."""
+    """Options of a controller found by a search.
+
+    ```python
+    lean = bb.Scenario("lean", "Release at 5 deg", seconds=1.0, tilt=5.0, score="rms_tilt")
+    found = bb.tune("lqr", lean, budget=6, options=["position"])
+    print(bb.compare(["lqr", found.source()], episodes=5))
+    ```
+    """
 
     controller: str
     #: Best options by name.
@@ -132,6 +141,12 @@ def tune(
     progress: Progress = no_progress,
 ) -> Tuned:
     """Searches options of a controller by CMA-ES in their logarithms, from the defaults.
+
+    ```python
+    lean = bb.Scenario("lean", "Release at 5 deg", seconds=1.0, tilt=5.0, score="rms_tilt")
+    found = bb.tune("lqr", lean, budget=6, options=["position", "torque"], robot="kugle")
+    print(found.options, bb.evaluate(found.source(), robot="kugle", episodes=5).success_rate)
+    ```
 
     The cost of a scenario is the ratio of its score to the baseline's: smaller errors, larger tilts and pushes.
 

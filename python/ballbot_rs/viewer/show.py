@@ -1,5 +1,7 @@
 """The page for scripts, notebooks and bridges: robots that a program shows, commands and observes."""
 
+from __future__ import annotations
+
 import concurrent.futures
 import inspect
 import time
@@ -52,7 +54,7 @@ def show(
     port: int = 8080,
     open_browser: bool = False,
     **options: Unpack[TaskOptions],
-) -> "Page":
+) -> Page:
     """Shows robots in the browser, in real time, as `ballbot view` does, and returns a handle to command them.
 
     ```python
@@ -99,6 +101,13 @@ def _robot_of(robot: Any) -> tuple[str, Params | None]:
 class Page:
     """Robots on a page in the browser, which a program commands and observes; `show` makes one.
 
+    ```python
+    with bb.show("lqr", task="velocity", robot="kugle") as page:
+        page.command(0.3, 0.0)
+        page.wait(0.5)
+        print(page.state.ball_velocity)
+    ```
+
     They move in real time in a separate thread. A property returns what the page shows now, up to 1/30 s old; a
     method returns once its command has been carried out, at the next frame. A context manager closes the page.
     Everything may be called from any thread.
@@ -109,7 +118,7 @@ class Page:
         self._is_closed = False
         self._wait_until(lambda: view.frame is not None, ANSWER, "the first frame")
 
-    def __enter__(self) -> "Page":
+    def __enter__(self) -> Page:
         return self
 
     def __exit__(

@@ -1,5 +1,7 @@
 """All robots of a batch as arrays: the input of tasks and functions in Python."""
 
+from __future__ import annotations
+
 from functools import cached_property
 from typing import Final
 
@@ -31,6 +33,17 @@ WIDTH: Final = 31
 class Robots:
     """All robots after a control step, float32, first axis over robots.
 
+    ```python
+    class Slow(bb.Task):
+        base = "balance"
+
+        def reward(self, robots):
+            return -np.linalg.norm(robots.velocity, axis=1) - robots.tilt**2
+
+    bb.register("me/Slow-v0", Slow)
+    print(bb.evaluate("lqr", task="me/Slow-v0", episodes=4))
+    ```
+
     Arrays are read-only: views into one array of the batch, without copies, or computed once per step. With
     `observation="sensors"` the arrays for `observe` come from the sensor readings; `reward` and `terminated` get the
     true states.
@@ -57,7 +70,7 @@ class Robots:
     def __len__(self) -> int:
         return len(self._rows)
 
-    def __getitem__(self, chosen: npt.NDArray[np.intp]) -> "Robots":
+    def __getitem__(self, chosen: npt.NDArray[np.intp]) -> Robots:
         """Some of the robots, by their numbers."""
         rest = (self.command[chosen], self.steps[chosen], self.numbers[chosen])
         return Robots(self._rows[chosen], *rest, self.control_dt)
