@@ -35,7 +35,7 @@ CALLS = {
         "states = np.tile(bb.State.at_rest(bb.Params.paper()).to_array(), (2000, 1))",
         "camera.render_batch(states)",
     ),
-    "evaluation": ("", "bb.evaluate('lqr', episodes=1000, env_options={'model': 'rigid'})"),
+    "evaluation": ("", "bb.evaluate('lqr', episodes=1000, model='rigid')"),
 }
 
 PROGRAM = """

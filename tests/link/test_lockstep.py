@@ -258,7 +258,7 @@ def test_estimated_controller_rejects_readings_that_are_none(changes, message):
 
 
 @pytest.mark.parametrize(
-    "options", [{"params": 3}, {"sensors": None}, {"control_dt": 0.0}, {"control_dt": float("nan")}]
+    "options", [{"robot": "kugel"}, {"sensors": None}, {"control_dt": 0.0}, {"control_dt": float("nan")}]
 )
 def test_estimated_controller_rejects_options(options):
     (name,) = options

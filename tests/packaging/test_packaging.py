@@ -50,7 +50,7 @@ env.reset(seed=0)
 gymnasium.make_vec("ballbot/Balance-v0", 2).reset()
 import ballbot_rs.analysis.episodes, ballbot_rs.cli
 ballbot_rs.cli.parser()
-ballbot_rs.analysis.episodes.evaluate("lqr", episodes=1, env_options={"model": "planar"})
+ballbot_rs.analysis.episodes.evaluate("lqr", episodes=1, model="planar")
 heavy = {"torch", "jax", "stable_baselines3", "tensorboard", "matplotlib", "viser", "trimesh"}
 print(sorted({m.split(".")[0] for m in sys.modules} & heavy))
 """

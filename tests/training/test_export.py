@@ -166,7 +166,7 @@ import sys
 sys.modules["torch"] = sys.modules["stable_baselines3"] = None
 from ballbot_rs.analysis.episodes import evaluate
 for model in ("contact", "rigid"):
-    print(evaluate("assets/policies/balance.onnx", episodes=20, env_options={"model": model}).success_rate)
+    print(evaluate("assets/policies/balance.onnx", episodes=20, model=model).success_rate)
 """
     command = [sys.executable, "-c", code]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, timeout=300, check=True)
