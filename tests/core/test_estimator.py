@@ -104,9 +104,9 @@ def test_a_bias_that_the_sensors_leave_out_topples_nobody(robot, sensors):
         {"term": f"sensors.gyro_{name}", "op": "abs", "range": [x, x]}
         for name, x in (("bias", 5e-3), ("bias_walk", 1e-3))
     ]
-    options = {"params": robot, "sensors": sensors, "observation": "sensors", "max_episode_steps": 2000}
+    options = {"robot": robot, "sensors": sensors, "observation": "sensors", "max_episode_steps": 2000}
     for events in ([], bias):
-        result = bb.evaluate("lqr", episodes=20, seed=1, env_options={**options, "events": events})
+        result = bb.evaluate("lqr", episodes=20, seed=1, events=events, **options)
         assert result.success_rate == 1.0, events
 
 

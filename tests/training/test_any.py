@@ -58,7 +58,7 @@ def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):
     [
         (["any", "--config", "recover"], "'any' names a configuration of balance"),
         (["any", "--algorithm", "cma"], "evolution tries each policy on one robot"),
-        (["any", "--set", "num_envs=64"], "params has 512 robots, but num_envs = 64 has room for 8"),
+        (["any", "--set", "num_envs=64"], "robot has 512 robots, but num_envs = 64 has room for 8"),
         (["any", "--set", "horizon=3.0", "--set", "algorithm_arguments={}"], "horizon follows from one robot"),
         (["any", "--robot", "kugle", "--set", "robot.family=3"], "a robot is also given"),
     ],
