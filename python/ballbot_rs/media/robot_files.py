@@ -16,15 +16,13 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
 from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.engines.robot_geometry import Link, RobotGeometry, robot_geometry
+from ballbot_rs.media.shapes import COLORS, Shape, body_of, wheel_of
 
 #: What a URDF may contain.
 PARTS: Final = ("robot", "bot", "ball")
 
 #: Velocity limit of the wheel joints, rad/s: readers need a finite number, and the motors' is not a parameter.
 _NO_LIMIT = 1e6
-#: Drawn width of a wheel in its radii.
-_WIDTH = 0.52
-_COLORS = {"rubber": "0.80 0.22 0.18 1", "plate": "0.07 0.36 0.42 1", "tyre": "0.10 0.30 0.55 1"}
 
 
 @named
@@ -64,8 +62,9 @@ def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> 
         raise InvalidInputError(f"part = {part!r} is unknown: expected one of {', '.join(PARTS)}")
     geometry = robot_geometry(params_of(robot))
     root = ET.Element("robot", name="ballbot" if part == "robot" else part)
-    for name, rgba in _COLORS.items():
-        ET.SubElement(ET.SubElement(root, "material", name=name), "color", rgba=rgba)
+    for name, color in COLORS.items():
+        rgba = " ".join(f"{value / 255.0:.3g}" for value in color)
+        ET.SubElement(ET.SubElement(root, "material", name=name), "color", rgba=f"{rgba} 1")
     if part == "robot":
         ET.SubElement(root, "link", name="odom")
         for child in ("base_link", "ball"):
@@ -82,8 +81,8 @@ def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> 
 
 def _add_ball(root: ET.Element, p: Params) -> None:
     ball = _link(root, "ball", Link(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3)))
-    for kind in ("visual", "collision"):
-        _shape(ball, kind, "sphere", "rubber", radius=p.ball_radius)
+    _visual(ball, Shape("sphere", (p.ball_radius,), "rubber"))
+    _shape(ball, "collision", "sphere", radius=p.ball_radius)
 
 
 def _add_bot(root: ET.Element, robot: RobotGeometry) -> None:
@@ -95,18 +94,17 @@ def _add_bot(root: ET.Element, robot: RobotGeometry) -> None:
     top = max(p.body_com_height + p.slender_half_length, bottom + p.wheel_radius)
     radius = (p.ball_radius + p.wheel_radius) * math.sin(max(p.wheel_zeniths))
     middle, length = (0.0, 0.0, 0.5 * (bottom + top)), top - bottom
-    _shape(body, "collision", "cylinder", "plate", middle, radius=radius, length=length)
-    plate = max(robot.centers[:, 2]) + 1.6 * p.wheel_radius
-    mast = max(top - plate, p.wheel_radius)
-    _shape(body, "visual", "cylinder", "plate", (0.0, 0.0, plate), radius=radius, length=0.06 * radius)
-    _shape(body, "visual", "cylinder", "plate", (0.0, 0.0, plate + 0.5 * mast), radius=0.3 * radius, length=mast)
+    _shape(body, "collision", "cylinder", middle, radius=radius, length=length)
+    for shape in body_of(robot):
+        _visual(body, shape)
     across = float(np.trace(robot.wheel_inertias[0]) - p.wheel_inertia) / 2.0
     inertia = np.diag([across, across, p.wheel_inertia])
     for i in range(3):
         wheel = _link(root, f"wheel_{i}", Link(p.wheel_mass, np.zeros(3), inertia))
-        _shape(wheel, "visual", "cylinder", "tyre", radius=p.wheel_radius, length=_WIDTH * p.wheel_radius)
+        for shape in wheel_of(p.wheel_radius):
+            _visual(wheel, shape)
         # An omniwheel touches the ball at one point and slides freely along its axle.
-        _shape(wheel, "collision", "sphere", "tyre", radius=p.wheel_radius)
+        _shape(wheel, "collision", "sphere", radius=p.wheel_radius)
     for i, (zenith, azimuth) in enumerate(zip(p.wheel_zeniths, p.wheel_azimuths, strict=True)):
         turned = (0.0, zenith + 0.5 * math.pi, azimuth)
         joint = _joint(
@@ -154,15 +152,26 @@ def _joint(
     return joint
 
 
+def _visual(link: ET.Element, shape: Shape) -> None:
+    names = {"box": (), "cylinder": ("radius", "length"), "sphere": ("radius",)}[shape.kind]
+    sizes = dict(zip(names, shape.size, strict=True)) if names else {"size": shape.size}
+    element = _shape(link, "visual", shape.kind, shape.position, shape.rpy, **sizes)
+    ET.SubElement(element, "material", name=shape.color)
+
+
 def _shape(
-    link: ET.Element, kind: str, shape: str, color: str, xyz: Sequence[float] = (0.0, 0.0, 0.0), **sizes: float
-) -> None:
+    link: ET.Element,
+    kind: str,
+    shape: str,
+    xyz: Sequence[float] = (0.0, 0.0, 0.0),
+    rpy: Sequence[float] = (0.0, 0.0, 0.0),
+    **sizes: float | Sequence[float],
+) -> ET.Element:
     element = ET.SubElement(link, kind)
-    ET.SubElement(element, "origin", xyz=_numbers(xyz))
-    sized = {name: _numbers([size]) for name, size in sizes.items()}
+    ET.SubElement(element, "origin", xyz=_numbers(xyz), rpy=_numbers(rpy))
+    sized = {name: _numbers([size] if isinstance(size, float) else size) for name, size in sizes.items()}
     ET.SubElement(ET.SubElement(element, "geometry"), shape, sized)
-    if kind == "visual":
-        ET.SubElement(element, "material", name=color)
+    return element
 
 
 def _numbers(values: Sequence[float] | npt.NDArray[np.float64]) -> str:

@@ -17,6 +17,8 @@ from ballbot_rs.media.animation import FASTEST_GIF, check_numbered, write_animat
 from ballbot_rs.media.arrows import arrows
 from ballbot_rs.media.caption import lines
 from ballbot_rs.media.caption import write as write_caption
+from ballbot_rs.media.robot_files import write_urdf
+from ballbot_rs.media.shapes import published
 from ballbot_rs.media.smoothing import smooth as smooth_edges
 
 #: Lowest and highest frame rate, 1/s.
@@ -32,7 +34,8 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
     Args:
         trajectory: what is shown.
         schematic: plain shapes from the parameters, which take a third of the time of meshes. Otherwise a robot with
-            the geometry of `assets/bot.urdf` is shown with the meshes of that file.
+            the geometry of `assets/bot.urdf` is shown with the meshes of that file, and a published robot with the
+            shapes of `write_urdf`.
         options: as of `Renderer`.
     """
     given = {"terrain": trajectory.terrain, **options}
@@ -40,9 +43,17 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
         given.pop("urdf", None)
         if not schematic and _has_meshes(trajectory.params):
             given["urdf"] = (_assets.path("bot.urdf"), _assets.path("ball.urdf"))
+        elif not schematic and published(trajectory.params) is not None:
+            return _of_shapes(trajectory.params, given)
         else:
             given["params"] = trajectory.params
     return Renderer(**given)
+
+
+def _of_shapes(params: Params, options: dict[str, Any]) -> Renderer:
+    with _files.scratch_folder() as folder:
+        bot, ball = (write_urdf(params, folder / f"{part}.urdf", part=part) for part in ("bot", "ball"))
+        return Renderer(urdf=(bot, ball), **options)
 
 
 def _has_meshes(params: Params) -> bool:
