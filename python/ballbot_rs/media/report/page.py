@@ -8,16 +8,20 @@ from pathlib import Path
 from typing import Any
 
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; color: #212529; background: #fff; }
+:root { color-scheme: light dark; --ink: #212529; --paper: #fff; --line: #dee2e6; --card: #f1f3f5; --soft: #495057; }
+@media (prefers-color-scheme: dark) {
+  :root { --ink: #e6e9ed; --paper: #16191d; --line: #3a414b; --card: #23272e; --soft: #b3bac4; }
+}
+body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); }
 body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: 0; }
-h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid #dee2e6; }
-img, video { max-width: 100%; height: auto; } video { border-radius: 4px; }
+h2 { font-size: 1.15rem; margin: 2rem 0 .5rem; border-bottom: 1px solid var(--line); }
+img, video { max-width: 100%; height: auto; border-radius: 4px; } img { background: #fff; }
 table { border-collapse: collapse; font-variant-numeric: tabular-nums; font-size: .85rem; }
-th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid #dee2e6; } th { font-weight: 600; }
+th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(--line); } th { font-weight: 600; }
 th:first-child, td:first-child, .pairs td { text-align: left; }
-pre { background: #f1f3f5; padding: .8rem; overflow-x: auto; font-size: .85rem; }
-.note { color: #495057; font-size: .9rem; } .wide { overflow-x: auto; }
+pre { background: var(--card); padding: .8rem; overflow-x: auto; font-size: .85rem; }
+.note { color: var(--soft); font-size: .9rem; } .wide { overflow-x: auto; }
 """
 
 
