@@ -162,7 +162,7 @@ def test_a_session_shows_the_simulation_over_the_log(noisy):
     session.replay(3.0)
     frame = session.frame()
     np.testing.assert_array_equal(frame.states[0], measured.states[300].to_array())
-    np.testing.assert_array_equal(frame.ghost, simulated.states[300].to_array())
+    np.testing.assert_array_equal(frame.ghost.state, simulated.states[300].to_array())
 
 
 def test_the_command_shows_a_page(noisy, capsys, tmp_path, monkeypatch):

@@ -7,8 +7,8 @@ import pytest
 
 viser = pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
 
+from ballbot_rs.viewer.scene.cameras import screen_ray  # noqa: E402
 from ballbot_rs.viewer.scene.ground import ray_meets  # noqa: E402
-from ballbot_rs.viewer.scene.scene import screen_ray  # noqa: E402
 
 EYE, FOV, ASPECT = np.array([1.0, -2.0, 1.5]), 0.9, 1.6
 

@@ -53,16 +53,16 @@ def update(handle, value):
 
 
 WRONG = [
-    ("Impulse (N·s)", 1e308),
-    ("Impulse (N·s)", -1e308),
-    ("Impulse (N·s)", math.nan),
-    ("Impulse (N·s)", math.inf),
-    ("Impulse (N·s)", 5.1),
-    ("Impulse (N·s)", True),
-    ("Impulse (N·s)", "1.0"),
-    ("Impulse (N·s)", None),
-    ("Impulse (N·s)", [1.0]),
-    ("Azimuth (deg)", 2**63),
+    ("Push by (N·s)", 1e308),
+    ("Push by (N·s)", -1e308),
+    ("Push by (N·s)", math.nan),
+    ("Push by (N·s)", math.inf),
+    ("Push by (N·s)", 5.1),
+    ("Push by (N·s)", True),
+    ("Push by (N·s)", "1.0"),
+    ("Push by (N·s)", None),
+    ("Push by (N·s)", [1.0]),
+    ("Push to (deg)", 2**63),
     ("Speed (×)", 0.0),
     ("Trail", 1.0),
     ("Trail", "yes"),
@@ -91,7 +91,7 @@ def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value
 
 def test_only_valid_values_reach_other_clients(view):
     """A value of 1e308 in a control dropped every client that came later."""
-    handle = control(view, "Impulse (N·s)")
+    handle = control(view, "Push by (N·s)")
     before = handle.value
     with client(view) as sender:
         wait_until(lambda: view.server.get_clients())

@@ -8,7 +8,7 @@ import pytest
 
 from ballbot_rs import Controller, Params
 from ballbot_rs.control.resolve import find
-from ballbot_rs.viewer.session.commands import ACCELERATION, YAW_ACCELERATION
+from ballbot_rs.viewer.session.commanding import ACCELERATION, YAW_ACCELERATION
 from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.onnx_policies import SHIPPED
 

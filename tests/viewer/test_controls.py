@@ -61,6 +61,8 @@ CONTRASTS = """
 })()
 """
 
+HELP_IS_OPEN = "Boolean(document.querySelector('dialog.ballbot-help[open]'))"
+
 
 def named(name, kind="button, [role=tab]"):
     return f"[...document.querySelectorAll('{kind}')].find(b => b.offsetParent && b.innerText.trim() === '{name}')"
@@ -189,9 +191,8 @@ def test_every_button_does_what_its_label_states(opened):
     press(page, labelled("Click to go"), lambda: view._page.run.clicks.value)
     open_tab(page, "View")
     scene = view._page._scene
-    for label, name in (("Camera follows", "follows"), ("Trail", "shows_trail")):
-        press(page, labelled(label), lambda name=name: not getattr(scene, name))
-        press(page, labelled(label), lambda name=name: getattr(scene, name))
+    press(page, labelled("Trail"), lambda: not scene.shows_trail)
+    press(page, labelled("Trail"), lambda: scene.shows_trail)
     press(page, labelled("Forces"), lambda: scene.shows_forces)
     shadow = next(handle for handle in view.server.controls.values() if handle.label == "Shadow")
     press(page, labelled("Shadow"), lambda: not shadow.value)
@@ -204,6 +205,10 @@ def test_every_button_does_what_its_label_states(opened):
     press(page, named("Replay"), lambda: query(view, lambda s: s.replay_time is not None))
     press(page, named("Back to the simulation"), lambda: query(view, lambda s: s.replay_time is None))
     page.evaluate("document.querySelector('[data-ballbot=link]').dataset.query").index("robot=paper")
+    page.click(*page.place_of("document.querySelector('[data-ballbot=help]')"))
+    page.wait_for("document.querySelector('dialog.ballbot-help[open] kbd')")
+    assert page.evaluate("fetch('/docs/view.md').then((answer) => answer.text())").startswith("# The page")
+    press(page, "document.querySelector('dialog.ballbot-help form button')", lambda: not page.evaluate(HELP_IS_OPEN))
     open_tab(page, "Plots")
     page.wait_for(f"document.querySelectorAll('.uplot canvas').length === {len(PLOTS)}")
     assert page.evaluate("document.querySelectorAll('.ballbot-legend').length") == len(PLOTS)

@@ -14,7 +14,7 @@ viser = pytest.importorskip("viser", reason="the page is not tested: install 'ba
 from websockets.exceptions import ConnectionClosed, InvalidStatus  # noqa: E402
 from websockets.sync.client import connect  # noqa: E402
 
-from ballbot_rs.viewer.server import server, teleop  # noqa: E402
+from ballbot_rs.viewer.server import head, server, teleop  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.view import query  # noqa: E402
@@ -147,10 +147,10 @@ def test_every_page_up_to_the_limit_may_connect(view, monkeypatch):
 def test_the_page_has_our_head_once_and_makes_no_external_requests(view):
     with urllib.request.urlopen(view.url, timeout=60) as answer:
         page = answer.read()
-    own = server.head()
+    own = head.head()
     assert page.count(own) == 1
     assert page.rstrip().endswith(b"</html>")
     assert page.count(b"<title>") == own.count(b"<title>") == 1
-    assert own.count(b"<script>") == own.count(b"</script>") == len(server.SCRIPTS)
+    assert own.count(b"<script>") == own.count(b"</script>") == len(head.SCRIPTS)
     assert b"https://" not in own
     assert re.findall(rb"http://[^'\"]*", own) == [b"http://www.w3.org/2000/svg"]

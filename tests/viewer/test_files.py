@@ -10,7 +10,7 @@ pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs
 
 from ballbot_rs import Params
 from ballbot_rs._reading import read_regular
-from ballbot_rs.viewer.scene import robot
+from ballbot_rs.viewer.scene import urdf
 from tests.support.paths import ASSETS
 
 unix = pytest.mark.skipif(os.name != "posix", reason="devices and pipes as files are specific to Unix")
@@ -40,7 +40,7 @@ def with_mesh(tmp_path, mesh):
     bot.write_text(
         text.replace('"meshes/', f'"{ASSETS}/meshes/').replace(f"{ASSETS}/meshes/body_plates.stl", str(mesh))
     )
-    return lambda: robot.from_urdf(Params.paper(), bot, ASSETS / "ball.urdf")
+    return lambda: urdf.from_urdf(Params.paper(), bot, ASSETS / "ball.urdf")
 
 
 @unix
@@ -59,7 +59,7 @@ def test_a_urdf_that_is_a_pipe_or_a_device_is_rejected(tmp_path):
     pipe = tmp_path / "bot.urdf"
     os.mkfifo(pipe)
     for path in (pipe, ASSETS.parent.__class__("/dev/zero")):
-        error = within(5.0, lambda path=path: robot.from_urdf(Params.paper(), path, ASSETS / "ball.urdf"))
+        error = within(5.0, lambda path=path: urdf.from_urdf(Params.paper(), path, ASSETS / "ball.urdf"))
         assert str(error) == f"{path} is not a regular file"
 
 
@@ -87,9 +87,9 @@ def test_the_limits_of_size_hold(tmp_path, monkeypatch):
         read_regular(path, 1000)
     path.write_bytes(b"12345")
     assert read_regular(path, 5) == b"12345"
-    monkeypatch.setattr(robot, "MAX_TRIANGLES", 3)
+    monkeypatch.setattr(urdf, "MAX_TRIANGLES", 3)
     with pytest.raises(ValueError, match=r"\.stl has \d+ triangles, limit 3"):
-        robot.from_urdf(Params.paper(), ASSETS / "bot.urdf", ASSETS / "ball.urdf")
+        urdf.from_urdf(Params.paper(), ASSETS / "bot.urdf", ASSETS / "ball.urdf")
 
 
 def test_a_mesh_opens_no_other_file(tmp_path):

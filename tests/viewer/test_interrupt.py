@@ -65,7 +65,7 @@ def test_the_page_continues_without_a_policy_that_loops(looping):
 
 
 def test_a_policy_that_loops_is_rejected_on_another_robot(looping, monkeypatch):
-    monkeypatch.setattr("ballbot_rs.viewer.session.session.MAX_LOAD", 0.2)
+    monkeypatch.setattr("ballbot_rs.viewer.session.configured.MAX_LOAD", 0.2)
     with pytest.raises(TimeoutError, match=r"took longer than 0\.2 s"):
         Session(robot="kugle", controller=str(looping))
 

@@ -157,6 +157,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         # What is typed into a field is text.
         tab = "[...document.querySelectorAll('[role=tab]')].find(b => b.innerText.trim() === 'Robot')"
         page.click(*page.place_of(tab))
+        view.runner.submit(lambda _: setattr(view._page.robot.policy, "visible", True))
         label = "[...document.querySelectorAll('label')].find(l => l.innerText.trim() === 'Policy file')"
         field = f"({label}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')"
         page.click(*page.place_of(field))

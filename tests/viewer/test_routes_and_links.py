@@ -10,7 +10,7 @@ import pytest
 from ballbot_rs._progress import no_progress
 from ballbot_rs.viewer.server import link
 from ballbot_rs.viewer.session import Session
-from ballbot_rs.viewer.session.commands import ROUTE_SPEED, Route
+from ballbot_rs.viewer.session.balancing import ROUTE_SPEED, Route
 from tests.support.paths import ASSETS
 
 
@@ -49,10 +49,10 @@ def test_actions_on_a_robot_also_apply_to_its_ghost():
     session.advance(2.0)
     frame = session.frame()
     # The same controller on the same robot moves alike, but for the rounding of the state that it begins in.
-    np.testing.assert_allclose(frame.ghost, frame.states[0], atol=1e-6)
+    np.testing.assert_allclose(frame.ghost.state, frame.states[0], atol=1e-6)
     session.compare_with("pid")
     session.advance(2.0)
-    assert np.linalg.norm(session.frame().ghost - session.frame().states[0]) > 0.01
+    assert np.linalg.norm(session.frame().ghost.state - session.frame().states[0]) > 0.01
     session.choose(robot="rezero")
     assert session.ghost.robots.name == "rezero"
 

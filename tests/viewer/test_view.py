@@ -19,8 +19,10 @@ from PIL import Image  # noqa: E402
 from websockets.exceptions import ConnectionClosed  # noqa: E402
 
 from ballbot_rs import Params  # noqa: E402
+from ballbot_rs.media.shapes import COLORS  # noqa: E402
 from ballbot_rs.viewer.panels.plots import PLOTS  # noqa: E402
-from ballbot_rs.viewer.scene import robot  # noqa: E402
+from ballbot_rs.viewer.scene import look, urdf  # noqa: E402
+from ballbot_rs.viewer.scene.cameras import FREE  # noqa: E402
 from ballbot_rs.viewer.server.server import free_port  # noqa: E402
 from ballbot_rs.viewer.session import Session  # noqa: E402
 from ballbot_rs.viewer.view import View  # noqa: E402
@@ -85,7 +87,8 @@ def scene_of(picture):
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_the_page_in_a_browser(view, tmp_path):
     # Shadows are slow to draw in software; the setpoint stays where it is seen.
-    view._page._scene.shows_shadow = view._page._scene.follows = False
+    view._page._scene.shows_shadow = False
+    view._page._scene.camera.kind = FREE
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -179,7 +182,8 @@ def test_the_page_in_a_browser(view, tmp_path):
 @pytest.mark.skipif(find_browser() is None, reason="NO BROWSER: the page is not tested; `sh tools/install_chromium.sh`")
 def test_dragging_the_robot_pulls_it(view, tmp_path):
     # Shadows are slow to draw in software; the setpoint stays where it is seen.
-    view._page._scene.shows_shadow = view._page._scene.follows = False
+    view._page._scene.shows_shadow = False
+    view._page._scene.camera.kind = FREE
     page = Chromium(find_browser(), tmp_path)
     try:
         page.call("Page.navigate", url=view.url)
@@ -211,13 +215,13 @@ def test_dragging_the_robot_pulls_it(view, tmp_path):
 
 def test_the_urdf_and_the_parameters_agree_on_the_positions_of_the_wheels():
     params = Params.paper()
-    described, made = robot.from_urdf(params, *robot.URDFS["paper"]), robot.from_params(params)
+    described, made = urdf.from_urdf(params, *urdf.URDFS["paper"]), look.from_params(params)
     for one, other in zip(described.wheels, made.wheels, strict=True):
         np.testing.assert_allclose(one.mount, other.mount, atol=1e-12)
         np.testing.assert_allclose(one.axle, other.axle, atol=1e-12)
         # Where the rim is nearest to the ball center, it touches the ball.
         for wheel in (one, other):
-            tyre = next(piece for piece in wheel.pieces if piece.color == robot.TYRE)
+            tyre = next(piece for piece in wheel.pieces if piece.color == COLORS["tyre"])
             points = tyre.vertices @ wheel.mount[:3, :3].T + wheel.mount[:3, 3]
             assert np.linalg.norm(points, axis=1).min() == pytest.approx(params.ball_radius, abs=1e-3)
     # The colors of its materials, and a mast well above the wheels.
@@ -229,7 +233,7 @@ def test_uneven_wheels_are_shown_where_they_are():
     params = Params.paper().replace(wheel_azimuths=[0.3, 2.0, 4.0], wheel_zenith_offsets=[0.0, 0.15, -0.1])
     reach = params.ball_radius + params.wheel_radius
     for wheel, zenith, azimuth in zip(
-        robot.from_params(params).wheels, params.wheel_zeniths, params.wheel_azimuths, strict=True
+        look.from_params(params).wheels, params.wheel_zeniths, params.wheel_azimuths, strict=True
     ):
         sin, cos = np.sin(zenith), np.cos(zenith)
         contact = np.array([sin * np.cos(azimuth), sin * np.sin(azimuth), cos])

@@ -1,6 +1,5 @@
 """The page in the browser: session, runner, server, scene and panels put together."""
 
-import functools
 import time
 from collections.abc import Callable
 from pathlib import Path
@@ -9,19 +8,21 @@ from typing import Any
 import numpy as np
 import viser
 
-from ballbot_rs.viewer.panels.controls import add_button, on_client
+from ballbot_rs.viewer.panels.display import DisplayPanel
 from ballbot_rs.viewer.panels.plots import Plots
 from ballbot_rs.viewer.panels.record import RecordPanel
 from ballbot_rs.viewer.panels.robot import ParameterPanel, RobotPanel, chosen
 from ballbot_rs.viewer.panels.run import RunPanel
 from ballbot_rs.viewer.panels.sensitivity import SensitivityPanel
 from ballbot_rs.viewer.panels.status import Status
-from ballbot_rs.viewer.scene.robot import URDFS, Look, from_params, from_urdf
-from ballbot_rs.viewer.scene.scene import Scene, frame_robots, screen_ray
+from ballbot_rs.viewer.scene.cameras import CHASE, frame_robots, screen_ray
+from ballbot_rs.viewer.scene.look import Look, from_params
+from ballbot_rs.viewer.scene.scene import Scene
+from ballbot_rs.viewer.scene.urdf import URDFS, from_urdf
 from ballbot_rs.viewer.server.server import HOST, LocalServer, free_port, unheard
-from ballbot_rs.viewer.server.teleop import Teleop
+from ballbot_rs.viewer.server.teleop import Report, Teleop
 from ballbot_rs.viewer.session.recording import Frame
-from ballbot_rs.viewer.session.runner import Command, Runner, Submit
+from ballbot_rs.viewer.session.runner import Runner, Submit
 from ballbot_rs.viewer.session.session import Session
 
 #: Time between two updates of the numbers, and of the plots, s.
@@ -29,9 +30,6 @@ STATUS_PERIOD, PLOT_PERIOD = 0.2, 0.4
 
 #: Width of the panel, px.
 PANEL_WIDTH = 400
-
-#: Color of buttons and selections: white text on it has a contrast of 8.
-BRAND = (26, 76, 140)
 
 
 class Display:
@@ -52,7 +50,6 @@ class Display:
         self._next_status = self._next_plot = 0.0
         self._last_choice: dict[str, str] = {}
         self._framed = (session.robots.name, len(session.robots))
-        server.gui.configure_theme(control_width="large", show_logo=False, show_share_button=False, brand_color=BRAND)
         # Next to the scene, so that no robot is behind it.
         server.gui.main_panel.dock_right()
         server.gui.main_panel.set_width(PANEL_WIDTH)
@@ -70,29 +67,21 @@ class Display:
         with tabs.add_tab("Record"):
             self._record = RecordPanel(server, submit)
         with tabs.add_tab("View"):
-            self._add_display_options()
+            self.display = DisplayPanel(server, submit, self._scene, self._plots, self._frame_all)
         server.on_client_connect(self._frame)
 
-    def _add_display_options(self) -> None:
-        gui = self._server.gui
-        switches = (
-            ("follows", "Camera follows", "robot 0 stays in the middle"),
-            ("shows_trail", "Trail", "where the ball of robot 0 has been"),
-            ("shows_forces", "Forces", "on robot 0: loads blue, tractions green, force along the ground red"),
-            ("shows_shadow", "Shadow", "of the robots on the floor"),
-        )
-        for name, label, hint in switches:
-            box = gui.add_checkbox(label, getattr(self._scene, name), hint=hint)
-            box.on_update(on_client(self._submit, functools.partial(self._switch, name, box)))
-        add_button(gui, self._submit, "Look at all robots", lambda _: self._frame_all())
-
-    def _switch(self, name: str, box: viser.GuiCheckboxHandle) -> Command:
-        return lambda _: setattr(self._scene, name, box.value)
+    def reported(self, report: Report) -> None:
+        """Follows a report of a page."""
+        if report.dark is not None:
+            self.display.set_system_dark(report.dark)
+        if report.chase:
+            self.display.toggle_chase()
 
     def _frame(self, client: viser.ClientHandle) -> None:
         # The page may close in the meantime.
         with unheard(client._websock_connection):
-            frame_robots(client, *self._scene.extent(*self._framed))
+            behind = self._scene.camera.kind == CHASE
+            frame_robots(client, *self._scene.extent(*self._framed), behind=behind)
 
     def _frame_all(self) -> None:
         for client in self._server.get_clients().values():
@@ -108,13 +97,13 @@ class Display:
 
         def command(session: Session) -> None:
             if session.takes_clicks:
-                session.move_setpoint(x, y)
+                session.click(x, y)
 
         self._submit(command)
 
     def _dragged(self, event: viser.SceneNodeDragEvent[Any]) -> None:
         """Pulls robot 0: dragging stretches a spring from its center of mass to the pointer."""
-        stretch = np.subtract(event.end_position, event.start_position)
+        stretch = self._scene.camera.vector(np.subtract(event.end_position, event.start_position))
         ends = event.phase == "end"
 
         def command(session: Session) -> None:
@@ -174,6 +163,7 @@ class View:
         self._teleop = Teleop(self.runner.submit)
         self.server = LocalServer(free_port(port), self._teleop)
         self._page = Display(self.server, self.runner.submit, session, self._look)
+        self._teleop.on_report = self._page.reported
         self.runner.start()
 
     def _show(self, session: Session, frame: Frame) -> None:

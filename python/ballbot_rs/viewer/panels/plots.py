@@ -2,6 +2,7 @@
 
 import dataclasses
 import math
+from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -13,15 +14,19 @@ from ballbot_rs.viewer.session.recording import SERIES, History
 
 FloatArray = npt.NDArray[np.float64]
 
-#: Distinguishable by color-blind people, with a contrast of 3:1 or more on white.
-COLORS = ("#1f6fb4", "#c05a00", "#2a8a3a", "#6b6b6b")
-LIMIT_COLOR = "#c0262d"
+#: Distinguishable by color-blind people, with a contrast of 3:1 or more on white and on the dark panel.
+COLORS = ("#2f80c8", "#c9640a", "#2f9442", "#7d7d7d")
+LIMIT_COLOR = "#d9363e"
 
 #: A contact without load has no limit: its utilization is infinite, and drawn at this height.
 TOP = 2.0
 
 #: Heights of a plot, px.
 HEIGHT = 130
+
+#: Names of additional curves, and their dashes.
+ESTIMATE, GHOST = "estimate", "compared with"
+DASHES = {ESTIMATE: (5.0, 4.0), GHOST: (2.0, 3.0)}
 
 WHEELS = ("wheel 0", "wheel 1", "wheel 2")
 
@@ -39,16 +44,24 @@ class Plot:
     least: tuple[float, float]
     #: Factor to the unit shown.
     factor: float = 1.0
-    #: A row drawn dashed in addition, and its name.
-    other: tuple[str, str] | None = None
+    #: Rows drawn in addition where they have values: names of row and curves, and a key of `DASHES`.
+    others: tuple[tuple[str, str], ...] = ()
     #: A line at this height, and its name.
     limit: tuple[float, str] | None = None
 
 
 PLOTS = (
-    Plot("Ball position", "m", "position", ("x", "y"), (-0.1, 0.1)),
-    Plot("Ball speed", "m/s", "speed", ("speed",), (0.0, 0.1)),
-    Plot("Tilt", "deg", "tilt", ("about x", "about y"), (-0.5, 0.5), 180.0 / math.pi, ("estimated tilt", "estimate")),
+    Plot("Ball position", "m", "position", ("x", "y"), (-0.1, 0.1), others=(("ghost position", GHOST),)),
+    Plot("Ball speed", "m/s", "speed", ("speed",), (0.0, 0.1), others=(("ghost speed", GHOST),)),
+    Plot(
+        "Tilt",
+        "deg",
+        "tilt",
+        ("about x", "about y"),
+        (-0.5, 0.5),
+        180.0 / math.pi,
+        (("estimated tilt", ESTIMATE), ("ghost tilt", GHOST)),
+    ),
     Plot("Wheel torques", "N·m", "torques", WHEELS, (-0.02, 0.02)),
     Plot("Wheel loads", "N", "loads", WHEELS, (0.0, 1.0)),
     Plot("Slip speeds", "m/s", "slip", WHEELS, (-0.01, 0.01)),
@@ -70,28 +83,44 @@ class Plots:
             for chart in self._charts:
                 chart.show(series)
 
+    def set_dark(self, is_dark: bool) -> None:
+        """Draws them in light or dark colors."""
+        for chart in self._charts:
+            chart.set_axes(axes_of(is_dark))
+
+
+def axes_of(is_dark: bool) -> tuple[uplot.Axis, uplot.Axis]:
+    """Abscissa and ordinate."""
+    ink, lines = ("#c3c9d1", "#3a414b") if is_dark else ("#333", "#e4e7eb")
+    grid, ticks = uplot.Axis_Grid(stroke=lines, width=1), uplot.Axis_Ticks(stroke=lines, width=1, size=4)
+    axis = uplot.Axis(size=46, font="11px sans-serif", stroke=ink, ticks=ticks, grid=grid, gap=4)
+    return {**axis, "size": 24}, axis
+
 
 class _Chart:
     def __init__(self, server: viser.ViserServer, plot: Plot) -> None:
         self._plot = plot
         styles = [uplot.Series(label=n, stroke=c, width=1.5) for n, c in zip(plot.curves, COLORS, strict=False)]
-        if plot.other is not None:
-            styles += [uplot.Series(**style, dash=(5.0, 4.0)) for style in styles]
+        curves = list(styles)
+        for _, name in plot.others:
+            styles += [uplot.Series(**style, dash=DASHES[name]) for style in curves]
         if plot.limit is not None:
             styles.append(uplot.Series(label=plot.limit[1], stroke=LIMIT_COLOR, width=1.5, dash=(6.0, 4.0)))
-        self._legend = server.gui.add_html(legend_of(plot, has_other=False))
+        self._legend = server.gui.add_html(legend_of(plot, ()))
         low, high = plot.least
-        axis = uplot.Axis(size=46, font="11px sans-serif", stroke="#333", ticks={"size": 4}, gap=4)
         self._handle = server.gui.add_uplot(
             tuple(np.array([0.0, 1.0]) for _ in range(len(styles) + 1)),
             (uplot.Series(label="time (s)"), *styles),
             scales={"x": {"time": False}, "y": {"range": {"min": _soft(low), "max": _soft(high)}}},
-            axes=({**axis, "size": 24}, axis),
+            axes=axes_of(is_dark=False),
             legend={"show": False},
             cursor={"drag": {"x": False, "y": False}},
             height=HEIGHT,
             padding=(6, 12, 0, 0),
         )
+
+    def set_axes(self, axes: tuple[uplot.Axis, uplot.Axis]) -> None:
+        self._handle.axes = axes
 
     def show(self, series: FloatArray) -> None:
         plot = self._plot
@@ -99,23 +128,24 @@ class _Chart:
         if plot.limit is not None:
             values = np.nan_to_num(np.minimum(values, TOP), nan=0.0)
         curves = list(values)
-        if plot.other is not None:
-            others = plot.factor * series[SERIES[plot.other[0]]]
-            has_other = bool(np.isfinite(others).any())
-            # Without an estimate its curve is hidden by the true curve.
+        shown = []
+        for row, name in plot.others:
+            others = plot.factor * series[SERIES[row]]
+            if np.isfinite(others).any():
+                shown.append(name)
+            # Where it has no values, its curve is hidden by the other.
             curves += list(np.where(np.isfinite(others), others, values))
-            put(self._legend, content=legend_of(plot, has_other))
+        put(self._legend, content=legend_of(plot, shown))
         if plot.limit is not None:
             curves.append(np.full_like(series[0], plot.limit[0]))
         self._handle.data = (np.round(series[0], 3), *(np.round(curve, 5) for curve in curves))
 
 
-def legend_of(plot: Plot, has_other: bool) -> str:
+def legend_of(plot: Plot, others: Sequence[str]) -> str:
     """Title, unit, and the names of the curves in their colors."""
     unit = f" ({plot.unit})" if plot.unit else ""
     keys = [_key(name, color, "solid") for name, color in zip(plot.curves, COLORS, strict=False)]
-    if plot.other is not None and has_other:
-        keys.append(_key(plot.other[1], COLORS[3], "dashed"))
+    keys += [_key(name, COLORS[3], "dashed" if name == ESTIMATE else "dotted") for name in others]
     if plot.limit is not None:
         keys.append(_key(plot.limit[1], LIMIT_COLOR, "dashed"))
     # The title names a single curve.

@@ -9,12 +9,16 @@ import viser
 from ballbot_rs._core import MODELS
 from ballbot_rs.control.resolve import NAMES
 from ballbot_rs.viewer.panels.controls import add_button, on_client, put
+from ballbot_rs.viewer.session.policies import shipped, shipped_name
 from ballbot_rs.viewer.session.runner import Submit
 from ballbot_rs.viewer.session.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL
 
-#: Label of a policy, whose file is named below.
+#: Label of a policy whose file is named below.
 POLICY = "policy file"
+
+#: Before the name of a policy that ships with the package.
+SHIPPED = "policy: "
 
 #: Label for no comparison.
 NONE = "none"
@@ -38,14 +42,19 @@ class RobotPanel:
     ) -> None:
         gui = server.gui
         self._submit, self.task = submit, task
-        chosen = session.controller if session.controller in NAMES else POLICY
+        chosen = listed(session.controller)
+        self._policies = {SHIPPED + name: str(path) for name, path in shipped().items()}
+        named = [*NAMES, *self._policies]
         self.robot = gui.add_dropdown("Robot", session.robot_names, initial_value=session.robots.name)
         self.model = gui.add_dropdown("Model", MODELS, initial_value=session.robots.model)
         counts = sorted({1, 4, 16, len(session.robots)})
         self.count = gui.add_dropdown("Robots", [str(n) for n in counts], initial_value=str(len(session.robots)))
-        self.controller = gui.add_dropdown("Controller", [*NAMES, POLICY], initial_value=chosen)
+        self.controller = gui.add_dropdown("Controller", [*named, POLICY], initial_value=chosen)
         self.policy = gui.add_text(
-            "Policy file", "" if chosen != POLICY else session.controller, hint="path of an .onnx file"
+            "Policy file",
+            "" if chosen != POLICY else session.controller,
+            hint="path of an .onnx file",
+            visible=chosen == POLICY,
         )
         self.sees = gui.add_dropdown(
             "Controller sees",
@@ -54,20 +63,24 @@ class RobotPanel:
             hint="estimate: what follows from gyroscope, accelerometer and encoders",
         )
         self.ghost = gui.add_dropdown(
-            "Compare with", [NONE, *NAMES], hint="a second, transparent robot under this controller, treated alike"
+            "Compare with", [NONE, *named], hint="a second, transparent robot under this controller, treated alike"
         )
         for control in (self.model, self.robot, self.task, self.controller, self.policy, self.sees, self.count):
             control.on_update(self._choose)
         self.ghost.on_update(on_client(submit, self._compare))
 
     def _compare(self) -> Any:
-        chosen = None if self.ghost.value == NONE else self.ghost.value
+        chosen = None if self.ghost.value == NONE else self._source(self.ghost.value)
         return lambda session: session.compare_with(chosen)
+
+    def _source(self, label: str) -> str:
+        """Name of a controller or path of a policy, by its label."""
+        return self._policies.get(label, label)
 
     async def _choose(self, event: viser.GuiEvent[Any]) -> None:
         if event.client_id is None:  # Our own correction of the display.
             return
-        controller = self.policy.value if self.controller.value == POLICY else self.controller.value
+        controller = self.policy.value if self.controller.value == POLICY else self._source(self.controller.value)
         observation = next(name for name, label in SEES.items() if label == self.sees.value)
         requested = {
             "model": self.model.value,
@@ -87,18 +100,21 @@ class RobotPanel:
                     changes["num_robots"] = int(changes["num_robots"])
                 if waits_for_name:
                     changes.pop("controller", None)
-                    session.notices.append("name a policy file")
+                    session.notices.append("enter the path of a policy file")
                 if changes:
                     session.choose(**changes)
             finally:
-                if not waits_for_name:
+                if waits_for_name:
+                    put(self.policy, visible=True)
+                else:
                     self.correct(session)
 
         self._submit(command)
 
     def correct(self, session: Session) -> None:
         """Shows the actual choice where a choice was rejected."""
-        chosen = session.controller if session.controller in NAMES else POLICY
+        chosen = listed(session.controller)
+        put(self.policy, visible=chosen == POLICY)
         put(self.model, value=session.robots.model)
         put(self.task, value=session.task)
         put(self.robot, value=session.robots.name)
@@ -110,7 +126,13 @@ class RobotPanel:
 
     def show(self, session: Session) -> None:
         """Shows the comparison."""
-        put(self.ghost, value=NONE if session.ghost is None else session.ghost.controller)
+        put(self.ghost, value=NONE if session.ghost is None else listed(session.ghost.controller))
+
+
+def listed(controller: str) -> str:
+    """Label of a controller in the lists."""
+    name = shipped_name(controller)
+    return controller if controller in NAMES else POLICY if name is None else SHIPPED + name
 
 
 def chosen(session: Session) -> dict[str, str]:

@@ -6,9 +6,9 @@ from typing import Any
 import viser
 
 from ballbot_rs.envs.registration import description_of, known_tasks
-from ballbot_rs.viewer.panels.controls import add_button, add_note, bound, on_client, put
+from ballbot_rs.viewer.panels.controls import add_button, bound, on_client, put
 from ballbot_rs.viewer.server.teleop import HOLD
-from ballbot_rs.viewer.session.commands import ACCELERATION, CLICKED, DRIVEN, Commanding
+from ballbot_rs.viewer.session.commanding import ACCELERATION, CLICKED, DRIVEN, Commanding
 from ballbot_rs.viewer.session.runner import Command, Submit
 from ballbot_rs.viewer.session.session import MAX_SPEED, MIN_SPEED, Session
 
@@ -28,25 +28,26 @@ class RunPanel:
 
     def __init__(self, server: viser.ViserServer, submit: Submit, session: Session) -> None:
         self._gui, self._submit = server.gui, submit
-        self.task = server.gui.add_dropdown("Task", known_tasks(), initial_value=session.task)
-        self._add_time(session)
-        server.gui.add_divider()
-        self._help = server.gui.add_markdown("")
+        gui = server.gui
+        self.task = gui.add_dropdown("Task", known_tasks(), initial_value=session.task)
+        self._time = gui.add_button_group("Time", (PAUSE, STEP, RESET), hint="Step: pauses, then one control step")
+        self._time.on_click(on_client(submit, self._of_time))
+        self._add_push()
+        gui.add_divider()
+        self._help = gui.add_markdown("")
         self._sample = add_button(
-            server.gui,
+            gui,
             submit,
             "New command of the task",
             Session.sample_commands,
             hint="the task draws the commands again, from where the robots are",
         )
         self._add_routes()
-        server.gui.add_divider()
-        self._add_push()
+        gui.add_divider()
+        self._add_time(session)
 
     def _add_time(self, session: Session) -> None:
         gui, submit = self._gui, self._submit
-        self._time = gui.add_button_group("Time", (PAUSE, STEP, RESET), hint="Step: pauses, then one control step")
-        self._time.on_click(on_client(submit, self._of_time))
         speed = self._speed = gui.add_slider(
             "Speed (×)", min=MIN_SPEED, max=MAX_SPEED, step=0.01, initial_value=1.0, hint="1: real time; above: fast"
         )
@@ -55,7 +56,7 @@ class RunPanel:
         degrees = [round(math.degrees(angle), 1) for angle in session.start_tilt]
         self._tilts = [
             gui.add_slider(
-                f"Tilt {axis} (deg)", min=-20.0, max=20.0, step=0.5, initial_value=value, hint="from the next reset on"
+                f"Reset tilt {axis} (deg)", min=-20.0, max=20.0, step=0.5, initial_value=value, hint="after Reset"
             )
             for axis, value in zip("xy", degrees, strict=True)
         ]
@@ -69,7 +70,7 @@ class RunPanel:
 
     def _add_routes(self) -> None:
         gui, submit = self._gui, self._submit
-        self._routes = gui.add_button_group("Go along", (CIRCLE, EIGHT, ORIGIN), hint="the setpoint moves there")
+        self._routes = gui.add_button_group("Send to", (CIRCLE, EIGHT, ORIGIN), hint="the setpoint moves there")
         self._routes.on_click(on_client(submit, self._of_routes))
         self.clicks = gui.add_checkbox("Click to go", True, hint="a click on the floor is the setpoint, or the goal")
 
@@ -80,13 +81,17 @@ class RunPanel:
 
     def _add_push(self) -> None:
         gui = self._gui
-        self._azimuth = gui.add_slider(
-            "Azimuth (deg)", min=0, max=355, step=5, initial_value=0, hint="of the push, from x, seen from above"
-        )
-        self._impulse = gui.add_slider("Impulse (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
-        push = gui.add_button("Push")
+        push = gui.add_button("Push", hint="robots may also be pulled: drag robot 0")
         push.on_click(on_client(self._submit, lambda: bound(Session.push, *self.push)))
-        add_note(gui, "Drag the robot with the mouse to pull it.")
+        self._azimuth = gui.add_slider(
+            "Push to (deg)",
+            min=0,
+            max=355,
+            step=5,
+            initial_value=0,
+            hint="azimuth, from x, seen from above",
+        )
+        self._impulse = gui.add_slider("Push by (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
 
     @property
     def push(self) -> tuple[float, float]:
@@ -116,7 +121,8 @@ def help_of(commanding: Commanding) -> str:
         turns = f"{commanding.max_yaw_rate:g} rad/s" if commanding.max_yaw_rate > 0.0 else "no turns"
         limits = f"{commanding.max_speed:g} m/s and {turns}"
         return (
-            "**Drive**: `W` `A` `S` `D` or arrows: velocity; `Q` `E`: turn; space: stop. Gamepad: its two sticks. "
+            "**Drive**: `W` `A` `S` `D` or arrows: velocity along the heading (violet marks); `Q` `E`: turn; space: "
+            "stop; `C`: camera behind the robot. Gamepad: its two sticks. "
             f"At most {limits}, as the task draws; the velocity changes by {ACCELERATION:g} m/s². The robot stops if "
             f"the page loses the focus, or is silent for {HOLD:g} s. In a field, click on the scene first."
         )

@@ -1,19 +1,24 @@
 """The numbers at the top of the page, and the message below them."""
 
+import dataclasses
 import html
 import math
 import time
+from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION, BALL_VELOCITY
 from ballbot_rs.envs.registration import description_of, geometry_of
 from ballbot_rs.viewer.panels.controls import put
-from ballbot_rs.viewer.scene.commands import heading_of
-from ballbot_rs.viewer.session.commands import CLICKED, DRIVEN
+from ballbot_rs.viewer.scene.heading import heading_of
+from ballbot_rs.viewer.session.commanding import CLICKED, DRIVEN
 from ballbot_rs.viewer.session.recording import Commands, Frame
 from ballbot_rs.viewer.session.session import Session
+
+FloatArray = npt.NDArray[np.float64]
 
 #: Slip speed above which a wheel counts as slipping, m/s.
 SLIPS = 1e-3
@@ -42,14 +47,33 @@ def html_of(session: Session, frame: Frame, message: str) -> str:
     """The whole block."""
     state, doing = doing_of(session)
     rows = rows_of(session, frame)
-    cells = "".join(
-        f'<dt title="{html.escape(hint)}">{label}</dt><dd>{html.escape(value)}</dd>' for label, value, hint in rows
-    )
+    has_ghost = frame.ghost is not None
+    cells = "".join(cells_of(row, has_ghost) for row in rows)
     shown = f'<p role="alert">{html.escape(message)}</p>' if message else ""
+    kind = ' class="has-ghost"' if has_ghost else ""
     return (
-        f'<div class="ballbot-status"><header><b>{frame.time:.2f} s</b><span class="is-{state}">{doing}</span></header>'
-        f"<dl>{cells}</dl>{shown}</div>"
+        f'<div class="ballbot-status"><header><b>{frame.time:.2f} s</b><span class="is-{state}">{doing}</span>'
+        f'<button data-ballbot="help" title="Help: keys and mouse">?</button></header>'
+        f"<dl{kind}>{legend_of(frame)}{cells}</dl>{shown}</div>"
     )
+
+
+def legend_of(frame: Frame) -> str:
+    """Which robot is which, above two columns of numbers; empty without a ghost."""
+    if frame.ghost is None:
+        return ""
+    return (
+        f'<dt></dt><dd class="is-solid">{html.escape(frame.label)}</dd>'
+        f'<dd class="is-ghost" title="the transparent robot">{html.escape(frame.ghost.label)}</dd>'
+    )
+
+
+def cells_of(row: "Row", has_ghost: bool) -> str:
+    """A line of the block."""
+    ghost = f"<dd>{html.escape(row.ghost)}</dd>" if has_ghost and row.ghost else ""
+    wide = ' class="is-wide"' if has_ghost and not row.ghost else ""
+    label = f'<dt title="{html.escape(row.hint)}">{html.escape(row.label)}</dt>'
+    return f"{label}<dd{wide}>{html.escape(row.value)}</dd>{ghost}"
 
 
 def doing_of(session: Session) -> tuple[str, str]:
@@ -64,27 +88,52 @@ def doing_of(session: Session) -> tuple[str, str]:
     return "running", doing
 
 
-def rows_of(session: Session, frame: Frame) -> list[tuple[str, str, str]]:
-    """Labels, values and explanations."""
-    x, y = frame.states[0, BALL_POSITION][:2].tolist()
-    speed = math.hypot(*frame.states[0, BALL_VELOCITY][:2].tolist())
-    heading = math.degrees(heading_of(frame.states[0]))
-    rows = [
-        ("Tilt", f"{math.degrees(math.hypot(*frame.tilt)):.2f} deg", "from the equilibrium"),
-        ("Speed", f"{speed:.2f} m/s", "of the ball"),
-        ("Position", f"({_text(x)}, {_text(y)}) m", "of the ball"),
-        ("Heading", f"{_text((heading + 180.0) % 360.0 - 180.0, 0)} deg", "of the body, from x, seen from above"),
-        ("Traction", traction_of(frame), "share of the friction limit in use"),
-    ]
-    if frame.commands is None:
-        rows.append(("Setpoint", _goal_of(session, frame), "green: where the robot is sent; orange: the way there"))
-    else:
+@dataclasses.dataclass(frozen=True)
+class Row:
+    """A number of robot 0, and of the ghost if it has it."""
+
+    label: str
+    value: str
+    hint: str
+    ghost: str = ""
+
+
+def rows_of(session: Session, frame: Frame) -> list[Row]:
+    """The numbers of a frame."""
+    motion = motion_of(frame.states[0], frame.tilt)
+    ghost = {} if frame.ghost is None else motion_of(frame.ghost.state, frame.ghost.tilt)
+    rows = [Row(label, value, HINTS[label], ghost.get(label, "")) for label, value in motion.items()]
+    if frame.has_forces:
+        rows.append(Row("Traction", traction_of(frame), "fraction of the friction limit in use"))
+    # A log has no setpoint.
+    if frame.commands is None and (frame.setpoint is not None or frame.has_forces):
+        rows.append(Row("Setpoint", _goal_of(session, frame), "green: where the robot is sent; orange: the way there"))
+    if frame.commands is not None:
         if command := command_of(frame.commands):
-            rows.append(("Command", command, "of robot 0; velocities are in its heading frame"))
-        above = {label for label, _, _ in rows}
-        for label, value in metrics_of(frame.commands).items():
-            rows.append((f"{label} so far" if label in above else label, value, "of the episode so far"))
+            rows.append(Row("Command", command, "of robot 0; forward and left are along its heading"))
+        rows += metrics_of(frame.commands)
     return rows
+
+
+#: Explanations of `motion_of`.
+HINTS = {
+    "Tilt": "from the equilibrium",
+    "Speed": "of the ball",
+    "Position": "of the ball",
+    "Heading": "of the body, from x, seen from above: the direction of the violet marks",
+}
+
+
+def motion_of(state: FloatArray, tilt: FloatArray) -> dict[str, str]:
+    """How a robot moves."""
+    x, y = state[BALL_POSITION][:2].tolist()
+    heading = math.degrees(heading_of(state))
+    return {
+        "Tilt": f"{math.degrees(math.hypot(*tilt)):.2f} deg",
+        "Speed": f"{math.hypot(*state[BALL_VELOCITY][:2].tolist()):.2f} m/s",
+        "Position": f"({_text(x)}, {_text(y)}) m",
+        "Heading": f"{_text((heading + 180.0) % 360.0 - 180.0, 0)} deg",
+    }
 
 
 def traction_of(frame: Frame) -> str:
@@ -114,7 +163,7 @@ def _text(value: float, digits: int = 2) -> str:
 
 
 def command_of(commands: Commands) -> str:
-    """The command of robot 0, and its source; empty for a task without commands."""
+    """The command of robot 0 in words, and its source; empty for a task without commands."""
     command, geometry = commands.values[0].tolist(), geometry_of(commands.task)
     if geometry == "impulse":
         impulse, azimuth = commands.pushes[0, :2].tolist()
@@ -122,10 +171,9 @@ def command_of(commands: Commands) -> str:
             "no push yet" if math.isnan(impulse) else f"pushed by {impulse:.2f} N·s to {math.degrees(azimuth):.0f} deg"
         )
     if geometry == DRIVEN:
-        x, y, rate = command
-        text = f"({x:.2f}, {y:.2f}) m/s, {rate:.2f} rad/s"
+        text = velocity_of(*command)
     elif geometry == CLICKED:
-        text = f"go to ({command[0]:.2f}, {command[1]:.2f}) m"
+        text = f"go to ({_text(command[0])}, {_text(command[1])}) m"
     elif geometry == "curve":
         text = f"follow the curve at {command[0]:.2f} m/s"
     elif not command:
@@ -133,13 +181,42 @@ def command_of(commands: Commands) -> str:
     else:
         rows = description_of(commands.task)["command"]
         text = ", ".join(f"{row['name']} {value:.3g}" for row, value in zip(rows, command, strict=True))
-    return f"{text}; {'by hand' if commands.by_hand else 'by the task'}"
+    return f"{text} ({'by hand' if commands.by_hand else 'from the task'})"
 
 
-def metrics_of(commands: Commands) -> dict[str, str]:
-    """The metrics of robot 0 so far, by label."""
-    units = {metric["name"]: metric["unit"] for metric in description_of(commands.task)["metrics"]}
-    return {
-        name.replace("_", " ").capitalize(): "not yet" if math.isnan(value) else f"{value:.3f} {units[name]}".rstrip()
-        for name, value in commands.metrics.items()
-    }
+def velocity_of(x: float, y: float, rate: float) -> str:
+    """A commanded velocity in the heading frame, m/s, and rate of the heading, rad/s, in words."""
+    parts = [
+        f"{abs(value):.2f} {unit} {names[value < 0.0]}"
+        for value, unit, names in (
+            (x, "m/s", ("forward", "back")),
+            (y, "m/s", ("left", "right")),
+            (rate, "rad/s", ("turning left", "turning right")),
+        )
+        if round(value, 2)
+    ]
+    return ", ".join(parts) or "stay at rest"
+
+
+#: Metrics whose name is not a word for a reader, by task: label, factor to the unit shown, and format with it.
+WORDS: Final = {
+    ("terrain", "share"): ("Progress", 100.0, "{:.0f} % of the commanded distance"),
+    ("terrain", "level"): ("Terrain", 1.0, "level {:.0f}"),
+    ("goal", "goals_held"): ("Goals reached", 100.0, "{:.0f} %"),
+    ("goal", "time_ratio"): ("Time to a goal", 1.0, "{:.2f} × the fastest possible"),
+    ("push", "distance"): ("Distance", 1.0, "{:.3f} m from the setpoint (rms)"),
+    ("openballbot", "speed"): ("Mean speed", 1.0, "{:.2f} m/s along y"),
+}
+
+
+def metrics_of(commands: Commands) -> list[Row]:
+    """The metrics of robot 0 so far."""
+    rows = []
+    for metric in description_of(commands.task)["metrics"]:
+        name, unit = metric["name"], metric["unit"]
+        plain = (name.replace("_", " ").capitalize(), 1.0, f"{{:.3f}} {unit}".rstrip())
+        label, factor, text = WORDS.get((commands.task, name), plain)
+        value = commands.metrics[name]
+        shown = "not yet" if math.isnan(value) else text.format(factor * value)
+        rows.append(Row(label, shown, f"{metric['doc']}; of the episode so far"))
+    return rows

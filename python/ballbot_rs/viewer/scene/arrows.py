@@ -8,7 +8,7 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION, BODY_POSITION, body_axes_of
-from ballbot_rs.viewer.scene.robot import contact_directions
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from ballbot_rs.viewer.session.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
@@ -32,7 +32,7 @@ FACES: npt.NDArray[np.int64] = np.array(
     ]
 )
 
-TRAIL_COLOR, ROUTE_COLOR, PUSH_COLOR = (26, 76, 140), (30, 140, 60), (204, 56, 46)
+TRAIL_COLOR, GHOST_COLOR, ROUTE_COLOR, PUSH_COLOR = (26, 76, 140), (136, 144, 156), (30, 140, 60), (204, 56, 46)
 
 #: As in pictures of `ballbot record`: loads, tractions, force along the ground.
 LOAD_COLOR, TRACTION_COLOR, FLOOR_COLOR = (25, 113, 194), (47, 158, 68), (224, 49, 49)
@@ -87,18 +87,22 @@ def on_ground(frame: Frame, point: FloatArray) -> Place:
 
 
 class Trail:
-    """The path of the ball as a line on the floor."""
+    """The path of a ball as a line on the floor."""
 
-    def __init__(self, server: viser.ViserServer, name: str) -> None:
+    def __init__(self, server: viser.ViserServer, name: str, color: tuple[int, int, int]) -> None:
         self._line = server.scene.add_line_segments(
-            name, np.zeros((1, 2, 3)), TRAIL_COLOR, thickness=THICKNESS, visible=False
+            name, np.zeros((1, 2, 3)), color, thickness=THICKNESS, visible=False
         )
         self._points: deque[FloatArray] = deque(maxlen=TRAIL_POINTS)
         self._time = self._drawn = -math.inf
 
-    def show(self, frame: Frame, is_on: bool) -> None:
-        """Adds the ball's position; after a jump in time or position the trail restarts."""
-        ball = frame.states[0, BALL_POSITION][:2]
+    def show(self, frame: Frame, state: FloatArray | None, is_on: bool) -> None:
+        """Adds the ball's position in a state; after a jump in time or position the trail restarts."""
+        if state is None:
+            self._points.clear()
+            _set_visible(self._line, False)
+            return
+        ball = state[BALL_POSITION][:2]
         point = np.append(ball, frame.heights(ball) + TRAIL_HEIGHT)
         step = float(np.linalg.norm(point - self._points[-1])) if self._points else math.inf
         if frame.time < self._time or (self._points and step > 0.5):
@@ -131,6 +135,7 @@ class Forces:
 
     def show(self, frame: Frame, is_on: bool) -> None:
         """Draws the forces of a frame."""
+        is_on = is_on and frame.has_forces
         _set_visible(self._arrows, is_on)
         if is_on:
             self._arrows.points = np.float32(force_arrows(frame))
@@ -187,7 +192,8 @@ def force_arrows(frame: Frame) -> FloatArray:
     """
     state, contacts, params = frame.states[0], frame.contacts, frame.params
     axes, center = body_axes_of(state), state[BODY_POSITION]
-    outwards, drives = contact_directions(params)
+    robot = robot_geometry(params)
+    outwards, drives = robot.contacts, robot.drives
     touched = center + params.ball_radius * outwards @ axes.T
     # Load arrows end at the outside of the wheel, which would hide them otherwise.
     tops = touched + 2.0 * params.wheel_radius * outwards @ axes.T

@@ -6,10 +6,11 @@ import numpy as np
 import numpy.typing as npt
 import viser
 
-from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
+from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.media.arrows import path_of
 from ballbot_rs.viewer.scene import arrows
 from ballbot_rs.viewer.scene.arrows import Place, on_ground
+from ballbot_rs.viewer.scene.heading import about_z, heading_of
 from ballbot_rs.viewer.session.recording import Commands, Frame
 from ballbot_rs.viewer.session.session import PUSH_SECONDS
 
@@ -20,8 +21,11 @@ COMMAND_COLOR, TURN_COLOR, PUSH_COLOR = (30, 160, 60), (240, 140, 26), (204, 56,
 #: Arrows show the distance and turn over this time, s.
 AHEAD = 1.0
 
-#: Arrows begin outside the ball, m: the largest radius among the presets, and a gap.
-CLEAR, TURN_CLEAR = 0.16, 0.22
+#: Arrows begin outside the ball and the mark of the heading, m.
+CLEAR, TURN_CLEAR = 0.21, 0.25
+
+#: Radius of rings on the floor, which are visible around the ball, m.
+RING = 0.16
 
 #: Length of a push arrow, m/(N·s).
 PUSH_LENGTH = 0.25
@@ -89,7 +93,7 @@ class _Goal(CommandNodes):
 
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
-        self._ring = self._line("ring", CLEAR * _circle(48), COMMAND_COLOR)
+        self._ring = self._line("ring", RING * _circle(48), COMMAND_COLOR)
         self._goal = self._point("goal", 0.03, COMMAND_COLOR)
 
     def show(self, frame: Frame, commands: Commands, index: int) -> None:
@@ -103,7 +107,7 @@ class _Path(CommandNodes):
     def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
         super().__init__(server, name, place)
         self._curve = self._line("curve", _circle(SAMPLES), COMMAND_COLOR)
-        self._ring = self._line("ring", CLEAR * _circle(48), TURN_COLOR)
+        self._ring = self._line("ring", RING * _circle(48), TURN_COLOR)
         self._moving = self._point("moving", 0.025, TURN_COLOR)
         self._shown: FloatArray | None = None
 
@@ -145,17 +149,6 @@ KINDS: dict[str, type[CommandNodes]] = {
     "curve": _Path,
     "impulse": _Push,
 }
-
-
-def heading_of(state: FloatArray) -> float:
-    """The yaw of the heading frame, rad."""
-    w, _, _, z = state[BODY_QUATERNION].tolist()
-    return 2.0 * math.atan2(z, w)
-
-
-def about_z(angle: float) -> tuple[float, float, float, float]:
-    """`[w, x, y, z]` of a rotation about the vertical."""
-    return math.cos(0.5 * angle), 0.0, 0.0, math.sin(0.5 * angle)
 
 
 def _circle(count: int) -> FloatArray:

@@ -1,6 +1,6 @@
 """The ground: a level floor, or a patch of uneven ground that moves along with robot 0; its intersections with rays."""
 
-import math
+import dataclasses
 from collections.abc import Callable
 from typing import Any
 
@@ -9,13 +9,29 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._core import Terrain
+from ballbot_rs.viewer.scene.cameras import Camera
+from ballbot_rs.viewer.scene.heading import about_z
+from ballbot_rs.viewer.scene.look import Color
 
 FloatArray = npt.NDArray[np.float64]
 
 #: Size of the level floor and of its squares, m, and darkness of shadows on it.
 FLOOR_SIZE, SECTION, SHADOW = 20.0, 1.0, 0.3
 
-COLOR, LINE_COLOR = (214, 220, 227), (150, 160, 172)
+
+@dataclasses.dataclass(frozen=True)
+class Colors:
+    """Colors of the ground."""
+
+    plane: Color
+    cell: Color
+    section: Color
+    terrain: Color
+    lines: Color
+
+
+LIGHT = Colors((246, 248, 250), (214, 219, 226), (172, 180, 190), (214, 220, 227), (150, 160, 172))
+DARK = Colors((31, 36, 43), (48, 55, 64), (78, 87, 99), (62, 70, 80), (104, 114, 126))
 
 #: Half the patch's edge, the spacing of its corners and of its lines, and how far the robot gets from its middle, m.
 HALF, CELL, LINES, AWAY = 4.0, 0.05, 0.5, 1.5
@@ -41,10 +57,10 @@ class Ground:
             width=FLOOR_SIZE,
             height=FLOOR_SIZE,
             cell_size=0.1,
-            cell_color=(214, 219, 226),
-            section_color=(172, 180, 190),
+            cell_color=LIGHT.cell,
+            section_color=LIGHT.section,
             section_size=SECTION,
-            plane_color=(246, 248, 250),
+            plane_color=LIGHT.plane,
             plane_opacity=1.0,
             shadow_opacity=SHADOW,
             fade_distance=FLOOR_SIZE,
@@ -58,11 +74,11 @@ class Ground:
         self._floor.on_click(clicked)
         flat = np.zeros((_COUNT * _COUNT, 3), dtype=np.float32)
         self._patch = server.scene.add_mesh_simple(
-            f"{name}/sheet", flat, _faces(), color=COLOR, flat_shading=False, visible=False, cast_shadow=False
+            f"{name}/sheet", flat, _faces(), color=LIGHT.terrain, flat_shading=False, visible=False, cast_shadow=False
         )
         self._patch.on_click(clicked)
         self._lines = server.scene.add_line_segments(
-            f"{name}/lines", np.zeros((1, 2, 3)), LINE_COLOR, thickness=0.004, visible=False
+            f"{name}/lines", np.zeros((1, 2, 3)), LIGHT.lines, thickness=0.004, visible=False
         )
         #: The ground shown; None is level.
         self.terrain: Terrain | None = None
@@ -83,10 +99,23 @@ class Ground:
         self._patch.vertices = np.float32(points.reshape(-1, 3))
         self._lines.points = np.float32(_lines(points))
 
-    def move_floor(self, x: float, y: float) -> None:
-        """Puts a point of the level floor, m, in the middle."""
+    def set_dark(self, is_dark: bool) -> None:
+        """Shows it in light or dark colors."""
+        colors = DARK if is_dark else LIGHT
+        self._grid.plane_color, self._grid.cell_color, self._grid.section_color = (
+            colors.plane,
+            colors.cell,
+            colors.section,
+        )
+        self._patch.color = colors.terrain
+        self._lines.colors = np.array(colors.lines, dtype=np.uint8)
+
+    def move_floor(self, camera: Camera) -> None:
+        """Moves the level floor below a camera."""
         # The grid repeats after a section, so that it seems endless.
-        self._grid.position = (-math.fmod(x, SECTION), -math.fmod(y, SECTION), 0.0)
+        rest = np.fmod(camera.middle, SECTION) * (1.0, 1.0, 0.0)
+        self._grid.position = -camera.rotation.T @ rest
+        self._grid.wxyz = about_z(-camera.turn)
 
 
 def patch(terrain: Terrain, middle: FloatArray) -> FloatArray:

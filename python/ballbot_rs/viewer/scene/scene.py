@@ -10,10 +10,13 @@ import viser
 
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.envs.registration import geometry_of
-from ballbot_rs.viewer.scene.arrows import Forces, Push, RouteLine, Trail, on_ground
+from ballbot_rs.viewer.scene.arrows import GHOST_COLOR, TRAIL_COLOR, Forces, Push, RouteLine, Trail, on_ground
+from ballbot_rs.viewer.scene.cameras import FREE, Camera
 from ballbot_rs.viewer.scene.commands import KINDS, CommandNodes
 from ballbot_rs.viewer.scene.ground import HALF, Ground, ray_meets
-from ballbot_rs.viewer.scene.robot import Look, RobotNodes
+from ballbot_rs.viewer.scene.heading import about_z
+from ballbot_rs.viewer.scene.look import Look
+from ballbot_rs.viewer.scene.robot import RobotNodes
 from ballbot_rs.viewer.session.recording import Frame
 
 FloatArray = npt.NDArray[np.float64]
@@ -28,15 +31,6 @@ SPACING = 1.0
 GHOST_OPACITY = 0.35
 
 GOAL_COLOR, TARGET_COLOR = (30, 160, 60), (240, 140, 26)
-
-#: Vertical field of view, rad: a wide view makes upright robots at the side look tilted.
-FOV = math.radians(38.0)
-
-#: Direction from the robots to the camera.
-DIRECTION = np.array([-0.60, -0.76, 0.36]) / np.linalg.norm([-0.60, -0.76, 0.36])
-
-#: Fraction of the picture that stays free around the robots.
-MARGIN = 1.4
 
 
 class Scene:
@@ -55,12 +49,10 @@ class Scene:
         self._server = server
         self._look = look
         self._dragged = dragged
-        #: Whether robot 0 stays in the middle, and the other display options.
-        self.follows = self.shows_trail = self.shows_shadow = True
+        self.camera = Camera()
+        self.shows_trail = self.shows_shadow = True
         self.shows_forces = False
         self._casts_shadow = True
-        #: The point of the ground in the middle, m.
-        self.middle = np.zeros(3)
         self._shown: tuple[str, int] = ("", 0)
         self._robots: list[RobotNodes] = []
         # Removals of old nodes may reach a client after new nodes of the same name.
@@ -69,7 +61,9 @@ class Scene:
         server.scene.world_axes.visible = False
         self._world = server.scene.add_frame(WORLD, show_axes=False)
         self._ground = Ground(server, f"{WORLD}/ground", clicked)
-        self._trail, self._forces = Trail(server, f"{WORLD}/trail"), Forces(server, f"{WORLD}/forces")
+        self._trail = Trail(server, f"{WORLD}/trail", TRAIL_COLOR)
+        self._ghost_trail = Trail(server, f"{WORLD}/ghost_trail", GHOST_COLOR)
+        self._forces = Forces(server, f"{WORLD}/forces")
         self._push, self._route = Push(server, f"{WORLD}/push"), RouteLine(server, f"{WORLD}/route")
         self._ghost: RobotNodes | None = None
         self._commands: list[CommandNodes] = []
@@ -93,10 +87,11 @@ class Scene:
             node.visible = place is not None
             if place is not None:
                 node.position = on_ground(frame, place)
-        for nodes, state in zip(self._robots, frame.states, strict=True):
-            nodes.show(state)
+        heights = frame.heights(frame.states[:, BALL_POSITION])
+        for nodes, state, height in zip(self._robots, frame.states, heights, strict=True):
+            nodes.show(state, float(height))
         self._show_ghost(frame)
-        self._trail.show(frame, self.shows_trail)
+        self._trail.show(frame, frame.states[0], self.shows_trail)
         self._forces.show(frame, self.shows_forces)
         self._push.show(frame)
         self._route.show(frame)
@@ -104,6 +99,10 @@ class Scene:
             # Without shadows slow machines draw several times as many pictures.
             self._casts_shadow = self.shows_shadow
             self._server.scene.configure_default_lights(cast_shadow=self.shows_shadow)
+
+    def set_dark(self, is_dark: bool) -> None:
+        """Shows the ground in light or dark colors."""
+        self._ground.set_dark(is_dark)
 
     def _show_ghost(self, frame: Frame) -> None:
         if (frame.ghost is None) != (self._ghost is None):
@@ -115,7 +114,8 @@ class Scene:
                 self._ghost = RobotNodes(self._server, name, self._look(frame.robot), (0.0, 0.0, 0.0), GHOST_OPACITY)
                 self._generation += 1
         if self._ghost is not None and frame.ghost is not None:
-            self._ghost.show(frame.ghost)
+            self._ghost.show(frame.ghost.state, float(frame.heights(frame.ghost.state[BALL_POSITION])))
+        self._ghost_trail.show(frame, None if frame.ghost is None else frame.ghost.state, self.shows_trail)
 
     def extent(self, robot: str, num_robots: int) -> tuple[float, float]:
         """Largest distance of robots from the middle, and their height, m."""
@@ -128,24 +128,19 @@ class Scene:
 
     def point_at(self, origin: FloatArray, direction: FloatArray) -> tuple[float, float] | None:
         """Intersection of a camera ray with the ground, m; None if there is none."""
-        return ray_meets(self._ground.terrain, origin + self.middle, direction)
+        return ray_meets(self._ground.terrain, self.camera.point(origin), self.camera.vector(direction))
 
     def _show_ground(self, frame: Frame) -> None:
         ball = frame.states[0, BALL_POSITION][:2]
         self._ground.show(frame.terrain, ball)
-        level = np.zeros(2) if frame.terrain is None else self.middle[:2]
+        level = np.zeros(2) if frame.terrain is None else self.camera.middle[:2]
         # A robot on another tile is outside the former patch.
         is_away = frame.terrain is not None and np.abs(ball - level).max() > HALF
-        place = ball if self.follows or is_away else level
-        self._move_middle(np.append(place, frame.heights(place)))
-
-    def _move_middle(self, middle: FloatArray) -> None:
-        if np.array_equal(middle, self.middle):
-            return
-        self.middle = middle.copy()
-        x, y, z = middle.tolist()
-        self._world.position = (-x, -y, -z)
-        self._ground.move_floor(x, y)
+        place = ball if self.camera.kind != FREE or is_away else level
+        if self.camera.follow(np.append(place, frame.heights(place)), frame.states[0]):
+            self._world.wxyz = about_z(-self.camera.turn)
+            self._world.position = -self.camera.rotation.T @ self.camera.middle
+            self._ground.move_floor(self.camera)
 
     def _rebuild_commands(self, task: str | None, num_robots: int) -> None:
         for command in self._commands:
@@ -182,35 +177,3 @@ def places(num_robots: int) -> list[tuple[float, float, float]]:
     middle = float(side // 2)
     cells.sort(key=lambda cell: (max(abs(cell[0] - middle), abs(cell[1] - middle)), cell))
     return [(SPACING * (x - middle), SPACING * (y - middle), 0.0) for x, y in cells[:num_robots]]
-
-
-def screen_ray(wxyz: npt.ArrayLike, fov: float, aspect: float, screen: tuple[float, float]) -> npt.NDArray[np.float64]:
-    """Direction of a point on the screen, shape (3,).
-
-    Args:
-        wxyz: attitude of the camera, which looks along z, with x to the right and y down.
-        fov: vertical field of view, rad.
-        aspect: width over height.
-        screen: from (0, 0), top left, to (1, 1).
-    """
-    half = math.tan(0.5 * fov)
-    ray = np.array([(2.0 * screen[0] - 1.0) * aspect * half, (2.0 * screen[1] - 1.0) * half, 1.0])
-    return np.asarray(viser.transforms.SO3(np.asarray(wxyz, dtype=np.float64)).apply(ray), dtype=np.float64)
-
-
-def distance_for(radius: float, fov: float, aspect: float) -> float:
-    """Distance from which a sphere of a radius, m, fills a picture except for a margin."""
-    narrow = min(fov, 2.0 * math.atan(math.tan(0.5 * fov) * aspect))
-    return MARGIN * radius / math.sin(0.5 * narrow)
-
-
-def frame_robots(client: viser.ClientHandle, reach: float, height: float) -> None:
-    """Places the camera of a client so that it sees robots of a height, m, within a distance from the middle, m."""
-    middle = np.array([0.0, 0.0, 0.5 * height])
-    aspect = client.camera.aspect
-    distance = distance_for(math.hypot(reach, 0.5 * height), FOV, aspect)
-    with client.atomic():
-        client.camera.fov = FOV
-        # The look-at point moves along with the camera, so it comes last.
-        client.camera.position = tuple(middle + distance * DIRECTION)
-        client.camera.look_at = tuple(middle)

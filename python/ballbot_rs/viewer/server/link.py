@@ -1,11 +1,10 @@
 """A link that restores the present choice: the query of the page's address."""
 
-from pathlib import Path
 from typing import Any, Final
 from urllib.parse import parse_qsl, urlencode
 
-from ballbot_rs import _assets
 from ballbot_rs.control.resolve import NAMES
+from ballbot_rs.viewer.session.policies import shipped, shipped_name
 from ballbot_rs.viewer.session.session import Session
 from ballbot_rs.viewer.session.setup import CHANGES, NEUTRAL, checked
 
@@ -22,16 +21,16 @@ def query_of(session: Session) -> str:
     chosen: dict[str, Any] = {"robot": robots.name, "model": robots.model, "task": session.task}
     if session.controller in NAMES:
         chosen["controller"] = session.controller
-    for name, path in _policies().items():
-        if Path(session.controller).resolve() == path.resolve():
-            chosen["policy"] = name
+    elif name := shipped_name(session.controller):
+        chosen["policy"] = name
     if session.observation != "ground_truth":
         chosen["observation"] = session.observation
     if len(robots) > 1:
         chosen["num_robots"] = len(robots)
     chosen |= {name: f"{value:g}" for name, value in session.changes.items() if value != NEUTRAL[name]}
-    if session.ghost is not None and session.ghost.controller in NAMES:
-        chosen["compare"] = session.ghost.controller
+    compared = None if session.ghost is None else session.ghost.controller
+    if compared is not None and (name := compared if compared in NAMES else shipped_name(compared)):
+        chosen["compare"] = name
     if session.speed != 1.0:
         chosen["speed"] = f"{session.speed:g}"
     return urlencode(chosen)
@@ -52,20 +51,14 @@ def parts_of(query: str) -> dict[str, str]:
     for name in parts:
         if name not in (known := (*CHOICES, *CHANGES, "policy", "compare", "speed")):
             raise ValueError(f"a link has no '{name}': expected some of {', '.join(known)}")
-    for name in ("controller", "compare"):
-        # The path may come from another site.
-        if name in parts and parts[name] not in NAMES:
-            raise ValueError(f"{name} = '{parts[name]}' in a link: expected one of {', '.join(NAMES)}")
-    if "policy" in parts and parts["policy"] not in (policies := _policies()):
-        raise ValueError(f"policy = '{parts['policy']}' in a link: expected one of {', '.join(policies)}")
+    # A path may come from another site.
+    policies = tuple(shipped())
+    for name, allowed in (("controller", NAMES), ("compare", (*NAMES, *policies)), ("policy", policies)):
+        if name in parts and parts[name] not in allowed:
+            raise ValueError(f"{name} = '{parts[name]}' in a link: expected one of {', '.join(allowed)}")
     if "policy" in parts and "controller" in parts:
         raise ValueError("a link has a controller or a policy, not both")
     return parts
-
-
-def _policies() -> dict[str, Path]:
-    """The policies that ship with the package."""
-    return {path.stem: path for path in sorted(_assets.path("policies").glob("*.onnx"))}
 
 
 def restore(session: Session, query: str) -> None:
@@ -77,7 +70,7 @@ def restore(session: Session, query: str) -> None:
     parts = parts_of(query)
     choices: dict[str, Any] = {name: parts[name] for name in CHOICES if name in parts}
     if "policy" in parts:
-        choices["controller"] = str(_policies()[parts["policy"]])
+        choices["controller"] = str(shipped()[parts["policy"]])
     if "num_robots" in choices:
         choices["num_robots"] = int(choices["num_robots"])
     if choices:
@@ -85,6 +78,7 @@ def restore(session: Session, query: str) -> None:
     changes = {name: float(parts[name]) for name in CHANGES if name in parts}
     session.change(**{**NEUTRAL, **checked(changes)})
     if "compare" in parts:
-        session.compare_with(parts["compare"])
+        compared = parts["compare"]
+        session.compare_with(compared if compared in NAMES else str(shipped()[compared]))
     if "speed" in parts:
         session.set_speed(float(parts["speed"]))

@@ -13,8 +13,7 @@ import socket
 import sys
 import time
 from collections.abc import Awaitable, Callable, Iterator
-from pathlib import Path
-from typing import Any, Final
+from typing import Any
 
 import viser
 import websockets.asyncio.server
@@ -23,6 +22,7 @@ from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
 from ballbot_rs.viewer.server import messages, teleop
+from ballbot_rs.viewer.server.head import DOCUMENTATION, DOCUMENTATION_PATH, with_head
 
 #: Host names that a browser on this machine may use; a tunnel may use another port.
 AUTHORITY = re.compile(r"(?:127\.0\.0\.1|localhost|\[::1\])(?::(\d{1,5}))?", re.ASCII | re.IGNORECASE)
@@ -50,22 +50,6 @@ CLOSE_TIMEOUT = 0.02
 
 #: Time from closing a page to returning its memory, s: once for pages closed together.
 GIVE_BACK_AFTER = 1.0
-
-#: Folder of the scripts, by subject, and of the style sheet.
-FRONT: Final = Path(__file__).parent / "front"
-SCRIPTS: Final = ("drive.js", "take.js")
-STYLE: Final = "style.css"
-
-TITLE: Final = b"<title>ballbot</title>"
-
-#: A robot on its ball.
-ICON: Final = (
-    b"<link rel=\"icon\" href=\"data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' viewBox='0 0 32 32'%3E"
-    b"%3Cpath fill='%231a4c8c' d='M11 3h10v4h-3v7h-4V7h-3z'/%3E%3Ccircle cx='16' cy='22' r='8' fill='%23cc382e'/%3E"
-    b'%3C/svg%3E" />'
-)
-
-_VISERS = re.compile(rb"<title>.*?</title>|<link\s+rel=\"icon\".*?/>", re.DOTALL)
 
 
 def rejection(path: str, headers: Headers) -> str | None:
@@ -273,6 +257,8 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
             reason = rejection(request.path, request.headers)
             if reason is not None:
                 return _rejected(http.HTTPStatus.FORBIDDEN, reason)
+            if request.path == DOCUMENTATION_PATH:
+                return _documentation()
             is_page = request.path.partition("?")[0] in ("/", "/index.html")
             is_socket = request.headers.get("Upgrade", "").lower() == "websocket"
             if (is_page or is_socket) and server.is_full_for(request):
@@ -298,8 +284,18 @@ def _guarded(server: LocalServer) -> Iterator[list[bool]]:
 
 
 def _rejected(status: http.HTTPStatus, reason: str) -> Response:
+    return _text(status, reason.encode())
+
+
+def _text(status: http.HTTPStatus, content: bytes) -> Response:
     headers = Headers({"Content-Type": "text/plain; charset=utf-8", "Connection": "close"})
-    return Response(status.value, status.phrase, headers, reason.encode())
+    return Response(status.value, status.phrase, headers, content)
+
+
+def _documentation() -> Response:
+    if not DOCUMENTATION.is_file():
+        return _text(http.HTTPStatus.NOT_FOUND, b"the documentation is in the folder docs of the repository")
+    return _text(http.HTTPStatus.OK, DOCUMENTATION.read_bytes())
 
 
 def _silent_logger() -> logging.Logger:
@@ -308,18 +304,3 @@ def _silent_logger() -> logging.Logger:
     logger.addHandler(logging.NullHandler())
     logger.propagate = False
     return logger
-
-
-def head() -> bytes:
-    """Elements for the head of viser's page: title, icon, style sheet and scripts."""
-    scripts = [b"<script>" + (FRONT / name).read_bytes() + b"</script>" for name in SCRIPTS]
-    return b"".join([TITLE, ICON, b"<style>", (FRONT / STYLE).read_bytes(), b"</style>", *scripts])
-
-
-def with_head(page: bytes) -> bytes:
-    """Viser's page with the elements of `head` in place of the default elements."""
-    start, end, rest = page.partition(b"</head>")
-    # Its scripts are long, and come after the searched text.
-    own, mark, scripts = start.partition(b"<script")
-    # Our scripts run before viser's, which listen to the same keys.
-    return b"".join([_VISERS.sub(b"", own), head(), mark, scripts, end, rest])

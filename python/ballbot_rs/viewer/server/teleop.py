@@ -6,6 +6,7 @@ viser has no keyboard and gamepad events. Driving requires continuous messages: 
 import asyncio
 import functools
 import time
+from collections.abc import Callable
 from typing import Annotated, Final
 
 import msgspec
@@ -13,7 +14,7 @@ from websockets.asyncio.server import ServerConnection
 
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.server import link
-from ballbot_rs.viewer.session.commands import DRIVEN
+from ballbot_rs.viewer.session.commanding import DRIVEN
 from ballbot_rs.viewer.session.runner import Command, Submit
 from ballbot_rs.viewer.session.session import Session
 
@@ -32,19 +33,24 @@ MAX_REJECTED: Final = 100
 Fraction = Annotated[float, msgspec.Meta(ge=-1.0, le=1.0)]
 
 
-class Restore(msgspec.Struct, forbid_unknown_fields=True):
-    """The query of the address with which a page was opened."""
+class Report(msgspec.Struct, forbid_unknown_fields=True):
+    """What a page reports."""
 
-    restore: Annotated[str, msgspec.Meta(max_length=link.MAX_QUERY)]
+    #: The query of the address with which it was opened.
+    restore: Annotated[str, msgspec.Meta(max_length=link.MAX_QUERY)] | None = None
+    #: Whether its system has dark windows.
+    dark: bool | None = None
+    #: The key that puts the camera behind the robot, and back.
+    chase: bool = False
 
 
-_DECODER = msgspec.json.Decoder(tuple[Fraction, Fraction, Fraction] | Restore)
+_DECODER = msgspec.json.Decoder(tuple[Fraction, Fraction, Fraction] | Report)
 
 
-def message_of(raw: str | bytes) -> tuple[float, float, float] | Restore | None:
-    """Forward, left and turn in [-1, 1], or the content of a link; None if a message is neither."""
+def message_of(raw: str | bytes) -> tuple[float, float, float] | Report | None:
+    """Forward, left and turn in [-1, 1], or a report; None if a message is neither."""
     try:
-        message: tuple[float, float, float] | Restore = _DECODER.decode(raw)
+        message: tuple[float, float, float] | Report = _DECODER.decode(raw)
         return message
     except (msgspec.MsgspecError, ValueError, RecursionError):
         return None
@@ -59,6 +65,8 @@ class Teleop:
 
     def __init__(self, submit: Submit) -> None:
         self._submit = submit
+        #: Called in the thread of the session with a report of a page.
+        self.on_report: Callable[[Report], None] = lambda _: None
         self.connections: set[ServerConnection] = set()
         self._loop: asyncio.AbstractEventLoop | None = None
         self._is_on = False
@@ -80,8 +88,8 @@ class Teleop:
             await connection.send(_text(self._is_on))
             async for raw in connection:
                 message = message_of(raw)
-                if isinstance(message, Restore):
-                    self._submit(functools.partial(link.restore, query=message.restore))
+                if isinstance(message, Report):
+                    self._submit(self._reported(message))
                 elif message is not None:
                     self._submit(self._drive(connection, message))
                 if message is not None:
@@ -93,6 +101,11 @@ class Teleop:
         finally:
             self.connections.discard(connection)
             self._submit(self._leave(connection))
+
+    def _reported(self, report: Report) -> Command:
+        if report.restore is not None:
+            return functools.partial(link.restore, query=report.restore)
+        return lambda _: self.on_report(report)
 
     def _drive(self, connection: ServerConnection, fractions: tuple[float, float, float]) -> Command:
         def command(session: Session) -> None:

@@ -11,7 +11,7 @@ from ballbot_rs._core import Params
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK, geometry_of
-from ballbot_rs.viewer.session.commands import Objective
+from ballbot_rs.viewer.session.objective import Objective
 from ballbot_rs.viewer.session.robots import Robots
 from ballbot_rs.viewer.session.setup import Setup
 

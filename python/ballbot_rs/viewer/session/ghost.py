@@ -2,12 +2,28 @@
 
 import functools
 from collections.abc import Callable
+from pathlib import Path
 from typing import TYPE_CHECKING, Any, Concatenate, ParamSpec
+
+from ballbot_rs._state_rows import tilt_components_of
+from ballbot_rs.viewer.session.recording import Ghost
 
 if TYPE_CHECKING:
     from ballbot_rs.viewer.session.session import Session
 
 P = ParamSpec("P")
+
+
+def label_of(controller: str) -> str:
+    """Name of a controller as shown: of a policy's file without folder and suffix."""
+    return Path(controller).stem if controller.endswith(".onnx") else controller
+
+
+def ghost_of(session: "Session") -> Ghost:
+    """Robot 0 of a session as a ghost of another."""
+    state = session.robots.states[0].to_array()
+    tilt = tilt_components_of(state, session.robots[0].params.body_com)
+    return Ghost(label_of(session.controller), state, tilt)
 
 
 def shared(method: Callable[Concatenate[Any, P], None]) -> Callable[Concatenate[Any, P], None]:

@@ -6,6 +6,7 @@ import numpy as np
 
 from ballbot_rs._state_rows import tilt_components_of
 from ballbot_rs.identification.replay import Replay
+from ballbot_rs.viewer.session.recording import Ghost
 from ballbot_rs.viewer.session.session import Session
 
 
@@ -20,7 +21,7 @@ def session_of(replay: Replay, robot: str) -> Session:
     template = session.frame()
     measured, simulated = (one.to_array() for one in replay.trajectories())
     com = np.add((*replay.params.body_com_offset, 0.0), (0.0, 0.0, replay.params.body_com_height))
-    tilts = tilt_components_of(measured, com)
+    tilts, ghost_tilts = (tilt_components_of(states, com) for states in (measured, simulated))
     torques = replay.log.torques[replay.windows.rows]
     for row, time in enumerate(replay.time):
         frame = dataclasses.replace(
@@ -29,7 +30,9 @@ def session_of(replay: Replay, robot: str) -> Session:
             states=measured[row : row + 1],
             torques=torques[row : row + 1],
             tilt=tilts[row],
-            ghost=simulated[row],
+            label="measured",
+            ghost=Ghost("simulated", simulated[row], ghost_tilts[row]),
+            has_forces=False,
             setpoint=None,
             target=None,
         )
@@ -37,5 +40,6 @@ def session_of(replay: Replay, robot: str) -> Session:
             session.notices.append(f"the page shows the first {session.recording.duration:.0f} s of the log")
             break
     session.notices.append("solid: measured; transparent: simulated; forces are unknown")
+    session.repeats = True
     session.replay()
     return session

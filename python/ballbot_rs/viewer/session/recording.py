@@ -34,8 +34,11 @@ SERIES: dict[str, slice] = {
     "estimated tilt": slice(16, 18),
     "position": slice(18, 20),
     "speed": slice(20, 21),
+    "ghost tilt": slice(21, 23),
+    "ghost position": slice(23, 25),
+    "ghost speed": slice(25, 26),
 }
-ROWS = 21
+ROWS = 26
 
 
 @dataclasses.dataclass(frozen=True)
@@ -59,6 +62,18 @@ class Commands:
 
 
 @dataclasses.dataclass(frozen=True)
+class Ghost:
+    """The robot to compare with."""
+
+    #: Name of its controller, as shown.
+    label: str
+    #: As a row of `Frame.states`.
+    state: FloatArray
+    #: As `Frame.tilt`.
+    tilt: FloatArray
+
+
+@dataclasses.dataclass(frozen=True)
 class Frame:
     """All robots of a session at one instant; forces are on robot 0."""
 
@@ -77,6 +92,8 @@ class Frame:
     #: Forces of the last time step on robot 0, and its parameters after changes and events.
     contacts: Contacts
     params: Params
+    #: Name of the controller of robot 0, as shown.
+    label: str = ""
     #: Setpoint of the robots, m; None if the controller does not follow a position, and in tasks other than balance.
     setpoint: FloatArray | None = None
     #: Intermediate target of robot 0's controller on the way to the goal, m.
@@ -85,12 +102,13 @@ class Frame:
     commands: Commands | None = None
     #: The curve along which the setpoint moves, m, shape (k, 2).
     route: FloatArray | None = None
-    #: State of the ghost, as a row of `states`.
-    ghost: FloatArray | None = None
+    ghost: Ghost | None = None
     #: Impulse (x, y) of a recent manual push, N·s.
     push: FloatArray | None = None
     #: The ground; None is level.
     terrain: Terrain | None = None
+    #: Whether `contacts` are of this instant: a log has no forces.
+    has_forces: bool = True
 
     def heights(self, points: npt.ArrayLike) -> FloatArray:
         """Heights of the ground at points (x, y), m; shape (n, 2) gives (n,)."""
@@ -145,10 +163,19 @@ class History:
             elif elapsed < SAMPLE_PERIOD * (1.0 - 1e-9):
                 return
         estimated = np.full(2, np.nan) if frame.estimated_tilt is None else frame.estimated_tilt
-        position, speed = frame.states[0, BALL_POSITION][:2], np.hypot(*frame.states[0, BALL_VELOCITY][:2])
         contacts = frame.contacts
-        forces = (contacts.wheel_normal_forces, contacts.wheel_slip_speeds, contacts.friction_utilization)
-        parts = ([frame.time], frame.tilt, frame.torques[0], *forces, estimated, position, [speed])
+        forces: tuple[FloatArray, ...] = (
+            contacts.wheel_normal_forces,
+            contacts.wheel_slip_speeds,
+            contacts.friction_utilization,
+        )
+        if not frame.has_forces:
+            forces = tuple(np.full_like(force, np.nan) for force in forces)
+        ghost = np.full(5, np.nan)
+        if frame.ghost is not None:
+            ghost = np.concatenate([frame.ghost.tilt, _motion(frame.ghost.state)])
+        motion = _motion(frame.states[0])
+        parts = ([frame.time], frame.tilt, frame.torques[0], *forces, estimated, motion, ghost)
         self._samples.append(np.concatenate(parts))
 
     def clear(self) -> None:
@@ -156,8 +183,13 @@ class History:
         self._samples.clear()
 
     def series(self) -> FloatArray:
-        """All samples, shape (21, n), rows as in `SERIES`; NaN where there was no estimate."""
+        """All samples, shape (26, n), rows as in `SERIES`; NaN without an estimate, and without a ghost."""
         return np.array(self._samples).T if self._samples else np.empty((ROWS, 0))
+
+
+def _motion(state: FloatArray) -> FloatArray:
+    """Position of a ball (x, y), m, and its speed, m/s."""
+    return np.append(state[BALL_POSITION][:2], np.hypot(*state[BALL_VELOCITY][:2]))
 
 
 class Player:
@@ -168,6 +200,8 @@ class Player:
         self.is_recording = False
         #: Replay time since the start of the recording, s; None while the robots move.
         self.replay_time: float | None = None
+        #: Whether a replay begins again at its end.
+        self.repeats = False
         self.history = History()
 
     def start_recording(self) -> None:
@@ -194,7 +228,8 @@ class Player:
 
     def _move_replay(self, seconds: float) -> None:
         assert self.replay_time is not None
-        self.replay_time = min(self.replay_time + seconds, self.recording.duration)
+        later, duration = self.replay_time + seconds, self.recording.duration
+        self.replay_time = 0.0 if self.repeats and later > duration else min(later, duration)
         self.history.add(self.recording.at(self.replay_time))
 
     def _note(self, frame: Frame) -> bool:

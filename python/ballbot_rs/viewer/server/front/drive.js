@@ -1,4 +1,5 @@
 // Keyboard and gamepad of the page, sent to the server while they drive: [forward, left, turn], shares in [-1, 1].
+// The same connection reports the system's color scheme, and the key of the camera.
 (() => {
   "use strict";
   const PERIOD = 100; // ms; the server stops the robot when nothing has come for some of these
@@ -69,7 +70,14 @@
     event.stopImmediatePropagation();
   }
 
+  function report(message) {
+    if (socket && socket.readyState === WebSocket.OPEN) socket.send(JSON.stringify(message));
+  }
+  const dark = window.matchMedia("(prefers-color-scheme: dark)");
+  dark.addEventListener("change", () => report({ dark: dark.matches }));
+
   window.addEventListener("keydown", (event) => {
+    if (event.code === "KeyC" && !event.repeat && !types(event) && !event.ctrlKey && !event.metaKey) report({ chase: true });
     if (!drives || types(event) || event.ctrlKey || event.altKey || event.metaKey) return;
     if (event.code === "Space") {
       take(event);
@@ -96,6 +104,7 @@
 
   function connect() {
     socket = new WebSocket(location.origin.replace(/^http/, "ws") + "/drive");
+    socket.onopen = () => report({ dark: dark.matches });
     socket.onmessage = (message) => {
       drives = message.data === "on";
       if (!drives) { pressed.clear(); moving = false; }

@@ -17,8 +17,9 @@
     const context = picture.getContext("2d");
     // The sky, which is behind the scene, is the style sheet's.
     const sky = context.createLinearGradient(0, 0, 0, 0.55 * scene.height);
-    sky.addColorStop(0, "#cfdae6");
-    sky.addColorStop(1, "#f7f9fb");
+    const style = getComputedStyle(document.documentElement);
+    sky.addColorStop(0, style.getPropertyValue("--sky"));
+    sky.addColorStop(1, style.getPropertyValue("--floor"));
     context.fillStyle = sky;
     context.fillRect(0, 0, scene.width, scene.height);
     context.drawImage(scene, 0, 0);
