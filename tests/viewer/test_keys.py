@@ -77,7 +77,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         down(page, "KeyW")
         becomes(0.5, 0.0, 0.0)
         assert query(view, lambda session: session.frame().commands.by_hand)
-        page.wait_for("/0.50, 0.00\\) m.s.*by hand/.test(document.querySelector('.ballbot-status').innerText)")
+        page.wait_for("/0.50 m.s forward \\(by hand\\)/.test(document.querySelector('.ballbot-status').innerText)")
         wait_until(lambda: np.linalg.norm(ball()) > 3.2)
         page.screenshot(tmp_path / "drive.png")
         down(page, "ArrowLeft")
@@ -160,6 +160,7 @@ def test_keys_and_sticks_drive_in_a_browser(tmp_path):
         view.runner.submit(lambda _: setattr(view._page.robot.policy, "visible", True))
         label = "[...document.querySelectorAll('label')].find(l => l.innerText.trim() === 'Policy file')"
         field = f"({label}).closest('.mantine-Flex-root, div').parentElement.querySelector('input')"
+        page.wait_for(label)
         page.click(*page.place_of(field))
         down(page, "KeyW")
         time.sleep(0.5)
