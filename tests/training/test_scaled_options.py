@@ -9,7 +9,7 @@ TEXT = """
 env_id = "ballbot/Push-v0"
 
 [env]
-params = "rezero"
+robot = "rezero"
 
 [scaled]
 max_episode_steps = 300
@@ -38,7 +38,7 @@ def test_the_papers_robot_keeps_them():
 
 
 def test_an_option_of_the_environment_comes_first():
-    text = TEXT.replace('params = "rezero"', 'params = "rezero"\npush_seconds = [3, 4]')
+    text = TEXT.replace('robot = "rezero"', 'robot = "rezero"\npush_seconds = [3, 4]')
     assert config.parse(text, "it").env["push_seconds"] == [3, 4]
 
 

@@ -94,11 +94,11 @@ def test_what_has_no_symmetry_is_rejected():
     fit = config.Teacher("lqr", symmetric=True)
     uneven = bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0))
     with pytest.raises(ValueError, match=r"teacher\.symmetric = True: the wheels of robot 0 are not alike"):
-        teacher.laws_of(new_model(params=uneven), fit)
+        teacher.laws_of(new_model(robot=uneven), fit)
     with pytest.raises(ValueError, match=r"teacher\.symmetric = True: instruments"):
         teacher.laws_of(new_model(lidar={}), fit)
 
 
 def test_several_robots_have_a_law_each():
     with pytest.raises(ValueError, match=r"teacher\.drawn = False: with several robots"):
-        teacher.laws_of(new_model(params=["paper", "kugle"]), config.Teacher("lqr"))
+        teacher.laws_of(new_model(robot=["paper", "kugle"]), config.Teacher("lqr"))

@@ -190,7 +190,7 @@ class TestFit:
             np.testing.assert_allclose(labels, own, atol=1e-5)
 
     def test_of_the_same_observation_of_two_robots_the_weighted_mean_is_learned(self):
-        model = new_model(params=["paper", "rezero"], scale_by_robot=True)
+        model = new_model(robot=["paper", "rezero"], scale_by_robot=True)
         settings = dataclasses.replace(FIT, epochs=150, drawn=True, weights={"s": 2, "rad": -1})
         weights = teacher._weights(teacher._batch(model), settings)
         paper, rezero = weights[[0, 8]]

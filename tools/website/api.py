@@ -94,7 +94,6 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "Simulations, comparisons and tuning",
         (
             "simulate",
-            "run",
             "Trajectory",
             "rollout",
             "Rollout",
