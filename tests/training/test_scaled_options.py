@@ -27,7 +27,7 @@ def test_scaled_options_follow_the_robot():
     assert env["max_wheel_torque"] == pytest.approx(0.5 * own / paper)
     weak = config.parse(TEXT.replace("max_wheel_torque = 0.5", "max_wheel_torque = 50"), "it").env
     assert weak["max_wheel_torque"] == rezero.max_wheel_torque
-    bb.Batch(1, "push", **env)
+    bb.BallbotEnv("push", **env)
 
 
 def test_the_papers_robot_keeps_them():
