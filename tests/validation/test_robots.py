@@ -64,8 +64,8 @@ def test_an_edge_is_found_between_the_values(monkeypatch, values, threshold, edg
     """Here robots fall beyond a threshold."""
     falls = (lambda value: value > threshold) if values[0] < values[-1] else (lambda value: value < threshold)
 
-    def evaluate(source, *, episodes, env_options):  # noqa: ARG001
-        rate = 0.9 if falls(env_options["value"]) else 1.0
+    def evaluate(source, *, episodes, value):  # noqa: ARG001
+        rate = 0.9 if falls(value) else 1.0
         return SimpleNamespace(survival_rate=rate, success_rate=0.5 * rate, ball_rms=0.01)
 
     monkeypatch.setattr(sweep.bb, "evaluate", evaluate)
