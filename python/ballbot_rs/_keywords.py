@@ -129,10 +129,8 @@ def _keywords(public: str) -> Sequence[str]:
 
     # Not what is loaded at its first use: it may need an extra.
     thing = vars(ballbot_rs).get(public)
-    if not callable(thing):
+    # Most classes are results: their keywords are columns.
+    if not inspect.isfunction(thing):
         return ()
-    try:
-        parameters = inspect.signature(thing).parameters.values()
-    except (TypeError, ValueError):
-        return ()
+    parameters = inspect.signature(thing).parameters.values()
     return [p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
