@@ -34,5 +34,5 @@ def test_an_unknown_keyword_names_what_to_write(call, end):
 
 
 def test_a_name_that_has_gone_names_its_successor():
-    with pytest.raises(AttributeError, match="is now bb.simulate"):
+    with pytest.raises(AttributeError, match=r"is now bb\.simulate"):
         bb.run  # noqa: B018
