@@ -252,7 +252,7 @@ def test_an_interrupt_exits_with_130(capsys, monkeypatch):
     def interrupt(*_, **__):
         raise KeyboardInterrupt
 
-    monkeypatch.setattr("ballbot_rs.cli.evaluate.compare", interrupt)
+    monkeypatch.setattr("ballbot_rs.cli.commands.evaluate.compare", interrupt)
     code, _, err = run(capsys, "evaluate", "balance", "--controller", "lqr")
     assert (code, err) == (130, "interrupted\n")
 

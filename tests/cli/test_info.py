@@ -33,7 +33,7 @@ def test_info_contains_no_personal_data(capsys, monkeypatch):
 
 
 def test_missing_libraries_are_reported(capsys, monkeypatch):
-    monkeypatch.setattr("ballbot_rs.cli.info.LIBRARIES", ("no-such-library",))
+    monkeypatch.setattr("ballbot_rs.cli.commands.info.LIBRARIES", ("no-such-library",))
     assert main(["info"]) == 0
     assert "no-such-library not installed" in capsys.readouterr().out
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from ballbot_rs.cli import main, parser
-from ballbot_rs.cli.arguments import task_name
+from ballbot_rs.cli.options.arguments import task_name
 
 #: (command, option, number of values, lowest or None, highest or None)
 LIMITS = [

@@ -490,8 +490,8 @@ def test_the_rate_of_a_training_changes_nothing(rate):
 @pytest.fixture
 def outcome(files, tmp_path, monkeypatch, capsys):
     """A function that carries out a command in an empty folder, and returns what it prints and writes."""
-    from ballbot_rs.cli import link, report, tune
-    from ballbot_rs.cli import page as served
+    from ballbot_rs.cli.commands import link, report, tune
+    from ballbot_rs.cli.options import page as served
     from ballbot_rs.media.figures import style
     from ballbot_rs.training import search
     from ballbot_rs.viewer import view as page

@@ -6,7 +6,7 @@ import json
 import pytest
 
 import ballbot_rs as bb
-from ballbot_rs.cli.sweeps import read
+from ballbot_rs.cli.options.sweeps import read
 from tests.support.in_process import parse_json, run
 
 FEW = ["--episodes", "3", "--set", "max_episode_steps=30"]

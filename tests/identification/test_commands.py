@@ -8,7 +8,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.cli import main
-from ballbot_rs.cli.arguments import robot_option
+from ballbot_rs.cli.options.arguments import robot_option
 from tests.support import commands
 
 pytest.importorskip("scipy")

@@ -161,7 +161,7 @@ def test_training_continues_without_optional_packages(missing, run_with_report):
 import sys
 from pathlib import Path
 sys.modules[{missing!r}] = None
-from ballbot_rs.cli.report import after_training
+from ballbot_rs.cli.commands.report import after_training
 print(after_training(Path(sys.argv[1]), [], True))
 """
     command = [sys.executable, "-c", code, str(run_with_report)]

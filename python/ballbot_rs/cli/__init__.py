@@ -14,7 +14,8 @@ from ballbot_rs import __version__, _interrupts
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
 from ballbot_rs._modules import import_from_here
-from ballbot_rs.cli import (
+from ballbot_rs.cli import streams
+from ballbot_rs.cli.commands import (
     compare,
     evaluate,
     export,
@@ -28,7 +29,6 @@ from ballbot_rs.cli import (
     replay,
     report,
     simulate,
-    streams,
     train,
     tune,
     view,

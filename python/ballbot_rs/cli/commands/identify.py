@@ -6,8 +6,8 @@ from typing import Any
 
 from ballbot_rs import _files
 from ballbot_rs._core import load_actuators
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import log_arguments, settings
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import logs, settings
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
 from ballbot_rs.identification.log import SensorLog
@@ -16,14 +16,14 @@ from ballbot_rs.identification.log import SensorLog
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
-    log_arguments.add_log(command, "to start from: ", "motors to start from: ")
+    logs.add_log(command, "to start from: ", "motors to start from: ")
     command.add_argument(
         "--fields",
         default=",".join(FIELDS),
         metavar="NAME,NAME",
         help=f"what to fit (default {','.join(FIELDS)})",
     )
-    log_arguments.add_simulation(command)
+    logs.add_simulation(command)
     shared.add_output(command, "FILE.toml", "the robot, for --robot and --actuators (default: none is written)")
     shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
@@ -43,7 +43,7 @@ def run(arguments: argparse.Namespace) -> None:
             params,
             tuple(name.strip() for name in arguments.fields.split(",")),
             actuators=actuators,
-            **log_arguments.simulation(arguments),
+            **logs.simulation(arguments),
             progress=progress,
         )
     if out is not None:

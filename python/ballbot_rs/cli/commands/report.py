@@ -11,8 +11,8 @@ from typing import Any
 from ballbot_rs._progress import Progress
 from ballbot_rs.analysis.episodes import MAX_EPISODES
 from ballbot_rs.analysis.result import Result
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.media.report.report import write
 

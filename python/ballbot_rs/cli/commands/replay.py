@@ -7,9 +7,9 @@ from typing import Any, Final
 
 from ballbot_rs._core import load_actuators
 from ballbot_rs._extras import require
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import log_arguments, page, settings
-from ballbot_rs.cli.numbers import MAX_SECONDS, real
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import logs, page, settings
+from ballbot_rs.cli.options.numbers import MAX_SECONDS, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.replay import replay
@@ -24,9 +24,9 @@ _SUFFIXES: Final = (".svg", ".pdf", ".png")
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser("replay", help="compare a log of a robot with a simulation under the same torques")
-    log_arguments.add_log(command, "", "motors: ")
+    logs.add_log(command, "", "motors: ")
     settings.add_to(command, "a parameter of the robot or its motors, as robot.body_mass=2.5, actuators.delay=0.01")
-    log_arguments.add_simulation(command)
+    logs.add_simulation(command)
     command.add_argument(
         "--begin", type=real(), metavar="S", help="of the span in figure and video (default: of the log)"
     )
@@ -72,7 +72,7 @@ def run(arguments: argparse.Namespace) -> None:
             log,
             settings.one_robot(options["robot"]),
             actuators=options["actuators"],
-            **log_arguments.simulation(arguments),
+            **logs.simulation(arguments),
             progress=progress,
         )
     save(draw(found, arguments.begin, arguments.seconds), out)

@@ -8,8 +8,8 @@ from typing import Any
 
 from ballbot_rs import _files
 from ballbot_rs._extras import require
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import (

@@ -8,9 +8,9 @@ from ballbot_rs import __version__
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
 from ballbot_rs.analysis.result import Result
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import sweeps
-from ballbot_rs.cli.numbers import MAX_SEED, whole
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import sweeps
+from ballbot_rs.cli.options.numbers import MAX_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.engines.engine_batch import ENGINES

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Renderer
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli.numbers import MAX_SECONDS, MAX_SEED, real, whole
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options.numbers import MAX_SECONDS, MAX_SEED, real, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.media.animation import write_picture

@@ -16,9 +16,9 @@ from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._modules import import_from_here
 from ballbot_rs._text_table import WIDTH
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import train as train_command
-from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
+from ballbot_rs.cli.commands import train as train_command
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.envs.own.source import in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 

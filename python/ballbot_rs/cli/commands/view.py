@@ -6,9 +6,9 @@ from typing import TYPE_CHECKING, Any
 
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import page, settings
-from ballbot_rs.cli.numbers import MAX_SEED, real, whole
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import page, settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.envs.family import are_several, first_of
 from ballbot_rs.viewer.session import MAX_ROBOTS, open_session

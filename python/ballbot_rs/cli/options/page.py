@@ -9,7 +9,7 @@ import time
 import webbrowser
 from typing import TYPE_CHECKING, Any
 
-from ballbot_rs.cli.numbers import whole
+from ballbot_rs.cli.options.numbers import whole
 from ballbot_rs.viewer.session import is_any_left
 
 if TYPE_CHECKING:

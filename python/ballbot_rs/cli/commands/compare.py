@@ -8,9 +8,9 @@ from typing import Any
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings, sweeps
-from ballbot_rs.cli.numbers import MAX_SEED
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings, sweeps
+from ballbot_rs.cli.options.numbers import MAX_SEED
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.scenarios.matrix import WIDTH, text
 from ballbot_rs.scenarios.metrics import METRICS

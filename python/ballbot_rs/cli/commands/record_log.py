@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import Any
 
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS, load_actuators
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
-from ballbot_rs.cli.numbers import MAX_SEED, real
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.excitation import MAX_SECONDS, NOISE, record_log
 

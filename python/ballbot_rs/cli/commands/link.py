@@ -12,9 +12,9 @@ from ballbot_rs._core import ACTUATORS, SENSORS
 from ballbot_rs._errors import ControllerError
 from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
-from ballbot_rs.cli.numbers import MAX_SEED, real, whole
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, real, whole
 from ballbot_rs.control.laws import Law, reads_sensors
 from ballbot_rs.control.resolve import CONTROL_DT, find
 from ballbot_rs.link.estimated import EstimatedController

@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS
-from ballbot_rs.cli.numbers import real, whole
+from ballbot_rs.cli.options.numbers import real, whole
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
 #: Models that can begin in any state of a log.

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from ballbot_rs._extras import require
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli.numbers import MAX_SEED, real
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options.numbers import MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import NAMES, TRAINED
 

@@ -10,7 +10,7 @@ from ballbot_rs import __version__
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.analysis.study import Study
-from ballbot_rs.cli.settings import value_of
+from ballbot_rs.cli.options.settings import value_of
 
 FLAG: Final = "--sweep"
 

@@ -8,9 +8,9 @@ from typing import Any
 
 from ballbot_rs.analysis.exports import FORMATS, format_of
 from ballbot_rs.analysis.simulate import simulate
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import settings
-from ballbot_rs.cli.numbers import MAX_SEED, real
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, real
 from ballbot_rs.control.resolve import TRAINED
 
 

@@ -14,9 +14,10 @@ from ballbot_rs._extras import require
 from ballbot_rs._text_table import print_table
 from ballbot_rs.analysis.conditions import baselines
 from ballbot_rs.analysis.episodes import MAX_EPISODES, compare
-from ballbot_rs.cli import arguments as shared
-from ballbot_rs.cli import report, settings
-from ballbot_rs.cli.numbers import MAX_RUN_SEED, whole
+from ballbot_rs.cli.commands import report
+from ballbot_rs.cli.options import arguments as shared
+from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options.numbers import MAX_RUN_SEED, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.envs.own import registry
 from ballbot_rs.envs.own.source import in_source

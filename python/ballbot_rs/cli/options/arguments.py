@@ -27,8 +27,8 @@ from ballbot_rs._robot import params_of
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.cli import settings
-from ballbot_rs.cli.numbers import MAX_SECONDS, real, whole
+from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options.numbers import MAX_SECONDS, real, whole
 from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
 from ballbot_rs.envs.own.source import is_in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of

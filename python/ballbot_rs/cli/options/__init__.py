@@ -1,0 +1,1 @@
+"""Options that several commands share: every command spells, explains and orders them alike."""
