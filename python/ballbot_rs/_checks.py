@@ -133,5 +133,10 @@ def check_options(who: str, given: Iterable[str], known: Sequence[str]) -> None:
 
 def did_you_mean(name: str, known: Iterable[str]) -> str:
     """`: did you mean 'x'?` for the closest of the known names, or an empty text."""
-    close = difflib.get_close_matches(name, list(known), n=1)
-    return f": did you mean '{close[0]}'?" if close else ""
+    found = closest(name, known)
+    return "" if found is None else f": did you mean '{found}'?"
+
+
+def closest(name: str, known: Iterable[str]) -> str | None:
+    """The closest of the known names, if one is close."""
+    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)

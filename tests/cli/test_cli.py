@@ -280,7 +280,7 @@ def test_without_a_command_the_help_is_printed(capsys):
     [
         (["recrod"], "did you mean 'record'?"),
         (["record", "--controler", "lqr"], "unknown option --controler: did you mean '--controller'?"),
-        (["evaluate", "balance", "goal"], "ballbot evaluate: error: unexpected argument: goal"),
+        (["evaluate", "balance", "goal"], "ballbot evaluate: unexpected argument: goal"),
         (["evaluate", "balanse"], ": did you mean 'balance'?"),
         (["plot", "pid"], "a controller is named by --controller pid"),
         (["plot", "--figure", "trajectory"], "did you mean 'trajectories'?"),

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 
 import ballbot_rs as bb
-from ballbot_rs.cli import COMMANDS, main
+from ballbot_rs.cli import main, parser
 from ballbot_rs.link.link import Link
 from tests.support.keywords import Refused, Same, With, changes, fingerprint
 from tests.support.paths import ASSETS
@@ -56,6 +56,7 @@ SHOWN = {"--quiet": "", "--json": ""}
 MOTION = {
     "task": "goal",
     "--controller": "lqi",
+    "--controller-option": "position=0.1",
     **ROBOT,
     **SCENE,
     "--set": "control_dt=0.02",
@@ -82,6 +83,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {
                 "task": "velocity",
                 "--controller": "lqi",
+                "--controller-option": "position=0.1",
                 **ROBOT,
                 **SHOWN,
                 "--set": "max_episode_steps=10",
@@ -100,6 +102,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {
                 "scenario": "random",
                 "--controller": "lqi",
+                "--controller-option": "position=0.1",
                 "--file": "{others}",
                 "--robot": "kugle",
                 "--set": "robot.body_mass=3.0",
@@ -309,6 +312,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
             {
                 "address": "udp://h:1",
                 "--peer": "lqi",
+                "--controller-option": "position=0.1",
                 "--idle": "1",
                 "--robot": "kugle",
                 "--sensors": "{sensors}",
@@ -572,10 +576,7 @@ def test_options_change_something(name, outcome):
 
 
 def test_every_option_is_listed():
-    parser = argparse.ArgumentParser()
-    commands = parser.add_subparsers()
-    for command in COMMANDS:
-        command.add_to(commands)
+    (commands,) = (action for action in parser()._actions if isinstance(action, argparse._SubParsersAction))
     missing = []
     for name, command in commands.choices.items():
         listed = {option for _, others in CASES[name] for option in others} | ELSEWHERE.get(name, set())

@@ -3,7 +3,6 @@
 import argparse
 import contextlib
 import os
-import re
 import signal
 import sys
 import warnings
@@ -11,7 +10,6 @@ from collections.abc import Sequence
 from typing import Any, NoReturn
 
 from ballbot_rs import __version__, _interrupts
-from ballbot_rs._checks import did_you_mean
 from ballbot_rs._extras import install_hint
 from ballbot_rs._modules import import_from_here
 from ballbot_rs.cli import streams
@@ -33,6 +31,7 @@ from ballbot_rs.cli.commands import (
     tune,
     view,
 )
+from ballbot_rs.cli.grammar import Parser
 from ballbot_rs.envs.own.source import import_source
 
 #: Exit code of an error that its message explains.
@@ -44,6 +43,13 @@ DESCRIPTION = "Simulate, train, evaluate and show ballbots."
 EPILOG = (
     "Exit codes: 0 done, 1 an error that the message explains, 2 a wrong command line, 130 interrupted, "
     "141 nobody reads the output, 143 terminated."
+)
+
+EXAMPLES = (
+    ("list", "the names of robots, tasks, controllers and policies"),
+    ("view --controller lqr", "a robot in the browser, to push it"),
+    ("evaluate --controller lqr --controller pid --episodes 20", "two controllers from the same starts"),
+    ("train balance --timesteps 1e5", "a policy"),
 )
 
 COMPLETION = "--print-completion"
@@ -67,42 +73,6 @@ COMMANDS = (
 )
 
 
-class Parser(argparse.ArgumentParser):
-    """A parser that names the option or command closest to an unknown name."""
-
-    def __init__(self, *arguments: Any, **options: Any) -> None:
-        super().__init__(*arguments, **options)
-        # argparse takes -1e-3 for an option before Python 3.14.
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$|-(inf|nan)$", re.IGNORECASE)
-
-    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
-        """Checks the names of the options, then parses."""
-        given = list(sys.argv[1:] if args is None else args)
-        known = list(self._option_string_actions)
-        # A parser of commands leaves the options after a command to that command.
-        is_command = self._subparsers is None
-        for text in given:
-            if not text.startswith("-"):
-                if is_command:
-                    continue
-                break
-            name = text.partition("=")[0]
-            if name == "--":
-                break
-            if name.startswith("--") and not any(option.startswith(name) for option in known):
-                self.error(f"unknown option {name}{did_you_mean(name, known)}")
-        found, extra = super().parse_known_args(given, namespace)
-        if is_command and extra:
-            self.error(f"unexpected argument: {' '.join(extra)}")
-        return found, extra
-
-    def _check_value(self, action: argparse.Action, value: Any) -> None:
-        if action.choices is not None and value not in action.choices:
-            choices = [str(choice) for choice in action.choices]
-            expected = f"invalid choice: '{value}', expected one of {', '.join(choices)}"
-            raise argparse.ArgumentError(action, f"{expected}{did_you_mean(str(value), choices)}")
-
-
 class _Import(argparse.Action):
     """Imports a module, also from the current folder."""
 
@@ -118,7 +88,7 @@ class _MissingCompletion(argparse.Action):
 
 def parser() -> argparse.ArgumentParser:
     """The command line's grammar."""
-    parser = Parser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG)
+    parser = Parser(prog="ballbot", description=DESCRIPTION, epilog=EPILOG, examples=EXAMPLES)
     parser.add_argument("--version", action="version", version=f"ballbot {__version__}")
     parser.add_argument(
         "--import",
@@ -136,6 +106,9 @@ def parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(dest="command", metavar="COMMAND")
     for command in COMMANDS:
         command.add_to(commands)
+    for action in commands._choices_actions:
+        assert action.help is not None
+        commands.choices[action.dest].description = f"{action.help[0].upper()}{action.help[1:]}."
     return parser
 
 
@@ -150,7 +123,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         except BrokenPipeError:
             return streams.BROKEN_PIPE
         except ERRORS as error:
-            print(f"ballbot: {_message(error)}", file=sys.stderr)
+            streams.complain("ballbot", _message(error))
             return FAILED
     return 0
 

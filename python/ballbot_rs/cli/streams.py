@@ -48,6 +48,13 @@ def prepared() -> Iterator[None]:
                 stream.reconfigure(errors=errors)
 
 
+def complain(origin: str, message: str) -> None:
+    """Prints an error on one line of standard error; on a terminal its origin stands out."""
+    is_shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
+    start, end = ("\x1b[1;31m", "\x1b[0m") if is_shown else ("", "")
+    print(f"{start}{origin}:{end} {message}", file=sys.stderr)
+
+
 def flush() -> None:
     """Writes out what has been printed. After an error nothing more is written.
 

@@ -1,6 +1,7 @@
 """Options of environments by name, of which a dot names a part: `actuators.delay`, `robot.body_mass`."""
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
+from types import MappingProxyType
 from typing import Any, Final
 
 from ballbot_rs._checks import did_you_mean
@@ -101,7 +102,13 @@ def apply(
     return found
 
 
-def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = (), flag: str = FLAG) -> None:
+def check_names(
+    names: Iterable[str],
+    task: str | None,
+    others: Sequence[str] = (),
+    flag: str = FLAG,
+    parts: Mapping[str, str] = MappingProxyType({}),
+) -> None:
     """Checks names of options.
 
     Args:
@@ -109,6 +116,7 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
         task: whose options are known; None if a policy decides the task: then only parameters of robots are rejected.
         others: other known names.
         flag: begins the messages of errors.
+        parts: names of parts of other options, with the option before a dot, for the message of an error.
 
     Raises:
         ValueError: an unknown name; the message has the closest known one.
@@ -118,7 +126,8 @@ def check_names(names: Iterable[str], task: str | None, others: Sequence[str] = 
         better = renamed(name, known) or as_part(name)
         if name in known or (task is None and not better):
             continue
-        close = better or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
+        part = f": did you mean '{parts[name]}'?" if name in parts else ""
+        close = part or better or did_you_mean(name, known) or f": expected one of {', '.join(known)}"
         raise ValueError(f"{flag} {name}: unknown option '{name}'{close}")
 
 

@@ -4,30 +4,44 @@ import argparse
 import json
 import textwrap
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options import settings, sweeps
+from ballbot_rs.cli.options import controller_options, settings, sweeps
 from ballbot_rs.cli.options.numbers import MAX_SEED
+from ballbot_rs.cli.options.robots import robot_option
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.scenarios.matrix import WIDTH, text
 from ballbot_rs.scenarios.metrics import METRICS
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load, select
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("compare S13 S3-at-once --controller lqr --controller mpc", "circles and a push"),
+    ("compare --list", "the scenarios"),
+    ("compare S8 --controller lqi --controller-option integral=0.2 --json", "a controller with another weight"),
+)
+
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("compare", help="compare controllers in scenarios: tilts, pushes, motions, errors")
+    command = commands.add_parser(
+        "compare", help="compare controllers in scenarios: tilts, pushes, motions, errors", examples=EXAMPLES
+    )
     command.add_argument(
         "scenario", nargs="*", metavar="SCENARIO", help="S13-6s, or S13 for all of them (default: all)"
     )
     shared.add_controller(command, several=True)
     command.add_argument("--file", type=Path, metavar="FILE.toml", help="custom scenarios")
-    command.add_argument("--robot", metavar="NAME|FILE.toml", help=f"{', '.join(ROBOTS)}, or a file (default paper)")
-    settings.add_to(command, "a parameter of the robot, as robot.body_mass=2.5")
+    command.add_argument(
+        "--robot",
+        metavar="NAME|FILE.toml",
+        help=f"{', '.join(ROBOTS)}, or a file; motors and sensors are the scenarios' own (default paper)",
+    )
+    settings.add_to(command, "a parameter of the robot, as robot.body_mass=2.5", settings.of_robots)
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
     command.add_argument("--list", action="store_true", help="list the scenarios, and run none")
@@ -46,10 +60,12 @@ def run(arguments: argparse.Namespace) -> None:
             print(textwrap.fill(f"{one.id.ljust(width)}  {one.title}", WIDTH, subsequent_indent=indent))
         return
     sweep: Any = sweeps.read(arguments, ("score", "success_rate", *METRICS))
-    robot = settings.robot_of(arguments, shared.robot_option(arguments.robot or "paper"))
+    names = arguments.controller or ["lqr"]
+    options = controller_options.of(names, arguments.controller_option)
+    robot = settings.robot_of(arguments, robot_option(arguments.robot or "paper"))
     with bar("comparing", arguments.quiet or arguments.json) as progress:
         outcomes: Any = run_scenarios(
-            arguments.controller or ["lqr"],
+            [options.get(name, name) for name in names],
             chosen,
             robot=robot,
             model=arguments.model,

@@ -2,7 +2,7 @@
 
 import argparse
 import json
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import __version__
 from ballbot_rs._text_table import print_table
@@ -16,10 +16,27 @@ from ballbot_rs.control.resolve import TRAINED, common_options, common_task
 from ballbot_rs.engines.engine_batch import ENGINES
 from ballbot_rs.envs.registration import description_of, env_id_of
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("evaluate --controller lqr --controller pid --episodes 20", "two controllers from the same starts"),
+    (
+        "evaluate assets/policies/path.onnx --controller lqr --engine mujoco",
+        "a policy and a controller, the robot in MuJoCo",
+    ),
+    (
+        "evaluate --controller lqr --controller-option position=0.02 --robot kugle --actuators kugle --episodes 20",
+        "a stiffer LQR on another robot with its motors",
+    ),
+    (
+        "evaluate --controller lqr --controller lqi --sweep actuators.delay=0,0.02,0.04 -o delay.svg",
+        "a study as a figure",
+    ),
+)
+
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("evaluate", help="evaluate controllers and policies")
+    command = commands.add_parser("evaluate", help="evaluate controllers and policies", examples=EXAMPLES)
     shared.add_task_or_policy(command)
     shared.add_controller(command, several=True)
     shared.add_robot(command)

@@ -4,12 +4,13 @@ import argparse
 import json
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import _files
 from ballbot_rs._extras import require
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options import settings
+from ballbot_rs.cli.options import controller_options, settings
+from ballbot_rs.cli.options.robots import STAGES
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.deployment import (
@@ -30,11 +31,21 @@ OF_ESTIMATORS = ("robot", "control_dt", "sensors")
 OF_SUPERVISORS = ("robot", "control_dt", "actuators")
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("export runs/mine -o policy.onnx", "a policy that runs without PyTorch"),
+    ("export assets/policies/balance.onnx -o policy.h", "a policy as C99"),
+    ("export --controller lqr --controller-option position=0.1 --robot kugle -o gains.h", "a controller as C99"),
+    ("export --estimator --robot kugle --sensors kugle -o estimator.h", "the estimator as C99"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
         "export",
         help="write a policy as ONNX, which runs without PyTorch, or it and what a robot needs as C99",
+        examples=EXAMPLES,
     )
     command.add_argument(
         "policy", type=Path, nargs="?", metavar="RUN", help="a training run, or a policy file; for C an ONNX file, too"
@@ -50,13 +61,7 @@ def add_to(commands: Any) -> None:
         metavar="|".join(CONTROLLERS_IN_C),
         help="a controller as C, in place of a policy, for the robot of --robot (default paper)",
     )
-    command.add_argument(
-        "--controller-option",
-        action="append",
-        default=[],
-        metavar="NAME=VALUE",
-        help="an option of that controller, for example position=0.1, max_torque=0.5, traction=false; repeat for more",
-    )
+    controller_options.add_to(command)
     command.add_argument(
         "--estimator", action="store_true", help="the estimator as C, for the robot of --robot and its --sensors"
     )
@@ -93,7 +98,7 @@ def run(arguments: argparse.Namespace) -> None:
         _export_controller(arguments)
         return
     if arguments.controller_option:
-        raise ValueError(f"--controller-option {arguments.controller_option[0]} needs --controller")
+        raise ValueError(f"{controller_options.FLAG} {arguments.controller_option[0]} needs --controller")
     if arguments.estimator:
         _export_estimator(arguments)
         return
@@ -131,7 +136,7 @@ def _export_policy(arguments: argparse.Namespace, target: Path) -> None:
 def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
     with require("exporting", "train", "export"):
         from ballbot_rs.training import export
-    options = shared.env_options(arguments)
+    options = shared.env_options(arguments, own=())
     given = options if options or arguments.task is not None else None
     return export.export(arguments.policy, target, arguments.task, given)
 
@@ -139,7 +144,7 @@ def _as_onnx(arguments: argparse.Namespace, target: Path) -> float:
 def _export_policy_as_c(arguments: argparse.Namespace, target: Path) -> None:
     task = arguments.task
     if arguments.policy.suffix == ".onnx":
-        options = shared.env_options(arguments)
+        options = shared.env_options(arguments, own=())
         robot = options.pop("robot", None)
         if options:
             raise ValueError(
@@ -161,7 +166,7 @@ def _robot_and_options(arguments: argparse.Namespace, what: str, known: Sequence
         raise ValueError(f"--task {arguments.task} is for policies: {what} does not depend on it")
     kind = "supervisor" if arguments.supervisor else "estimator"
     target = _header(arguments, f"{arguments.controller or kind}.h")
-    options = shared.env_options(arguments)
+    options = shared.env_options(arguments, own=[stage for stage in STAGES if stage in known])
     if others := sorted(set(options) - set(known)):
         raise ValueError(
             f"{what} in C does not depend on {', '.join(others)} of the environment, only on {', '.join(known)}"
@@ -186,7 +191,10 @@ def _export_link(arguments: argparse.Namespace) -> None:
 def _export_estimator(arguments: argparse.Namespace) -> None:
     target, options = _robot_and_options(arguments, "an estimator", OF_ESTIMATORS)
     if "sensors" not in options:
-        raise ValueError("--estimator needs the sensors of the robot, whose errors it expects: add --sensors")
+        raise ValueError(
+            "--estimator needs the sensors of the robot, whose errors it expects: add --sensors, or a table [sensors] "
+            "to the file of --robot"
+        )
     try:
         text = estimator_header(**options)
     except TypeError as error:
@@ -208,10 +216,14 @@ def _export_supervisor(arguments: argparse.Namespace) -> None:
 
 def _export_controller(arguments: argparse.Namespace) -> None:
     target, options = _robot_and_options(arguments, "a controller", OF_CONTROLLERS)
-    given = settings.assignments(arguments.controller_option, "--controller-option")
+    flag = controller_options.FLAG
+    given = {
+        name.removeprefix(f"{arguments.controller}."): value
+        for name, value in settings.assignments(arguments.controller_option, flag).items()
+    }
     # Options set for the environment itself are not options of the controller.
     if taken := sorted({"name", *OF_CONTROLLERS} & set(given)):
-        raise ValueError(f"--controller-option {taken[0]}: name the robot by --robot and the rest by --set")
+        raise ValueError(f"{flag} {taken[0]}: name the robot by --robot and the rest by --set")
     try:
         text = controller_header(arguments.controller, **options, **given)
     except TypeError as error:

@@ -2,20 +2,28 @@
 
 import argparse
 import json
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import _files
-from ballbot_rs._core import load_actuators
 from ballbot_rs.cli.options import arguments as shared
 from ballbot_rs.cli.options import logs, settings
+from ballbot_rs.cli.options.robots import own_motors, robot_option
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
 from ballbot_rs.identification.log import SensorLog
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("identify log.csv --robot mine.toml -o found.toml", "fit the default parameters"),
+    ("identify log.csv --fields body_mass,body_com_height,delay --json", "fit three of them"),
+)
+
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("identify", help="fit parameters of a robot to a log of torques and sensors")
+    command = commands.add_parser(
+        "identify", help="fit parameters of a robot to a log of torques and sensors", examples=EXAMPLES
+    )
     logs.add_log(command, "to start from: ", "motors to start from: ")
     command.add_argument(
         "--fields",
@@ -34,9 +42,9 @@ def run(arguments: argparse.Namespace) -> None:
     out = arguments.output
     if out is not None and out.suffix != ".toml":
         raise ValueError(f"{out}: the name of a robot's file ends in .toml")
-    params = settings.one_robot(shared.robot_option(arguments.robot))
+    params = settings.one_robot(robot_option(arguments.robot))
     log = SensorLog.read(arguments.log, arguments.columns)
-    actuators = None if arguments.actuators is None else load_actuators(arguments.actuators)
+    actuators = own_motors(arguments.robot, arguments.actuators)
     with bar("identifying", arguments.quiet or arguments.json) as progress:
         found = identify(
             log,

@@ -7,7 +7,7 @@ import os
 import platform
 import re
 import textwrap
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs import __version__
 from ballbot_rs._core import MODELS, ROBOTS, TASKS
@@ -24,9 +24,16 @@ LIBRARIES = (
 FEATURES = ("sse4_2", "avx", "avx2", "fma", "avx512f", "avx512dq", "avx512vl", "asimd", "sve")
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("info", "for a bug report"),
+    ("info --json", "for a program"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("info", help="print versions and the machine, for bug reports")
+    command = commands.add_parser("info", help="print versions and the machine, for bug reports", examples=EXAMPLES)
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(carry_out=run)
 

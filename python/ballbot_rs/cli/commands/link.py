@@ -5,16 +5,15 @@ import contextlib
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
-from ballbot_rs import _interrupts, _toml
+from ballbot_rs import _interrupts
 from ballbot_rs._core import ACTUATORS, SENSORS
 from ballbot_rs._errors import ControllerError
-from ballbot_rs._reading import read_regular
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options import settings
-from ballbot_rs.cli.options.numbers import MAX_SEED, real, whole
+from ballbot_rs.cli.options import controller_options, scenario, settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, real, seconds, whole
 from ballbot_rs.control.laws import Law, reads_sensors
 from ballbot_rs.control.resolve import CONTROL_DT, find
 from ballbot_rs.link.estimated import EstimatedController
@@ -29,9 +28,19 @@ MAX_ROBOT_FILE = 1 << 20
 OF_PEERS = ("robot", "sensors", "control_dt")
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("link exec:./board --robot kugle --seconds 5", "a program as the controller"),
+    ("link serial:/dev/ttyACM0?baud=921600 --robot mine.toml --real-time", "a board"),
+    ("link stdio: --peer lqr --robot kugle", "be the controller"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("link", help="simulate a robot whose controller is another process or a board")
+    command = commands.add_parser(
+        "link", help="simulate a robot whose controller is another process or a board", examples=EXAMPLES
+    )
     command.add_argument(
         "address",
         metavar="ADDRESS",
@@ -44,26 +53,29 @@ def add_to(commands: Any) -> None:
         metavar="NAME|FILE.py:NAME",
         help="be the controller: a law of ours on the estimator of --robot and --sensors, or your own",
     )
-    command.add_argument("--idle", type=real(0.0, MAX_IDLE), default=600.0, help="s without readings that end a peer")
+    controller_options.add_to(command, "the controller of --peer")
+    command.add_argument(
+        "--idle", type=seconds(0.0, MAX_IDLE), default=600.0, help="s without readings that end a peer (default 600)"
+    )
     shared.add_robot(command, otherwise="the robot's own, else")
     shared.add_events(command)
     shared.add_seed(command, "seed of events, sensors and faults (default 0)", 0, MAX_SEED)
     command.add_argument("--real-time", action="store_true", help="keep to the clock (default: wait for the torques)")
-    seconds = real(0.0, MAX_SECONDS)
-    command.add_argument("--timeout", type=seconds, default=0.1, help="s until readings are repeated (default 0.1)")
+    time = seconds(0.0, MAX_SECONDS)
+    command.add_argument("--timeout", type=time, default=0.1, help="s until readings are repeated (default 0.1)")
     command.add_argument("--retries", type=whole(0, MAX_COUNT), default=3, help="repetitions in a step (default 3)")
     command.add_argument(
         "--on-timeout", choices=ON_TIMEOUT, default="hold", help="torques of a step without torques (default hold)"
     )
     command.add_argument("--hold", type=whole(0, MAX_COUNT), default=10, help="most steps that hold (default 10)")
-    command.add_argument("--give-up", type=seconds, default=5.0, help="s without torques that end the run (default 5)")
-    command.add_argument("--connect", type=seconds, default=10.0, help="the same at the start (default 10)")
+    command.add_argument("--give-up", type=time, default=5.0, help="s without torques that end the run (default 5)")
+    command.add_argument("--connect", type=time, default=10.0, help="the same at the start (default 10)")
     faults = command.add_argument_group("faults of the line (probabilities of a frame, in each direction)")
     for name in ("drop", "corrupt", "duplicate", "delay"):
         faults.add_argument(f"--{name}", type=real(0.0, 1.0), default=0.0, help="(default 0)")
-    faults.add_argument("--delay-time", type=real(0.0, MAX_DELAY), default=0.02, help="of --delay, s (default 0.02)")
+    faults.add_argument("--delay-time", type=seconds(0.0, MAX_DELAY), default=0.02, help="of --delay, s (default 0.02)")
     command.add_argument("--log", type=Path, metavar="FILE.mcap", help="the whole exchange")
-    shared.add_scenario(command, seconds=5.0)
+    scenario.add_to(command, duration=5.0)
     command.add_argument("--json", action="store_true", help="print the result as JSON")
     command.set_defaults(carry_out=run)
 
@@ -74,10 +86,12 @@ def run(arguments: argparse.Namespace) -> None:
     if arguments.peer is not None:
         LinkPeer(_law(arguments), arguments.address, idle=arguments.idle).serve()
         return
+    if arguments.controller_option:
+        raise ValueError(f"{controller_options.FLAG} {arguments.controller_option[0]} needs --peer")
     # A signal ends the child process and completes the log.
     with _interrupts.patient(), _link(arguments) as link:
         try:
-            trajectory = shared.scenario(arguments).of(link.open())
+            trajectory = scenario.scenario_of(arguments).of(link.open())
         except (ControllerError, KeyboardInterrupt):
             # A terminal that has hung up takes no output.
             with contextlib.suppress(OSError):
@@ -87,16 +101,12 @@ def run(arguments: argparse.Namespace) -> None:
 
 
 def _use_own_stages(arguments: argparse.Namespace) -> None:
-    """Motors and sensors are the robot's own, unless they are named."""
+    """Motors and sensors of a preset are its own, as a board would meet them, unless they are named."""
     robot = arguments.robot
     for stage, known in (("actuators", ACTUATORS), ("sensors", SENSORS)):
         if robot is None or getattr(arguments, stage) is not None:
             continue
-        if Path(robot).suffix == ".toml":
-            has_own = stage in _toml.loads(read_regular(Path(robot), MAX_ROBOT_FILE).decode())
-        else:
-            has_own = robot in known
-        if has_own:
+        if robot in known:
             setattr(arguments, stage, robot)
 
 
@@ -104,7 +114,8 @@ def _law(arguments: argparse.Namespace) -> Law:
     options = shared.env_options(arguments)
     if others := sorted(set(options) - {*OF_PEERS, "actuators"}):
         raise ValueError(f"a peer does not depend on {', '.join(others)}, only on {', '.join(OF_PEERS)}")
-    found = find(arguments.peer)
+    given = controller_options.of([arguments.peer], arguments.controller_option)
+    found = given.get(arguments.peer) or find(arguments.peer)
     params = settings.one_robot(options.get("robot", "paper"))
     control_dt = options.get("control_dt") or found.control_dt or CONTROL_DT
     if found.make_law is not None and reads_sensors(law := found.law(params, control_dt)):

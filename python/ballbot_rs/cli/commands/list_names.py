@@ -23,6 +23,12 @@ SUMMARIES_OF_MODELS: Final = {
     "rigid": "rigid bodies in a general engine, to check contact",
 }
 
+#: What the policies of a variant of a task do beyond the task, by the end of the file's name.
+_VARIANTS: Final = {
+    "any": ", for a robot of any size, named by --robot, from the readings of its sensors",
+    "recover": ", from tilts up to 30 deg and after pushes up to 2.2 N·s",
+}
+
 
 def _robots() -> dict[str, str]:
     presets = {name: Params.preset(name) for name in ROBOTS}
@@ -55,7 +61,13 @@ def _terrains() -> dict[str, str]:
 def policies() -> dict[str, str]:
     """Path and task of each policy that comes with the package."""
     found = sorted(_assets.path("policies").glob("*.onnx"))
-    return {_shortest(path): TASKS[path.stem.partition("-")[0]]["summary"] for path in found}
+    return {_shortest(path): _summary_of_policy(path.stem) for path in found}
+
+
+def _summary_of_policy(name: str) -> str:
+    task, _, variant = name.partition("-")
+    text: str = TASKS[task]["summary"]
+    return f"{text.removesuffix('.')}{_VARIANTS[variant]}." if variant else text
 
 
 def _shortest(path: Path) -> str:
@@ -76,9 +88,17 @@ KINDS: Final[Mapping[str, tuple[str, Callable[[], Mapping[str, str]]]]] = {
 }
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("list", "all names"),
+    ("list controllers", "of one kind"),
+    ("list policies --json", "for a program"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("list", help=f"list {', '.join(KINDS)}")
+    command = commands.add_parser("list", help=f"list {', '.join(KINDS)}", examples=EXAMPLES)
     command.add_argument("kind", nargs="?", choices=tuple(KINDS), metavar="KIND", help=f"{', '.join(KINDS)} (all)")
     command.add_argument("--json", action="store_true", help="print JSON")
     command.set_defaults(carry_out=run)

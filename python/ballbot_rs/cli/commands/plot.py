@@ -6,11 +6,12 @@ import json
 import re
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Final, NamedTuple
 
 from ballbot_rs._extras import require
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options.numbers import MAX_SEED, real
+from ballbot_rs.cli.options import scenario
+from ballbot_rs.cli.options.numbers import LENGTHS, MAX_SEED, real
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import NAMES, TRAINED
 
@@ -22,9 +23,22 @@ DATA_FORMATS = ("csv", "npz")
 MM, WIDTHS = 25.4, (2.0, 40.0)
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("plot --controller lqr --controller pid --push 0.4,0,0 -o figures", "figures of a push"),
+    (
+        "plot --controller lqr --figure trajectories --width 89mm --format pdf --data",
+        "for one column of a paper, with the numbers as CSV",
+    ),
+    ("plot runs/mine --figure learning_curve", "the learning curve of a run"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("plot", help="draw figures of controllers, policies and training runs")
+    command = commands.add_parser(
+        "plot", help="draw figures of controllers, policies and training runs", examples=EXAMPLES
+    )
     shared.add_task_or_policy(command)
     shared.add_controller(command, several=True)
     shared.add_robot(command)
@@ -41,7 +55,7 @@ def add_to(commands: Any) -> None:
     command.add_argument("--format", choices=("svg", "pdf"), default="svg", help="in addition to PNG (default svg)")
     command.add_argument(
         "--width",
-        type=real(MM * WIDTHS[0], MM * WIDTHS[1]),
+        type=real(MM * WIDTHS[0], MM * WIDTHS[1], units=LENGTHS, unit="mm"),
         metavar="MM",
         help="of the figures in mm, for example 89 for one column of a paper (default: as their panels need)",
     )
@@ -52,7 +66,7 @@ def add_to(commands: Any) -> None:
         const="csv",
         help="also the numbers of each figure, a file a controller (default csv)",
     )
-    shared.add_scenario(command, seconds=4.0)
+    scenario.add_to(command, duration=4.0)
     shared.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
 
@@ -123,7 +137,7 @@ def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence
     from ballbot_rs.training.curve import read
 
     quiet = arguments.quiet or arguments.json
-    chosen, found = shared.on_one_robot(arguments)
+    chosen, found = scenario.on_one_robot(arguments)
     drawn: list[_Drawn] = []
     inches = None if arguments.width is None else arguments.width / MM
     if {"trajectories", "estimates", "phase_portrait"} & set(selected):

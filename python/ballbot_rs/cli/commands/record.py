@@ -5,7 +5,7 @@ import json
 import math
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,8 @@ import numpy.typing as npt
 from ballbot_rs._core import Renderer
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options.numbers import MAX_SECONDS, MAX_SEED, real, whole
+from ballbot_rs.cli.options import scenario
+from ballbot_rs.cli.options.numbers import MAX_SEED, MAX_TURN, angle, meters, real, seconds, whole
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.media.animation import write_picture
@@ -23,9 +24,17 @@ from ballbot_rs.media.video import FRAME_RATES, check_suffix, renderer_for, side
 STILL_SAMPLES = 4
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("record --controller lqr --push 0.3,0.1,0 --forces -o push.mp4", "a video of a push"),
+    ("record goal --controller lqr --controller pid -o goal.gif", "two robots side by side"),
+    ("record --controller lqr --tilt 5deg,0 --seconds 1 --no-video --still 0.2 --schematic", "a picture at 0.2 s"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("record", help="record a video of a controller or policy")
+    command = commands.add_parser("record", help="record a video of a controller or policy", examples=EXAMPLES)
     shared.add_task_or_policy(command)
     shared.add_controller(command, several=True)
     shared.add_robot(command)
@@ -37,7 +46,7 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--still",
-        type=real(0.0, MAX_SECONDS),
+        type=seconds(),
         nargs="?",
         const=True,
         metavar="TIME",
@@ -63,9 +72,11 @@ def add_to(commands: Any) -> None:
         help="color samples per pixel: 1 with blended edges, 2 or 4 (default 1, for a picture 4)",
     )
     command.add_argument("--frame-rate", type=real(*FRAME_RATES), default=50.0, help="frames per second (default 50)")
-    command.add_argument("--camera", type=real(), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction in rad")
-    command.add_argument("--distance", type=real(0.01, 1000.0), help="of the camera, m")
-    shared.add_scenario(command, seconds=5.0)
+    command.add_argument(
+        "--camera", type=angle(MAX_TURN), nargs=2, metavar=("AZIMUTH", "ELEVATION"), help="direction, rad"
+    )
+    command.add_argument("--distance", type=meters(0.01, 1000.0), help="of the camera, m")
+    scenario.add_to(command, duration=5.0)
     shared.add_verbosity(command, "the files")
     command.set_defaults(carry_out=run)
 
@@ -79,7 +90,7 @@ def run(arguments: argparse.Namespace) -> None:
     check_suffix(out)
     if out.suffix == ".png" and arguments.still is not None:
         raise ValueError(f"{out} are pictures of all frames: leave out --still")
-    shown = shared.trajectories(arguments)
+    shown = scenario.trajectories(arguments)
     caption = not arguments.no_caption
     described = [_described(one) for one in shown]
     # The record of a single robot, or a list of the records of several, from left to right.

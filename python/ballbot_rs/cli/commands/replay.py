@@ -2,14 +2,15 @@
 
 import argparse
 import json
+import math
 from pathlib import Path
 from typing import Any, Final
 
-from ballbot_rs._core import load_actuators
 from ballbot_rs._extras import require
 from ballbot_rs.cli.options import arguments as shared
 from ballbot_rs.cli.options import logs, page, settings
-from ballbot_rs.cli.options.numbers import MAX_SECONDS, real
+from ballbot_rs.cli.options.numbers import seconds
+from ballbot_rs.cli.options.robots import own_motors, robot_option
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.log import SensorLog
 from ballbot_rs.identification.replay import replay
@@ -21,18 +22,32 @@ _OPTIONS: Final = ("robot", "actuators")
 _SUFFIXES: Final = (".svg", ".pdf", ".png")
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("replay log.csv --robot found.toml", "measured next to simulated, replay.svg"),
+    ("replay log.csv --set params.body_mass=2.5 --video replay.mp4 --begin 2s", "what another mass would explain"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("replay", help="compare a log of a robot with a simulation under the same torques")
+    command = commands.add_parser(
+        "replay", help="compare a log of a robot with a simulation under the same torques", examples=EXAMPLES
+    )
     logs.add_log(command, "", "motors: ")
-    settings.add_to(command, "a parameter of the robot or its motors, as robot.body_mass=2.5, actuators.delay=0.01")
+    settings.add_to(
+        command,
+        "a parameter of the robot or its motors, as robot.body_mass=2.5, actuators.delay=0.01",
+        settings.of_robots,
+    )
     logs.add_simulation(command)
     command.add_argument(
-        "--begin", type=real(), metavar="S", help="of the span in figure and video (default: of the log)"
+        "--begin",
+        type=seconds(-math.inf, math.inf),
+        metavar="S",
+        help="of the span in figure and video (default: of the log)",
     )
-    command.add_argument(
-        "--seconds", type=real(0.0, MAX_SECONDS, above=True), default=4.0, help="duration of the span (default 4)"
-    )
+    command.add_argument("--seconds", type=seconds(above=True), default=4.0, help="duration of the span (default 4)")
     shared.add_output(command, "FILE.svg|.pdf|.png", "the figure (default replay.svg)")
     command.add_argument(
         "--video", type=Path, metavar="FILE.mp4|FILE.webp", help="also a video of the span, measured next to simulated"
@@ -54,8 +69,8 @@ def run(arguments: argparse.Namespace) -> None:
         from ballbot_rs.media.figures.replay import draw
         from ballbot_rs.media.figures.style import save
     given = {
-        "robot": shared.robot_option(arguments.robot),
-        "actuators": None if arguments.actuators is None else load_actuators(arguments.actuators),
+        "robot": robot_option(arguments.robot),
+        "actuators": own_motors(arguments.robot, arguments.actuators),
     }
     options = settings.apply(settings.assignments(arguments.set), given, {})
     if other := [name for name in options if name not in _OPTIONS]:

@@ -4,19 +4,31 @@ import argparse
 import json
 import re
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from ballbot_rs.analysis.exports import FORMATS, format_of
 from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.cli.options import arguments as shared
-from ballbot_rs.cli.options import settings
-from ballbot_rs.cli.options.numbers import MAX_SEED, real
+from ballbot_rs.cli.options import scenario, settings
+from ballbot_rs.cli.options.numbers import MAX_SEED, meters
 from ballbot_rs.control.resolve import TRAINED
+
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("simulate --controller lqi --seconds 10 -o run.csv", "a motion as a table"),
+    ("simulate --controller lqr --tilt 5deg,0 --push 0.3,0,0 --push-at 500ms -o push.npz", "from a tilt, with a push"),
+    (
+        "simulate --controller lqr --reference position=[0.5,0] --robot kugle --json",
+        "a step of the setpoint, with its metrics",
+    ),
+)
 
 
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("simulate", help="simulate a robot and write its motion as a table or a log")
+    command = commands.add_parser(
+        "simulate", help="simulate a robot and write its motion as a table or a log", examples=EXAMPLES
+    )
     shared.add_task_or_policy(command)
     shared.add_controller(command)
     shared.add_robot(command)
@@ -25,9 +37,9 @@ def add_to(commands: Any) -> None:
     shared.add_seed(command, "seed of the events and sensors (default 0)", 0, MAX_SEED)
     names = "|".join(f"FILE{suffix}" for suffix in FORMATS)
     shared.add_output(command, names, "the motion, its columns in docs/simulate.md (default CONTROLLER.csv)")
-    shared.add_scenario(command, seconds=5.0)
+    scenario.add_to(command, duration=5.0)
     command.add_argument(
-        "--position", type=real(), nargs=2, metavar=("X", "Y"), help="initial position of the ball, m (default 0 0)"
+        "--position", type=meters(), nargs=2, metavar=("X", "Y"), help="initial position of the ball, m (default 0 0)"
     )
     command.add_argument(
         "--reference",
@@ -42,7 +54,7 @@ def add_to(commands: Any) -> None:
 
 def run(arguments: argparse.Namespace) -> None:
     """Carries the command out."""
-    chosen, (controller,) = shared.on_one_robot(arguments)
+    chosen, (controller,) = scenario.on_one_robot(arguments)
     name = re.sub(r"[^A-Za-z0-9._-]+", "_", Path(controller.name).stem)
     out = arguments.output or Path(f"{name}.csv")
     # Before the simulation.

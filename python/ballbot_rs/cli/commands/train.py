@@ -5,9 +5,9 @@ import dataclasses
 import json
 import sys
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
@@ -37,14 +37,29 @@ ANY = "any"
 MAX_TIMESTEPS = 10**12
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("train balance --seed 1 --run runs/mine", "a policy for the paper's robot; the run's report.html has a video"),
+    (
+        "train goal --robot mine.toml --events mild --timesteps 2e6",
+        "for a robot of your own, with random masses and friction",
+    ),
+    ("train balance --algorithm cma", "a linear policy by evolution, without PyTorch"),
+    ("train --resume runs/mine --timesteps 1e6", "continue a run"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("train", help="train a policy with Stable-Baselines3 or by evolution")
+    command = commands.add_parser(
+        "train", help="train a policy with Stable-Baselines3 or by evolution", examples=EXAMPLES
+    )
     shared.add_task(command, ANY)
     shared.add_robot(
         command,
         otherwise="the configuration's, else",
-        others=", or a key of the configuration, as total_timesteps=1000000 or algorithm_arguments.gamma=0.98",
+        others=", or a key of the configuration, as total_timesteps=1e6 or algorithm_arguments.gamma=0.98",
+        keys=keys,
     )
     shared.add_events(command)
     shared.add_seed(command, "seed of the run (default 0)", None, MAX_RUN_SEED)
@@ -55,7 +70,8 @@ def add_to(commands: Any) -> None:
     )
     command.add_argument(
         "--algorithm",
-        choices=(evolution.ALGORITHM.lower(),),
+        type=algorithm_name,
+        metavar=evolution.ALGORITHM.lower(),
         help="cma: search a linear policy by evolution instead of the configuration's algorithm; needs no PyTorch",
     )
     command.add_argument("--run", type=Path, help="folder of the run (default runs/TASK-seed-SEED-TIME)")
@@ -90,6 +106,35 @@ def add_to(commands: Any) -> None:
     command.add_argument("--no-report", action="store_true", help="do not end with a report, one HTML file")
     shared.add_verbosity(command, "the result")
     command.set_defaults(carry_out=run)
+
+
+def algorithm_name(name: str) -> str:
+    """The algorithm of evolution, for argparse."""
+    known = evolution.ALGORITHM.lower()
+    if name == known:
+        return name
+    others = [other for other in config_module.ALGORITHMS if other != evolution.ALGORITHM]
+    if name.upper() in others:
+        raise argparse.ArgumentTypeError(
+            f"'{name}' is of the configuration: --set algorithm={name.upper()}, with a --config that has its arguments"
+        )
+    raise argparse.ArgumentTypeError(
+        f"invalid choice: '{name}', expected {known}, or --set algorithm= with {' or '.join(others)}"
+    )
+
+
+def keys() -> dict[str, str]:
+    """What `--set` takes in the training of a task, by names that might be taken for options."""
+    config, _ = config_module.load(DEFAULT_TASK)
+    names = {field.name: field.name for field in dataclasses.fields(config)}
+    return {**settings.of_environments(), **_parts(config), **names}
+
+
+def _parts(config: "TrainConfig") -> dict[str, str]:
+    """The keys of the tables of a configuration, with their tables."""
+    evaluation = [field.name for field in dataclasses.fields(config.evaluation)]
+    tables = {"policy": config.policy, "evaluation": evaluation, "algorithm_arguments": config.algorithm_arguments}
+    return {key: f"{table}.{key}" for table, keys in tables.items() for key in keys}
 
 
 def _config_of_run(folder: Path, chosen: str | None) -> "TrainConfig":
@@ -134,7 +179,7 @@ def run(arguments: argparse.Namespace) -> None:
         if arguments.algorithm not in (None, config.algorithm.lower()):
             text = evolution.adapted(text)
             config = config_module.parse(text, "the configuration")
-        values = values_of(arguments, task, config.env)
+        values = values_of(arguments, task, config)
         if arguments.timesteps is not None:
             values |= config_module.steps_alone(config, arguments.timesteps)
         if values:
@@ -230,25 +275,23 @@ def _loop(arguments: argparse.Namespace) -> "Learn | None":
     return OnRay(where)
 
 
-def values_of(arguments: argparse.Namespace, task: str, env: Mapping[str, Any]) -> dict[str, Any]:
+def values_of(arguments: argparse.Namespace, task: str, config: "TrainConfig") -> dict[str, Any]:
     """Values that override the configuration, by dotted name.
 
     Args:
         arguments: of the command line.
         task: name of the task.
-        env: the configuration's options of the environment.
+        config: what they override.
     """
-    from ballbot_rs.training.config import TrainConfig
-
-    keys = [field.name for field in dataclasses.fields(TrainConfig)]
+    keys = [field.name for field in dataclasses.fields(config)]
     given = settings.assignments(arguments.set)
     for name, value in given.items():
         if name.startswith("env."):
             raise ValueError(f"--set {name}={value}: leave out env., which is where options of the environment are")
-    settings.check_names(given, task, keys)
+    settings.check_names(given, task, keys, parts=_parts(config))
     values = {name: value for name, value in given.items() if name.partition(".")[0] in keys}
     options = {name: value for name, value in given.items() if name not in values}
-    options = settings.apply(options, shared.named_options(arguments), env)
+    options = settings.apply(options, shared.named_options(arguments), config.env)
     return values | {f"env.{name}": value for name, value in options.items()}
 
 

@@ -10,7 +10,7 @@ import textwrap
 import threading
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ballbot_rs import _interrupts
 from ballbot_rs._extras import require
@@ -31,14 +31,25 @@ MAX_TRIALS = 1_000_000
 SHOWN = 5
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("tune balance --trials 50 --jobs 2", "search the rates, batches and discounts of PPO"),
+    (
+        "tune velocity --search algorithm_arguments.learning_rate=1e-5:1e-3:log --timesteps 1e5",
+        "search one of them in short trainings",
+    ),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("tune", help="search the hyperparameters of a training")
+    command = commands.add_parser("tune", help="search the hyperparameters of a training", examples=EXAMPLES)
     shared.add_task(command)
     shared.add_robot(
         command,
         otherwise="the configuration's, else",
         others=", or a key of the configuration, as evaluation.episodes=200",
+        keys=train_command.keys,
     )
     shared.add_events(command)
     shared.add_seed(command, "seed of every trial (default 0)", 0, MAX_RUN_SEED)
@@ -101,7 +112,7 @@ def _search(arguments: argparse.Namespace, task: str, module: Any) -> "Search":
     from ballbot_rs.training import config as config_module
 
     config, text = config_module.load(task, arguments.config, arguments.robot)
-    values = train_command.values_of(arguments, task, config.env)
+    values = train_command.values_of(arguments, task, config)
     if arguments.timesteps is not None:
         values["total_timesteps"] = arguments.timesteps
     if arguments.jobs > 1:

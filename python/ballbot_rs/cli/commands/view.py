@@ -2,13 +2,13 @@
 
 import argparse
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Final
 
 from ballbot_rs._core import Params
 from ballbot_rs._extras import require
 from ballbot_rs.cli.options import arguments as shared
 from ballbot_rs.cli.options import page, settings
-from ballbot_rs.cli.options.numbers import MAX_SEED, real, whole
+from ballbot_rs.cli.options.numbers import MAX_SEED, seconds, whole
 from ballbot_rs.control.resolve import TRAINED
 from ballbot_rs.envs.family import are_several, first_of
 from ballbot_rs.viewer.session import MAX_ROBOTS, open_session
@@ -17,9 +17,17 @@ if TYPE_CHECKING:
     from ballbot_rs.viewer.view import View
 
 
+#: For the help: command lines and what they do.
+EXAMPLES: Final = (
+    ("view --controller lqr", "push the robot in the browser"),
+    ("view velocity --controller lqr --robot kugle", "drive it by keys or a gamepad"),
+    ("view runs/mine --events mild --batch 16", "16 robots with random masses and friction"),
+)
+
+
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
-    command = commands.add_parser("view", help="show the robot in the browser, push it, plot it")
+    command = commands.add_parser("view", help="show the robot in the browser, push it, plot it", examples=EXAMPLES)
     shared.add_task_or_policy(command)
     shared.add_controller(command)
     shared.add_robot(command)
@@ -34,7 +42,7 @@ def add_to(commands: Any) -> None:
         help=f"robots at once, 1 to {MAX_ROBOTS} (default 1)",
     )
     page.add_to(command)
-    command.add_argument("--seconds", type=real(0.0, 1e6, above=True), help="stop after this time")
+    command.add_argument("--seconds", type=seconds(0.0, 1e6, above=True), help="stop after this time")
     command.set_defaults(carry_out=run)
 
 

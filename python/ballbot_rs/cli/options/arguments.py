@@ -2,10 +2,9 @@
 
 import argparse
 import contextlib
-import dataclasses
 import os
 import re
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,18 +17,14 @@ from ballbot_rs._core import (
     SENSORS,
     TASKS,
     Params,
-    load_actuators,
     load_events,
     load_sensors,
 )
 from ballbot_rs._modules import import_from_here
-from ballbot_rs._robot import params_of
-from ballbot_rs.analysis.pushes import Push
-from ballbot_rs.analysis.simulate import simulate
-from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.cli.options import settings
-from ballbot_rs.cli.options.numbers import MAX_SECONDS, real, whole
-from ballbot_rs.control.resolve import NAMES, ResolvedController, Source, common_options, common_task, find, options_of
+from ballbot_rs.cli.options import controller_options, settings
+from ballbot_rs.cli.options.numbers import whole
+from ballbot_rs.cli.options.robots import STAGES, actuators_option, own_stages, robot_option
+from ballbot_rs.control.resolve import NAMES, ResolvedController, common_options, find
 from ballbot_rs.envs.own.source import is_in_source
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of
 
@@ -116,7 +111,7 @@ def task_name(name: str) -> str:
 
 
 def add_controller(command: Any, *, several: bool = False) -> None:
-    """Adds the controller, or several."""
+    """Adds the controller, or several, and its options."""
     if several:
         command.add_argument(
             "--controller",
@@ -128,23 +123,32 @@ def add_controller(command: Any, *, several: bool = False) -> None:
         command.add_argument(
             "--controller", action=_OneController, metavar=CONTROLLER_METAVAR, help=f"{CONTROLLER_HELP} (default lqr)"
         )
+    controller_options.add_to(command)
 
 
-def add_robot(command: Any, *, otherwise: str = "the policy's own, else", others: str = "") -> None:
+def add_robot(
+    command: Any,
+    *,
+    otherwise: str = "the policy's own, else",
+    others: str = "",
+    keys: Callable[[], Mapping[str, str]] = settings.of_environments,
+) -> None:
     """Adds the model, the robot, its motors, sensors and other options of the environment.
 
     Args:
         command: the parser to add them to.
         otherwise: whose model and robot are the default.
         others: what `--set` takes in addition to options of the environment.
+        keys: names that `--set` takes, as of `settings.add_to`.
     """
     command.add_argument("--model", help=f"{', '.join(MODELS)} (default: {otherwise} contact)")
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
-        help=f"{', '.join(ROBOTS)}, or a file with parameters (default: {otherwise} paper)",
+        help=f"{', '.join(ROBOTS)}, or a file with parameters; its tables [actuators] and [sensors] apply, too, unless "
+        f"others are named (default: {otherwise} paper)",
     )
-    settings.add_to(command, f"an option of the environment or a part of one, as {settings.EXAMPLES}{others}")
+    settings.add_to(command, f"an option of the environment or a part of one, as {settings.EXAMPLES}{others}", keys)
     command.add_argument(
         "--actuators",
         metavar="NAME|FILE",
@@ -188,52 +192,26 @@ def add_verbosity(command: Any, what: str) -> None:
     command.add_argument("--json", action="store_true", help=f"print {what} as JSON")
 
 
-def robot_option(name: str) -> Any:
-    """The option `robot` of an environment for a preset's name or a TOML file.
-
-    Raises:
-        ValueError: a malformed file, or an unknown parameter.
-        OSError: the file cannot be read.
-    """
-    if Path(name).suffix != ".toml":
-        known = ROBOTS
-        if name not in known:
-            hint = did_you_mean(name, known)
-            raise ValueError(f"unknown robot '{name}': expected one of {', '.join(known)}, or FILE.toml{hint}")
-        return name
-    return params_of(name).to_dict()
-
-
-def actuators_option(name: str) -> Any:
-    """The option `actuators` of an environment for a name, or for a TOML file or a URDF, whose numbers it holds.
-
-    Raises:
-        ValueError: a malformed file, or an unknown option.
-        OSError: the file cannot be read.
-    """
-    if Path(name).suffix in (".toml", ".urdf"):
-        return load_actuators(name)
-    if name not in ACTUATORS:
-        known = f"{', '.join(ACTUATORS)}, FILE.toml, or FILE.urdf"
-        raise ValueError(f"unknown actuators '{name}': expected one of {known}{did_you_mean(name, ACTUATORS)}")
-    return name
-
-
 def _in_full(name_or_file: str, load: Callable[[str], Any]) -> Any:
     """A name as it is and a TOML file in full, so that the record of a run does not depend on the file."""
     return load(name_or_file) if Path(name_or_file).suffix == ".toml" else name_or_file
 
 
-def env_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The options of the environment that the command line names."""
+def env_options(arguments: argparse.Namespace, own: Sequence[str] = STAGES) -> dict[str, Any]:
+    """The options of the environment that the command line names.
+
+    Args:
+        arguments: of the command line.
+        own: which tables of a robot's file apply where their options are not named.
+    """
     values = settings.assignments(arguments.set)
     laws_alone = all(name in NAMES for name in _names(arguments))
     settings.check_names(values, (arguments.task or DEFAULT_TASK) if laws_alone else arguments.task)
-    return settings.apply(values, named_options(arguments), lambda: _trained(arguments))
+    return settings.apply(values, named_options(arguments, own), lambda: _trained(arguments))
 
 
-def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
-    """The options of the environment that have separate arguments."""
+def named_options(arguments: argparse.Namespace, own: Sequence[str] = STAGES) -> dict[str, Any]:
+    """The options of the environment that have separate arguments; `own` as of `env_options`."""
     options: dict[str, Any] = {}
     if arguments.model is not None:
         options["model"] = arguments.model
@@ -243,10 +221,12 @@ def named_options(arguments: argparse.Namespace) -> dict[str, Any]:
         if arguments.robot is not None:
             raise ValueError("--urdf and --robot exclude each other: both name a robot")
         options["robot"] = Params.from_urdf(*arguments.urdf).to_dict()
-    if arguments.actuators is not None:
-        options["actuators"] = actuators_option(arguments.actuators)
-    if getattr(arguments, "sensors", None) is not None:
-        options["sensors"] = _in_full(arguments.sensors, load_sensors)
+    named = {stage: getattr(arguments, stage) for stage in STAGES if getattr(arguments, stage, None) is not None}
+    stages = {**{stage: file for stage, file in own_stages(arguments.robot).items() if stage in own}, **named}
+    if "actuators" in stages:
+        options["actuators"] = actuators_option(stages["actuators"])
+    if "sensors" in stages:
+        options["sensors"] = _in_full(stages["sensors"], load_sensors)
     if getattr(arguments, "events", None) is not None:
         options["events"] = _in_full(arguments.events, load_events)
     return options
@@ -266,97 +246,6 @@ def _trained(arguments: argparse.Namespace) -> Mapping[str, Any]:
 def controllers(arguments: argparse.Namespace) -> list[ResolvedController]:
     """The controllers that the command line names."""
     options = env_options(arguments)
-    return [find(name, task=arguments.task, env_options=options) for name in _names(arguments)]
-
-
-@dataclasses.dataclass(frozen=True)
-class Scenario:
-    """A start, a push and a duration."""
-
-    seconds: float
-    tilt: tuple[float, float]
-    yaw: float
-    push: Push | None
-    env_options: dict[str, Any]
-    task: str | None
-    #: Seed of the events.
-    seed: int = 0
-
-    def of(self, controller: Source) -> Trajectory:
-        """The trajectory under a controller."""
-        return simulate(
-            controller,
-            seconds=self.seconds,
-            tilt=self.tilt,
-            yaw=self.yaw,
-            pushes=() if self.push is None else self.push,
-            task=self.task,
-            seed=self.seed,
-            **self.env_options,
-        )
-
-    @property
-    def motion(self) -> dict[str, Any]:
-        """The fields without the seed, as arguments."""
-        return {field.name: getattr(self, field.name) for field in dataclasses.fields(self) if field.name != "seed"}
-
-
-def add_scenario(command: Any, seconds: float) -> None:
-    """Adds duration, start and push."""
-    group = command.add_argument_group("scenario (SI units and radians)")
-    group.add_argument(
-        "--seconds",
-        type=real(0.0, MAX_SECONDS, above=True),
-        default=seconds,
-        help=f"simulated time (default {seconds:g})",
-    )
-    group.add_argument(
-        "--tilt",
-        type=real(),
-        nargs=2,
-        metavar=("X", "Y"),
-        default=(0.08, 0.05),
-        help="initial tilt (default 0.08 0.05)",
-    )
-    group.add_argument("--yaw", type=real(), default=0.0, help="initial heading (default 0)")
-    group.add_argument(
-        "--push", type=real(), nargs=3, metavar=("X", "Y", "Z"), help="impulse on the body in N·s (default none)"
-    )
-    group.add_argument(
-        "--push-at", type=real(0.0, MAX_SECONDS), default=1.0, metavar="TIME", help="time of the push (default 1)"
-    )
-
-
-def scenario(arguments: argparse.Namespace) -> Scenario:
-    """The scenario that the command line describes."""
-    push = None if arguments.push is None else Push(tuple(arguments.push), arguments.push_at)
-    return Scenario(
-        arguments.seconds,
-        tuple(arguments.tilt),
-        arguments.yaw,
-        push,
-        env_options(arguments),
-        arguments.task,
-        getattr(arguments, "seed", 0),
-    )
-
-
-def on_one_robot(arguments: argparse.Namespace) -> tuple[Scenario, list[ResolvedController]]:
-    """The scenario and its controllers, all on the task and robot of the policies, else on the default."""
-    chosen = scenario(arguments)
-    found = controllers(arguments)
-    chosen = dataclasses.replace(chosen, task=common_task(found, chosen.task))
-    shared = common_options(found, chosen.env_options)
-    found = [
-        dataclasses.replace(controller, env_options=options_of(controller, shared, chosen.env_options))
-        for controller in found
-    ]
-    if "events" in chosen.env_options:
-        chosen = dataclasses.replace(chosen, env_options={**chosen.env_options, "events": shared["events"]})
-    return chosen, found
-
-
-def trajectories(arguments: argparse.Namespace) -> list[Trajectory]:
-    """The trajectories of all controllers of the command line."""
-    chosen, found = on_one_robot(arguments)
-    return [chosen.of(controller) for controller in found]
+    names = _names(arguments)
+    chosen = controller_options.of(names, arguments.controller_option)
+    return [chosen.get(name) or find(name, task=arguments.task, env_options=options) for name in names]

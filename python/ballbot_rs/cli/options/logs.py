@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from ballbot_rs._core import ACTUATORS, MODELS, ROBOTS
-from ballbot_rs.cli.options.numbers import real, whole
+from ballbot_rs.cli.options.numbers import meters, seconds, whole
 from ballbot_rs.identification.windows import WINDOW_LIMITS
 
 #: Models that can begin in any state of a log.
@@ -37,7 +37,7 @@ def add_log(command: Any, robot: str, motors: str) -> None:
     command.add_argument(
         "--actuators",
         metavar="NAME|FILE",
-        help=f"{motors}{', '.join(ACTUATORS)}, or a file (default ideal)",
+        help=f"{motors}{', '.join(ACTUATORS)}, or a file (default: the robot file's own, else ideal)",
     )
 
 
@@ -45,17 +45,17 @@ def add_simulation(command: Any) -> None:
     """Adds the model, its time step, the windows, the place of the IMU and the threads."""
     command.add_argument("--model", default="contact", help=f"{', '.join(_MODELS)} (default contact)")
     command.add_argument(
-        "--sim-dt", type=real(0.0, 0.05, above=True), default=0.002, help="time step of the model, s (default 0.002)"
+        "--sim-dt", type=seconds(0.0, 0.05, above=True), default=0.002, help="time step of the model, s (default 0.002)"
     )
     command.add_argument(
         "--window",
-        type=real(*WINDOW_LIMITS),
+        type=seconds(*WINDOW_LIMITS),
         default=0.5,
         help="length of the spans that are simulated, s (default 0.5)",
     )
     command.add_argument(
         "--imu-position",
-        type=real(),
+        type=meters(),
         nargs=3,
         metavar=("X", "Y", "Z"),
         default=(0.0, 0.0, 0.0),

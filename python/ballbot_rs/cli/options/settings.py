@@ -3,11 +3,13 @@
 import argparse
 import contextlib
 import json
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from ballbot_rs._core import Params
-from ballbot_rs.envs.parts import FLAG, apply, as_part, check_names, one_robot
+from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs.parts import FLAG, PARAMETER_NAMES, apply, as_part, check_names, one_robot
+from ballbot_rs.envs.registration import DEFAULT_TASK
 
 __all__ = [
     "EXAMPLES",
@@ -16,6 +18,8 @@ __all__ = [
     "apply",
     "assignments",
     "check_names",
+    "of_environments",
+    "of_robots",
     "one_robot",
     "robot_of",
     "value_of",
@@ -25,9 +29,30 @@ __all__ = [
 EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, robot.body_mass=2.5"
 
 
-def add_to(command: Any, what: str = f"an option of the environment, or a part of one, as {EXAMPLES}") -> None:
-    """Adds `--set`."""
+def add_to(
+    command: Any,
+    what: str = f"an option of the environment, or a part of one, as {EXAMPLES}",
+    keys: Callable[[], Mapping[str, str]] = dict,
+) -> None:
+    """Adds `--set`.
+
+    Args:
+        command: the parser to add it to.
+        what: its help.
+        keys: names that might be taken for options, with what `--set` calls them.
+    """
+    command.settings = keys
     command.add_argument(FLAG, action="append", default=[], metavar="NAME=VALUE", help=f"{what}; repeat for more")
+
+
+def of_robots() -> dict[str, str]:
+    """The parameters of a robot, as keys of `--set`."""
+    return {name: f"robot.{name}" for name in PARAMETER_NAMES}
+
+
+def of_environments() -> dict[str, str]:
+    """The options of an environment and the parameters of its robot, as keys of `--set`."""
+    return {**of_robots(), **{name: name for name in option_names(DEFAULT_TASK)}}
 
 
 def value_of(text: str) -> Any:
