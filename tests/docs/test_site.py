@@ -9,7 +9,7 @@ import ballbot_rs as bb
 from ballbot_rs.cli import parser
 from tests.docs.test_readme import blocks
 from tests.support.paths import ROOT
-from website import api, controllers, gallery, links, stage
+from website import api, controllers, gallery, links, shell, stage
 from website.paths import staged
 
 PAGES = staged()
@@ -66,6 +66,31 @@ def test_every_animation_of_the_gallery_has_its_command() -> None:
 )
 def test_links_lead_to_pages_of_the_site_or_to_files_of_the_clone(page: str, link: str, expected: str) -> None:
     assert links.rewritten(link, page, PAGES) == expected
+
+
+@pytest.mark.parametrize(
+    ("line", "expected"),
+    [
+        ("ballbot list  # names", ["ballbot list  # names"]),
+        (
+            f"ballbot view --robot {'a' * 40}.toml      # a comment that makes the line long",
+            ["# a comment that makes the line long", f"ballbot view --robot {'a' * 40}.toml"],
+        ),
+        (
+            f"ballbot record --push 0.3 0 -1 --output {'a' * 50}.mp4 --seconds 4",
+            ["ballbot record --push 0.3 0 -1 \\", f"    --output {'a' * 50}.mp4 --seconds 4"],
+        ),
+        (
+            f'ballbot link "exec:{"a" * 60} --serial stdio" --robot kugle --seconds 4',
+            [f'ballbot link "exec:{"a" * 60} --serial stdio" \\', "    --robot kugle --seconds 4"],
+        ),
+    ],
+)
+def test_long_commands_are_broken_before_options(line: str, expected: list[str]) -> None:
+    shown = shell.wrapped(f"```sh\n{line}\n```").splitlines()[1:-1]
+    assert shown == expected
+    together = " ".join(part.removesuffix("\\").strip() for part in shown if not part.startswith("#"))
+    assert shlex.split(together, comments=True) == shlex.split(line, comments=True)
 
 
 def test_a_link_to_a_name_leads_to_its_line() -> None:

@@ -35,11 +35,13 @@ html_math_renderer = "mathml"
 html_static_path = ["static"]
 html_favicon = "static/favicon.svg"
 html_css_files = ["mathematics.css", "site.css"]
-html_js_files = ["search_of_files.js"]
+html_js_files = ["search_of_files.js", "sidebar.js"]
 html_copy_source = False
 html_show_copyright = False
 html_show_sphinx = False
 html_theme_options = {"navigation_with_keys": True}
+# Of `Reference`, whose constructors share their arguments.
+napoleon_custom_sections = [("Arguments of all of them", "params_style")]
 python_maximum_signature_line_length = 90
 autodoc_member_order = "bysource"
 autodoc_typehints_format = "short"

@@ -4,7 +4,7 @@ import re
 import shutil
 from pathlib import Path
 
-from website import api, controllers, gallery, notebooks
+from website import api, controllers, gallery, notebooks, shell
 from website.links import FENCE, LINK, rewritten
 from website.paths import DOCS, ROOT, staged
 
@@ -30,7 +30,7 @@ def write(folder: Path, cache: Path, has_rust: bool) -> None:
             text = diagrams.drawn(text, file.parent / "diagrams", cache)
         if place == "gallery.md":
             text = gallery.animated(text, file.parent, cache)
-        file.write_text(text, encoding="utf-8")
+        file.write_text(shell.wrapped(text), encoding="utf-8")
     _write_all(folder / "api", api.pages(has_rust))
     _write_all(folder / "controllers", controllers.pages())
     with (folder / "index.md").open("a", encoding="utf-8") as index:

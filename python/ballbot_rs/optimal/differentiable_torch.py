@@ -22,7 +22,7 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     print(torques.grad)
     ```
 
-    For policies that follow the gradient of what their robots do:
+    For policies that follow the gradient of what their robots do::
 
         robots = DifferentiableBatch(Batch(64))
         states = robots.reset(seeds)

@@ -24,7 +24,7 @@ EXAMPLES: Final = (
         "a policy and a controller, the robot in MuJoCo",
     ),
     (
-        "evaluate --controller lqr --controller-option position=0.02 --robot kugle --actuators kugle --episodes 20",
+        "evaluate --controller-option position=0.02 --robot kugle --actuators kugle --episodes 20",
         "a stiffer LQR on another robot with its motors",
     ),
     (
