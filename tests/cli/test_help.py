@@ -96,7 +96,7 @@ def test_a_key_of_a_table_of_the_configuration_is_named_in_full(capsys):
     assert "unknown option 'learning_rate': did you mean 'algorithm_arguments.learning_rate'?" in err
 
 
-def test_the_origin_of_an_error_stands_out_on_a_terminal(monkeypatch, capsys):
+def test_the_origin_of_an_error_is_red_on_a_terminal(monkeypatch, capsys):
     monkeypatch.setattr("sys.stderr.isatty", lambda: True, raising=False)
     monkeypatch.setenv("TERM", "xterm")
     monkeypatch.delenv("NO_COLOR", raising=False)
@@ -182,7 +182,7 @@ def test_a_header_in_c_takes_from_a_robots_file_what_it_depends_on(capsys, robot
     assert "does not depend on actuators" in err
 
 
-def test_the_policies_of_the_package_are_told_apart():
+def test_the_policies_of_the_package_have_different_texts():
     from ballbot_rs.cli.commands.list_names import policies
 
     found = policies()

@@ -1,4 +1,4 @@
-"""Long commands in lines that fit the page: broken before options, with comments on lines of their own."""
+"""Long commands in lines that fit the page: broken before options, with comments on separate lines."""
 
 import re
 from typing import Final

@@ -43,7 +43,7 @@ class Parser(argparse.ArgumentParser):
         self._negative_number_matcher = re.compile(
             rf"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?({units})?$|-(inf|nan)$", re.IGNORECASE
         )
-        #: Names that `--set` takes, by name as an option of their own might be spelled.
+        #: Names that `--set` takes, by the option that a user may take them for.
         self.settings: Callable[[], dict[str, str]] = dict
 
     def format_usage(self) -> str:

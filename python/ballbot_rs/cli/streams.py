@@ -49,7 +49,7 @@ def prepared() -> Iterator[None]:
 
 
 def complain(origin: str, message: str) -> None:
-    """Prints an error on one line of standard error; on a terminal its origin stands out."""
+    """Prints an error on one line of standard error; on a terminal its origin is bold and red."""
     is_shown = sys.stderr.isatty() and not os.environ.get("NO_COLOR") and os.environ.get("TERM") != "dumb"
     start, end = ("\x1b[1;31m", "\x1b[0m") if is_shown else ("", "")
     print(f"{start}{origin}:{end} {message}", file=sys.stderr)

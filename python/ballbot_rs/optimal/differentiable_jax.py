@@ -12,7 +12,9 @@ from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 
 class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
-    """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library::
+    """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library.
+
+    For policies that follow the gradient of what their robots do::
 
     ```python
     import jax

@@ -28,7 +28,7 @@ EXAMPLES: Final = (
         "a stiffer LQR on another robot with its motors",
     ),
     (
-        "evaluate --controller lqr --controller lqi --sweep actuators.delay=0,0.02,0.04 -o delay.svg",
+        "evaluate --controller lqr --controller lqi --sweep actuators.delay=0,0.02 -o delay.svg",
         "a study as a figure",
     ),
 )

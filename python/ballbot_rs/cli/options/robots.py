@@ -11,7 +11,7 @@ from ballbot_rs._reading import read_regular
 #: Largest file of parameters, bytes.
 MAX_ROBOT_FILE: Final = 1 << 20
 
-#: Tables of a robot's file beside its parameters.
+#: Tables of a robot's file in addition to its parameters.
 STAGES: Final = ("actuators", "sensors")
 
 
@@ -30,7 +30,7 @@ def robot_option(name: str) -> Any:
         return name
     try:
         table = _table(name)
-        # Options of their own, which read them: `own_stages`.
+        # `own_stages` reads these.
         for part in STAGES:
             if isinstance(table.get(part), dict):
                 del table[part]
