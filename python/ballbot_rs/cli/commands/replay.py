@@ -25,7 +25,7 @@ _SUFFIXES: Final = (".svg", ".pdf", ".png")
 #: For the help: command lines and what they do.
 EXAMPLES: Final = (
     ("replay log.csv --robot found.toml", "measured next to simulated, replay.svg"),
-    ("replay log.csv --set params.body_mass=2.5 --video replay.mp4 --begin 2s", "what another mass would explain"),
+    ("replay log.csv --set robot.body_mass=2.5 --video replay.mp4 --begin 2s", "what another mass would explain"),
 )
 
 
