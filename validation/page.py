@@ -83,11 +83,12 @@ def draw(topic: Topic, findings: Findings, folder: Path) -> None:
     """Writes the topic's figure, if it has one, into `folder`."""
     if findings.draw is None:
         return
-    from ballbot_rs.media.figures import legends, style
+    from ballbot_rs.media.figures import legends, panels, style
 
     folder.mkdir(parents=True, exist_ok=True)
     fig = style.figure(*findings.size)
     findings.draw(fig)
+    panels.finish(fig)
     legends.clear_curves(fig)
     style.save(fig, folder / f"{topic.name}.svg")
 

@@ -13,8 +13,15 @@ import ballbot_rs as bb
 from ballbot_rs._state_rows import tilt_components_of, tilt_rates_of
 from ballbot_rs.analysis import recovery_map as recovery
 from ballbot_rs.cli import main
-from ballbot_rs.media.figures import data, estimates, learning_curve, phase_portrait, recovery_map, trajectories
-from ballbot_rs.media.figures.style import save
+from ballbot_rs.media.figures import (
+    data,
+    estimates,
+    learning_curve,
+    phase_portrait,
+    recovery_map,
+    trajectories,
+)
+from ballbot_rs.media.figures.style import figure, save
 from ballbot_rs.training import curve
 
 CONTACT = {"model": "contact"}
@@ -68,7 +75,7 @@ def test_pushes_falls_and_limits_are_marked(moving):
         for ax, expected in zip(fig.axes[2 * row : 2 * row + 2], ([0.5], [0.5, fell_at]), strict=True):
             marked = [line.get_xdata()[0] for line in ax.lines if line.get_linestyle() == ":"]
             assert marked == pytest.approx(expected)
-    assert [text.get_text() for text in fig.axes[1].texts] == ["push 0.3 N·s", "motors off"]
+    assert [text.get_text() for text in fig.axes[1].texts] == ["push 0.3 N·s", "motors off", "(b)"]
     # The friction of each axis is as large as its limit at most, and that is a line.
     limit = fig.axes[8].lines[-1]
     assert list(limit.get_ydata()) == [100.0, 100.0]
@@ -77,13 +84,13 @@ def test_pushes_falls_and_limits_are_marked(moving):
     assert fig.axes[8].lines[3].get_ydata().max() > 0.0
     # The limit of the torques is far beyond LQR's torques, and does not flatten its curves.
     assert moving[0].max_wheel_torque == 5.0
-    assert "limit 5 N·m" in [text.get_text() for text in fig.axes[5].get_legend().get_texts()]
+    assert "limit 5 N·m (not shown)" in [text.get_text() for text in fig.axes[4].texts]
+    assert not any("limit" in text.get_text() for text in fig.axes[5].get_legend().get_texts())
     assert fig.axes[4].get_ylim()[1] < 1.0 < highest
 
 
 def test_a_limit_that_curves_come_near_is_in_the_picture():
     from ballbot_rs.media.figures.marks import mark_limit
-    from ballbot_rs.media.figures.style import figure
 
     ax = figure().subplots()
     ax.plot([0, 1], [0.0, 3.0])
@@ -134,7 +141,7 @@ def test_legends_are_next_to_the_curves_and_nothing_is_cut(width, moving, maps, 
 
 @pytest.mark.parametrize(
     ("width", "count", "message"),
-    [(1.0, 1, "25.4 mm is out of range: it must be from 51 to 1016 mm"), (3.5, 2, "88.9 mm is too narrow for 2")],
+    [(1.0, 1, "25.4 mm is out of range: it must be from 51 to 1016 mm"), (3.5, 3, "88.9 mm is too narrow for 3")],
 )
 def test_an_invalid_width_is_rejected(width, count, message, moving):
     with pytest.raises(ValueError, match="too narrow" if count == 1 else message):

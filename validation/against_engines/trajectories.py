@@ -7,7 +7,7 @@ import numpy as np
 
 import ballbot_rs as bb
 from ballbot_rs.engines.robot_geometry import Array
-from validation.against_engines.engine_list import COLORS, CONTACT, DASHES, ROLLING, SPATIAL, Engine, absent
+from validation.against_engines.engine_list import COLORS, CONTACT, ROLLING, SPATIAL, Engine, absent
 from validation.claim import Claim
 from validation.engines.any_robot import AnyRobot
 from validation.page import number, table
@@ -69,7 +69,7 @@ def findings(claims: list[Claim], runs: dict[str, Trajectory], engines: list[Eng
     def figure(fig: "Figure") -> None:
         draw(fig, runs)
 
-    return Findings(claims, figure, strays_table(runs), (9.5, 3.6), missing=absent(engines))
+    return Findings(claims, figure, strays_table(runs), (9.0, 5.2), missing=absent(engines))
 
 
 def tilt_claims(trajectories: dict[str, Trajectory], limits: dict[str, float], when: str = "") -> list[Claim]:
@@ -107,31 +107,44 @@ def strays_table(trajectories: dict[str, Trajectory]) -> str:
 
 
 def draw(fig: "Figure", trajectories: dict[str, Trajectory]) -> None:
-    """Tilt, ball position, and the tilt's difference from `spatial`."""
-    left, middle, right = fig.subplots(1, 3)
+    """A column per engine, over `spatial` in gray: tilt, ball position, and the tilt's difference from `spatial`."""
+    from ballbot_rs.media.figures.panels import letter
+    from ballbot_rs.media.figures.style import INK
+
     exact = trajectories[SPATIAL]
-    for name, t in trajectories.items():
-        line = {"color": COLORS[name], "linestyle": DASHES.get(name, "-"), "label": name}
-        left.plot(t.times, np.degrees(np.linalg.norm(t.tilts, axis=1)), **line)
-        middle.plot(1e3 * t.positions[:, 0], 1e3 * t.positions[:, 1], **line)
-        if name != SPATIAL:
-            apart = np.degrees(np.linalg.norm(t.tilts - exact.tilts, axis=1))
-            right.semilogy(t.times[1:], np.maximum(apart[1:], 1e-13), **line)
-    left.set(xlabel="time (s)", ylabel="tilt (deg)")
-    middle.set(xlabel="ball x (mm)", ylabel="ball y (mm)")
-    middle.set_aspect("equal")
-    right.set(xlabel="time (s)", ylabel="tilt apart from spatial (deg)")
-    handles, labels = left.get_legend_handles_labels()
-    fig.legend(handles, labels, loc="outside upper center", ncols=4)
-    _limit(left, middle, exact)
+    others = [name for name in trajectories if name != SPATIAL]
+    axes = fig.subplots(3, len(others), sharex="row", sharey="row", squeeze=False)
+    pale = {"color": INK, "linewidth": 4.0, "alpha": 0.25}
+    for (tilt, path, apart), name in zip(axes.T, others, strict=True):
+        t, style = trajectories[name], {"color": COLORS[name], "linewidth": 1.3}
+        for ax, x, y in ((tilt, exact.times, _tilt(exact)), (path, *(1e3 * exact.positions.T))):
+            ax.plot(x, y, **pale)
+        tilt.plot(t.times, _tilt(t), **style)
+        path.plot(1e3 * t.positions[:, 0], 1e3 * t.positions[:, 1], **style)
+        difference = np.degrees(np.linalg.norm(t.tilts - exact.tilts, axis=1))
+        apart.semilogy(t.times[1:], np.maximum(difference[1:], 1e-13), **style)
+        tilt.set_title("\n".join(name.split(", ")), fontsize="medium", pad=12)
+        tilt.tick_params(labelbottom=False)
+        apart.set_xlabel("time (s)")
+        path.set_xlabel("ball x (mm)")
+    for ax, label in zip(axes[:, 0], ("tilt (deg)", "ball y (mm)", "difference of the\ntilt (deg)"), strict=True):
+        ax.set_ylabel(label)
+    _limit(axes[0, 0], axes[1, 0], exact)
+    letter(axes[:, 0])
+    fig.align_ylabels(axes[:, 0])
+    fig.legend([axes[0, 0].lines[0]], [SPATIAL], loc="outside lower center", handlelength=2.0)
 
 
-def _limit(left: "Axes", middle: "Axes", exact: Trajectory) -> None:
-    """Limits the axis so that an engine that falls does not squeeze the others."""
-    top = np.degrees(np.linalg.norm(exact.tilts, axis=1).max())
-    left.set_ylim(-0.05 * top, 1.4 * top)
+def _tilt(trajectory: Trajectory) -> Array:
+    """Tilts, deg."""
+    return np.asarray(np.degrees(np.linalg.norm(trajectory.tilts, axis=1)))
+
+
+def _limit(tilt: "Axes", path: "Axes", exact: Trajectory) -> None:
+    """Limits the axes so that an engine that falls does not squeeze the others."""
+    top = float(_tilt(exact).max())
+    tilt.set_ylim(-0.05 * top, 1.4 * top)
     low, high = 1e3 * exact.positions.min(axis=0), 1e3 * exact.positions.max(axis=0)
-    reach = 0.7 * float((high - low).max())
-    center = 0.5 * (low + high)
-    middle.set_xlim(center[0] - reach, center[0] + reach)
-    middle.set_ylim(center[1] - reach, center[1] + reach)
+    margin = 0.25 * float((high - low).max())
+    path.set_xlim(low[0] - margin, high[0] + margin)
+    path.set_ylim(low[1] - margin, high[1] + margin)

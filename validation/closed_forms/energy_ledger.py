@@ -60,17 +60,17 @@ def run() -> Findings:
             claims.append(Claim(what, given.holding / turnover, 0.0, _GIVEN[model], absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS, look
 
         left, right = fig.subplots(1, 2)
         times = np.arange(len(ledgers["contact"])) * _DT
-        for name, column in zip(_ENTRIES, ledgers["contact"].T, strict=True):
-            left.plot(times, column, label=name)
-        left.set(xlabel="time (s)", ylabel="energy and work (J)", title="entries, contact")
+        for number, (name, column) in enumerate(zip(_ENTRIES, ledgers["contact"].T, strict=True)):
+            left.plot(times, column, label=name, **look(number))
+        left.set(xlabel="time (s)", ylabel="energy and work (J)", title="entries of the ledger, contact")
         left.legend()
         for model, entries in ledgers.items():
-            right.semilogy(times, np.abs(gap_of(entries)) + 1e-12, color=MODEL_COLORS[model], label=model)
-        right.set(xlabel="time (s)", ylabel="gap of the ledger (J)")
+            right.semilogy(times, np.abs(gap_of(entries)) + 1e-12, label=model, **MODEL_LOOKS[model])
+        right.set(xlabel="time (s)", ylabel="gap (J)", title="gap of the ledger, all models")
         right.legend()
 
     return Findings(claims, draw)

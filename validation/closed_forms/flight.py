@@ -85,12 +85,13 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
+        from ballbot_rs.media.figures.style import INK
 
         ax = fig.subplots()
-        ax.plot(times, exact * 1e3, color=INK, linewidth=4, alpha=0.25, label="closed form")
-        for (model, heights), dashes in zip(paths.items(), ("-", "--"), strict=True):
-            ax.plot(times, heights * 1e3, dashes, color=MODEL_COLORS[model], label=model)
+        ax.plot(times, exact * 1e3, color=INK, linewidth=6, alpha=0.2, label="closed form")
+        for model, heights in paths.items():
+            ax.plot(times, heights * 1e3, label=model, **MODEL_LOOKS[model])
         ax.set(xlabel="time (s)", ylabel="height of the ball (mm)")
         ax.legend()
 

@@ -46,14 +46,15 @@ def run() -> Findings:
         claims.append(Claim(f"growth rate, `{model}`, 1 kHz", growth_rate(times, tilts[model]), pole, limit, "1/s"))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
+        from ballbot_rs.media.figures.style import INK
 
         left, right = fig.subplots(1, 2)
-        left.plot(times, np.degrees(_TILT * np.cosh(pole * times)), color=INK, linewidth=4, alpha=0.25, label="cosh λt")
+        left.plot(times, np.degrees(_TILT * np.cosh(pole * times)), color=INK, linewidth=6, alpha=0.2, label="cosh λt")
         for model, tilt in tilts.items():
-            left.plot(times, np.degrees(tilt), color=MODEL_COLORS[model], label=model)
+            left.plot(times, np.degrees(tilt), label=model, **MODEL_LOOKS[model])
             error = np.abs(tilt[1:] / (_TILT * np.cosh(pole * times[1:])) - 1.0)
-            right.semilogy(times[1:], error, color=MODEL_COLORS[model], label=model)
+            right.semilogy(times[1:], error, label=model, **MODEL_LOOKS[model])
         left.set(xlabel="time (s)", ylabel="tilt (deg)", yscale="log")
         right.set(xlabel="time (s)", ylabel="relative error of the tilt")
         left.legend()

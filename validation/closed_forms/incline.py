@@ -45,12 +45,12 @@ def run() -> Findings:
         ]
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
 
         axes = fig.subplots(1, 2)
         for model, quantities in off.items():
             for ax, quantity in zip(axes, quantities, strict=True):
-                ax.semilogy(times, quantity + 1e-16, color=MODEL_COLORS[model], label=model)
+                ax.semilogy(times, quantity + 1e-16, label=model, **MODEL_LOOKS[model])
         axes[0].set(xlabel="time (s)", ylabel="relative error of the speed")
         axes[1].set(xlabel="time (s)", ylabel="difference of the tilt (deg)")
         axes[0].legend()

@@ -40,12 +40,12 @@ def run() -> Findings:
                 claims.append(Claim(f"the same at 2 kHz over that at 1 kHz, `{model}`", halved / drift, 0.5, 2e-2))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
 
         for ax, column, name in zip(fig.subplots(1, 2), (0, 1), _NAMES, strict=True):
             for model, drifts in shown.items():
                 times = np.arange(1, len(drifts) + 1) * 1e-3
-                ax.semilogy(times, drifts[:, column] + 1e-18, color=MODEL_COLORS[model], label=model)
+                ax.semilogy(times, drifts[:, column] + 1e-18, label=model, **MODEL_LOOKS[model])
             ax.set(xlabel="time (s)", ylabel="drift over what is exchanged", title=name)
             ax.legend()
 

@@ -52,13 +52,14 @@ def run() -> Findings:
         claims.append(Claim(f"spread of it over 24 directions, `{model}`", spread, 0.0, 1e-14, "", absolute=True))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
+        from ballbot_rs.media.figures.style import INK
 
         left, right = fig.subplots(1, 2)
-        left.plot(times, exact, color=INK, linewidth=4, alpha=0.25, label="closed form")
+        left.plot(times, exact, color=INK, linewidth=6, alpha=0.2, label="closed form")
         for model, speed in speeds.items():
-            left.plot(times, speed, color=MODEL_COLORS[model], label=model)
-            right.semilogy(times, np.abs(speed - exact) + 1e-16, color=MODEL_COLORS[model], label=model)
+            left.plot(times, speed, label=model, **MODEL_LOOKS[model])
+            right.semilogy(times, np.abs(speed - exact) + 1e-16, label=model, **MODEL_LOOKS[model])
         left.axvline(rolls_at, color=INK, linewidth=0.8, linestyle=":", label="rolls from here")
         left.set(xlabel="time (s)", ylabel="speed of the ball (m/s)")
         right.set(xlabel="time (s)", ylabel="difference from the closed form (m/s)")

@@ -58,17 +58,18 @@ def run() -> Findings:
             claims.append(Claim(what, half / whole, ratio, 5e-2))
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import INK, MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
+        from ballbot_rs.media.figures.style import INK
 
         left, right = fig.subplots(1, 2)
         exact = np.degrees(np.arccos(masts[:, 2]))
-        left.plot(times, exact, color=INK, linewidth=4, alpha=0.25, label="closed form")
-        for (model, found), line in zip(tilts.items(), ("-", "--"), strict=True):
-            left.plot(times, found, line, color=MODEL_COLORS[model], label=model)
+        left.plot(times, exact, color=INK, linewidth=6, alpha=0.2, label="closed form")
+        for model, found in tilts.items():
+            left.plot(times, found, label=model, **MODEL_LOOKS[model])
         left.set(xlabel="time (s)", ylabel="tilt of the mast (deg)")
         left.legend()
         for model, angles in off.items():
-            right.semilogy(times, angles + 1e-12, color=MODEL_COLORS[model], label=model)
+            right.semilogy(times, angles + 1e-12, label=model, **MODEL_LOOKS[model])
         right.set(xlabel="time (s)", ylabel="mast against closed form (deg)")
         right.legend()
 

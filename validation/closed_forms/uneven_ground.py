@@ -49,11 +49,11 @@ def run() -> Findings:
         )
 
     def draw(fig: "Figure") -> None:
-        from ballbot_rs.media.figures.style import MODEL_COLORS
+        from ballbot_rs.media.figures.panels import MODEL_LOOKS
 
         ax = fig.subplots()
         for model, (times, speeds, _) in turns.items():
-            ax.plot(times, speeds, color=MODEL_COLORS[model], label=model)
+            ax.plot(times, speeds, label=model, **MODEL_LOOKS[model])
         times, _, exact = turns["contact"]
         ax.plot(times, exact, "k:", label="closed form")
         ax.set(xlabel="time (s)", ylabel="speed along the gutter (m/s)")

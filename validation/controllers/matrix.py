@@ -7,9 +7,9 @@ worst direction or, over random episodes, the mean of the worse half (CVaR 0.5).
 that comes with the package; it and `pid` have no scenarios with motions. `mppi` and `nmpc` have only
 scenarios with few robots, because their decisions take milliseconds.
 
-No single number ranks the controllers. For each controller the figure shows the worst-case push limit against the error
-on a fast circle; below that, the tilts from which the robot recovers by direction, and the effect of delay and friction
-on them.
+No single number ranks the controllers. The figure has a row per controller: the error on a fast circle, the worst-case
+push limit with increasing delay, and the worst-case tilt limit with decreasing friction of the wheels; below, the tilts
+from which the robot recovers, by direction.
 """
 
 from collections.abc import Mapping
@@ -68,7 +68,7 @@ def measured() -> dict[tuple[str, str], Outcome]:
 def run() -> Findings:
     """All controllers in all scenarios."""
     found = measured()
-    return Findings(claims(found), lambda fig: draw(fig, found), _tables(found), (8.0, 6.4))
+    return Findings(claims(found), lambda fig: draw(fig, found), _tables(found), (9.0, 6.8))
 
 
 def claims(found: Found) -> list[Claim]:
@@ -139,41 +139,52 @@ def _share(outcome: Outcome) -> str:
 
 
 def draw(fig: "Figure", found: Found) -> None:
-    """Push against tracking, basins, delay, friction."""
-    grid = fig.add_gridspec(2, 2)
-    shown = [name for name in names() if (name, "S3-at-once") in found and (name, "S13-4s") in found]
-    _pareto(fig.add_subplot(grid[0, 0]), found, shown)
-    _basins(fig.add_subplot(grid[0, 1]), found)
-    delays = {0: "S3-at-once", 10: "S18-10ms", 30: "S18-30ms", 50: "S18-50ms"}
-    frictions = {0.3: "S19-0.3", 0.6: "S19-0.6", 1.0: "S2-rest"}
-    left, right = fig.add_subplot(grid[1, 0]), fig.add_subplot(grid[1, 1])
-    for axes, scenarios in ((left, delays), (right, frictions)):
-        for name in shown:
-            scores = [found[name, scenario].score for scenario in scenarios.values()]
-            axes.plot(list(scenarios), scores, label=short(name), **style(name))
-    left.set(xlabel="delay (ms)", ylabel="worst push (N·s)", ylim=(0, None))
-    right.set(xlabel="friction of the wheels", ylabel="worst tilt (deg)", ylim=(0, None))
-    policy = right.plot([], [], label=POLICY, **style(POLICY))
-    fig.legend(handles=[*left.get_lines(), *policy], loc="outside lower center", ncols=4)
+    """Tracking, and pushes and tilts under delay and on slippery wheels, a row per controller; basins below."""
+    from matplotlib.lines import Line2D
+
+    grid = fig.add_gridspec(2, 3, height_ratios=(1.5, 1.0))
+    shown = [name for name in names() if (name, "S3-at-once") in found]
+    left = fig.add_subplot(grid[0, 0])
+    middle, right = (fig.add_subplot(grid[0, column], sharey=left) for column in (1, 2))
+    for row, name in enumerate(shown):
+        if (name, "S13-4s") in found:
+            left.plot(1e3 * found[name, "S13-4s"].score, row, **_DOTS[0])
+        for axes, scenarios in ((middle, _DELAYS), (right, _FRICTIONS)):
+            scores = [found[name, scenario].score for scenario in scenarios.values() if (name, scenario) in found]
+            axes.plot([min(scores), max(scores)], [row, row], color="#868e96", linewidth=0.7)
+            for score, dot in zip(scores, _DOTS, strict=False):
+                axes.plot(score, row, **dot)
+    left.set_yticks(range(len(shown)), [short(name) if name != POLICY else name for name in shown])
+    left.invert_yaxis()
+    left.set(xlabel="circle in 4 s, error (mm rms)", xlim=(0, None))
+    middle.set(xlabel="worst push (N\u00b7s)", xlim=(0, None))
+    right.set(xlabel="worst tilt (deg)", xlim=(0, None))
+    for axes, scenarios, suffix in ((middle, _DELAYS, " ms delay"), (right, _FRICTIONS, "")):
+        axes.tick_params(labelleft=False)
+        keys = [Line2D([], [], label=f"{x:g}{suffix}", **dot) for x, dot in zip(scenarios, _DOTS, strict=False)]
+        options: dict[str, Any] = {"handletextpad": 0.2, "columnspacing": 0.8, "title": None if suffix else "friction"}
+        axes.legend(handles=keys, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if suffix else 3, **options)
+    _basins(fig.add_subplot(grid[1, :]), found)
 
 
-def style(name: str) -> dict[str, Any]:
-    """Color, marker and line of a controller, the same in all parts of the figure."""
-    number = names().index(name)
-    line = ("-", "--")[number // 7]
-    inside = ({}, {"markerfacecolor": "white"})[number // 7]
-    return {"color": f"C{number % 7}", "marker": "osD^vPX"[number % 7], "linestyle": line, "markersize": 4, **inside}
-
-
-def _pareto(axes: "Axes", found: Found, shown: list[str]) -> None:
-    for name in shown:
-        axes.plot(1e3 * found[name, "S13-4s"].score, found[name, "S3-at-once"].score, **style(name))
-    axes.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xlim=(0, None))
+_DELAYS: Final = {0: "S3-at-once", 10: "S18-10ms", 30: "S18-30ms", 50: "S18-50ms"}
+_FRICTIONS: Final = {1.0: "S2-rest", 0.6: "S19-0.6", 0.3: "S19-0.3"}
+#: Marks from the nominal case on.
+_DOTS: Final[tuple[dict[str, Any], ...]] = (
+    {"marker": "o", "color": "#0b7285", "linestyle": "none", "markersize": 7},
+    {"marker": "s", "color": "#d9480f", "linestyle": "none", "markersize": 5},
+    {"marker": "^", "color": "#5f3dc4", "linestyle": "none", "markersize": 5},
+    {"marker": "x", "color": "#212529", "linestyle": "none", "markersize": 5},
+)
 
 
 def _basins(axes: "Axes", found: Found) -> None:
-    for name in ("lqr", "cascade_pid", "lqr_pi", POLICY):
+    from ballbot_rs.media.figures.panels import MARKERS, look
+
+    for number, name in enumerate(("lqr", "cascade_pid", "lqr_pi", POLICY)):
         largest = found[name, "S2-rest"].largest
         azimuths = np.degrees(np.arange(len(largest)) * 2.0 * np.pi / len(largest))
-        axes.plot(azimuths, largest, **style(name))
-    axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None))
+        style: dict[str, Any] = {**look(number), "marker": MARKERS[number], "markersize": 6.5 - 1.2 * number}
+        axes.plot(azimuths, largest, label=short(name) if name != POLICY else name, **style)
+    axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None), xlim=(-5, 350))
+    axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

@@ -25,10 +25,10 @@ last. They are in [`tuned.toml`](../validation/controllers/tuned.toml), made by
 `python -m validation.controllers.tune_all`. The search optimizes only the cost: other columns may become worse. All
 tunings have the same last stage.
 
-In the figure, full marks are default options, empty marks tuned options, and crosses published options.
+The figure has a row per law: the error on a fast circle, the worst-case push limit, and the torque due to noise.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import TYPE_CHECKING, Final
 
 from ballbot_rs._core import CONTROLLERS, Params
@@ -45,7 +45,6 @@ from validation.page import table
 from validation.topic import Findings
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Columns of the table and their titles.
@@ -98,7 +97,7 @@ def measured() -> dict[tuple[str, str, str], Outcome]:
 def run() -> Findings:
     """All tunings side by side."""
     found = measured()
-    return Findings(claims(), lambda fig: draw(fig, found), _table(found), (8.0, 4.0))
+    return Findings(claims(), lambda fig: draw(fig, found), _table(found), (9.0, 4.0))
 
 
 def claims() -> list[Claim]:
@@ -127,37 +126,39 @@ def _cost(law: str, name: str) -> str:
 
 
 def draw(fig: "Figure", found: Found) -> None:
-    """Robustness versus tracking, and torque due to noise versus tracking."""
-    left, right = fig.subplots(1, 2)
-    for law in matrix.names():
-        for name in (DEFAULT, PUBLISHED, TUNED):
-            # `mppi` and `nmpc` are not pushed.
-            if all((law, name, scenario) in found for scenario in ("S13-4s", "S3-at-once", "S1-sensors")):
-                _mark(left, right, found, law, name)
-    left.set(xlabel="circle in 4 s, error (mm rms)", ylabel="worst push (N·s)", xscale="log")
-    right.set(
-        xlabel="circle in 4 s, error (mm rms)", ylabel="torque on sensors (mN·m rms)", xscale="log", ylim=(0, None)
-    )
-    labelled = [line for line in left.get_lines() if not str(line.get_label()).startswith("_")]
-    fig.legend(handles=labelled, loc="outside lower center", ncols=4)
+    """A row per law, a panel per quantity, a mark per tuning."""
+    from matplotlib.lines import Line2D
+
+    from ballbot_rs.media.figures.style import COLORS, INK
+
+    needed = ("S13-4s", "S3-at-once", "S1-sensors")
+    # `mppi` and `nmpc` are not pushed.
+    laws = [law for law in matrix.names() if all((law, DEFAULT, scenario) in found for scenario in needed)]
+    looks = {
+        DEFAULT: {"marker": "o", "color": COLORS[0]},
+        PUBLISHED: {"marker": "x", "color": COLORS[1], "markeredgewidth": 1.6},
+        TUNED: {"marker": "s", "color": COLORS[2], "markerfacecolor": "none"},
+    }
+    axes = fig.subplots(1, 3, sharey=True)
+    for row, law in enumerate(laws):
+        tunings = [name for name in looks if all((law, name, scenario) in found for scenario in needed)]
+        for ax, value in zip(axes, _QUANTITIES, strict=True):
+            values = [value(found, law, name) for name in tunings]
+            ax.plot([min(values), max(values)], [row, row], color=INK, linewidth=0.7, alpha=0.5)
+            for name, x in zip(tunings, values, strict=True):
+                ax.plot(x, row, linestyle="none", markersize=6, **looks[name])
+    axes[0].set_yticks(range(len(laws)), [short(law) for law in laws])
+    axes[0].invert_yaxis()
+    axes[0].set(xlabel="circle in 4 s, error (mm rms)", xscale="log")
+    axes[1].set(xlabel="worst push (N\u00b7s)")
+    axes[2].set(xlabel="torque on sensors (mN\u00b7m rms)", xlim=(0, None))
+    keys = [Line2D([], [], linestyle="none", label=name, **look) for name, look in looks.items()]
+    fig.legend(handles=keys, loc="outside lower center", ncols=3)
 
 
-def _mark(left: "Axes", right: "Axes", found: Found, law: str, name: str) -> None:
-    error = 1e3 * found[law, name, "S13-4s"].score
-    # The fill shows the tuning here, so that more controllers than colors need more markers.
-    marker = "osD^vPX*hpd<>8"[matrix.names().index(law)]
-    style = matrix.style(law) | {"linestyle": "none", "markersize": 6, "marker": marker}
-    if name == PUBLISHED:
-        style |= {"marker": "x"}
-    style["markerfacecolor"] = style["color"] if name == DEFAULT else "none"
-    label = short(law) if name == DEFAULT else None
-    left.plot(error, found[law, name, "S3-at-once"].score, label=label, **style)
-    noise = 1e3 * float(found[law, name, "S1-sensors"].metrics["rms_torque"].mean())
-    right.plot(error, noise, **style)
-    if name != DEFAULT and (law, DEFAULT, "S13-4s") in found:
-        # From the default options to these.
-        first = 1e3 * found[law, DEFAULT, "S13-4s"].score
-        ends = [found[law, one, "S3-at-once"].score for one in (DEFAULT, name)]
-        torques = [1e3 * float(found[law, one, "S1-sensors"].metrics["rms_torque"].mean()) for one in (DEFAULT, name)]
-        for axes, values in ((left, ends), (right, torques)):
-            axes.plot([first, error], values, color=style["color"], linewidth=0.6)
+#: Tracking error (mm), push (N\u00b7s) and torque due to noise (mN\u00b7m).
+_QUANTITIES: Final[tuple[Callable[[Found, str, str], float], ...]] = (
+    lambda found, law, name: 1e3 * found[law, name, "S13-4s"].score,
+    lambda found, law, name: found[law, name, "S3-at-once"].score,
+    lambda found, law, name: 1e3 * float(found[law, name, "S1-sensors"].metrics["rms_torque"].mean()),
+)

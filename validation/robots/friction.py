@@ -78,9 +78,9 @@ def run() -> Findings:
         left, middle, right = fig.subplots(1, 3)
         left.plot(SWEEP.values, lines, label="closed form")
         left.plot(SWEEP.values, dots, "o", label="contact")
-        left.axhline(held, color="#868e96", linestyle="--", label="limit of the controllers")
+        left.axhline(held, color="#868e96", linestyle="--", label="controllers' limit")
         left.set(xlabel=SWEEP.label, ylabel="torque at which wheels slip (N·m)")
         left.legend()
         measured.draw(middle, right)
 
-    return Findings(claims(), draw, measured.markdown(), (11.0, 3.2))
+    return Findings(claims(), draw, measured.markdown(), (10.0, 3.2))

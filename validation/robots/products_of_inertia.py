@@ -86,4 +86,4 @@ def run() -> Findings:
         left.legend()
         measured.draw(middle, right)
 
-    return Findings(claims(), draw, measured.markdown(), (11.0, 3.2))
+    return Findings(claims(), draw, measured.markdown(), (10.0, 3.2))

@@ -127,13 +127,26 @@ class Measured:
             left.legend()
             self.draw(middle, right)
 
-        return Findings(claims, draw, self.markdown(), (11.0, 3.2))
+        return Findings(claims, draw, self.markdown(), (10.0, 3.2))
 
     def draw(self, upright: "Axes", position: "Axes") -> None:
         """Fractions of upright robots, and distances of their balls from the setpoint, over the values."""
-        for name, results in self.results.items():
-            upright.plot(self.sweep.values, [100 * r.survival_rate for r in results], ".-", label=name)
-            position.plot(self.sweep.values, [r.ball_rms for r in results], ".-", label=name)
+        from ballbot_rs.media.figures.panels import MARKERS, look
+
+        values = np.asarray(self.sweep.values, dtype=np.float64)
+        for place, (name, results) in enumerate(self.results.items()):
+            # Curves on one another: the later ones have gaps and smaller markers.
+            style: dict[str, Any] = {**look(place), "marker": MARKERS[place], "markersize": 6.5 - 1.3 * place}
+            rates, distances = (np.array([getattr(r, key) for r in results]) for key in ("survival_rate", "ball_rms"))
+            upright.plot(values, 100 * rates, label=name, **style)
+            # After a fall an episode adds no distance: where robots fall, the mean is of those that stay near.
+            position.plot(values, np.where(rates == 1.0, distances, np.nan), **style)
+            fell = {**style, "linestyle": "none", "markerfacecolor": "white"}
+            position.plot(values, np.where(rates < 1.0, distances, np.nan), **fell)
+        if any(result.survival_rate < 1.0 for results in self.results.values() for result in results):
+            hollow = {"color": "#868e96", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+            position.plot([], [], label="some fell", **hollow)
+            position.legend()
         upright.set(xlabel=self.sweep.label, ylabel="upright (%)", ylim=(-4, 104))
         position.set(xlabel=self.sweep.label, ylabel="position rms (m)", yscale="log")
         upright.legend()

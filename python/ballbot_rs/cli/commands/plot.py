@@ -60,6 +60,9 @@ def add_to(commands: Any) -> None:
         help="of the figures in mm, for example 89 for one column of a paper (default: as their panels need)",
     )
     command.add_argument(
+        "--overlay", action="store_true", help="the trajectories of all controllers in common axes, not side by side"
+    )
+    command.add_argument(
         "--data",
         nargs="?",
         choices=DATA_FORMATS,
@@ -127,6 +130,7 @@ def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence
     from ballbot_rs.media.figures import (
         estimates,
         learning_curve,
+        overlay,
         phase_portrait,
         recovery_map,
         sensitivity,
@@ -143,7 +147,8 @@ def _draw(selected: Sequence[str], arguments: argparse.Namespace, runs: Sequence
     if {"trajectories", "estimates", "phase_portrait"} & set(selected):
         moving = [chosen.of(controller) for controller in found]
         owners, tables = [short(one.controller) for one in moving], [one.columns for one in moving]
-        drawers = {"trajectories": trajectories, "estimates": estimates, "phase_portrait": phase_portrait}
+        over_time = overlay if arguments.overlay else trajectories
+        drawers = {"trajectories": over_time, "estimates": estimates, "phase_portrait": phase_portrait}
         for name, drawer in drawers.items():
             if name in selected:
                 # Their numbers are the same.

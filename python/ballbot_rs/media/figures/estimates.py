@@ -9,7 +9,8 @@ from matplotlib.figure import Figure
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.marks import mark_events
-from ballbot_rs.media.figures.style import COLORS, columns, legend_right
+from ballbot_rs.media.figures.panels import LINES, letter
+from ballbot_rs.media.figures.style import COLORS, columns, legends
 
 #: From top to bottom: label, attribute of the state, factor of its unit.
 QUANTITIES = (
@@ -48,8 +49,8 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
         ax.set_ylabel(label)
     for ax in axes[len(QUANTITIES) :, 0]:
         ax.set_ylim(bottom=0.0)
-    for ax in axes[: len(QUANTITIES), -1]:
-        legend_right(ax)
+    legends(fig, axes[: len(QUANTITIES), -1])
+    letter(axes.ravel())
     fig.align_ylabels(axes[:, 0])
     return fig
 
@@ -65,10 +66,11 @@ def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
     for ax, (_, name, factor) in zip(axes, QUANTITIES, strict=False):
         true, estimated = trajectory.of_states(name) * factor, trajectory.of_estimates(name) * factor
         for i, axis in enumerate("xy"):
-            ax.plot(times, true[: len(times), i], color=COLORS[i], label=f"{axis}, true")
-            ax.plot(
-                times, estimated[:, i], color=COLORS[2 + i], linestyle="--", linewidth=1.0, label=f"{axis}, estimated"
-            )
+            # The estimate hides nothing: the true state is wide and pale below it.
+            color = COLORS[i]
+            ax.plot(times, true[: len(times), i], color=color, linewidth=3.0, alpha=0.35, label=f"{axis}, true")
+            dashes: dict[str, Any] = {"color": color, "linestyle": LINES[1 + i], "linewidth": 1.0}
+            ax.plot(times, estimated[:, i], label=f"{axis}, estimated", **dashes)
     for ax, (_, name, factor) in zip(axes[len(QUANTITIES) :], ERRORS, strict=True):
         ax.plot(times, errors(trajectory, name) * factor, color=COLORS[0])
     mark_events(axes, trajectory)

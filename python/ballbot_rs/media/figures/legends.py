@@ -29,15 +29,19 @@ def clear_curves(fig: Figure) -> None:
         else:
             texts = legend.get_texts()
             handles = [handle for handle in legend.legend_handles if handle is not None]
-            ax.legend(
-                handles,
-                [text.get_text() for text in texts],
-                loc="lower left",
-                bbox_to_anchor=(0.0, 1.0),
-                ncols=min(len(texts), 3),
-                fontsize=texts[0].get_fontsize(),
-                columnspacing=1.0,
-            )
+            for across in range(min(len(texts), 3), 0, -1):
+                above = ax.legend(
+                    handles,
+                    [text.get_text() for text in texts],
+                    loc="lower left",
+                    bbox_to_anchor=(0.0, 1.0),
+                    ncols=across,
+                    fontsize=texts[0].get_fontsize(),
+                    columnspacing=1.0,
+                )
+                # A legend wider than its axes would push the other panels away.
+                if above.get_window_extent().width <= ax.get_window_extent().width:
+                    break
 
 
 def hides(ax: Any) -> bool:

@@ -60,12 +60,22 @@ def _name(ax: Any, trajectory: Trajectory, time: float, text: str, color: str) -
 
 
 def mark_limit(ax: Any, limit: float, label: str, both: bool = True) -> None:
-    """A dashed line at a limit, and at its negative; curves far below it keep their scale."""
+    """A dashed line at a limit, and at its negative; above the axis where curves stay far below it."""
     largest = max(
         (float(np.nanmax(np.abs(line.get_ydata()))) for line in ax.lines if len(line.get_ydata())), default=0.0
     )
-    bottom, top = ax.get_ylim()
-    for i, value in enumerate((limit, -limit) if both else (limit,)):
-        ax.axhline(value, color=LIMIT, linestyle="--", linewidth=0.9, label="" if i else label)
     if largest < NEAR * limit:
-        ax.set_ylim(bottom, top)
+        ax.annotate(
+            f"{label} (not shown)",
+            (1.0, 1.0),
+            xycoords="axes fraction",
+            xytext=(0, 1),
+            textcoords="offset points",
+            ha="right",
+            va="bottom",
+            fontsize="small",
+            color=LIMIT,
+        )
+        return
+    for i, value in enumerate((limit, -limit) if both else (limit,)):
+        ax.axhline(value, color=LIMIT, linestyle=(0, (6, 3)), linewidth=0.9, label="" if i else label)

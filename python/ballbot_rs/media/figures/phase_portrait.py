@@ -10,7 +10,8 @@ from matplotlib.lines import Line2D
 from ballbot_rs._state_rows import tilt_rates_of
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import short
-from ballbot_rs.media.figures.style import COLORS, FULL_WIDTH, INK, below, figure
+from ballbot_rs.media.figures.panels import letter, look
+from ballbot_rs.media.figures.style import FULL_WIDTH, INK, below, figure
 
 
 def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figure:
@@ -25,9 +26,11 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
     fig = figure(wide, 0.5 * wide + 0.3 if wide >= FULL_WIDTH else 1.6 * wide + 0.5)
     axes = fig.subplots(*panels, sharex=True, sharey=True)
     for i, (ax, axis) in enumerate(zip(axes, "xy", strict=True)):
-        for trajectory, color in zip(trajectories, _colors(len(trajectories)), strict=True):
+        for number, trajectory in enumerate(trajectories):
             tilts, rates = tilts_and_rates(trajectory, i)
-            ax.plot(np.degrees(tilts), np.degrees(rates), color=color, linewidth=1.2)
+            style = look(number)
+            color = style["color"]
+            ax.plot(np.degrees(tilts), np.degrees(rates), linewidth=1.2, **style)
             ax.plot(np.degrees(tilts[0]), np.degrees(rates[0]), "o", color=color, markersize=4)
             for push in trajectory.all_pushes:
                 row = int(np.searchsorted(trajectory.times, push.time))
@@ -38,9 +41,10 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
     for ax in axes if panels == (2, 1) else axes[:1]:
         ax.set_ylabel("tilt rate (deg/s)")
     keys = [
-        Line2D([], [], color=color, label=f"{short(one.controller)} on {one.model}")
-        for one, color in zip(trajectories, _colors(len(trajectories)), strict=True)
+        Line2D([], [], label=f"{short(one.controller)} on {one.model}", **look(number))
+        for number, one in enumerate(trajectories)
     ]
+    letter(axes)
     keys.append(_mark("o", "start"))
     if any(one.all_pushes for one in trajectories):
         keys.append(_mark("D", "push"))
@@ -59,7 +63,3 @@ def tilts_and_rates(trajectory: Trajectory, axis: int) -> tuple[npt.NDArray[np.f
         end = max(int(np.searchsorted(trajectory.times, trajectory.fell_at)), 2)
     tilts = trajectory.of_states("tilt_components")[:end, axis]
     return tilts, tilt_rates_of(trajectory.to_array()[:end])[:, axis]
-
-
-def _colors(count: int) -> list[str]:
-    return [COLORS[i % len(COLORS)] for i in range(count)]

@@ -12,11 +12,12 @@ from matplotlib.patheffects import withStroke
 
 from ballbot_rs.analysis.recovery_map import Recovery
 from ballbot_rs.media.figures.labels import title
+from ballbot_rs.media.figures.panels import letter
 from ballbot_rs.media.figures.style import COLORS, INK, PAPER, below, figure
 
 #: Light is fast; starts without recovery have separate colors.
 _TIMES = LinearSegmentedColormap.from_list("recovery", ["#e3fafc", "#66d9e8", COLORS[0], "#083344"])
-_FELL, _UNSETTLED = COLORS[1], COLORS[3]
+_FELL, _UNSETTLED, _HATCHED = COLORS[1], COLORS[3], "#ffffff66"
 
 #: Least width of a map, inches.
 LEAST_MAP = 2.2
@@ -43,13 +44,15 @@ def draw(recoveries: Sequence[Recovery], width: float | None = None) -> Figure:
     shown: Any = None
     for ax, recovery in zip(axes, recoveries, strict=True):
         shown = _draw_map(ax, recovery, longest, (wide - 0.8) / across)
+    if count > 1:
+        letter(axes)
     bar = fig.colorbar(shown, ax=list(axes), shrink=0.75, pad=0.06)
     bar.set_label("time to stay within 1 deg (s)")
     bar.outline.set_visible(False)
     unsettled = f"upright, but not within 1 deg to the end of {recoveries[0].seconds:g} s"
     keys = [
-        Patch(color=_FELL, label="fell"),
-        Patch(color=_UNSETTLED, label=unsettled),
+        Patch(facecolor=_FELL, edgecolor=_HATCHED, linewidth=0.0, hatch="////", label="fell"),
+        Patch(facecolor=_UNSETTLED, edgecolor=_HATCHED, linewidth=0.0, hatch="....", label=unsettled),
         Line2D([], [], color=INK, linewidth=0.8, alpha=0.5, label="rings: initial tilt"),
         Line2D([], [], color=INK, marker="s", linestyle="", markersize=4, label="wheel"),
     ]
@@ -64,9 +67,13 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float, inches: float) -> Any
     edges = (np.arange(sectors + 1) - 0.5) * 2 * np.pi / sectors
     ax.set_axisbelow(False)
     ax.grid(False)
-    for lost, color in ((~recovery.stood, _FELL), (recovery.stood & ~recovery.recovered, _UNSETTLED)):
-        ax.pcolormesh(edges, radii, np.where(lost, 1.0, np.nan), cmap=_plain(color), rasterized=True)
-    shown = ax.pcolormesh(edges, radii, recovery.recovery_times, cmap=_TIMES, vmin=0.0, vmax=longest, rasterized=True)
+    lost = ((~recovery.stood, _FELL, "////"), (recovery.stood & ~recovery.recovered, _UNSETTLED, "...."))
+    for starts, color, hatch in lost:
+        # Hatched also for print without color; an edge of the same color closes the seams between cells.
+        cells = np.ma.masked_where(~starts, np.ones(starts.shape))
+        ax.pcolor(edges, radii, cells, cmap=_plain(color), hatch=hatch, edgecolor=_HATCHED, linewidth=0.0)
+    times = np.ma.masked_invalid(recovery.recovery_times)
+    shown = ax.pcolormesh(edges, radii, times, cmap=_TIMES, vmin=0.0, vmax=longest, edgecolors="face", linewidth=0.3)
     share = 100 * recovery.recovered.mean()
     starts = f"{share:.0f} % of the starts recover"
     limit = f"with up to {recovery.max_wheel_torque:.3g} N·m a wheel"

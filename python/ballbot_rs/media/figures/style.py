@@ -37,6 +37,8 @@ _STYLE: dict[str, Any] = {
     "lines.linewidth": 1.5,
     "path.simplify": True,
     "path.simplify_threshold": 0.3,
+    # TrueType, which journals require; the default, Type 3, is rejected by many.
+    "pdf.fonttype": 42,
     "svg.fonttype": "none",
     "svg.hashsalt": "ballbot",
     "text.color": INK,
@@ -48,7 +50,7 @@ _NARROW = {"font.size": 8.0, "axes.titlesize": 8.5, "legend.fontsize": 7.5, "lin
 
 #: Width from which letters have their usual size and panels are side by side, inches; one column of a paper is less.
 FULL_WIDTH = 5.0
-#: Width of legends at the right, and least width of a column, inches.
+#: Width of legends at the right of wide figures, and least width of a column, inches.
 LEGENDS, LEAST_COLUMN = 1.1, 1.5
 #: Narrowest and widest figure, inches.
 WIDTHS = (2.0, 40.0)
@@ -72,32 +74,45 @@ def figure(width: float = 8.0, height: float = 3.2) -> Figure:
 
 
 def columns(rows: int, count: int, width: float | None) -> tuple[Figure, Any, float]:
-    """A figure of columns with common axes and room for legends at its right; its axes; the width of a column, inches.
+    """A figure of columns with common axes and room for legends; its axes; the width of a column, inches.
 
     Raises:
         ValueError: a width out of range, or too narrow for so many columns.
     """
     wide = max(3.0 * count, 4.2) + LEGENDS if width is None else width
-    each = (wide - LEGENDS) / count
+    right = LEGENDS if wide >= FULL_WIDTH else 0.0
+    each = (wide - right) / count
     if each < LEAST_COLUMN:
-        least = 25.4 * (LEAST_COLUMN * count + LEGENDS)
+        least = 25.4 * (LEAST_COLUMN * count + right)
         raise ValueError(
             f"a width of {25.4 * wide:g} mm is too narrow for {count} controllers: at least {least:.0f} mm"
         )
-    fig = figure(wide, min(1.7, 0.8 + 0.3 * each) * rows)
+    fig = figure(wide, min(1.7 if right else 1.15, 0.8 + 0.3 * each) * rows + (0.0 if right else 0.7))
     return fig, fig.subplots(rows, count, sharex=True, sharey="row", squeeze=False), each
 
 
-def legend_right(ax: Any, **options: Any) -> None:
-    """Places the legend of an axis to its right, where there are no curves."""
-    ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=1.4, **options)
+def legends(fig: Figure, axes: Sequence[Any]) -> None:
+    """Legends of rows of panels: to the right of each or, in one column of a paper, one below all."""
+    if fig.get_figwidth() >= FULL_WIDTH:
+        for ax in axes:
+            if ax.get_legend_handles_labels()[0]:
+                ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=2.0)
+        return
+    named = {}
+    for ax in axes:
+        handles, labels = ax.get_legend_handles_labels()
+        for handle, label in zip(handles, labels, strict=True):
+            named.setdefault(label, handle)
+    across = 4 if max(map(len, named)) < 12 else 2
+    options = {"ncols": across, "handlelength": 2.0, "columnspacing": 1.2}
+    fig.legend(named.values(), named.keys(), loc="outside lower center", **options)
 
 
 def below(fig: Figure, handles: Sequence[Any], columns: int) -> None:
     """Places a legend of the whole figure below it."""
     if fig.get_figwidth() < FULL_WIDTH:
         columns = max(columns // 2, 1)
-    fig.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), handlelength=1.4)
+    fig.legend(handles=handles, loc="outside lower center", ncols=min(columns, len(handles)), handlelength=2.0)
 
 
 def check_suffix(path: Path) -> None:

@@ -9,11 +9,12 @@ from matplotlib.figure import Figure
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.figures.labels import title
 from ballbot_rs.media.figures.marks import mark_events, mark_limit
-from ballbot_rs.media.figures.style import COLORS, INK, columns, legend_right
+from ballbot_rs.media.figures.panels import LINES, letter, look
+from ballbot_rs.media.figures.style import COLORS, INK, columns, legends
 
 #: From top to bottom.
 QUANTITIES = (
-    "tilt (deg)",
+    "tilt about x, y\n(deg)",
     "ball position (m)",
     "wheel torque (N\u00b7m)",
     "wheel load (N)",
@@ -45,8 +46,8 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
     for ax in axes[4]:
         mark_limit(ax, 100.0, "limit", both=False)
         ax.set_ylim(bottom=0.0)
-    for ax in axes[:, -1]:
-        legend_right(ax)
+    legends(fig, axes[:, -1])
+    letter(axes.ravel())
     fig.align_ylabels(axes[:, 0])
     return fig
 
@@ -54,23 +55,22 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
 def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
     tilt, position, torque, load, friction = axes
     times = trajectory.times
+    tilts, positions = trajectory.of_states("tilt_components"), trajectory.of_states("ball_position")
     for i, axis in enumerate("xy"):
-        tilt.plot(
-            times, np.degrees(trajectory.of_states("tilt_components")[:, i]), color=COLORS[i], label=f"about {axis}"
-        )
-        position.plot(times, trajectory.of_states("ball_position")[:, i], color=COLORS[i], label=axis)
+        tilt.plot(times, np.degrees(tilts[:, i]), label=axis, **look(i))
+        position.plot(times, positions[:, i], label=axis, **look(i))
         if trajectory.setpoints["position"].any():
-            dashed = {"color": COLORS[i], "linestyle": "--", "linewidth": 1.0, "label": f"{axis}, setpoint"}
-            position.plot(times, trajectory.setpoints["position"][:, i], **dashed)
+            dotted = {"color": COLORS[i], "linestyle": ":", "linewidth": 1.0, "label": f"{axis}, setpoint"}
+            position.plot(times, trajectory.setpoints["position"][:, i], **dotted)
     # Models with contacts have no forces before their first step.
     loads = trajectory.of_contacts("wheel_normal_forces")[1:]
     shares = 100.0 * trajectory.of_contacts("friction_utilization")[1:]
     # A torque holds from a row to the next; the last row has no separate torque.
     for wheel in range(3):
-        style = {"color": COLORS[2 + wheel], "label": f"wheel {wheel}", "linewidth": 1.0}
+        style = {"color": COLORS[2 + wheel], "linestyle": LINES[wheel], "label": f"wheel {wheel}", "linewidth": 1.0}
         torque.plot(times, trajectory.torques[:, wheel], drawstyle="steps-post", **style)
         load.plot(times[1:], loads[:, wheel], **style)
         friction.plot(times[1:], shares[:, wheel], **style)
-    friction.plot(times[1:], shares[:, 3], color=INK, linewidth=1.0, label="floor")
+    friction.plot(times[1:], shares[:, 3], color=INK, linestyle=LINES[3], linewidth=1.0, label="floor")
     mark_events(axes, trajectory)
     friction.set_xlabel("time (s)")
