@@ -1,4 +1,4 @@
-"""Writes the files generated from the core's tables: task classes, types of their options, the stub, docs/tasks.
+"""Writes the files generated from tables: task classes, types of their options, the stub, docs/tasks, badges.
 
 `python tools/generate.py` writes the files; with `--check` it fails if one of them is stale.
 """
@@ -10,7 +10,7 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 sys.path[:0] = [str(ROOT / "tools"), str(ROOT / "python")]
 
-from generate import classes, pages, stub, tables  # noqa: E402
+from generate import badges, classes, pages, stub, tables  # noqa: E402
 
 
 def files() -> dict[Path, str]:
@@ -25,6 +25,7 @@ def files() -> dict[Path, str]:
         core: stub.filled(core.read_text(encoding="utf-8")),
         **{docs / page: pages.with_options(page, (docs / page).read_text(encoding="utf-8")) for page in stages},
         **{docs / "tasks" / name: text for name, text in pages.pages().items()},
+        **{docs / "badges" / name: text for name, text in badges.badges().items()},
     }
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 from validation import page
 from validation.page import Chapter
-from validation.policies import any_robot, robots, shipped
+from validation.policies import any_robot, robots, shipped, slippery
 from validation.policies.training import train_all
 from validation.topic import Findings, Topic
 
@@ -42,10 +42,12 @@ def main() -> int:
     chapters = [
         Chapter("The policies", "", shipped.topics(FOLDER)),
         Chapter("Any robot", "", [any_robot.topic(FOLDER), robots.topic()]),
+        Chapter("Where learning wins", "", [slippery.topic()]),
     ]
     topics = [topic for chapter in chapters for topic in chapter.topics]
     chosen = page.arguments("validation.policies", __doc__, topics).topics or [topic.name for topic in topics]
     recipes = {**shipped.recipes(), "any": [any_robot.RECIPE], "robots": robots.recipes()}
+    recipes["slippery"] = slippery.recipes()
     train_all([recipe for name in chosen for recipe in recipes[name]])
     _export(chosen)
     return page.write("policies", "validation.policies", __doc__, chapters, _head)

@@ -2,16 +2,19 @@
 
 import json
 import multiprocessing
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 #: Folder of runs, kept between calls.
 RUNS = Path(__file__).parents[2] / "runs" / "policies"
 
 #: Concurrent runs, each on one core: the learner is the slower part, and has one thread.
 AT_ONCE = 2
+
+#: Events of recipes, apart from the sets of the package.
+EVENTS: Mapping[str, Any] = {"slippery": [{"term": "wheel_dynamic_friction", "range": [0.15, 1.0]}]}
 
 
 class Recipe(NamedTuple):
@@ -50,7 +53,7 @@ def _text(recipe: Recipe) -> str:
 
     values: dict[str, object] = {"num_threads": 1}
     if recipe.events is not None:
-        values["env.events"] = recipe.events
+        values["env.events"] = EVENTS.get(recipe.events, recipe.events)
     if recipe.robot is not None:
         values["env.robot"] = recipe.robot
     variant = None if recipe.variant is None else Path(recipe.variant)

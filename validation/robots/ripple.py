@@ -7,7 +7,7 @@ bottom.
 
 The gyroscope has lines at these frequencies, which no filter of the control rate takes out at low speed. The second
 table is of a robot that LQR drives towards its first wheel, which then stops; the other two turn at
-$\frac{\sqrt3}{2}\cos\alpha\, v/r_w$. Its first row is what the round wheels leave. The sweep is over $A$, with phases
+$\frac{\sqrt3}{2}\cos\alpha\ v/r_w$. Its first row is what the round wheels leave. The sweep is over $A$, with phases
 of the wheels that differ from robot to robot.
 """
 
