@@ -19,7 +19,7 @@ from tests.support.waiting import wait_until
 WINDOW, WIDTH = (1400, 900), 1000
 
 #: Simulated time of the picture, s: robot and shadow are next to the trail.
-TIME = 11.0
+TIME = 15.0
 
 
 def begin(session: Session) -> None:
@@ -53,10 +53,12 @@ def main(path: Path) -> None:
             page.click(*page.place_of("[...document.querySelectorAll('[role=tab]')].find(t => t.title === 'Plots')"))
             view._page._scene.shows_forces = True
             view.runner.submit(begin)
+            # Before it begins, the time is that of a page that took long to load.
+            wait_until(lambda: session.time < TIME)
             wait_until(lambda: session.time > TIME)
             view.runner.submit(lambda session: setattr(session, "paused", True))
-            # Software rendering lags by some frames.
-            time.sleep(3.0)
+            # Software rendering lags by some frames, and by seconds on a busy machine.
+            time.sleep(20.0)
             picture = Image.open(io.BytesIO(page.screenshot(folder / "page.png"))).convert("RGB")
         finally:
             page.close()

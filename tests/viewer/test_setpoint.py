@@ -6,6 +6,9 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Params
+from ballbot_rs._state_rows import BALL_POSITION
+from ballbot_rs.viewer.panels.status import _goal_of
+from ballbot_rs.viewer.session.commands import RADIUS
 from ballbot_rs.viewer.session.robots import FALLEN_TILT
 from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.paths import ASSETS
@@ -155,3 +158,20 @@ def test_one_robot_of_a_batch_restarts_and_the_others_continue():
     assert np.array_equal(session.setpoint, [1.0, 0.0])
     run(session, 15.0)
     np.testing.assert_allclose(session.frame().states[:, :2], np.tile([1.0, 0.0], (4, 1)), atol=0.02)
+
+
+def test_on_a_curve_the_status_has_the_distance_from_the_curve():
+    """The setpoint leads the robot by far more than the robot's error."""
+    session = Session()
+    session.follow("circle")
+    for _ in range(round(4.0 / session.driver.control_dt)):
+        session.step()
+    frame = session.frame()
+    ball = frame.states[0, BALL_POSITION][:2]
+    assert np.linalg.norm(frame.setpoint - ball) > 0.05
+    # The circle begins at the setpoint, its center is a radius away.
+    center = frame.route.mean(axis=0)
+    off = abs(np.linalg.norm(ball - center) - RADIUS)
+    assert off < 0.03
+    shown = float(_goal_of(session, frame).split("ball ")[1].split(" m")[0])
+    assert shown == pytest.approx(off, abs=0.006)

@@ -153,8 +153,20 @@ def _goal_of(session: Session, frame: Frame) -> str:
     if frame.setpoint is None:
         return f"{session.controller} does not follow a setpoint"
     x, y = frame.setpoint.tolist()
-    distance = float(np.linalg.norm(frame.setpoint - frame.states[0, BALL_POSITION][:2]))
+    ball = frame.states[0, BALL_POSITION][:2]
+    if frame.route is not None:
+        # On a curve the setpoint leads: its distance is not an error.
+        return f"({_text(x)}, {_text(y)}) m, ball {_distance(frame.route, ball):.2f} m off the curve"
+    distance = float(np.linalg.norm(frame.setpoint - ball))
     return f"({_text(x)}, {_text(y)}) m, {distance:.2f} m away"
+
+
+def _distance(curve: npt.NDArray[np.float64], point: npt.NDArray[np.float64]) -> float:
+    """Distance of a point from a closed polygon, m."""
+    edges = np.roll(curve, -1, axis=0) - curve
+    along = np.einsum("ij,ij->i", point - curve, edges) / np.einsum("ij,ij->i", edges, edges)
+    nearest = curve + np.clip(along, 0.0, 1.0)[:, np.newaxis] * edges
+    return float(np.linalg.norm(nearest - point, axis=1).min())
 
 
 def _text(value: float, digits: int = 2) -> str:
