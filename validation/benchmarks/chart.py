@@ -34,7 +34,7 @@ def draw(throughput: list[dict[str, Any]], path: Path) -> None:
     axes.set_yticks(range(len(rows)), [label(row["simulator"]) for row in rows])
     axes.set_xscale("log")
     low, high = rows[0]["min"], rows[-1]["max"]
-    axes.set_xlim(10.0 ** int(math.log10(low) - 0.3), high * 4.0)
+    axes.set_xlim(10.0 ** int(math.log10(low) - 0.3), high * 8.0)
     axes.set_xlabel(f"environment steps a second on one core, actions of ±{HEADLINE_TORQUE} N·m")
     axes.spines[["top", "right", "left"]].set_visible(False)
     axes.tick_params(axis="y", length=0.0)

@@ -34,10 +34,11 @@ ballbot evaluate runs/slippery --controller lqr --episodes 200 \\
   --set 'events=[{"term": "wheel_dynamic_friction", "range": [0.2, 0.2]}]'
 ```
 
-A lower torque limit of LQR (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) holds down to μ = 0.2 as well; no limit that we tried
-holds both the large tilts on dry wheels and the small ones on the most slippery wheels. An LQR that is designed for the
-true friction is in [off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each number is the percentage of
-200 episodes without a fall; bands in the figure are the range of the seeds and, for LQR, Wilson's 95 % intervals.
+A lower torque limit of LQR (`bb.Lqr(params, control_dt=0.01, max_torque=0.1)`) holds down to μ = 0.2 as well. No limit
+that we tried holds both large tilts on dry wheels and small tilts on the most slippery wheels. An LQR that is designed
+for the true friction is in [off-nominal robots](robots.md#friction-of-the-wheels-on-the-ball). Each number is the
+percentage of 200 episodes without a fall; bands in the figure are the range of the seeds and, for LQR, Wilson's 95 %
+intervals.
 """
 
 Rates = Mapping[str, Sequence[float]]
