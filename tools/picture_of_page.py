@@ -53,7 +53,7 @@ def main(path: Path) -> None:
             page.click(*page.place_of("[...document.querySelectorAll('[role=tab]')].find(t => t.title === 'Plots')"))
             view._page._scene.shows_forces = True
             view.runner.submit(begin)
-            # Before it begins, the time is that of a page that took long to load.
+            # Before it begins, the time may be larger: a page takes long to load on a busy machine.
             wait_until(lambda: session.time < TIME)
             wait_until(lambda: session.time > TIME)
             view.runner.submit(lambda session: setattr(session, "paused", True))

@@ -156,14 +156,25 @@ def draw(fig: "Figure", found: Found) -> None:
                 axes.plot(score, row, **dot)
     left.set_yticks(range(len(shown)), [short(name) if name != POLICY else name for name in shown])
     left.invert_yaxis()
+    for axes in (left, middle, right):
+        axes.set_title("\n\n")
+        axes.margins(x=0.08)
     left.set(xlabel="circle in 4 s, error (mm rms)", xlim=(0, None))
     middle.set(xlabel="worst push (N\u00b7s)", xlim=(0, None))
     right.set(xlabel="worst tilt (deg)", xlim=(0, None))
-    for axes, scenarios, suffix in ((middle, _DELAYS, " ms delay"), (right, _FRICTIONS, "")):
+    for axes, scenarios, title in ((middle, _DELAYS, "delay (ms)"), (right, _FRICTIONS, "friction of the wheels")):
         axes.tick_params(labelleft=False)
-        keys = [Line2D([], [], label=f"{x:g}{suffix}", **dot) for x, dot in zip(scenarios, _DOTS, strict=False)]
-        options: dict[str, Any] = {"handletextpad": 0.2, "columnspacing": 0.8, "title": None if suffix else "friction"}
-        axes.legend(handles=keys, loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2 if suffix else 3, **options)
+        keys = [Line2D([], [], label=f"{x:g}", **dot) for x, dot in zip(scenarios, _DOTS, strict=False)]
+        options: dict[str, Any] = {
+            "handletextpad": 0.0,
+            "columnspacing": 0.4,
+            "ncols": len(keys),
+            "title": title,
+            "fontsize": "small",
+        }
+        above = axes.legend(handles=keys, loc="lower right", bbox_to_anchor=(1.0, 1.0), **options)
+        # The titles keep its room: with it in the layout, a wide legend would push the other panels away.
+        above.set_in_layout(False)
     _basins(fig.add_subplot(grid[1, :]), found)
 
 
@@ -184,7 +195,7 @@ def _basins(axes: "Axes", found: Found) -> None:
     for number, name in enumerate(("lqr", "cascade_pid", "lqr_pi", POLICY)):
         largest = found[name, "S2-rest"].largest
         azimuths = np.degrees(np.arange(len(largest)) * 2.0 * np.pi / len(largest))
-        style: dict[str, Any] = {**look(number), "marker": MARKERS[number], "markersize": 6.5 - 1.2 * number}
+        style: dict[str, Any] = {**look(number), "marker": MARKERS[number], "markersize": 9 - 2 * number}
         axes.plot(azimuths, largest, label=short(name) if name != POLICY else name, **style)
     axes.set(xlabel="direction of the tilt (deg)", ylabel="largest tilt (deg)", ylim=(0, None), xlim=(-5, 350))
     axes.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))

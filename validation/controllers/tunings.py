@@ -29,7 +29,7 @@ The figure has a row per law: the error on a fast circle, the worst-case push li
 """
 
 from collections.abc import Callable, Mapping
-from typing import TYPE_CHECKING, Final
+from typing import TYPE_CHECKING, Any, Final
 
 from ballbot_rs._core import CONTROLLERS, Params
 from ballbot_rs.media.figures.labels import short
@@ -134,7 +134,7 @@ def draw(fig: "Figure", found: Found) -> None:
     needed = ("S13-4s", "S3-at-once", "S1-sensors")
     # `mppi` and `nmpc` are not pushed.
     laws = [law for law in matrix.names() if all((law, DEFAULT, scenario) in found for scenario in needed)]
-    looks = {
+    looks: dict[str, dict[str, Any]] = {
         DEFAULT: {"marker": "o", "color": COLORS[0]},
         PUBLISHED: {"marker": "x", "color": COLORS[1], "markeredgewidth": 1.6},
         TUNED: {"marker": "s", "color": COLORS[2], "markerfacecolor": "none"},

@@ -144,7 +144,12 @@ class Measured:
             fell = {**style, "linestyle": "none", "markerfacecolor": "white"}
             position.plot(values, np.where(rates < 1.0, distances, np.nan), **fell)
         if any(result.survival_rate < 1.0 for results in self.results.values() for result in results):
-            hollow = {"color": "#868e96", "marker": "o", "markerfacecolor": "white", "linestyle": "none"}
+            hollow: dict[str, Any] = {
+                "color": "#868e96",
+                "marker": "o",
+                "markerfacecolor": "white",
+                "linestyle": "none",
+            }
             position.plot([], [], label="some fell", **hollow)
             position.legend()
         upright.set(xlabel=self.sweep.label, ylabel="upright (%)", ylim=(-4, 104))

@@ -28,7 +28,7 @@ def draw(curves: Sequence[Curve], width: float | None = None) -> Figure:
 def draw_on(fig: Figure, curves: Sequence[Curve]) -> None:
     """As `draw`, on an existing figure."""
     returns, successes = fig.subplots(1, 2) if fig.get_figwidth() >= FULL_WIDTH else fig.subplots(2, 1)
-    keys = []
+    keys: list[Any] = []
     for number, group in enumerate(by_configuration(curves)):
         _draw_group(returns, group, "returns", 1.0, number)
         _draw_group(successes, group, "successes", 100.0, number)

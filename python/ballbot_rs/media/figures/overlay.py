@@ -43,8 +43,8 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
         ax.set_ylabel(label)
         ax.margins(x=0.02)
     limits = {one.max_wheel_torque for one in trajectories}
-    if len(limits) == 1 and None not in limits:
-        (limit,) = limits
+    limit = limits.pop() if len(limits) == 1 else None
+    if limit is not None:
         mark_limit(axes[4], limit, f"limit {limit:.3g} N\u00b7m", both=False)
     mark_limit(axes[5], 100.0, "limit", both=False)
     for ax in axes[4:]:

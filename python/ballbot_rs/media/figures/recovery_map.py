@@ -68,9 +68,9 @@ def _draw_map(ax: Any, recovery: Recovery, longest: float, inches: float) -> Any
     ax.set_axisbelow(False)
     ax.grid(False)
     lost = ((~recovery.stood, _FELL, "////"), (recovery.stood & ~recovery.recovered, _UNSETTLED, "...."))
-    for starts, color, hatch in lost:
+    for those, color, hatch in lost:
         # Hatched also for print without color; an edge of the same color closes the seams between cells.
-        cells = np.ma.masked_where(~starts, np.ones(starts.shape))
+        cells = np.ma.masked_where(~those, np.ones(those.shape))
         ax.pcolor(edges, radii, cells, cmap=_plain(color), hatch=hatch, edgecolor=_HATCHED, linewidth=0.0)
     times = np.ma.masked_invalid(recovery.recovery_times)
     shown = ax.pcolormesh(edges, radii, times, cmap=_TIMES, vmin=0.0, vmax=longest, edgecolors="face", linewidth=0.3)

@@ -98,7 +98,7 @@ def legends(fig: Figure, axes: Sequence[Any]) -> None:
             if ax.get_legend_handles_labels()[0]:
                 ax.legend(loc="center left", bbox_to_anchor=(1.01, 0.5), borderaxespad=0.0, handlelength=2.0)
         return
-    named = {}
+    named: dict[str, Any] = {}
     for ax in axes:
         handles, labels = ax.get_legend_handles_labels()
         for handle, label in zip(handles, labels, strict=True):
