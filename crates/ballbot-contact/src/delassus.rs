@@ -187,6 +187,39 @@ impl<L: Lane, V: Value<L>> Delassus<L, V> {
     }
 }
 
+impl Delassus<f64, f64> {
+    /// The matrix by rows, in the order of [`PerRow`].
+    #[inline(always)]
+    pub fn rows(&self) -> PerRow<[f64; PerRow::<f64>::LEN]> {
+        let (normal_drive, floor_normal, floor_drive) = (&self.normal_drive, &self.floor_normal, &self.floor_drive);
+        let (joint_normal, joint_drive) = (self.joint_normal.transposed(), self.joint_drive.transposed());
+        let drive_normal = normal_drive.transposed();
+        let of_floor = |k: usize| {
+            let mut own = [0.0; 3];
+            own[k] = if k == 0 { self.ball_mass_inverse } else { self.floor_compliance };
+            joined([own, floor_normal[k].0, floor_drive[k].0, [0.0; 3]])
+        };
+        let column = |of_floor: &[Wheels<f64>; 3], i: usize| [of_floor[0][i], of_floor[1][i], of_floor[2][i]];
+        PerRow {
+            floor: [of_floor(0), of_floor(1), of_floor(2)],
+            normals: Wheels::from_fn(|i| {
+                joined([column(floor_normal, i), self.normal_normal[i].0, normal_drive[i].0, joint_normal[i].0])
+            }),
+            drives: Wheels::from_fn(|i| {
+                joined([column(floor_drive, i), drive_normal[i].0, self.drive_drive[i].0, joint_drive[i].0])
+            }),
+            joints: Wheels::from_fn(|i| {
+                joined([[0.0; 3], self.joint_normal[i].0, self.joint_drive[i].0, self.joint_joint[i].0])
+            }),
+        }
+    }
+}
+
+#[inline(always)]
+fn joined(parts: [[f64; 3]; 4]) -> [f64; PerRow::<f64>::LEN] {
+    std::array::from_fn(|i| parts[i / 3][i % 3])
+}
+
 impl<L, V> Delassus<L, V> {
     /// The matrix with `f` applied to each number, and `constant` to each constant.
     #[inline(always)]

@@ -5,6 +5,7 @@
 //! impulses, and a second application of the impulses adds their derivatives.
 
 use super::active_set::{Conditions, Modes};
+use super::body_contacts::Near;
 use super::constants::Constants;
 use super::delassus::Delassus;
 use super::footing::Footing;
@@ -12,11 +13,11 @@ use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
+use super::step::count_searches;
 use super::types::{Actions, PerRow};
-use ballbot_base::lanes::{Dual, DualCell, Lane, Scalar, Value, Vec3, run_one};
+use ballbot_base::lanes::{Dual, DualCell, Lane, Scalar, Slopes, Twelve, Value, Vec3, run_one};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::{WHEELS, Wheels};
-use nalgebra::SMatrix;
 use std::sync::Arc;
 
 /// Number of rows: of the floor, and of three wheels normal, drive and joint.
@@ -33,11 +34,13 @@ pub struct SolvedStep {
     /// Impulses of the contacts, in the frame of the ground.
     impulses: PerRow<f64>,
     modes: Modes<f64>,
-    /// −F_λ⁻¹.
-    inverse: SMatrix<f64, ROWS, ROWS>,
+    /// F_λ.
+    slope: Factors,
     kinds: Kinds,
     /// The robot after the step, unless the bot touches the floor, or the ball its body.
     after: ContactState<f64>,
+    /// Whether they may touch.
+    near: bool,
     /// Distance from other modes: the smallest change of an impulse, as a fraction of the impulse of a wheel's static
     /// load, of a gap, as a fraction of g dt², or of a joint's impulse, as a fraction of its dry friction, with which a
     /// contact changes its mode.
@@ -72,6 +75,7 @@ impl SolvedStep {
         }
         brake::<f64, f64>(c, Scalar, &mut state);
         let start = Start::<f64>::new::<true, f64>(c, Scalar, &state);
+        let near = Near::new(c, &start, Scalar, &state, footing.as_ref()).mask;
         let (friction, joint_friction) = (Friction::new(c, &start.rows, &start.velocities), JointFriction::new(c, 0.0));
         let free = free_velocities(c, Scalar, &state, &start, &actions);
         let residuals = start.rows.residuals::<true, f64>(c, &free);
@@ -84,35 +88,35 @@ impl SolvedStep {
             joint_friction: &joint_friction,
             static_impulse,
         };
-        let impulses = conditions.solution::<true>(Scalar, &state.impulses(Scalar), true).impulses;
+        let solution = conditions.solution::<true>(Scalar, &state.impulses(Scalar), true);
+        count_searches(Scalar, &solution, &mut state);
+        let impulses = solution.impulses;
         let mut residuals = residuals;
         delassus.add_effect::<true>(&impulses, &mut residuals);
         let conditions = Conditions { residuals: &residuals, ..conditions };
         let trial = conditions.trial::<true>(&impulses, &residuals);
         let modes = Modes::of(&trial, &friction, &joint_friction);
 
-        let mut slope = SMatrix::<f64, ROWS, ROWS>::zeros();
-        let constant = |number: &f64| Dual { value: *number, derivatives: 0.0 };
-        for column in 0..ROWS {
-            let mut next = 0;
-            let unit = impulses.map(|_| {
-                next += 1;
-                if next - 1 == column { 1.0 } else { 0.0 }
-            });
-            let mut effect = impulses.map(|_| 0.0);
-            delassus.add_effect::<true>(&unit, &mut effect);
-            let (mut moved, mut moving) = (impulses.map(constant), residuals.map(constant));
-            moved.zip_mut(&unit, |number, derivative| number.derivatives = *derivative);
-            moving.zip_mut(&effect, |number, derivative| number.derivatives = *derivative);
-            let (friction, joint_friction) = (friction.map(constant), joint_friction.map(constant));
-            let tangent = constant(&c.floor_compliance_inverse);
-            let equations = equations(&modes, &moved, &moving, &friction, &joint_friction, tangent);
-            let mut row = 0;
-            equations.map(|equation| {
-                slope[(row, column)] = -equation.derivatives;
+        // Each row has derivatives by the impulse of each row.
+        let mut row = 0;
+        let moved = impulses.map(
+            #[inline(always)]
+            |impulse| {
+                let mut unit = Twelve::default();
+                unit.0[row] = 1.0;
                 row += 1;
-            });
-        }
+                Dual { value: *impulse, derivatives: unit }
+            },
+        );
+        let mut moving = residuals.map(constant);
+        moving.zip_mut(
+            &delassus.rows(),
+            #[inline(always)]
+            |residual, row| residual.derivatives.0 = *row,
+        );
+        let (limits, joint_limits) = (friction.map(constant), joint_friction.map(constant));
+        let tangent = constant(&c.floor_compliance_inverse);
+        let equations = equations(&modes, &moved, &moving, &limits, &joint_limits, tangent);
         let (kinds, margin) = kinds(c, &start, &trial, &friction, &joint_friction, static_impulse);
         let mut velocities = free;
         start.rows.apply::<true, true, f64>(c, &impulses, &mut velocities);
@@ -120,7 +124,7 @@ impl SolvedStep {
         if let Some(footing) = &footing {
             footing.leave::<f64>(Scalar, &mut state);
         }
-        Some(Self { impulses, modes, inverse: slope.try_inverse()?, kinds, after: state, margin })
+        Some(Self { impulses, modes, slope: Factors::new(&equations)?, kinds, after: state, near, margin })
     }
 
     /// The mode of each contact.
@@ -131,6 +135,11 @@ impl SolvedStep {
     /// Whether all contacts have the modes of another step.
     pub fn has_modes_of(&self, other: &Self) -> bool {
         self.kinds == other.kinds
+    }
+
+    /// The robot after the step, unless the bot is near the floor, or the ball near its body.
+    pub fn end(&self) -> Option<&ContactState<f64>> {
+        (!self.near).then_some(&self.after)
     }
 
     /// Whether the step led to a state: otherwise the bot touched the floor, or the ball its body.
@@ -144,7 +153,7 @@ impl SolvedStep {
 
     /// Advances a robot by this step, with derivatives.
     #[inline(always)]
-    pub fn advance<D: Lane, V: Value<Dual<D>>, const RIPPLE: bool>(
+    pub fn advance<D: Slopes, V: Value<Dual<D>>, const RIPPLE: bool>(
         &self,
         c: &Constants<V>,
         token: D::Token,
@@ -183,29 +192,103 @@ impl SolvedStep {
 
     /// Gives constant impulses their derivatives, from the derivatives of their equations.
     #[inline(always)]
-    fn add_derivatives<D: Lane>(&self, equations: &PerRow<Dual<D>>, impulses: &mut PerRow<Dual<D>>) {
+    fn add_derivatives<D: Slopes>(&self, equations: &PerRow<Dual<D>>, impulses: &mut PerRow<Dual<D>>) {
         let mut slopes = [equations.floor[0].derivatives; ROWS];
-        let mut next = 0;
+        let mut row = 0;
         equations.map(
             #[inline(always)]
             |equation| {
-                slopes[next] = equation.derivatives;
-                next += 1;
+                slopes[row] = equation.derivatives;
+                row += 1;
             },
         );
+        let found = self.slope.minus_inverse_times(&slopes);
         let mut row = 0;
-        let found = impulses.map(
+        *impulses = impulses.map(
             #[inline(always)]
             |impulse| {
-                let mut sum = impulse.derivatives;
-                for (column, slope) in slopes.iter().enumerate() {
-                    sum = slope.mul_add_all(self.inverse[(row, column)], sum);
-                }
                 row += 1;
-                Dual { value: impulse.value, derivatives: sum }
+                Dual { value: impulse.value, derivatives: found[row - 1] }
             },
         );
-        *impulses = found;
+    }
+}
+
+#[inline(always)]
+fn constant(number: &f64) -> Dual<Twelve> {
+    Dual { value: *number, derivatives: Twelve::default() }
+}
+
+/// Triangular factors of a matrix with its rows in another order.
+struct Factors {
+    /// Left factor below the diagonal, negative, and right factor above it.
+    rows: [[f64; ROWS]; ROWS],
+    /// Inverse of the diagonal of the right factor, negative.
+    diagonal: [f64; ROWS],
+    order: [usize; ROWS],
+}
+
+impl Factors {
+    /// Of the derivatives of equations by the impulses; `None` if they are singular.
+    #[inline(always)]
+    fn new(equations: &PerRow<Dual<Twelve>>) -> Option<Self> {
+        let mut rows = [[0.0; ROWS]; ROWS];
+        let mut row = 0;
+        equations.map(
+            #[inline(always)]
+            |equation| {
+                rows[row] = equation.derivatives.0;
+                row += 1;
+            },
+        );
+        let (mut diagonal, mut order) = ([0.0; ROWS], std::array::from_fn(|row| row));
+        for k in 0..ROWS {
+            let mut pivot = k;
+            for row in k + 1..ROWS {
+                if rows[row][k].abs() > rows[pivot][k].abs() {
+                    pivot = row;
+                }
+            }
+            rows.swap(k, pivot);
+            order.swap(k, pivot);
+            diagonal[k] = -1.0 / rows[k][k];
+            if !diagonal[k].is_finite() {
+                return None;
+            }
+            let right = rows[k];
+            for left in &mut rows[k + 1..] {
+                if left[k] == 0.0 {
+                    continue;
+                }
+                let factor = left[k] * diagonal[k];
+                for (number, right) in left[k + 1..].iter_mut().zip(&right[k + 1..]) {
+                    *number = factor.mul_add(*right, *number);
+                }
+                left[k] = factor;
+            }
+        }
+        Some(Self { rows, diagonal, order })
+    }
+
+    /// −F⁻¹ times a column.
+    #[inline(always)]
+    fn minus_inverse_times<D: Slopes>(&self, column: &[D; ROWS]) -> [D; ROWS] {
+        let mut out = *column;
+        for i in 0..ROWS {
+            let mut sum = column[self.order[i]];
+            for j in 0..i {
+                sum = out[j].mul_add(self.rows[i][j], sum);
+            }
+            out[i] = sum;
+        }
+        for i in (0..ROWS).rev() {
+            let mut sum = out[i];
+            for j in i + 1..ROWS {
+                sum = out[j].mul_add(self.rows[i][j], sum);
+            }
+            out[i] = sum * self.diagonal[i];
+        }
+        out
     }
 }
 

@@ -33,6 +33,9 @@ impl<L: Lane> Ripple<L> {
         let zero = amplitude.zero();
         let mut ripple = Self::none(zero);
         ripple.on = zero.lt(amplitude);
+        if !L::any(ripple.on) {
+            return ripple;
+        }
         for (i, phase) in at3(c.roller_phases.0, amplitude).into_iter().enumerate() {
             let (sin, cos) = sin_cos(pose.wheel_angles[i].mul_add(count, phase));
             let speed = encoder_rate(c, v, i);

@@ -235,7 +235,7 @@ fn solve<L: Lane, V: Value<L>, const JOINTS: bool, const RIPPLE: bool>(
 }
 
 #[inline(always)]
-fn count_searches<L: Lane>(token: L::Token, solution: &Solution<L>, state: &mut ContactState<L::Cell>) {
+pub fn count_searches<L: Lane>(token: L::Token, solution: &Solution<L>, state: &mut ContactState<L::Cell>) {
     if L::any(solution.searched) {
         let zero = solution.impulses.floor[0].zero();
         let one = zero.splat(1.0);

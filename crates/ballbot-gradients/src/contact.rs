@@ -6,7 +6,9 @@ use crate::rolling;
 use crate::{Differentiable, Jacobian, MOST_STEPS, RollingJacobian, too_sensitive};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::LaneState;
-use ballbot_base::lanes::{Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Value, Wide, run_directions};
+use ballbot_base::lanes::{
+    Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Slopes, Thirds, Value, run_directions,
+};
 use ballbot_base::params::Params;
 use ballbot_base::state::unit_quaternion;
 use ballbot_base::terrain::Ground;
@@ -122,7 +124,10 @@ impl Differentiated {
             let step = SolvedStep::new(c, &state, ground, torques).ok_or_else(|| {
                 Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
             })?;
-            advance(c, &mut state, footing.as_mut(), torques, 1);
+            match step.end() {
+                Some(end) => state.clone_from(end),
+                None => advance(c, &mut state, footing.as_mut(), torques, 1),
+            }
             if state.diverged > 0.0 {
                 return Err(Error::Diverged { time, reason: "the next state is not finite".into() });
             }
@@ -213,7 +218,7 @@ struct Passes<'a> {
 impl Kernel for Passes<'_> {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
-        self.along_all::<Wide<S>>(simd);
+        self.along_all::<Thirds<S>>(simd);
     }
 
     fn run_one_by_one(self) {
@@ -270,9 +275,9 @@ impl Problem<'_> {
 impl Passes<'_> {
     /// Differentiates along all directions.
     #[inline(always)]
-    fn along_all<L: Lane>(self, token: L::Token) {
-        for some in self.directions.chunks(L::Cell::WIDTH) {
-            let Moved { value, state, forces } = pass::<L>(token, self.problem, some);
+    fn along_all<D: Slopes>(self, token: D::Token) {
+        for some in self.directions.chunks(D::Cell::WIDTH) {
+            let Moved { value, state, forces } = pass::<D>(token, self.problem, some);
             self.columns.extend((0..some.len()).map(|lane| Column {
                 state: coordinates(&value, &state.map(|cell| cell.derivatives.get(lane))),
                 forces: forces.map(|cell| cell.derivatives.get(lane)),
@@ -328,8 +333,8 @@ struct Moved<C> {
 
 /// The motion with derivatives along some directions.
 #[inline(always)]
-fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<L::Cell> {
-    let cell = |value: &f64| DualCell { value: *value, derivatives: L::Cell::default() };
+fn pass<D: Slopes>(token: D::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<D::Cell> {
+    let cell = |value: &f64| DualCell { value: *value, derivatives: D::Cell::default() };
     let start = problem.state.read(problem.constants);
     let mut seeds = start.map(cell);
     let mut state = problem.state.map(cell);
@@ -355,9 +360,9 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
     let constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
     if !directions.iter().any(|direction| matches!(direction, Direction::Parameter(_))) {
         return if problem.has_ripple() {
-            moved::<L, f64, true>(&constants, token, problem, (seeds, state, torques))
+            moved::<D, f64, true>(&constants, token, problem, (seeds, state, torques))
         } else {
-            moved::<L, f64, false>(&constants, token, problem, (seeds, state, torques))
+            moved::<D, f64, false>(&constants, token, problem, (seeds, state, torques))
         };
     }
     let mut constants = constants.map(cell);
@@ -366,7 +371,7 @@ fn pass<L: Lane>(token: L::Token, problem: &Problem<'_>, directions: &[Direction
             constants.zip_mut(&problem.slopes[i], |cell, slope| cell.derivatives.set(lane, *slope));
         }
     }
-    moved::<L, Own<Dual<L>>, true>(&constants.owned::<Dual<L>>(token), token, problem, (seeds, state, torques))
+    moved::<D, Own<Dual<D>>, true>(&constants.owned::<Dual<D>>(token), token, problem, (seeds, state, torques))
 }
 
 /// Memory of a robot with derivatives.
@@ -374,21 +379,21 @@ type Seeds<C> = (LaneState<DualCell<C>>, ContactState<DualCell<C>>, Wheels<DualC
 
 /// The motion of a robot whose state, memory and torques have derivatives.
 #[inline(always)]
-fn moved<L: Lane, V: Value<Dual<L>>, const RIPPLE: bool>(
+fn moved<D: Slopes, V: Value<Dual<D>>, const RIPPLE: bool>(
     c: &Constants<V>,
-    token: L::Token,
+    token: D::Token,
     problem: &Problem<'_>,
-    (mut public, mut state, torques): Seeds<L::Cell>,
-) -> Moved<L::Cell> {
-    state.set_lane_state(c, &public.load::<Dual<L>>(token));
+    (mut public, mut state, torques): Seeds<D::Cell>,
+) -> Moved<D::Cell> {
+    state.set_lane_state(c, &public.load::<Dual<D>>(token));
     // The motion starts from the bits of the robot's memory.
     state.zip_mut(problem.state, |cell, value| cell.value = *value);
     let mut footing = problem.ground.map(Footing::new);
     for step in problem.solved {
-        step.advance::<L, V, RIPPLE>(c, token, &mut state, footing.as_mut(), &torques);
+        step.advance::<D, V, RIPPLE>(c, token, &mut state, footing.as_mut(), &torques);
     }
-    public.store(&state.lane_state::<Dual<L>, V>(token, c));
-    let impulses = state.impulses::<Dual<L>>(token);
+    public.store(&state.lane_state::<Dual<D>, V>(token, c));
+    let impulses = state.impulses::<Dual<D>>(token);
     let rate = problem.constants.sim_dt.recip();
     let [z, x, y] = impulses.floor;
     let ([n0, n1, n2], [d0, d1, d2]) = (impulses.normals.0, impulses.drives.0);

@@ -1,8 +1,8 @@
 //! Numbers with derivatives against closed forms.
 
 use ballbot_base::lanes::{
-    Dual, DualCell, Eight, Kernel, Lane, Registers, Scalar, Wide, exp_of_negative, floor, run_directions, sin_cos,
-    tanh, wrapped_angle,
+    Dual, DualCell, Kernel, Lane, Registers, Scalar, Slopes, TWELVE, Thirds, Twelve, exp_of_negative, floor,
+    run_directions, sin_cos, tanh, wrapped_angle,
 };
 
 /// A value, and a function with its slope there.
@@ -42,24 +42,28 @@ struct Check;
 impl Kernel for Check {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
-        let directions = Eight([0.0, 1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0]);
-        for (k, (at, function, slope)) in cases::<Dual<Wide<S>>>().into_iter().enumerate() {
-            let mut cell = DualCell::default();
-            function(number(simd, at, directions)).store(&mut cell);
-            let Eight(found) = cell.derivatives;
-            for (i, derivative) in found.into_iter().enumerate() {
-                let expected = slope * i as f64;
-                assert!((derivative - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "case {k}: {derivative}");
-            }
-        }
+        check::<Thirds<S>>(simd);
     }
 
     fn run_one_by_one(self) {}
 }
 
+fn check<D: Slopes<Cell = Twelve>>(token: D::Token) {
+    let directions: [f64; TWELVE] = std::array::from_fn(|i| i as f64);
+    for (k, (at, function, slope)) in cases::<Dual<D>>().into_iter().enumerate() {
+        let mut cell = DualCell::default();
+        function(number(token, at, Twelve(directions))).store(&mut cell);
+        for (derivative, direction) in cell.derivatives.0.into_iter().zip(directions) {
+            let expected = slope * direction;
+            assert!((derivative - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "case {k}: {derivative}");
+        }
+    }
+}
+
 #[test]
 fn derivatives_equal_closed_forms() {
     run_directions(Check);
+    check::<Twelve>(Scalar);
     for (k, (at, function, slope)) in cases::<Dual<f64>>().into_iter().enumerate() {
         let mut cell = DualCell::default();
         function(number(Scalar, at, 1.0)).store(&mut cell);

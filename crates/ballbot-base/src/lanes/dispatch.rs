@@ -71,7 +71,7 @@ pub fn run_one<R>(kernel: impl FnOnce() -> R) -> R {
     kernel()
 }
 
-/// Runs a computation on eight directions of one robot: in registers of four, also where there are wider ones, so that it
+/// Runs a computation on twelve directions of one robot: in registers of four, also where there are wider ones, so that it
 /// is compiled once.
 #[inline]
 pub fn run_directions<K: Kernel>(kernel: K) {

@@ -1,19 +1,19 @@
 //! Numbers with derivatives: forward differentiation of code over lanes.
 //!
-//! A [`Dual`] is a number of one robot and its derivatives along several directions, side by side in the lanes of a
-//! vector register. Code over [`Lane`] computes with it what it computes with `f64`, to the last bit, and the
-//! derivatives follow by the chain rule. Where a function has a kink, the derivative is the one of the branch taken.
+//! A [`Dual`] is a number of one robot and its derivatives along several directions, side by side ([`Slopes`]). Code
+//! over [`Lane`] computes with it what it computes with `f64`, to the last bit, and the derivatives follow by the chain
+//! rule. Where a function has a kink, the derivative is the one of the branch taken.
 
-use super::{Cell, Lane};
+use super::{Cell, Lane, Slopes};
 use std::ops::{Add, AddAssign, Div, Mul, Neg, Sub, SubAssign};
 
-/// A number with derivatives along as many directions as `L` has lanes.
+/// A number with derivatives along several directions.
 #[derive(Clone, Copy, Debug)]
-pub struct Dual<L> {
+pub struct Dual<D> {
     /// The number.
     pub value: f64,
     /// Its derivatives.
-    pub derivatives: L,
+    pub derivatives: D,
 }
 
 /// Storage of a [`Dual`].
@@ -40,7 +40,7 @@ impl<C: Cell> Cell for DualCell<C> {
     }
 }
 
-impl<L: Lane> Dual<L> {
+impl<D: Slopes> Dual<D> {
     /// `value`, a function of the number whose slope there is `factor`.
     #[inline(always)]
     fn chained(self, value: f64, factor: f64) -> Self {
@@ -48,7 +48,7 @@ impl<L: Lane> Dual<L> {
     }
 }
 
-impl<L: Lane> Add for Dual<L> {
+impl<D: Slopes> Add for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -58,7 +58,7 @@ impl<L: Lane> Add for Dual<L> {
     }
 }
 
-impl<L: Lane> AddAssign for Dual<L> {
+impl<D: Slopes> AddAssign for Dual<D> {
     #[inline(always)]
     fn add_assign(&mut self, other: Self) {
         self.value += other.value;
@@ -66,7 +66,7 @@ impl<L: Lane> AddAssign for Dual<L> {
     }
 }
 
-impl<L: Lane> Sub for Dual<L> {
+impl<D: Slopes> Sub for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -76,7 +76,7 @@ impl<L: Lane> Sub for Dual<L> {
     }
 }
 
-impl<L: Lane> SubAssign for Dual<L> {
+impl<D: Slopes> SubAssign for Dual<D> {
     #[inline(always)]
     fn sub_assign(&mut self, other: Self) {
         self.value -= other.value;
@@ -84,28 +84,28 @@ impl<L: Lane> SubAssign for Dual<L> {
     }
 }
 
-impl<L: Lane> Mul for Dual<L> {
+impl<D: Slopes> Mul for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
     fn mul(self, other: Self) -> Self {
-        let derivatives = other.derivatives.mul_add_all(self.value, self.derivatives * other.value);
+        let derivatives = other.derivatives.mul_add(self.value, self.derivatives * other.value);
         Self { value: self.value * other.value, derivatives }
     }
 }
 
-impl<L: Lane> Div for Dual<L> {
+impl<D: Slopes> Div for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
     fn div(self, other: Self) -> Self {
         let (quotient, inverse) = (self.value / other.value, 1.0 / other.value);
-        let derivatives = other.derivatives.mul_add_all(-quotient * inverse, self.derivatives * inverse);
+        let derivatives = other.derivatives.mul_add(-quotient * inverse, self.derivatives * inverse);
         Self { value: quotient, derivatives }
     }
 }
 
-impl<L: Lane> Neg for Dual<L> {
+impl<D: Slopes> Neg for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -114,7 +114,7 @@ impl<L: Lane> Neg for Dual<L> {
     }
 }
 
-impl<L: Lane> Add<f64> for Dual<L> {
+impl<D: Slopes> Add<f64> for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -123,7 +123,7 @@ impl<L: Lane> Add<f64> for Dual<L> {
     }
 }
 
-impl<L: Lane> Sub<f64> for Dual<L> {
+impl<D: Slopes> Sub<f64> for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -132,7 +132,7 @@ impl<L: Lane> Sub<f64> for Dual<L> {
     }
 }
 
-impl<L: Lane> Mul<f64> for Dual<L> {
+impl<D: Slopes> Mul<f64> for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -141,7 +141,7 @@ impl<L: Lane> Mul<f64> for Dual<L> {
     }
 }
 
-impl<L: Lane> Div<f64> for Dual<L> {
+impl<D: Slopes> Div<f64> for Dual<D> {
     type Output = Self;
 
     #[inline(always)]
@@ -150,19 +150,19 @@ impl<L: Lane> Div<f64> for Dual<L> {
     }
 }
 
-impl<L: Lane> Lane for Dual<L> {
+impl<D: Slopes> Lane for Dual<D> {
     type Mask = bool;
-    type Cell = DualCell<L::Cell>;
-    type Token = L::Token;
+    type Cell = DualCell<D::Cell>;
+    type Token = D::Token;
 
     #[inline(always)]
-    fn load(token: L::Token, cell: &Self::Cell) -> Self {
-        Self { value: cell.value, derivatives: L::load(token, &cell.derivatives) }
+    fn load(token: D::Token, cell: &Self::Cell) -> Self {
+        Self { value: cell.value, derivatives: D::load(token, &cell.derivatives) }
     }
 
     #[inline(always)]
-    fn from_f64(token: L::Token, value: f64) -> Self {
-        Self { value, derivatives: L::from_f64(token, 0.0) }
+    fn from_f64(token: D::Token, value: f64) -> Self {
+        Self { value, derivatives: D::none(token) }
     }
 
     #[inline(always)]
@@ -178,9 +178,15 @@ impl<L: Lane> Lane for Dual<L> {
 
     #[inline(always)]
     fn mul_add(self, factor: Self, term: Self) -> Self {
-        let of_self = self.derivatives.mul_add_all(factor.value, term.derivatives);
-        let derivatives = factor.derivatives.mul_add_all(self.value, of_self);
+        let of_self = self.derivatives.mul_add(factor.value, term.derivatives);
+        let derivatives = factor.derivatives.mul_add(self.value, of_self);
         Self { value: self.value.mul_add(factor.value, term.value), derivatives }
+    }
+
+    #[inline(always)]
+    fn mul_add_all(self, factor: f64, term: Self) -> Self {
+        let derivatives = self.derivatives.mul_add(factor, term.derivatives);
+        Self { value: self.value.mul_add(factor, term.value), derivatives }
     }
 
     /// At zero the derivative is zero: the square root of a sum of squares has a kink there.
@@ -226,8 +232,8 @@ impl<L: Lane> Lane for Dual<L> {
     }
 
     #[inline(always)]
-    fn rarely<R>(token: L::Token, rare: impl FnOnce() -> R) -> R {
-        L::rarely(token, rare)
+    fn rarely<R>(token: D::Token, rare: impl FnOnce() -> R) -> R {
+        D::rarely(token, rare)
     }
 
     #[inline(always)]
