@@ -71,7 +71,7 @@ def _run() -> Findings:
 
 def _upright(source: Any, friction: float) -> float:
     events = [{"term": "wheel_dynamic_friction", "range": [friction, friction]}]
-    return bb.evaluate(source, episodes=EPISODES, seed=FIRST_SEED, env_options={"events": events}).survival_rate
+    return bb.evaluate(source, episodes=EPISODES, seed=FIRST_SEED, events=events).survival_rate
 
 
 def _draw(rates: Rates, fig: "Figure") -> None:

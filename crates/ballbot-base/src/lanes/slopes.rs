@@ -74,7 +74,7 @@ impl Slopes for f64 {
     }
 }
 
-/// Derivatives along twelve directions: those of a robot that rolls, and its torques.
+/// Derivatives along twelve directions: the state of a robot that rolls and its torques.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct Twelve(pub [f64; TWELVE]);
 
