@@ -11,10 +11,6 @@ const LEAST_RATE_ERROR: f64 = 1e-4;
 const LEAST_FORCE_ERROR: f64 = 1e-2;
 const LEAST_ANGLE_ERROR: f64 = 1e-6;
 const LEAST_START_ERROR: f64 = 1e-3;
-/// Smallest bias of the gyroscope at the start, rad/s, and its smallest random walk, rad/s after 1 s: a bias that the options
-/// of the sensors leave out would topple the robot, and its estimate costs nothing.
-const LEAST_BIAS: f64 = 2e-3;
-const LEAST_BIAS_WALK: f64 = 1e-4;
 
 ballbot_base::fields! {
     /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are per reading.
@@ -57,7 +53,7 @@ ballbot_base::fields! {
 
 impl EstimatorOptions {
     /// The errors that an estimator expects of sensors with these options, read every `dt` (s), on a robot. For readings
-    /// without errors, model errors and a small bias remain. The robot is valid.
+    /// without errors, only model errors remain. The robot is valid.
     pub fn of(sensors: &SensorOptions, params: &Params, dt: f64) -> Self {
         let reading = |density: f64| density / dt.sqrt();
         let tick = if sensors.encoder_ticks > 0.0 { TAU / sensors.encoder_ticks } else { 0.0 };
@@ -65,8 +61,8 @@ impl EstimatorOptions {
         Self {
             imu_position: sensors.imu_position,
             gyro_noise: reading(sensors.gyro_noise).clamp(LEAST_RATE_ERROR, 10.0),
-            gyro_bias: sensors.gyro_bias.clamp(LEAST_BIAS, 10.0),
-            gyro_bias_walk: sensors.gyro_bias_walk.clamp(LEAST_BIAS_WALK, 10.0),
+            gyro_bias: sensors.gyro_bias.min(10.0),
+            gyro_bias_walk: sensors.gyro_bias_walk.min(10.0),
             // A bias of the accelerometer is not estimated.
             accelerometer_noise: reading(sensors.accelerometer_noise)
                 .hypot(sensors.accelerometer_bias)
