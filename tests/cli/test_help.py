@@ -76,7 +76,7 @@ def test_a_cheap_example_runs(capsys, tmp_path, monkeypatch, line):
         ("train --algo foo", "invalid choice: 'foo', expected cma, or --set algorithm= with PPO or SAC"),
         ("train --learning-rate 1e-4", "did you mean '--set algorithm_arguments.learning_rate=VALUE'?"),
         ("evaluate --control-dt 0.02", "did you mean '--set control_dt=VALUE'?"),
-        ("evaluate --body-mass 2", "did you mean '--set params.body_mass=VALUE'?"),
+        ("evaluate --body-mass 2", "did you mean '--set robot.body_mass=VALUE'?"),
         ("evaluate --conroller lqr", "did you mean '--controller'?"),
         ("record --controler lqr", "did you mean '--controller'?"),
     ],

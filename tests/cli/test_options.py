@@ -370,7 +370,7 @@ CASES: dict[str, list[tuple[dict, dict]]] = {
     "info": [({}, {"--json": ""})],
 }
 #: What needs a cluster, which tests/distributed has, and a page until Ctrl-C, which tests/identification has.
-ELSEWHERE = {"train": {"--on", "--algorithm"}, "replay": {"--page", "--port", "--no-open"}}
+ELSEWHERE = {"plot": {"--overlay"}, "train": {"--on", "--algorithm"}, "replay": {"--page", "--port", "--no-open"}}
 #: How an error names an argument that has no dashes or is the value itself.
 NAMED = {
     "policy": "RUN",

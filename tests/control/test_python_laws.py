@@ -70,7 +70,7 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
 
     result = bb.evaluate(Asking, episodes=2, robot="kugle", max_episode_steps=5)
     assert result.control_dt == found["control_dt"] == 0.004
-    assert found["robot"].ball_mass == bb.Params.preset("kugle").ball_mass
+    assert found["params"].ball_mass == bb.Params.preset("kugle").ball_mass
 
 
 def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():

@@ -12,7 +12,7 @@ from ballbot_rs.media.figures.style import figure, save
 @pytest.fixture(scope="module")
 def moving():
     push = bb.Push((0.3, 0.0, 0.0), 0.5)
-    return [bb.run(name, seconds=1.0, push=push, env_options={"model": "contact"}) for name in ("lqr", "zero")]
+    return [bb.simulate(name, seconds=1.0, tilt=(0.05, 0.0), pushes=push, model="contact") for name in ("lqr", "zero")]
 
 
 def boxes(fig):

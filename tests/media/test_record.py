@@ -184,7 +184,7 @@ def test_the_robot_of_two_urdfs_is_simulated_and_shown(tmp_path, assets, capsys)
     np.testing.assert_array_equal(given, meshes)
     # A published robot has the shapes of its parts, another is schematic.
     for radius, has_shapes in ((0.05, True), (0.055, False)):
-        robot = ["--robot", "kugle", "--set", f"params.wheel_radius={radius}", "--still", "0"]
+        robot = ["--robot", "kugle", "--set", f"robot.wheel_radius={radius}", "--still", "0"]
         difference = np.abs(still(robot, tmp_path) - still([*robot, "--schematic"], tmp_path)).max()
         assert (difference > 50) == has_shapes
     capsys.readouterr()

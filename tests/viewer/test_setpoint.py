@@ -8,7 +8,7 @@ import pytest
 from ballbot_rs import Params
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.viewer.panels.status import _goal_of
-from ballbot_rs.viewer.session.commands import RADIUS
+from ballbot_rs.viewer.session.balancing import RADIUS
 from ballbot_rs.viewer.session.robots import FALLEN_TILT
 from ballbot_rs.viewer.session.session import LIES_FOR, Session
 from tests.support.paths import ASSETS
