@@ -276,15 +276,15 @@ impl Factors {
         let mut out = *column;
         for i in 0..ROWS {
             let mut sum = column[self.order[i]];
-            for j in 0..i {
-                sum = out[j].mul_add(self.rows[i][j], sum);
+            for (found, factor) in out[..i].iter().zip(&self.rows[i]) {
+                sum = found.mul_add(*factor, sum);
             }
             out[i] = sum;
         }
         for i in (0..ROWS).rev() {
             let mut sum = out[i];
-            for j in i + 1..ROWS {
-                sum = out[j].mul_add(self.rows[i][j], sum);
+            for (found, factor) in out[i + 1..].iter().zip(&self.rows[i][i + 1..]) {
+                sum = found.mul_add(*factor, sum);
             }
             out[i] = sum * self.diagonal[i];
         }
