@@ -15,6 +15,8 @@ from tests.support.c_code import PLACES, STRICT, CController, own_torques, rando
 TOLERANCE = 1e-6
 #: In single precision; docs/deployment.md has what was measured.
 FLOAT_TOLERANCE = 1e-4
+#: Where a control barrier scales torques near its speed limit, by a quotient of small differences; docs/safety.md.
+FLOAT_BARRIER_TOLERANCE = 2e-2
 STATES = 1000
 
 UNEVEN = bb.Params.paper().replace(
@@ -78,7 +80,7 @@ def test_a_control_barrier_in_c_changes_the_torques_as_ours(name, robot, tmp_pat
         header = controller_header(name, params, **options)
         expected = own_torques(bb.Controller(name, params, **options), states, setpoints)
         assert (np.abs(expected - free).max(1) > 1e-3 * np.abs(free).max()).sum() > 3, options
-        for real, tolerance in (("double", TOLERANCE), ("float", FLOAT_TOLERANCE)):
+        for real, tolerance in (("double", TOLERANCE), ("float", FLOAT_BARRIER_TOLERANCE)):
             torques, _ = CController(tmp_path, header, real).torques(states, setpoints)
             difference = np.abs(torques - expected).max()
             print(f"barrier, {name} of {robot}, {', '.join(options)}, {real}: {difference:.1e} N·m")
