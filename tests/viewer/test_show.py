@@ -83,14 +83,15 @@ def test_errors_reach_the_program_and_change_nothing(page):
         (lambda: page.push((1.0, 0.0, 0.0)), r"impulse has shape \(3,\), expected \(2,\)"),
         (lambda: page.push((100.0, 0.0)), "impulse = 100.0 is out of range"),
         (lambda: page.choose(model="spherical"), "unknown model 'spherical'"),
+        (lambda: page.set_params({"body_mass": 3.0}), "parameter ball_mass is missing"),
         (lambda: page.recorded(), "nothing has been recorded: call record before"),
         (lambda: page.wait(-1.0), "seconds = -1.0 is out of range"),
     ):
         with pytest.raises(ValueError, match=message):
             call()
     for call, message in (
-        (lambda: page.set_params({"body_mass": 3.0}), "params must be Params or the name of a preset, not dict"),
-        (lambda: page.set_params(None), "params must be Params or the name of a preset, not NoneType"),
+        (lambda: page.set_params(3.0), "robot must be Params, the name of a preset, .* not float"),
+        (lambda: page.set_params(None), "params must name a robot, not None"),
         (lambda: page.reset(np.ma.masked_all(2)), "tilt is a masked array: expected two components"),
         (lambda: page.reset("0.1"), "tilt is '0.1': expected two components"),
         (lambda: page.choose(controler="lqi"), r"choose\(\) got an unexpected keyword.*did you mean 'controller'"),

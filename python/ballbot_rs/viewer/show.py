@@ -20,7 +20,7 @@ from ballbot_rs._checks import check_options, check_real, check_seed, real_array
 from ballbot_rs._core import ROBOTS, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
-from ballbot_rs._robot import params_of
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import Source, find
 from ballbot_rs.envs.family import are_several
@@ -215,15 +215,17 @@ class Page:
         x, y = map(float, given)
         self._in_session(lambda session: session.push(float(np.arctan2(y, x)), float(np.hypot(x, y))))
 
-    def set_params(self, params: Params | str) -> None:
+    def set_params(self, params: Robot) -> None:
         """Replaces the parameters of all robots while they move; the controller remains made for the former.
 
         `page.set_params(page.params.replace(body_mass=3.0))` adds a load.
 
         Raises:
             ValueError: invalid parameters.
-            TypeError: neither `Params` nor the name of a preset.
+            TypeError: not a robot.
         """
+        if params is None:
+            raise TypeError("params must name a robot, not None")
         chosen = params_of(params)
         self._in_session(lambda session: session.set_params(chosen))
 
