@@ -36,6 +36,11 @@ def check_seed(seed: int) -> int:
     return seed
 
 
+def seed_at(seed: int, index: int) -> int:
+    """The seed of the environment with this index: consecutive, with 0 after 2**64 - 1."""
+    return (seed + index) % 2**64
+
+
 def check_real(name: str, value: float) -> float:
     """The value as a float.
 

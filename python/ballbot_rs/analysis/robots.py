@@ -13,7 +13,7 @@ import numpy.typing as npt
 from typing_extensions import Unpack
 
 from ballbot_rs._arrays import read_only
-from ballbot_rs._checks import check_bounded, check_count, check_seed, did_you_mean, real_array
+from ballbot_rs._checks import check_bounded, check_count, check_seed, did_you_mean, real_array, seed_at
 from ballbot_rs._core import Batch, Params, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
@@ -190,7 +190,7 @@ def rollout(
     loop = ClosedLoop(batch, core_law(found, batch) or make_actor(found, batch))
     if robots is not None:
         _set_robots(batch, robots)
-    seeds = [(seed + i) % 2**64 for i in range(count)]
+    seeds = [seed_at(seed, i) for i in range(count)]
     loop.reset(seeds=seeds)
     if tilt is not None:
         loop.reset(seeds=seeds, starts=_starts(batch, tilt))

@@ -10,7 +10,7 @@ import numpy.typing as npt
 from gymnasium.vector import AutoresetMode, VectorEnv
 from gymnasium.vector.utils import batch_space
 
-from ballbot_rs._checks import check_named, check_reset_options, check_seed
+from ballbot_rs._checks import check_named, check_reset_options, check_seed, seed_at
 from ballbot_rs._core import State
 from ballbot_rs.envs._batch_env import BatchEnv, ManyRobots, fixed_option, metric_names, task_metrics
 from ballbot_rs.envs._render import RENDER_MODES, Frames, Rendered, warn_without_mode
@@ -89,7 +89,7 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         self._make_batch(num_envs, options, task=task, autoreset=autoreset, num_threads=num_threads, seed=seed)
         self.num_envs = num_envs
         self._metric_names = metric_names(self.task)
-        self._env_seeds = tuple((self._first_seed + i) % 2**64 for i in range(num_envs))
+        self._env_seeds = tuple(seed_at(self._first_seed, i) for i in range(num_envs))
         self.autoreset_mode = AutoresetMode[autoreset.upper()]
         self._set_render(
             render_mode, self.params, render_options, num_threads, width=width, height=height, camera=camera

@@ -6,6 +6,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import seed_at
 from ballbot_rs._core import Batch, Params
 from ballbot_rs.analysis.actors import core_law, make_actor
 from ballbot_rs.analysis.closed_loop import CONTACTS, ClosedLoop, Setpoints
@@ -94,7 +95,7 @@ class Stage:
         options["robot"] = self.episodes.nominal.to_dict()
         self._batch: Final = batch(len(self.episodes), num_threads)
         # The parameters with which the batch was made.
-        self._seeds = [(seed + i) % 2**64 for i in range(len(self.episodes))]
+        self._seeds = [seed_at(seed, i) for i in range(len(self.episodes))]
 
     def follow(self, controller: ResolvedController) -> Measures | None:
         """Runs the episodes under a controller; None if it cannot follow their motion."""

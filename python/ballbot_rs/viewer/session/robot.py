@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._checks import seed_at
 from ballbot_rs._core import ACTUATOR_OPTIONS, Ballbot, Contacts, Params, State, Terrain
 from ballbot_rs._errors import DivergedError
 from ballbot_rs._quaternions import conjugate, product, to_vertical
@@ -30,7 +31,7 @@ class Robot:
     def __init__(self, setup: Setup, index: int) -> None:
         self._setup = setup
         self._batch = setup.batch(index)
-        self._seed = (setup.seed + index) % 2**64
+        self._seed = seed_at(setup.seed, index)
         #: Number of the present episode, from 1, which alone determines its samples.
         self.episode = 0
         self._lying: Ballbot | None = None

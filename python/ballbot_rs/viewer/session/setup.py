@@ -11,7 +11,7 @@ from typing import Any, Final
 
 import numpy as np
 
-from ballbot_rs._checks import check_bounded
+from ballbot_rs._checks import check_bounded, seed_at
 from ballbot_rs._core import OBSERVATIONS, Batch, Params, Terrain, load_actuators
 from ballbot_rs.envs._batch_env import has_fall_tilt, new_batch
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of
@@ -234,7 +234,7 @@ class Setup:
         Raises:
             ValueError: invalid robot, motors, sensors or events.
         """
-        seed = (self.seed + index) % 2**64
+        seed = seed_at(self.seed, index)
         batch = new_batch(1, task=self.task, autoreset="disabled", num_threads=1, seed=seed, options=self.options)
         if self.sensors is not None and self.params != self.nominal:
             batch.set_params(0, self.params)
