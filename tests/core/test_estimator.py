@@ -96,6 +96,20 @@ def test_a_constant_rate_of_the_gyroscope_at_rest_is_its_bias():
     assert estimator.balanced_state.tilt < 2e-3
 
 
+@pytest.mark.parametrize("sensors", ["exact", "kugle"])
+@pytest.mark.parametrize("robot", ROBOTS)
+def test_a_bias_that_the_sensors_leave_out_topples_nobody(robot, sensors):
+    """The options of these sensors have no bias, events give each gyroscope one that starts at 0.3 deg/s and walks."""
+    bias = [
+        {"term": f"sensors.gyro_{name}", "op": "abs", "range": [x, x]}
+        for name, x in (("bias", 5e-3), ("bias_walk", 1e-3))
+    ]
+    options = {"robot": robot, "sensors": sensors, "observation": "sensors", "max_episode_steps": 2000}
+    for events in ([], bias):
+        result = bb.evaluate("lqr", episodes=20, seed=1, events=events, **options)
+        assert result.success_rate == 1.0, events
+
+
 def test_an_equilibrium_elsewhere_is_the_lean_bias():
     """Upright at rest although the center of mass is off the mast: it leans back by the difference."""
     robot = bb.Params.paper().replace(body_com_offset=(0.004, 0.0))

@@ -36,7 +36,7 @@ def steady(params: bb.Params):
     # A reading's error acts as the bias does, over its step.
     driven = step[:, 3:6] - np.eye(9)[:, 3:6]
     q = variance * driven @ driven.T
-    q += np.diag([0.0] * 3 + [c["bias_step"]] * 3 + [c["velocity_step"]] * 2 + [c["spin_step"]])
+    q += np.diag([0.0] * 3 + [*c["bias_step"]] + [c["velocity_step"]] * 2 + [c["spin_step"]])
 
     wheels = np.asarray(c["wheels_of_ball"])
     m = np.cross(wheels, [0.0, 0.0, 1.0]) / params.ball_radius

@@ -105,7 +105,7 @@ static inline void ballbot_estimator_begin(ballbot_estimator *e, const ballbot_s
             e->covariance[i][j] = 0;
         }
         e->covariance[i][i] = i < 3 ? BALLBOT_ESTIMATOR_START_ATTITUDE
-            : i < 6                 ? BALLBOT_ESTIMATOR_START_BIAS
+            : i < 6                 ? BALLBOT_ESTIMATOR_START_BIAS[i - 3]
             : i < 8                 ? BALLBOT_ESTIMATOR_START_VELOCITY
                                     : BALLBOT_ESTIMATOR_START_SPIN;
     }

@@ -47,7 +47,7 @@ static inline void ballbot_advance(ballbot_real p[9][9], const ballbot_transitio
         }
     }
     for (i = 3; i < 6; i++) {
-        p[i][i] += BALLBOT_ESTIMATOR_BIAS_STEP;
+        p[i][i] += BALLBOT_ESTIMATOR_BIAS_STEP[i - 3];
     }
     p[6][6] += velocity_step;
     p[7][7] += velocity_step;

@@ -106,7 +106,7 @@ fn largest_errors(record: &Record, options: &EstimatorOptions) -> [f64; 4] {
 #[test]
 fn estimates_follow_a_motion_without_noise() {
     // A filter that estimates a bias, and a filter that assumes none.
-    let sure = EstimatorOptions { gyro_bias: 0.0, gyro_bias_walk: 0.0, ..options() };
+    let sure = EstimatorOptions { gyro_bias: [0.0; 3], gyro_bias_walk: [0.0; 3], ..options() };
     for (options, limits) in [(options(), [2e-3, 2e-3, 1e-3, 1e-3]), (sure, [2e-4, 2e-4, 1e-3, 1e-3])] {
         for params in [Params::paper(), crooked()] {
             let errors = |dt| {

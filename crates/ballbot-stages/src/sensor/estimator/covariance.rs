@@ -27,7 +27,7 @@ pub struct StepNoise<L> {
     /// Of the body rate, (rad/s)².
     pub rate: f64,
     /// Of the bias, (rad/s)².
-    pub bias: f64,
+    pub bias: [f64; 3],
     /// Of the velocity, (m/s)².
     pub velocity: L,
     /// Of the spin, (rad/s)².
@@ -101,7 +101,7 @@ impl<L: Lane> Covariance<L> {
             }
         }
         for i in 0..3 {
-            self.rows[BIAS + i][BIAS + i] = self.rows[BIAS + i][BIAS + i] + noise.bias;
+            self.rows[BIAS + i][BIAS + i] = self.rows[BIAS + i][BIAS + i] + noise.bias[i];
         }
         for i in 0..2 {
             self.rows[VELOCITY + i][VELOCITY + i] += noise.velocity;

@@ -113,7 +113,7 @@ impl Estimator {
         for (i, variance) in variances.iter_mut().enumerate() {
             let deviation = match i {
                 0..3 => o.start_attitude,
-                3..6 => o.gyro_bias,
+                3..6 => o.gyro_bias[i - 3],
                 SPIN => o.start_velocity / self.odometry.ball_radius,
                 _ => o.start_velocity,
             };

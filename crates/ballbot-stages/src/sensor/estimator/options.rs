@@ -11,6 +11,11 @@ const LEAST_RATE_ERROR: f64 = 1e-4;
 const LEAST_FORCE_ERROR: f64 = 1e-2;
 const LEAST_ANGLE_ERROR: f64 = 1e-6;
 const LEAST_START_ERROR: f64 = 1e-3;
+/// Smallest bias of the gyroscope about the horizontal axes of the body at the start, rad/s, and its smallest random walk,
+/// rad/s after 1 s: a bias that the sensors' options leave out would topple the robot. About the vertical none is added:
+/// nothing measures it there.
+const LEAST_TILT_BIAS: f64 = 2e-3;
+const LEAST_TILT_BIAS_WALK: f64 = 1e-4;
 
 ballbot_base::fields! {
     /// What an estimator expects of its sensors, of the start and of slip. Standard deviations (sd) are per reading.
@@ -21,10 +26,10 @@ ballbot_base::fields! {
         pub imu_position: [f64; 3] = [0.0; 3], "m", Limit::from(-10.0).to(10.0);
         /// Noise of the gyroscope, sd.
         pub gyro_noise: f64 = 0.013, "rad/s", Limit::from(1e-7).to(10.0);
-        /// Bias of the gyroscope at the start, sd.
-        pub gyro_bias: f64 = 0.02, "rad/s", Limit::NOT_NEGATIVE.to(10.0);
+        /// Bias of the gyroscope at the start, sd about each axis of the body.
+        pub gyro_bias: [f64; 3] = [0.02; 3], "rad/s", Limit::NOT_NEGATIVE.to(10.0);
         /// Random walk of the bias, sd after 1 s.
-        pub gyro_bias_walk: f64 = 1e-4, "rad/s", Limit::NOT_NEGATIVE.to(10.0);
+        pub gyro_bias_walk: [f64; 3] = [1e-4; 3], "rad/s", Limit::NOT_NEGATIVE.to(10.0);
         /// Noise of the accelerometer, sd.
         pub accelerometer_noise: f64 = 0.03, "m/s²", Limit::from(1e-7).to(100.0);
         /// Error of a wheel angle, sd; of an encoder the angle of a tick divided by the root of 12.
@@ -53,16 +58,17 @@ ballbot_base::fields! {
 
 impl EstimatorOptions {
     /// The errors that an estimator expects of sensors with these options, read every `dt` (s), on a robot. For readings
-    /// without errors, only model errors remain. The robot is valid.
+    /// without errors, model errors and a bias remain. The robot is valid.
     pub fn of(sensors: &SensorOptions, params: &Params, dt: f64) -> Self {
         let reading = |density: f64| density / dt.sqrt();
         let tick = if sensors.encoder_ticks > 0.0 { TAU / sensors.encoder_ticks } else { 0.0 };
+        let axes = |own: f64, least: f64| [own.max(least), own.max(least), own].map(|sd| sd.min(10.0));
         let default = Self::default();
         Self {
             imu_position: sensors.imu_position,
             gyro_noise: reading(sensors.gyro_noise).clamp(LEAST_RATE_ERROR, 10.0),
-            gyro_bias: sensors.gyro_bias.min(10.0),
-            gyro_bias_walk: sensors.gyro_bias_walk.min(10.0),
+            gyro_bias: axes(sensors.gyro_bias, LEAST_TILT_BIAS),
+            gyro_bias_walk: axes(sensors.gyro_bias_walk, LEAST_TILT_BIAS_WALK),
             // A bias of the accelerometer is not estimated.
             accelerometer_noise: reading(sensors.accelerometer_noise)
                 .hypot(sensors.accelerometer_bias)

@@ -48,7 +48,7 @@ impl Estimator {
             &transition,
             &StepNoise {
                 rate: o.gyro_noise * o.gyro_noise,
-                bias: o.gyro_bias_walk * o.gyro_bias_walk * dt,
+                bias: o.gyro_bias_walk.map(|walk| walk * walk * dt),
                 velocity,
                 spin: o.spin_walk * o.spin_walk * dt,
             },

@@ -77,8 +77,8 @@ fn robot_balances_on_estimates_under_noise() {
 fn gripping_wheels_are_used() {
     let options = EstimatorOptions {
         gyro_noise: 1e-4,
-        gyro_bias: 0.0,
-        gyro_bias_walk: 0.0,
+        gyro_bias: [0.0; 3],
+        gyro_bias_walk: [0.0; 3],
         accelerometer_noise: 1e-2,
         encoder_noise: 1e-6,
         start_attitude: 1e-3,

@@ -27,8 +27,8 @@ fn run(friction: f64, burst: f64, gates: f64) -> Seen {
     let params = Params { wheel_static_friction: friction, wheel_dynamic_friction: friction, ..Params::paper() };
     let options = EstimatorOptions {
         gyro_noise: 1e-4,
-        gyro_bias: 0.0,
-        gyro_bias_walk: 0.0,
+        gyro_bias: [0.0; 3],
+        gyro_bias_walk: [0.0; 3],
         accelerometer_noise: 1e-2,
         encoder_noise: TICK / 12.0_f64.sqrt(),
         slip_gate: gates * options().slip_gate,

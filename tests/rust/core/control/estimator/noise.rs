@@ -12,8 +12,8 @@ const SEEDS: u64 = 100;
 fn assumptions(noise: &Noise) -> EstimatorOptions {
     EstimatorOptions {
         gyro_noise: noise.gyro,
-        gyro_bias: noise.gyro_bias,
-        gyro_bias_walk: 0.0,
+        gyro_bias: [noise.gyro_bias; 3],
+        gyro_bias_walk: [0.0; 3],
         accelerometer_noise: noise.accelerometer,
         encoder_noise: noise.tick / 12.0_f64.sqrt(),
         rolling_error: 0.0,
