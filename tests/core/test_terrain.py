@@ -220,7 +220,7 @@ def test_the_camera_follows_a_robot_up_and_down_a_slope():
 
 
 @pytest.mark.parametrize(("kind", "slope", "model", "limit"), [
-    ("cobbles", 0.15, "contact", 0.015),
+    ("cobbles", 0.15, "contact", 0.003),
     ("cobbles", 0.15, "rigid", 0.005),
     ("noise", 0.2, "contact", 0.002),
     ("noise", 0.2, "rigid", 0.005),

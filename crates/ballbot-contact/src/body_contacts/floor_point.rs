@@ -18,6 +18,8 @@ const THIRD: [f64; 2] = [-0.5, 0.866_025_403_784_438_6];
 
 /// Horizontal part of the mast's direction below which a rim has no lowest point.
 const UPRIGHT: f64 = 1e-6;
+/// Steps of the search for the point of a rim that is nearest to a floor with relief.
+const REFINEMENTS: usize = 2;
 
 /// A row of a contact point, along an axis of its plane.
 #[derive(Clone, Copy)]
@@ -140,26 +142,27 @@ pub fn floor_points<L: Lane, V: Value<L>>(
     let frame = MastFrame::new(c, like);
     // Up axis of the floor below the CoM.
     let up = frame.vector(Below::new(start, relief, Vec3::zero(like)).turned[0]);
-    let [dx, dy] = lowest_direction(up);
+    let radius = c.body_radius.at(like);
+    let (bottom, top) = (c.body_bottom.at(like), c.body_top.at(like));
+    let inverted = up.z.lt(up.z.zero());
+    let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
+    let [dx, dy] = nearest_direction(start, relief, &frame, up, [radius, lower]);
     let (cos, sin) = (dx.splat(THIRD[0]), dx.splat(THIRD[1]));
     let directions = [
         [dx, dy],
         [dx.mul_add(cos, -(dy * sin)), dx.mul_add(sin, dy * cos)],
         [dx.mul_add(cos, dy * sin), dy.mul_add(cos, -(dx * sin))],
     ];
-    let radius = c.body_radius.at(dx);
     let rims = map3(
         directions,
         #[inline(always)]
         |[x, y]| [x * radius, y * radius],
     );
     // A cylinder rests on the rim of its lower end or on the lowest points of both ends.
-    let (bottom, top) = (c.body_bottom.at(dx), c.body_top.at(dx));
-    let inverted = up.z.lt(up.z.zero());
-    let (lower, upper) = (L::select(inverted, top, bottom), L::select(inverted, bottom, top));
     let [[ax, ay], [bx, by], [cx, cy]] = rims;
     let (first, second, third) = (Vec3::new(ax, ay, lower), Vec3::new(bx, by, lower), Vec3::new(cx, cy, lower));
-    let other = Vec3::new(ax, ay, upper);
+    let [ox, oy] = nearest_direction(start, relief, &frame, up, [radius, upper]);
+    let other = Vec3::new(ox * radius, oy * radius, upper);
     let lies = up.dot(other).lt(up.dot(second));
     let arms = map3(
         [first, Vec3::select(lies, other, second), third],
@@ -175,6 +178,28 @@ pub fn floor_points<L: Lane, V: Value<L>>(
         FloorPoint::of_body(c, start, relief, limit, arms[1]),
         FloorPoint::of_body(c, start, relief, third_limit, arms[2]),
     ]
+}
+
+/// Direction in the body frame, a unit vector, of the point nearest to the floor on a rim with this radius and height along
+/// the mast; `up` is the upward direction of the floor below the CoM.
+#[inline(always)]
+fn nearest_direction<L: Lane>(
+    start: &Start<L>,
+    relief: Option<&Relief<'_, L>>,
+    frame: &MastFrame<L>,
+    up: Vec3<L>,
+    [radius, height]: [L; 2],
+) -> [L; 2] {
+    let mut direction = lowest_direction(up);
+    if relief.is_some() {
+        // Below the rim the floor has another slope. At a point that is not the nearest, a robot that slides gains energy.
+        for _ in 0..REFINEMENTS {
+            let [x, y] = direction;
+            let point = frame.principal_point(Vec3::new(x * radius, y * radius, height));
+            direction = lowest_direction(frame.vector(Below::new(start, relief, point).turned[0]));
+        }
+    }
+    direction
 }
 
 /// Horizontal downward direction in the body frame, a unit vector, from the upward direction; x for a vertical mast.
