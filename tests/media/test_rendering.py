@@ -47,6 +47,20 @@ def test_a_frame_of_a_leaning_robot_differs_where_the_robot_is():
     assert 0.01 < changed[~robot].mean() < 0.3
 
 
+def test_shadows_fade_smoothly_and_lit_floor_is_uniform():
+    """In a white square of the floor: the edge of a shadow, and far from it."""
+
+    def floor(x, y):
+        camera = {"target": (x, y, 0.0), "distance": 0.1, "azimuth": 0.7, "elevation": 1.5, "follows": False}
+        return bb.Renderer(width=200, height=200, camera=camera).render(UPRIGHT)[..., 1].astype(int)
+
+    edge = floor(0.3, 0.33)
+    assert np.ptp(edge) > 20
+    # Steps of a few shadow rays would be larger.
+    assert max(np.abs(np.diff(edge, axis=axis)).max() for axis in (0, 1)) <= 6
+    assert np.ptp(floor(0.375, 0.875)) <= 1
+
+
 def test_depth_and_labels_agree():
     renderer = bb.Renderer(**SMALL)
     depth, labels = renderer.depth(UPRIGHT), renderer.labels(UPRIGHT)
@@ -96,7 +110,7 @@ def test_the_camera_follows_the_ball_or_stays_fixed():
         ({"camera": {"zoom": 2.0}}, TypeError, "unknown camera setting 'zoom'"),
         ({"camera": {"distance": float("nan")}}, ValueError, "distance"),
         ({"camera": {"elevation": 2.0}}, ValueError, "elevation"),
-        ({"params": "kugel"}, ValueError, "kugel"),
+        ({"robot": "kugel"}, ValueError, "kugel"),
         ({"urdf": ("nothing.urdf", "ball.urdf")}, OSError, r"nothing\.urdf"),
     ],
 )

@@ -11,8 +11,10 @@ const CHECKER_EDGE: f64 = 0.25;
 const GRID_HALF_WIDTH: f64 = 0.006;
 /// Distance over which the floor fades into the sky, m.
 const HAZE_DISTANCE: f64 = 14.0;
-/// Number of shadow rays to the disc of the sun, chosen by experiment: fewer rays show as steps in penumbras.
-const SUN_RAYS: usize = 12;
+/// Number of shadow rays to the disc of the sun, chosen by experiment: fewer rays show as separate shadows.
+const SUN_RAYS: usize = 64;
+/// The outermost of these rays, about 45 deg apart: a straight edge between two of them hides 2 % of the sun.
+const RIM_RAYS: usize = 8;
 /// Apparent radius of the light source, rad. The real sun, 0.005 rad, would cast hard shadows.
 const SUN_RADIUS: f64 = 0.05;
 
@@ -156,7 +158,7 @@ impl Light {
             }
         };
         let count_hidden = |rays: &[Vector3<f64>]| rays.iter().filter(|towards| hidden(towards)).count();
-        let (inner, rim) = self.towards.split_at(SUN_RAYS - 4);
+        let (inner, rim) = self.towards.split_at(SUN_RAYS - RIM_RAYS);
         // If the outermost rays agree, the inner ones do too, unless a part is thinner than the disc of the sun.
         let on_rim = count_hidden(rim);
         if !thin && (on_rim == 0 || on_rim == rim.len()) {
