@@ -111,7 +111,7 @@ def test_a_number_out_of_range_is_rejected(capsys, tmp_path, monkeypatch, comman
 
 def test_a_negative_number_may_have_an_exponent():
     parsed = parser().parse_args(["record", "--tilt", "-1e-3", "-.5", "--push", "-1", "-2.5E+1", "-0"])
-    assert (parsed.tilt, parsed.push) == ([-0.001, -0.5], [-1.0, -25.0, 0.0])
+    assert (parsed.tilt, parsed.push) == ([-0.001, -0.5], [[-1.0, -25.0, 0.0]])
 
 
 @pytest.mark.parametrize(
@@ -119,7 +119,7 @@ def test_a_negative_number_may_have_an_exponent():
 )
 def test_spaces_and_commas_separate_alike(push):
     parsed = parser().parse_args(["record", *push, "goal"])
-    assert [abs(number) for number in parsed.push] == [0.3, 1.0, 0.0]
+    assert [abs(number) for number in parsed.push[0]] == [0.3, 1.0, 0.0]
     assert parsed.task == "goal"
 
 
@@ -137,7 +137,7 @@ def test_paths_are_not_split_at_commas():
         (["plot", "--width", "8.9cm"], "width", 89.0),
         (["plot", "--width", "89"], "width", 89.0),
         (["record", "--distance", "250cm"], "distance", 2.5),
-        (["record", "--seconds", "1min", "--push-at", "200ms"], "push_at", 0.2),
+        (["record", "--seconds", "1min", "--push-at", "200ms"], "push_at", [0.2]),
         (["record", "--tilt", "90deg,-45°"], "tilt", [math.pi / 2, -math.pi / 4]),
     ],
 )

@@ -9,7 +9,8 @@ from tests.support.in_process import parse_json, run
 #: A simulation as options of the command and as arguments.
 OPTIONS = (
     *("--controller", "lqi", "--robot", "kugle", "--seconds", 1, "--tilt", 0.02, -0.01, "--yaw", 0.3),
-    *("--push", 0.5, 0, 0, "--push-at", 0.2, "--position", 0.1, 0.2, "--reference", "position=[0.3,0]"),
+    *("--push", 0.5, 0, 0, "--push-at", 0.2, "--push", "0,0.3,0", "--push-at", 0.4),
+    *("--position", 0.1, 0.2, "--reference", "position=[0.3,0]"),
     *("--set", "actuators.delay=0.01", "--events", "mild", "--seed", 3),
 )
 ARGUMENTS = {
@@ -17,7 +18,7 @@ ARGUMENTS = {
     "seconds": 1.0,
     "tilt": (0.02, -0.01),
     "yaw": 0.3,
-    "pushes": [bb.Push((0.5, 0.0, 0.0), 0.2)],
+    "pushes": [bb.Push((0.5, 0.0, 0.0), 0.2), bb.Push((0.0, 0.3, 0.0), 0.4)],
     "position": (0.1, 0.2),
     "reference": {"position": (0.3, 0.0)},
     "actuators": {"delay": 0.01},
@@ -75,6 +76,7 @@ def test_json_has_the_metrics(here, capsys):
         (("--reference", "color=3"), "a setpoint has no part 'color'"),
         (("--reference", "position"), "--reference position: expected NAME=VALUE"),
         (("--controller", "lqrr"), "did you mean 'lqr'?"),
+        (("--push", "0.1,0,0", "--push", "0,0.1,0"), "2 --push and 1 --push-at: name a time for each push"),
     ],
 )
 def test_wrong_options_are_named_and_nothing_is_written(options, message, here, capsys):

@@ -54,7 +54,7 @@ def test_they_are_of_the_robot_controller_and_push_of_the_page():
     found = computed(session, 0.4, math.pi / 2).found
     push = Push((0.0, 0.4, 0.0), 0.0, PUSH_DURATION)
     options = {"robot": "kugle", "model": "spatial"}
-    expected = collect("lqr", tilt=(0.0, 0.0), push=push, seconds=SECONDS, env_options=options)
+    expected = collect("lqr", tilt=(0.0, 0.0), pushes=push, seconds=SECONDS, env_options=options)
     assert found.names == expected.names
     for name, effects in expected.effects.items():
         np.testing.assert_allclose(found.effects[name], effects, rtol=1e-6, atol=1e-6 * effects.max())
@@ -71,7 +71,7 @@ def test_the_controller_is_made_for_the_nominal_robot_and_the_parameters_are_the
     assert found.values[found.names.index("body_com_offset_x")] == changed.body_com_offset[0]
     # A controller that knows the added mass would hold the robot another way.
     push = Push((0.3, 0.0, 0.0), 0.0, PUSH_DURATION)
-    knowing = collect("lqr", tilt=(0.0, 0.0), push=push, seconds=SECONDS, env_options={"robot": changed})
+    knowing = collect("lqr", tilt=(0.0, 0.0), pushes=push, seconds=SECONDS, env_options={"robot": changed})
     assert not np.allclose(found.effects["ball"], knowing.effects["ball"], rtol=0.05)
 
 

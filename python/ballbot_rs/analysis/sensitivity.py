@@ -85,7 +85,7 @@ def collect(
     robot: Params | None = None,
     tilt: npt.ArrayLike = (0.08, 0.05),
     yaw: float = 0.0,
-    push: Push | None = None,
+    pushes: Push | Sequence[Push] = (),
     seconds: float = 4.0,
     task: str | None = None,
     env_options: Mapping[str, Any] | None = None,
@@ -103,7 +103,7 @@ def collect(
         robot: whose parameters change; None is the nominal robot.
         tilt: components (x, y), rad.
         yaw: heading, rad.
-        push: an impulse on the body.
+        pushes: an impulse on the body, or several at one point of it.
         seconds: simulated time.
         task: name of the task, as in `compare`.
         env_options: options of the environment; they override the options that a policy was trained with.
@@ -154,7 +154,7 @@ def collect(
     free = np.flatnonzero(spans)
     if not len(free):
         raise InvalidInputError(f"the model {batch.model} allows no other values of {', '.join(unknowns.fields)}")
-    rows = _rows(loop, batch, tilt, yaw, push, seconds, progress)
+    rows = _rows(loop, batch, tilt, yaw, pushes, seconds, progress)
     effects = {}
     for name, numbers in rows.items():
         lower, higher = numbers[:, 1:].reshape(len(numbers), 2, len(spans), -1)[:, :, free].swapaxes(0, 1)
@@ -178,7 +178,7 @@ def _rows(
     batch: Any,
     tilt: npt.ArrayLike,
     yaw: float,
-    push: Push | None,
+    pushes: Push | Sequence[Push],
     seconds: float,
     progress: Progress,
 ) -> dict[str, Array]:
@@ -187,12 +187,14 @@ def _rows(
     robots = [batch.params(i) for i in range(n)]
     starts = [batch.on_ground(State.at_equilibrium(one, tilt=tilt, yaw=yaw), i) for i, one in enumerate(robots)]
     loop.reset(seeds=[0] * n, starts=starts)
-    given, points = np.zeros((steps, n, 3)), None
-    if push is not None:
-        impulses_of.checked(push, (), seconds)
-        for step, parts in impulses_of.impulses([push], [], steps, batch.control_dt).items():
-            given[step] = np.sum([impulse for impulse, _ in parts], axis=0)
-        points = None if push.point is None else np.tile(push.point, (n, 1))
+    given, (several, _) = np.zeros((steps, n, 3)), impulses_of.checked(pushes, (), seconds)
+    for step, parts in impulses_of.impulses(several, [], steps, batch.control_dt).items():
+        given[step] = np.sum([impulse for impulse, _ in parts], axis=0)
+    places = {None if push.point is None else tuple(push.point) for push in several}
+    if len(places) > 1:
+        raise InvalidInputError("sensitivities are for pushes at one point of the body")
+    (place,) = places or {None}
+    points = None if place is None else np.tile(place, (n, 1))
     states, loads, torques = [np.expand_dims(batch.states(), 0)], [], []
     for first in range(0, steps, CHUNK):
         count = min(CHUNK, steps - first)

@@ -62,7 +62,7 @@ def run(arguments: argparse.Namespace) -> None:
     done = simulate(
         controller,
         reference=settings.assignments(arguments.reference, "--reference") or None,
-        pushes=() if chosen.push is None else chosen.push,
+        pushes=chosen.pushes,
         seconds=chosen.seconds,
         position=arguments.position,
         tilt=chosen.tilt,

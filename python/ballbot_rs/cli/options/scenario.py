@@ -1,10 +1,11 @@
-"""Options of a motion: its start, its duration and a push; and the motion itself."""
+"""Options of a motion: its start, its duration and pushes; and the motion itself."""
 
 import argparse
 import dataclasses
 import math
 from typing import Any, Final
 
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.analysis.trajectory import Trajectory
@@ -18,12 +19,12 @@ MAX_TILT: Final = math.pi / 2
 
 @dataclasses.dataclass(frozen=True)
 class Scenario:
-    """A start, a push and a duration."""
+    """A start, pushes and a duration."""
 
     seconds: float
     tilt: tuple[float, float]
     yaw: float
-    push: Push | None
+    pushes: tuple[Push, ...]
     env_options: dict[str, Any]
     task: str | None
     #: Seed of the events.
@@ -36,7 +37,7 @@ class Scenario:
             seconds=self.seconds,
             tilt=self.tilt,
             yaw=self.yaw,
-            pushes=() if self.push is None else self.push,
+            pushes=self.pushes,
             task=self.task,
             seed=self.seed,
             **self.env_options,
@@ -49,7 +50,7 @@ class Scenario:
 
 
 def add_to(command: Any, duration: float) -> None:
-    """Adds duration, start and push."""
+    """Adds duration, start and pushes."""
     group = command.add_argument_group("scenario (s, rad and N·s; also 5deg, 200ms)")
     group.add_argument(
         "--seconds",
@@ -67,25 +68,34 @@ def add_to(command: Any, duration: float) -> None:
     )
     group.add_argument("--yaw", type=angle(MAX_TURN), default=0.0, help="initial heading (default 0)")
     group.add_argument(
-        "--push", type=real(), nargs=3, metavar=("X", "Y", "Z"), help="impulse on the body (default none)"
+        "--push",
+        type=real(),
+        nargs=3,
+        action="append",
+        default=[],
+        metavar=("X", "Y", "Z"),
+        help="impulse on the body (default none); repeat for more",
     )
     group.add_argument(
         "--push-at",
         type=seconds(),
-        default=1.0,
+        action="append",
         metavar="TIME",
-        help="time of the push (default 1)",
+        help="time of the push (default 1); repeat for each",
     )
 
 
 def scenario_of(arguments: argparse.Namespace) -> Scenario:
     """The scenario that the command line describes."""
-    push = None if arguments.push is None else Push(tuple(arguments.push), arguments.push_at)
+    impulses, times = arguments.push, arguments.push_at or [1.0]
+    # A time without a push is harmless.
+    if len(times) != max(len(impulses), 1):
+        raise InvalidInputError(f"{len(impulses)} --push and {len(times)} --push-at: name a time for each push")
     return Scenario(
         arguments.seconds,
         tuple(arguments.tilt),
         arguments.yaw,
-        push,
+        tuple(Push(tuple(impulse), time) for impulse, time in zip(impulses, times, strict=False)),
         shared.env_options(arguments),
         arguments.task,
         getattr(arguments, "seed", 0),

@@ -89,7 +89,7 @@ class _Computation:
                 controller,
                 robot=setup.params,
                 tilt=(0.0, 0.0),
-                push=push,
+                pushes=push,
                 seconds=SECONDS,
                 task=setup.task,
                 env_options=options,
