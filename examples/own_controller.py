@@ -10,14 +10,14 @@ import ballbot_rs as bb
 class MyLqr:
     """Also `ballbot record --controller examples/own_controller.py:MyLqr`."""
 
-    def __init__(self, params, control_dt):
-        a, b = bb.LinearModel(params).discretize(control_dt)
+    def __init__(self, robot, control_dt):
+        a, b = bb.LinearModel(robot).discretize(control_dt)
         q = np.diag([4, 4, 40, 40, 4, 1, 1, 4, 4, 1])  # x, y, tilt, yaw and their rates
         p = q
         for _ in range(2000):  # Riccati recursion
             self.gain = np.linalg.solve(100 * np.eye(3) + b.T @ p @ b, b.T @ p @ a)
             p = q + a.T @ p @ (a - b @ self.gain)
-        self.lqr = bb.Lqr(params, control_dt)  # only for the coordinates of the linear model
+        self.lqr = bb.Lqr(robot, control_dt)  # only for the coordinates of the linear model
 
     def __call__(self, state, position, yaw):
         return -self.gain @ self.lqr.deviation(state, position=position, yaw=yaw)

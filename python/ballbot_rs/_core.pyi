@@ -50,6 +50,7 @@ __all__ = [
     "Terrain",
     "__version__",
     "_contacts_of",
+    "_params_of",
     "_terrain_of",
     "_toml_table",
     "estimator_constants",
@@ -197,7 +198,12 @@ class _ParamFields(TypedDict, total=False):
 
 @final
 class Params:
-    """Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
+    """Physical parameters of a ballbot, immutable: scalars are floats, vectors tuples.
+
+    ```python
+    robot = bb.Params.preset("kugle").replace(body_mass=15.0)
+    print(robot.body_mass, robot.equilibrium_wheel_loads)
+    ```
 
     `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
     wheels about their own axles.
@@ -422,11 +428,16 @@ class Params:
     def __ne__(self, other: object, /) -> bool: ...
     def __getnewargs_ex__(self) -> tuple[tuple[()], dict[str, float | tuple[float, ...]]]: ...
 
-_Robot = Params | str | PathLike[str]
+_Robot = Params | str | PathLike[str] | Mapping[str, Any]
 
 @final
 class State:
-    """Position, attitude and velocities of ball, body and wheels. Immutable; attributes are fresh float64 arrays.
+    """Position, attitude and velocities of ball, body and wheels, immutable; attributes are fresh float64 arrays.
+
+    ```python
+    state = bb.State.at_rest("kugle", tilt=(0.05, 0.0), yaw=0.3)
+    print(state.tilt, state.yaw, state.to_array().shape)
+    ```
 
     `body_angular_velocity` is in the body frame, all other vectors are in the inertial frame (z up, floor at z = 0).
     Velocities and rates default to zero, attitudes to identity, `body_position` (origin of the body frame) to
@@ -452,17 +463,17 @@ class State:
         body_velocity: npt.ArrayLike | None = None,
     ) -> Self: ...
     @staticmethod
-    def at_rest(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
+    def at_rest(robot: _Robot, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest on the floor at the origin: rotated by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad)."""
     @staticmethod
-    def at_equilibrium(params: Params, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
+    def at_equilibrium(robot: _Robot, tilt: npt.ArrayLike = (0.0, 0.0), yaw: float = 0.0) -> State:
         """At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
         rotated by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
         center of mass is on the mast.
         """
     @staticmethod
     def rolling(
-        params: Params,
+        robot: _Robot,
         ball_velocity: npt.ArrayLike,
         body_quaternion: npt.ArrayLike | None = None,
         body_angular_velocity: npt.ArrayLike | None = None,
@@ -524,7 +535,14 @@ class State:
 
 @final
 class Contacts:
-    """Contact forces during the last step. Attributes are fresh float64 arrays."""
+    """Contact forces during the last step; attributes are fresh float64 arrays.
+
+    ```python
+    robot = bb.Ballbot()
+    robot.step([0.0, 0.0, 0.0], steps=10)
+    print(robot.contacts.wheel_normal_forces, robot.contacts.wheel_tractions)
+    ```
+    """
 
     @property
     def wheel_normal_forces(self) -> _Array:
@@ -566,6 +584,11 @@ class Contacts:
 @final
 class Terrain:
     """Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
+
+    ```python
+    ground = bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05)
+    print(ground.height(0.5, 0.0), ground.normal(0.5, 0.0))
+    ```
 
     Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
     continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
@@ -640,8 +663,17 @@ _Ground = Terrain | str | Mapping[str, Any]
 class Ballbot:
     """A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 
+    ```python
+    robot = bb.Ballbot("kugle", model="contact")
+    robot.reset(bb.State.at_equilibrium(robot.params, tilt=(0.05, 0.0)))
+    lqr = bb.Lqr(robot.params, control_dt=0.01)
+    for _ in range(100):
+        robot.step(lqr(robot.state), steps=10)
+    print(robot.time, robot.state.ball_position)
+    ```
+
     Args:
-        params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
+        robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: "contact" (contacts and friction on the ground, dedicated solver), "rigid" (the same with rapier3d), "spatial"
             (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
         sim_dt: time step, s.
@@ -654,7 +686,7 @@ class Ballbot:
 
     def __new__(
         cls,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         model: _Model | str = "contact",
         sim_dt: float = 0.001,
         terrain: _Ground | None = None,
@@ -773,15 +805,24 @@ class Ballbot:
 
 @final
 class Estimator:
-    """The estimator of one robot's state from gyroscope, accelerometer and encoders, as in environments with
-    `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
+    """The estimator of one robot's state from gyroscope, accelerometer and encoders.
+
+    ```python
+    batch = bb.Batch(1, sensors="kugle", observation="sensors")
+    batch.reset()
+    estimator = bb.Estimator(sensors="kugle", control_dt=batch.control_dt)
+    estimator.reset()
+    print(estimator.update(batch.readings(0)))
+    ```
+
+    As in environments with `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
 
     An error-state Kalman filter on level ground, without a model of motors: torques are not among its readings. Call it
     every `control_dt`. Position and yaw are not measured: they drift. Attributes are fresh float64 arrays. Copies have their
     own memory.
 
     Args:
-        params: the robot; None is the paper's.
+        robot: the robot; None is the paper's.
         sensors: as `sensors=` of an environment: the errors to expect, where the IMU is, and the latency; None is exact
             sensors.
         control_dt: time between two readings, s, at most 1.
@@ -793,7 +834,7 @@ class Estimator:
 
     def __new__(
         cls,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
         control_dt: float = 0.01,
     ) -> Self: ...
@@ -855,7 +896,12 @@ class Estimator:
 
 @final
 class Jacobian:
-    """Derivatives of a motion under constant motor torques: `Ballbot.jacobian`. Attributes are fresh float64 arrays.
+    """Derivatives of a motion under constant motor torques: `Ballbot.jacobian`; attributes are fresh float64 arrays.
+
+    ```python
+    jacobian = bb.Ballbot().jacobian([0.0, 0.0, 0.0], steps=10, parameters=["body_mass"])
+    print(jacobian.A.shape, jacobian.B.shape, jacobian.P.shape)
+    ```
 
     With the state x, the torques u (N·m), the parameters p, and the contact forces y (N) of the last step:
     dx' = A dx + B du + P dp and dy = C dx + D du + Q dp, in SI units. `states`, `parameters` and `forces` name the rows and
@@ -924,8 +970,16 @@ class Jacobian:
 
 @disjoint_base
 class Jacobians:
-    """Derivatives of several motions: of the robots of a batch, `Batch.jacobians`, or along the motion of one robot,
-    `Ballbot.jacobians`, as `MotionJacobians`. As `Jacobian`, with one more axis in front; attributes are fresh arrays.
+    """Derivatives of several motions, as `Jacobian` with one more axis in front; attributes are fresh arrays.
+
+    ```python
+    batch = bb.Batch(8, model="contact")
+    batch.reset()
+    print(batch.jacobians(np.zeros((8, 3)), steps=10).A.shape)
+    ```
+
+    Of the robots of a batch, `Batch.jacobians`, or along the motion of one robot, `Ballbot.jacobians`, as
+    `MotionJacobians`.
     """
 
     @property
@@ -973,8 +1027,14 @@ class Jacobians:
 
 @final
 class MotionJacobians(Jacobians):
-    """Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
-    products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
+    """Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended.
+
+    ```python
+    motion = bb.Ballbot().jacobians(np.zeros((20, 3)), steps=10)
+    forward = motion.jvp(torques=np.ones((20, 3)))
+    ```
+
+    Its products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
     """
 
     def jvp(
@@ -1002,6 +1062,11 @@ class MotionJacobians(Jacobians):
 class SpatialModel:
     """Equations of motion of the coupled 3D robot without slip (Kane's method).
 
+    ```python
+    model = bb.SpatialModel("kugle")
+    print(model.accelerations([1.0, 0.0, 0.0, 0.0], np.zeros(6), [0.1, 0.0, 0.0]))
+    ```
+
     The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
     (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
     shape (6,); shape (5,) without the spin for `ball_spins_about_vertical=False`, which constrains it to zero.
@@ -1009,7 +1074,7 @@ class SpatialModel:
     """
 
     def __new__(
-        cls, params: Params, absolute_wheel_spin: bool = True, ball_spins_about_vertical: bool = True
+        cls, robot: _Robot | None = None, absolute_wheel_spin: bool = True, ball_spins_about_vertical: bool = True
     ) -> Self: ...
     def accelerations(
         self,
@@ -1032,10 +1097,15 @@ class SpatialModel:
 
 @final
 class PlanarModel:
-    """The planar model of the paper, eqs. (1)-(7), with q = (position, tilt towards positive position) in m and rad.
+    """The planar model of the paper, equations (1)-(7): q = (position, tilt towards positive position) in m and rad.
+
+    ```python
+    model = bb.PlanarModel(plane="yz")
+    print(model.accelerations(q=[0.0, 0.05], q_dot=[0.0, 0.0], virtual_torque=0.1))
+    ```
 
     Args:
-        params: the robot.
+        robot: the robot; None is the paper's.
         wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, equivalent to three wheels).
         plane: "yz" or "xz".
 
@@ -1045,7 +1115,7 @@ class PlanarModel:
 
     def __new__(
         cls,
-        params: Params,
+        robot: _Robot | None = None,
         wheel_inertia: Literal["as_printed", "three_wheels"] | str = "as_printed",
         plane: Literal["yz", "xz"] | str = "yz",
     ) -> Self: ...
@@ -1064,12 +1134,18 @@ class PlanarModel:
 class LinearModel:
     """The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
 
+    ```python
+    model = bb.LinearModel("kugle")
+    a, b = model.discretize(0.01)
+    print(np.linalg.eigvals(model.A).real.max())
+    ```
+
     The ball is free to spin about the vertical; its spin follows from motion from rest under motor torques.
     """
 
     STATES: ClassVar[list[str]]
     INPUTS: ClassVar[list[str]]
-    def __new__(cls, params: _Robot | None = None) -> Self: ...
+    def __new__(cls, robot: _Robot | None = None) -> Self: ...
     @property
     def A(self) -> _Array:
         """State matrix A (10×10)."""
@@ -1081,6 +1157,11 @@ class LinearModel:
 
 def load_sensors(name_or_path: str | PathLike[str]) -> Sensors:
     """Sensors by name (see `SENSORS`), or from the table `[sensors]` of a robot's TOML file.
+
+    ```python
+    noisier = {**bb.load_sensors("kugle"), "gyro_noise": 0.02}
+    batch = bb.Batch(8, robot="kugle", sensors=noisier)
+    ```
 
     All options with their values, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
 
@@ -1094,7 +1175,7 @@ def reading_bounds(options: Mapping[str, Any], scaled: bool) -> tuple[npt.NDArra
     """Least and largest numbers, float32, of the readings of the instruments in options of an environment, in the order of an observation."""
 
 def estimator_constants(
-    params: _Robot | None = None,
+    robot: _Robot | None = None,
     sensors: Sensors | Mapping[str, Any] | str | PathLike[str] | None = None,
     control_dt: float = 0.01,
 ) -> dict[str, float | _Array]:
@@ -1102,7 +1183,7 @@ def estimator_constants(
     C.
 
     Args:
-        params: the robot; None is the paper's.
+        robot: the robot; None is the paper's.
         sensors: as `sensors=` of an environment; None is exact sensors.
         control_dt: time between two readings, s.
 
@@ -1111,9 +1192,17 @@ def estimator_constants(
     """
 
 def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
-    """Kinds of terrains by name: a dict of the arguments of `Terrain.generate`, each with `default`, `unit`, `limit` and
-    `doc`.
+    """Kinds of terrains by name, each a dict of the arguments of `Terrain.generate`.
+
+    ```python
+    print(sorted(bb.terrain_kinds()), bb.terrain_kinds()["bowl"])
+    ```
+
+    An argument has `default`, `unit`, `limit` and `doc`.
     """
+
+def _params_of(robot: _Robot) -> Params:
+    """What the argument `robot` takes as parameters, for Python."""
 
 def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
     """Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
@@ -1127,10 +1216,14 @@ def _toml_table(text: str) -> dict[str, Any]:
     """The table of a TOML text. The parser limits how deep it nests."""
 
 def load_actuators(name_or_path: str | PathLike[str]) -> Actuators:
-    """Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, whose
-    joint `velocity` is `speed_limit`.
+    """Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF.
 
-    All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
+    ```python
+    slower = {**bb.load_actuators("kugle"), "delay": 0.01}
+    batch = bb.Batch(8, robot="kugle", actuators=slower)
+    ```
+
+    The joint `velocity` of a URDF is `speed_limit`. All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
     a path.
 
     Raises:
@@ -1145,6 +1238,11 @@ def load_events(
 ) -> list[dict[str, Any]]:
     """Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 
+    ```python
+    mild = bb.load_events("mild")
+    batch = bb.Batch(8, events=[*mild, {"term": "gravity", "op": "scale", "range": [0.99, 1.01]}])
+    ```
+
     Args:
         name_or_path: "mild", "hard", "wide", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
             such dicts, which are checked and completed.
@@ -1157,26 +1255,40 @@ def load_events(
     """
 
 def virtual_to_wheel_torques(
-    params: Params,
+    robot: _Robot,
     virtual_torques: npt.ArrayLike,
     mapping: Literal["consistent", "as_printed"] | str = "consistent",
 ) -> _Array:
-    """Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's eq. (8).
+    """Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's equation (8).
+
+    ```python
+    print(bb.virtual_to_wheel_torques("kugle", [0.1, 0.0, 0.0]))
+    ```
 
     `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
     ValueError for wheels without a common zenith and 120 deg spacing.
     """
 
-def wheel_to_virtual_torques(params: Params, wheel_torques: npt.ArrayLike) -> _Array:
-    """Virtual torques (τ_x, τ_y, τ_z) of wheel torques, N·m, shape (3,): the inverse of the consistent map."""
+def wheel_to_virtual_torques(robot: _Robot, wheel_torques: npt.ArrayLike) -> _Array:
+    """Virtual torques (τ_x, τ_y, τ_z) of wheel torques, N·m, shape (3,): the inverse of the consistent map.
+
+    ```python
+    print(bb.wheel_to_virtual_torques("kugle", [0.1, 0.0, 0.0]))
+    ```
+    """
 
 @disjoint_base
 class Controller:
     """A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 
+    ```python
+    law = bb.Controller("lqi", "kugle", control_dt=0.01, position=0.1)
+    torques = law(bb.State.at_rest("kugle", tilt=(0.05, 0.0)), position=(0.5, 0.0))
+    ```
+
     Args:
         name: a key of `CONTROLLERS`, as "lqr".
-        params: the robot: `Params`, or the name of a preset; None is the paper's.
+        robot: the robot; None is the paper's.
         control_dt: time between two calls, s; None is the period that the law is designed for, or 0.01.
         max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque
             at which a wheel of the upright robot slips.
@@ -1195,7 +1307,7 @@ class Controller:
     def __new__(
         cls,
         name: str,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         control_dt: float | None = None,
         *,
         max_torque: float | None = None,
@@ -1234,11 +1346,17 @@ class Controller:
         """Parts of a setpoint that it follows."""
 
 class Pid(Controller):
-    """The paper's PID with filtered derivative, on both components of the tilt from the equilibrium; it holds neither position
-    nor heading.
+    """The paper's PID with filtered derivative, on both components of the tilt from the equilibrium.
+
+    ```python
+    pid = bb.Pid(control_dt=0.002, proportional=20.0)
+    print(pid(bb.State.at_rest("paper", tilt=(0.05, 0.0))))
+    ```
+
+    It holds neither position nor heading.
 
     Args:
-        params: the robot; None is the paper's.
+        robot: the robot; None is the paper's.
         control_dt: time between two calls, s. The derivative filter of the paper's gains is stable up to 9.9 ms.
         proportional: k_p, N·m/rad.
         integral: k_i, N·m/(rad·s).
@@ -1256,7 +1374,7 @@ class Pid(Controller):
     # Generated by tools/generate.py: the constructor.
     def __new__(
         cls,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         control_dt: float = 0.002,
         *,
         mapping: Literal["consistent", "as_printed"] | str = "consistent",
@@ -1275,8 +1393,13 @@ class Pid(Controller):
 class Lqr(Controller):
     """A discrete linear-quadratic regulator of position, tilt and heading, from the linear model of any robot.
 
+    ```python
+    lqr = bb.Lqr("kugle", control_dt=0.01, position=0.05)
+    print(lqr.gain, lqr(bb.State.at_rest("kugle", tilt=(0.05, 0.0))))
+    ```
+
     Args:
-        params: the robot; None is the paper's.
+        robot: the robot; None is the paper's.
         control_dt: time between two calls, s.
         Q: cost of the states of `LinearModel` (10×10, or its diagonal), in place of the weights.
         R: cost of the torques (3×3, or its diagonal), in place of `torque`.
@@ -1299,7 +1422,7 @@ class Lqr(Controller):
     # Generated by tools/generate.py: the constructor.
     def __new__(
         cls,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         control_dt: float = 0.01,
         *,
         Q: npt.ArrayLike | None = None,
@@ -1347,11 +1470,17 @@ class Lqr(Controller):
 class Reference:
     """A motion of the ball with the required lean and torques: setpoints over time, from rest at time 0.
 
+    ```python
+    circle = bb.Reference.circle(radius=0.5, period=6.0, robot="kugle")
+    print(circle.demand, circle(2.0)["position"])
+    print(bb.simulate("lqr", reference=circle, robot="kugle", seconds=2.0))
+    ```
+
     Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that
     needs more traction or torque than the robot has is rejected; the message has a time that would suffice.
 
     Arguments of all of them:
-        params: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
+        robot: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
             otherwise the paper's.
         yaw: initial heading, rad.
         yaw_rate: rate that the heading reaches within a second, rad/s.
@@ -1365,7 +1494,7 @@ class Reference:
     def hold(
         position: npt.ArrayLike,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1377,7 +1506,7 @@ class Reference:
         seconds: float,
         start: npt.ArrayLike | None = None,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1388,7 +1517,7 @@ class Reference:
         points: npt.ArrayLike,
         times: npt.ArrayLike,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1399,7 +1528,7 @@ class Reference:
         points: npt.ArrayLike,
         times: npt.ArrayLike,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1410,7 +1539,7 @@ class Reference:
         side: float,
         seconds: float,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1422,7 +1551,7 @@ class Reference:
         times: npt.ArrayLike,
         change: float,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1436,7 +1565,7 @@ class Reference:
         period: float,
         start: float = 4.0,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1448,7 +1577,7 @@ class Reference:
         period: float,
         start: float = 4.0,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1460,7 +1589,7 @@ class Reference:
         frequency: float,
         start: float = 4.0,
         *,
-        params: _Robot | None = None,
+        robot: _Robot | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
         friction: float | None = 1.0,
@@ -1472,11 +1601,11 @@ class Reference:
         """Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them."""
     def sample(self, times: npt.ArrayLike) -> dict[str, _Array]:
         """Setpoints at `times`, shape (n,), s: arrays by name, with n rows each."""
-    def for_robot(self, params: _Robot) -> Reference:
-        """The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
+    def for_robot(self, robot: _Robot) -> Reference:
+        """The same motion on another robot, as `simulate` and `Batch.rollout` take it.
 
         Raises:
-            ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another
+            ValueError: a motion that this robot cannot follow; a reference that was made with `robot` of another
                 robot, which leans differently.
         """
     @property
@@ -1499,6 +1628,13 @@ class Reference:
 class Batch:
     """Environments of one task that are stepped together in Rust; the basis of all front ends.
 
+    ```python
+    batch = bb.Batch(64, "balance", robot="kugle", seed=1)
+    observations = batch.reset()
+    for _ in range(10):
+        observations, rewards, terminated, truncated = batch.step(np.zeros((64, 3)))
+    ```
+
     Environment i, seeded with `seed + i`, gives the same results as alone, to the last bit, for any `num_threads`.
 
     Args:
@@ -1508,7 +1644,7 @@ class Batch:
         num_threads: threads that step the robots, at most 256; None takes all cores.
         seed: seed of the first environment.
         stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
-        options: `params` (`Params`, the name of a preset, or a list of them: eight neighbors have the same robot),
+        options: `robot` (as in `Ballbot`, or a list of them: eight neighbors have the same robot),
             `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
             `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
             None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
@@ -1534,7 +1670,6 @@ class Batch:
         num_threads: int | None = None,
         seed: int = 0,
         stage: Stage | None = None,
-        params: _Robot | Sequence[_Robot] = ...,
         **options: Unpack[TaskOptions],
     ) -> Self: ...
     @property
@@ -1563,7 +1698,7 @@ class Batch:
         """When an environment is reset after its episode has ended."""
     @property
     def options(self) -> dict[str, Any]:
-        """All options of the task and of its environment with the values in use, except `params` and `model`."""
+        """All options of the task and of its environment with the values in use, except `robot` and `model`."""
     @property
     def model(self) -> str:
         """Model of the robots."""
@@ -1842,7 +1977,7 @@ class Batch:
             controller: as in `control`; exactly one of `controller`, `policies` and `actions` is required.
             steps: number of control steps.
             setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
-                one per robot. A reference without `params` uses the controller's robot; it continues when an episode
+                one per robot. A reference without `robot` uses the controller's robot; it continues when an episode
                 ends and the next begins.
             record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
                 `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows, the first
@@ -1928,9 +2063,15 @@ class Batch:
 class Renderer:
     """A ray-casting renderer of a robot, without GPU or display.
 
+    ```python
+    renderer = bb.Renderer("kugle", width=320, height=240)
+    picture = renderer.render(bb.State.at_rest("kugle"))
+    print(picture.shape, renderer.depth(bb.State.at_rest("kugle")).min())
+    ```
+
     Args:
-        params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-        urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `params`.
+        robot: as in `Ballbot`.
+        urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `robot`.
         width, height: size of the picture, pixels, at most 8192.
         samples: color samples per pixel, 1, 2 or 4.
         camera: dict of settings that replace the defaults: `target` (shape (3,), m), `distance` (m), `azimuth` (rad,
@@ -1946,7 +2087,7 @@ class Renderer:
 
     def __new__(
         cls,
-        params: Params | str | PathLike[str] | None = None,
+        robot: _Robot | None = None,
         *,
         urdf: tuple[str | PathLike[str], str | PathLike[str]] | None = None,
         width: int = 640,

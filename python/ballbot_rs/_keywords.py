@@ -2,6 +2,7 @@
 
 import functools
 import inspect
+import operator
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any, Final, TypeVar
 
@@ -47,6 +48,20 @@ def unknown(who: str, name: str, known: Sequence[str], hint: str = "") -> Unknow
     error = UnknownKeywordError(f"{who} got an unexpected keyword argument '{name}'{hint}{elsewhere}")
     error.name, error.known = name, tuple(known)
     return error
+
+
+def of_extension(who: str, name: str, more: Sequence[str]) -> UnknownKeywordError:
+    """The error about a keyword of a class or function in Rust, called by the extension module.
+
+    Args:
+        who: what was called, as `State.at_rest`.
+        name: the keyword.
+        more: keywords that the signature does not list.
+    """
+    from ballbot_rs import _core
+
+    parameters = inspect.signature(operator.attrgetter(who)(_core)).parameters.values()
+    return unknown(who, name, (*(p.name for p in parameters if p.kind is not p.VAR_KEYWORD), *more))
 
 
 def renamed(name: str, known: Sequence[str]) -> str:

@@ -17,8 +17,8 @@ REFERENCES = [bb.Reference.circle(0.3, period) for period in (8.0, 9.0, 10.0)]
 class Mine:
     """LQR as a controller in Python, one object per robot."""
 
-    def __init__(self, params, control_dt):
-        self.law = bb.Lqr(params, control_dt, max_torque=params.max_wheel_torque)
+    def __init__(self, robot, control_dt):
+        self.law = bb.Lqr(robot, control_dt, max_torque=robot.max_wheel_torque)
 
     def __call__(self, state, setpoint):
         return self.law(state, {part: setpoint[part] for part in self.law.setpoint_parts})

@@ -17,8 +17,8 @@ ON_BALL = {"model": "spatial", "seconds": 0.3}
 
 
 class Follower:
-    def __init__(self, params, control_dt):
-        self.law = bb.Lqr(params, control_dt)
+    def __init__(self, robot, control_dt):
+        self.law = bb.Lqr(robot, control_dt)
 
     def __call__(self, state, setpoint):
         return self.law(state, **setpoint)
@@ -62,7 +62,7 @@ def test_a_reference_is_made_for_the_robot_that_follows_it():
     """It was made for the paper's robot, whichever robot ran."""
     motion = bb.Reference.circle(0.5, 10.0)
     assert motion.params is None
-    own = bb.Reference.circle(0.5, 10.0, params=HEAVY)
+    own = bb.Reference.circle(0.5, 10.0, robot=HEAVY)
     assert own.params == HEAVY
     run = functools.partial(bb.simulate, "lqr", robot=HEAVY, seconds=15.0)
     expected = run(reference=own)
@@ -71,8 +71,8 @@ def test_a_reference_is_made_for_the_robot_that_follows_it():
     # The setpoints of the paper's robot, which are still to be had.
     other = run(reference=lambda time: motion(time))
     assert other.metrics().position_error_rms > 5.0 * expected.metrics().position_error_rms
-    with pytest.raises(ValueError, match=r"the Reference 'circle' was made with params of another robot, which leans"):
-        run(reference=bb.Reference.circle(0.5, 10.0, params="paper"))
+    with pytest.raises(ValueError, match=r"the Reference 'circle' was made for another robot, which leans"):
+        run(reference=bb.Reference.circle(0.5, 10.0, robot="paper"))
     # Of the same lean, on other ground.
     slippery = HEAVY.replace(floor_dynamic_friction=0.5, floor_static_friction=0.6)
     assert bb.simulate("lqr", robot=slippery, seconds=0.1, reference=own).fell_at is None
@@ -81,19 +81,19 @@ def test_a_reference_is_made_for_the_robot_that_follows_it():
 
 
 def test_a_batch_follows_the_reference_of_the_robot_of_its_controller():
-    motion, own = bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, params=HEAVY)
+    motion, own = bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, robot=HEAVY)
     law = bb.Controller("lqr", HEAVY)
 
     def states(reference):
-        batch = bb.Batch(2, params=HEAVY, max_wheel_torque=5.0, num_threads=1)
+        batch = bb.Batch(2, robot=HEAVY, max_wheel_torque=5.0, num_threads=1)
         batch.reset(starts=[bb.State.at_rest(HEAVY)] * 2)
         return batch.rollout(law, 300, reference)["states"]
 
     np.testing.assert_array_equal(states(motion), states(own))
     np.testing.assert_array_equal(states([motion, own]), states(own))
     np.testing.assert_array_equal(states(motion.for_robot(HEAVY)), states(own))
-    with pytest.raises(ValueError, match="params of another robot"):
-        states([motion, bb.Reference.circle(0.5, 10.0, params="kugle")])
+    with pytest.raises(ValueError, match="for another robot"):
+        states([motion, bb.Reference.circle(0.5, 10.0, robot="kugle")])
 
 
 @pytest.mark.parametrize("motion", [bb.Reference.circle(0.5, 10.0), bb.Reference.circle(0.5, 10.0, friction=0.1)])
@@ -342,7 +342,7 @@ def test_a_trajectory_survives_pickling():
 
 MOTIONS = [
     bb.Reference.hold((0.1, -0.2), yaw=0.3, yaw_rate=0.5),
-    bb.Reference.line((1.0, 0.5), 4.0, (0.2, 0.1), params="kugle"),
+    bb.Reference.line((1.0, 0.5), 4.0, (0.2, 0.1), robot="kugle"),
     bb.Reference.path([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], [0.0, 3.0, 6.0]),
     bb.Reference.stops([(0.0, 0.0), (1.0, 0.0), (1.0, 1.0)], [0.0, 3.0, 6.0]),
     bb.Reference.square(0.5, 3.0),

@@ -24,7 +24,7 @@ def limits_of(robot):
 
 def batch_of(params, **options):
     options = {"num_envs": EPISODES, "num_threads": 1, "max_wheel_torque": params.max_wheel_torque} | options
-    return bb.Batch(params=params, max_episode_steps=100_000, **options)
+    return bb.Batch(robot=params, max_episode_steps=100_000, **options)
 
 
 def driven(law, params, commands, steps=STEPS, impulses=None, **options):

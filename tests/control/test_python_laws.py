@@ -13,16 +13,16 @@ SHORT = {"model": "spatial", "max_episode_steps": 60, "setpoint": (0.05, -0.02)}
 
 
 class WithSetpoint:
-    def __init__(self, params, control_dt):
-        self.regulator = bb.Lqr(params, control_dt)
+    def __init__(self, robot, control_dt):
+        self.regulator = bb.Lqr(robot, control_dt)
 
     def __call__(self, state, setpoint):
         return self.regulator(state, **setpoint)
 
 
 class WithPosition:
-    def __init__(self, control_dt, params):
-        self.regulator = bb.Lqr(params, control_dt)
+    def __init__(self, control_dt, robot):
+        self.regulator = bb.Lqr(robot, control_dt)
 
     def __call__(self, state, position):
         return self.regulator(state, position=position)
@@ -33,8 +33,8 @@ class Batched:
 
     batched = True
 
-    def __init__(self, params, control_dt):
-        self.law = bb.Lqr(params, control_dt)
+    def __init__(self, robot, control_dt):
+        self.law = bb.Lqr(robot, control_dt)
         self.resets, self.shapes = [], set()
 
     def __call__(self, states, setpoints):
@@ -62,15 +62,15 @@ def test_a_class_is_made_with_the_robot_and_the_rate():
     class Asking:
         control_dt = 0.004
 
-        def __init__(self, params, control_dt):
-            found.update(params=params, control_dt=control_dt)
+        def __init__(self, robot, control_dt):
+            found.update(robot=robot, control_dt=control_dt)
 
         def __call__(self, state):  # noqa: ARG002
             return np.zeros(3)
 
     result = bb.evaluate(Asking, episodes=2, robot="kugle", max_episode_steps=5)
     assert result.control_dt == found["control_dt"] == 0.004
-    assert found["params"].ball_mass == bb.Params.preset("kugle").ball_mass
+    assert found["robot"].ball_mass == bb.Params.preset("kugle").ball_mass
 
 
 def test_a_batched_controller_has_arrays_and_is_notified_of_new_episodes():
@@ -169,7 +169,7 @@ class Unmade:
 
 
 class Demanding(Unmade):
-    def __init__(self, params, gain):
+    def __init__(self, robot, gain):
         pass
 
 
@@ -224,8 +224,8 @@ def test_a_batched_law_of_a_wrong_shape_is_named():
 def test_a_file_may_have_a_dataclass_and_is_made_for_the_robot(tmp_path):
     (tmp_path / "numpy.py").write_text(
         "from __future__ import annotations\nimport dataclasses\nimport ballbot_rs as bb\n\n\n"
-        "@dataclasses.dataclass\nclass Mine:\n    params: bb.Params\n    control_dt: float\n\n"
-        "    def __post_init__(self):\n        self.law = bb.Lqr(self.params, self.control_dt)\n\n"
+        "@dataclasses.dataclass\nclass Mine:\n    robot: bb.Params\n    control_dt: float\n\n"
+        "    def __post_init__(self):\n        self.law = bb.Lqr(self.robot, self.control_dt)\n\n"
         "    def __call__(self, state, setpoint):\n        return self.law(state, **setpoint)\n",
         encoding="utf-8",
     )

@@ -56,10 +56,10 @@ CASES = {
     "push point": (lambda: robot().push([0, 0, 0], [0, 0, INF]), ValueError, r"point\[2\] = inf"),
     "push shape": (lambda: robot().push([0, 0]), ValueError, r"impulse has shape \(2,\)"),
     "params of no robot": (lambda: robot().set_params("kugel"), ValueError, "unknown robot preset 'kugel'"),
-    "params None": (lambda: robot().set_params(None), TypeError, "params must be Params"),
+    "params None": (lambda: robot().set_params(None), TypeError, "robot must be Params"),
     # Robots and states.
     "model": (lambda: Ballbot(model="x"), ValueError, "unknown model 'x': expected one of planar, spatial, contact, r"),
-    "params": (lambda: Ballbot(3), TypeError, "Params, the name of a preset or the path of a TOML file"),
+    "robot": (lambda: Ballbot(3), TypeError, "robot must be Params, the name of a preset, the path of a TOML file"),
     "sim_dt zero": (lambda: Ballbot(sim_dt=0.0), ValueError, "sim_dt = 0 .* 0.02"),
     "sim_dt NaN": (lambda: Ballbot(sim_dt=NAN), ValueError, "sim_dt = NaN"),
     "sim_dt large": (lambda: Ballbot(sim_dt=0.05), ValueError, "sim_dt = 0.05 .* 0.02"),
@@ -112,7 +112,7 @@ CASES = {
     "lqr name": (
         lambda: Lqr(speed=1),
         TypeError,
-        "Lqr got an unexpected keyword argument 'speed': expected one of position",
+        "Lqr got an unexpected keyword argument 'speed': did you mean .max_speed",
     ),
     "lqr rate": (lambda: Lqr(control_dt=NAN), ValueError, "control_dt = NaN"),
     "lqr too slow": (lambda: Lqr(control_dt=100.0), ValueError, "Riccati"),

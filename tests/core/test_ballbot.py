@@ -91,7 +91,7 @@ def test_every_step_that_needed_a_search_is_counted(model, paper):
     slippery = paper.replace(
         wheel_static_friction=1.0, wheel_dynamic_friction=1.0, floor_static_friction=1.0, floor_dynamic_friction=1.0
     )
-    options = {"params": slippery, "model": model, "max_wheel_torque": 1.0}
+    options = {"robot": slippery, "model": model, "max_wheel_torque": 1.0}
     batch = Batch(64 if model == "contact" else 8, **options)
     batch.reset()
     rng = np.random.default_rng(0)

@@ -35,7 +35,7 @@ def bits(state):
 def test_estimates_are_the_estimates_of_a_batch_bit_for_bit(robot, sensors):
     """Under random torques that make wheels slip; robots in all lanes of the core, and alone."""
     options = {"sensors": sensors, "observation": "sensors", "max_episode_steps": 300}
-    batch = bb.Batch(9, params=robot, model="contact", num_threads=1, seed=3, **options)
+    batch = bb.Batch(9, robot=robot, model="contact", num_threads=1, seed=3, **options)
     batch.reset()
     law, rng = bb.Lqr(robot), np.random.default_rng(5)
     watched = {i: bb.Estimator(robot, sensors) for i in (0, 5, 8)}
@@ -165,7 +165,7 @@ def test_readings_that_are_missing_are_named():
         ({"sensors": {"latency": 0.005}}, r"sensors.latency / control_dt = 0.5"),
         ({"sensors": {"encoder_rate": 50.0}}, "sensors.encoder_rate = 50 .*at least the control rate"),
         ({"sensors": "kugel"}, "unknown sensors 'kugel'"),
-        ({"params": "kugel"}, "unknown .*'kugel'"),
+        ({"robot": "kugel"}, "unknown .*'kugel'"),
     ],
 )
 def test_options_out_of_range_are_named(options, message):

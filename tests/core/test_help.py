@@ -18,13 +18,6 @@ LONGEST = 600
 LONGER = {"Scenario": 900}
 #: Exceptions.
 WITHOUT = {"BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"}
-#: Defined in Rust.
-EXTENSION = {
-    *("Ballbot", "Batch", "Contacts", "Controller", "Estimator", "Jacobian", "Jacobians", "LinearModel", "Lqr"),
-    *("MotionJacobians", "Params", "Pid", "PlanarModel", "Reference", "Renderer", "SpatialModel", "State", "Terrain"),
-    *("load_actuators", "load_events", "load_sensors", "terrain_kinds"),
-    *("virtual_to_wheel_torques", "wheel_to_virtual_torques"),
-}
 PUBLIC = [name for name in bb.__all__ if callable(getattr(bb, name))]
 #: Examples that take seconds: an optimization, a training, a compilation, a browser, a process or a large terrain.
 SLOW = {
@@ -37,11 +30,11 @@ SLOW = {
 EXAMPLES = [
     pytest.param(name, marks=[pytest.mark.slow("examples that take seconds")] if name in SLOW else [])
     for name in PUBLIC
-    if name not in WITHOUT | EXTENSION
+    if name not in WITHOUT
 ]
 
 
-@pytest.mark.parametrize("name", sorted(set(PUBLIC) - EXTENSION))
+@pytest.mark.parametrize("name", PUBLIC)
 def test_help_opens_with_one_sentence(name):
     first, _, rest = inspect.getdoc(getattr(bb, name)).partition("\n")
     assert first.endswith(".")

@@ -256,7 +256,7 @@ def test_forward_and_reverse_products_agree():
 def test_robots_of_a_batch_have_the_derivatives_of_single_robots():
     lossy = bb.Params.paper().replace(floor_rolling_friction=1e-3, floor_spinning_friction=1e-3)
     robots = [*sample_robots(3, 3), lossy]
-    batch = bb.Batch(32, params=robots, num_threads=2)
+    batch = bb.Batch(32, robot=robots, num_threads=2)
     batch.reset()
     batch.step(np.zeros((32, 3), np.float32))
     torques = np.tile(TORQUES, (32, 1))
@@ -278,7 +278,7 @@ def test_robots_of_a_batch_have_the_derivatives_of_single_robots():
 
 def test_a_batch_has_columns_for_each_of_several_torques():
     # Eight neighbors have the same robot.
-    batch = bb.Batch(17, params=["paper", "kugle", "rezero"])
+    batch = bb.Batch(17, robot=["paper", "kugle", "rezero"])
     batch.reset()
     torques = np.random.default_rng(0).uniform(-0.05, 0.05, (17, 4, 3))
     found = batch.jacobians(torques, 2, ["body_mass"])
@@ -331,7 +331,7 @@ def test_shapes_do_not_depend_on_what_is_valid():
 
 
 def test_torques_and_parameters_of_every_robot_of_a_batch_are_checked():
-    batch = bb.Batch(16, params=["kugle", "paper"])
+    batch = bb.Batch(16, robot=["kugle", "paper"])
     batch.reset()
     torques = np.zeros((16, 3))
     with pytest.raises(ValueError, match="two principal moments"):

@@ -223,7 +223,7 @@ def test_a_long_motion_has_the_product_of_the_derivatives_of_its_parts():
 
 def test_a_batch_has_the_derivatives_of_single_robots():
     # Eight neighbors have the same robot.
-    batch = bb.Batch(17, model="spatial", params=["paper", "kugle", "rezero"])
+    batch = bb.Batch(17, model="spatial", robot=["paper", "kugle", "rezero"])
     batch.reset()
     torques = np.full((17, 3), 0.1)
     found = batch.jacobians(torques, 5, ["body_mass"])

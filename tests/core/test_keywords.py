@@ -373,17 +373,17 @@ SETUP: dict[str, Any] = {
 #: Keywords with another value than the default by callable: how it is called, its other arguments, and the keywords.
 #: None is a keyword whose effect is elsewhere.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
-    "Ballbot": (_robot, {}, {"params": "kugle", "model": "rigid", "sim_dt": 0.0005, "terrain": BOWL}),
+    "Ballbot": (_robot, {}, {"robot": "kugle", "model": "rigid", "sim_dt": 0.0005, "terrain": BOWL}),
     "Controller": (
         bb.Controller,
         {"name": "lqr"},
-        {"name": "lqi", "params": "kugle", "control_dt": 0.02, "max_torque": 0.05, "traction": 0.1, **BARRIER},
+        {"name": "lqi", "robot": "kugle", "control_dt": 0.02, "max_torque": 0.05, "traction": 0.1, **BARRIER},
     ),
     "Lqr": (
         bb.Lqr,
         {},
         {
-            "params": "kugle",
+            "robot": "kugle",
             "control_dt": 0.02,
             "Q": np.ones(10),
             "R": np.ones(3),
@@ -396,7 +396,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         bb.Pid,
         {},
         {
-            "params": "kugle",
+            "robot": "kugle",
             "control_dt": 0.004,
             "mapping": "as_printed",
             "max_torque": 0.05,
@@ -404,28 +404,28 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
             **BARRIER,
         },
     ),
-    "LinearModel": (_linear, {}, {"params": "kugle"}),
+    "LinearModel": (_linear, {}, {"robot": "kugle"}),
     "SpatialModel": (
         lambda **given: bb.SpatialModel(**given).accelerations(
             START.body_quaternion, SPEEDS[: 6 if given.get("ball_spins_about_vertical", True) else 5], (0.1, 0.2, 0.3)
         ),
-        {"params": PAPER},
-        {"params": bb.Params.preset("kugle"), "absolute_wheel_spin": False, "ball_spins_about_vertical": False},
+        {"robot": PAPER},
+        {"robot": bb.Params.preset("kugle"), "absolute_wheel_spin": False, "ball_spins_about_vertical": False},
     ),
     "PlanarModel": (
         lambda **given: bb.PlanarModel(**given).linearize(),
-        {"params": PAPER},
+        {"robot": PAPER},
         {
-            "params": bb.Params.preset("kugle"),
+            "robot": bb.Params.preset("kugle"),
             "wheel_inertia": "three_wheels",
-            "plane": With("xz", params=PAPER.replace(body_inertia=(0.2, 0.22, 0.05))),
+            "plane": With("xz", robot=PAPER.replace(body_inertia=(0.2, 0.22, 0.05))),
         },
     ),
     "Renderer": (
         _frame,
         {},
         {
-            "params": "kugle",
+            "robot": "kugle",
             "urdf": (ASSETS / "bot.urdf", ASSETS / "ball.urdf"),
             "width": 20,
             "height": 20,
@@ -575,13 +575,13 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     ),
     "virtual_to_wheel_torques": (
         bb.virtual_to_wheel_torques,
-        {"params": PAPER, "virtual_torques": (0.1, 0.2, 0.3)},
-        {"params": STEEP, "virtual_torques": (0.2, 0.2, 0.3), "mapping": "as_printed"},
+        {"robot": PAPER, "virtual_torques": (0.1, 0.2, 0.3)},
+        {"robot": STEEP, "virtual_torques": (0.2, 0.2, 0.3), "mapping": "as_printed"},
     ),
     "wheel_to_virtual_torques": (
         bb.wheel_to_virtual_torques,
-        {"params": PAPER, "wheel_torques": (0.1, 0.2, 0.3)},
-        {"params": STEEP, "wheel_torques": (0.2, 0.2, 0.3)},
+        {"robot": PAPER, "wheel_torques": (0.1, 0.2, 0.3)},
+        {"robot": STEEP, "wheel_torques": (0.2, 0.2, 0.3)},
     ),
     "load_events": (bb.load_events, {"name_or_path": "mild"}, {"name_or_path": "hard"}),
     "load_actuators": (bb.load_actuators, {"name_or_path": "ideal"}, {"name_or_path": "kugle"}),
@@ -733,7 +733,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "Estimator": (
         _estimated,
         {},
-        {"params": "kugle", "sensors": {"gyro_noise": 0.1}, "control_dt": 0.02},
+        {"robot": "kugle", "sensors": {"gyro_noise": 0.1}, "control_dt": 0.02},
     ),
     "linearize": (
         bb.linearize,
@@ -786,7 +786,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
 #: Keywords of every motion, and their other values.
 MOTION = {
     # For a ball at rest, the torque of the turning.
-    "params": With("kugle", yaw_rate=0.5),
+    "robot": With("kugle", yaw_rate=0.5),
     "yaw": 0.3,
     "yaw_rate": 0.2,
     "friction": With(0.01, yaw_rate=3.0),

@@ -139,7 +139,7 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     "Estimator.reset": (_estimated, {}, {"state": START}),
     "Params.holding_torques": (PAPER.replace(floor_tilt=(0.05, 0.0)).holding_torques, {}, {"yaw": 0.3}),
     "Params.slope_limits": (PAPER.slope_limits, {}, {"fall_tilt": 0.2}),
-    "Reference.slowdown": (bb.Reference.circle(0.5, 4.0, params=PAPER).slowdown, {}, {"friction": 0.2}),
+    "Reference.slowdown": (bb.Reference.circle(0.5, 4.0, robot=PAPER).slowdown, {}, {"friction": 0.2}),
     "Renderer.render": (_frame, {}, {"contacts": _contacts(), "arrows": [((0.0, 0.0, 0.5), (0.3, 0.0, 0.0))]}),
     "Rollout.settling_times": (bb.rollout("lqr", 2, tilt=(0.1, 0.0)).settling_times, {}, {"tilt": 0.05}),
     "Terrain.heights": (
@@ -147,11 +147,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {},
         {"cell": 0.05},
     ),
-    "State.at_rest": (bb.State.at_rest, {"params": PAPER}, {"tilt": (0.1, 0.0), "yaw": 0.2}),
-    "State.at_equilibrium": (bb.State.at_equilibrium, {"params": PAPER}, {"tilt": (0.1, 0.0), "yaw": 0.2}),
+    "State.at_rest": (bb.State.at_rest, {"robot": PAPER}, {"tilt": (0.1, 0.0), "yaw": 0.2}),
+    "State.at_equilibrium": (bb.State.at_equilibrium, {"robot": PAPER}, {"tilt": (0.1, 0.0), "yaw": 0.2}),
     "State.rolling": (
         bb.State.rolling,
-        {"params": PAPER, "ball_velocity": (0.1, 0.0)},
+        {"robot": PAPER, "ball_velocity": (0.1, 0.0)},
         {
             "body_quaternion": START.body_quaternion,
             "body_angular_velocity": (0.0, 0.1, 0.0),
@@ -230,7 +230,7 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     },
     "Batch.nominal_params": (
         # Eight neighbors have the same robot.
-        lambda **given: bb.Batch(9, params=["paper", "kugle"]).nominal_params(**given),
+        lambda **given: bb.Batch(9, robot=["paper", "kugle"]).nominal_params(**given),
         {},
         {"index": 8},
     ),

@@ -25,6 +25,12 @@ import ballbot_rs as bb
         (lambda: bb.record_log(controller_params=None), "it is now controller_robot="),
         (lambda: bb.Push((0.1, 0, 0), durations=0.1), "Push got .* did you mean 'duration'"),
         (lambda: bb.StateFeedback([[1.0]], params="kugle"), "StateFeedback got .* it is now robot="),
+        (lambda: bb.Ballbot(params="kugle"), "Ballbot got .* 'params': it is now robot="),
+        (lambda: bb.Batch(1, params="kugle"), "Batch got .* 'params': it is now robot="),
+        (lambda: bb.Lqr(params="kugle"), "Lqr got .* 'params': it is now robot="),
+        (lambda: bb.Reference.circle(1.0, 6.0, params="kugle"), "Reference.circle got .* it is now robot="),
+        (lambda: bb.State.at_rest(params="kugle"), "argument: 'robot'"),
+        (lambda: bb.Renderer(widht=640), "Renderer got .* did you mean 'width'"),
     ],
 )
 def test_an_unknown_keyword_names_what_to_write(call, end):
@@ -36,3 +42,15 @@ def test_an_unknown_keyword_names_what_to_write(call, end):
 def test_a_name_that_has_gone_names_its_successor():
     with pytest.raises(AttributeError, match=r"is now bb\.simulate"):
         bb.run  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "make", [bb.Ballbot, lambda robot: bb.Batch(1, robot=robot), bb.Lqr, bb.LinearModel, bb.Estimator]
+)
+def test_the_core_takes_a_robot_in_every_form(make, tmp_path):
+    kugle = bb.Params.preset("kugle")
+    (tmp_path / "mine.toml").write_text(kugle.to_toml())
+    for robot in ("kugle", kugle, kugle.to_dict(), tmp_path / "mine.toml", str(tmp_path / "mine.toml")):
+        make(robot)
+    with pytest.raises(TypeError, match=r"robot must be Params, .* not float"):
+        make(3.0)

@@ -26,7 +26,7 @@ SENSORS = {
 
 def episode(params, sensors, push, steps=STEPS):
     """A balancing robot: the state at the start, and readings with estimates of each step."""
-    options = {"params": params, "sensors": sensors, "observation": "sensors", "fall_tilt": 3.0}
+    options = {"robot": params, "sensors": sensors, "observation": "sensors", "fall_tilt": 3.0}
     options["max_wheel_torque"] = params.max_wheel_torque
     batch = bb.Batch(1, "balance", seed=11, model="contact", num_threads=1, **options)
     batch.reset()

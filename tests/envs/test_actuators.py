@@ -100,10 +100,10 @@ def test_motors_come_from_names_files_and_dicts(tmp_path):
         (str(path), mine),
         ({"delay": np.float32(0.0), "strength": np.full(3, 0.9)}, {**mine, "delay": 0.0}),
     ]:
-        batch = bb.Batch(1, params="kugle", actuators=given)
+        batch = bb.Batch(1, robot="kugle", actuators=given)
         assert batch.options["actuators"] == expected
         assert json.loads(json.dumps(batch.options))["actuators"] == expected
-        again = bb.Batch(1, params="kugle", **batch.options)
+        again = bb.Batch(1, robot="kugle", **batch.options)
         assert again.options == batch.options
 
 

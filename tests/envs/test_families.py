@@ -66,7 +66,7 @@ def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
         ({"family": 2, "ranges": {"friction": [1, float("inf")]}}, ValueError, "at most 1e.06"),
         ({"family": 2, "ranges": {"wheel_coulomb_friction": [0.1, 0]}}, ValueError, "two numbers in ascending order"),
         ({"family": 2, "ranges": {"wheel_zenith": [3.0, 4.0]}}, ValueError, "none of 1000 sampled robots is valid"),
-        ([], ValueError, "no robot"),
+        ([], ValueError, "there is none"),
         (["paper", "nobody"], ValueError, "nobody"),
         (["paper", 3], TypeError, "int"),
     ],
@@ -77,9 +77,9 @@ def test_invalid_robots_are_named(robot, error, text):
 
 
 def test_a_batch_has_room_for_its_robots():
-    with pytest.raises(ValueError, match=r"params has 2 robots, but num_envs = 8 has room for 1.*at least 9"):
-        bb.Batch(8, params=["paper", "kugle"])
-    assert bb.Batch(9, params=["paper", "kugle"]).nominal_params(8) == bb.Params.preset("kugle")
+    with pytest.raises(ValueError, match=r"robot has 2 entries, but num_envs = 8 has room for 1.*at least 9"):
+        bb.Batch(8, robot=["paper", "kugle"])
+    assert bb.Batch(9, robot=["paper", "kugle"]).nominal_params(8) == bb.Params.preset("kugle")
 
 
 def test_eight_neighbors_have_the_same_robot():

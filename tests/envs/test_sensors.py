@@ -173,7 +173,7 @@ def test_sensors_come_from_names_files_and_dicts(tmp_path):
         (path, mine),
         ({"encoder_ticks": np.int64(1000), "latency": 0.02}, mine),
     ]:
-        batch = bb.Batch(1, params=path, sensors=given)
+        batch = bb.Batch(1, robot=path, sensors=given)
         assert batch.options["sensors"] == expected
         assert json.loads(json.dumps(batch.options))["sensors"] == expected
         assert bb.Batch(1, **batch.options).options == batch.options

@@ -103,7 +103,7 @@ def test_transforms_place_body_ball_and_imu(conversion):
 
 
 def test_readings_at_rest_are_gravity_upward_and_still_wheels(conversion):
-    batch = bb.Batch(1, params=PAPER, sensors={})
+    batch = bb.Batch(1, robot=PAPER, sensors={})
     batch.reset(starts=[bb.State.at_rest(PAPER)])
     imu = conversion.imu(batch.readings(0), 0, 0.01, 0.04)
     np.testing.assert_allclose(vector(imu["linear_acceleration"]), [0.0, 0.0, PAPER.gravity], atol=1e-9)

@@ -99,7 +99,7 @@ def test_a_goal_is_reached_and_the_law_follows(name):
 
 def test_a_move_is_shorter_than_the_closed_form_allows():
     with pytest.raises(ValueError, match=r"traction|friction|demand"):
-        bb.Reference.line((1.0, 0.0), 2.4, params=PAPER)
+        bb.Reference.line((1.0, 0.0), 2.4, robot=PAPER)
     found = bb.optimize_trajectory((1.0, 0.0), seconds=2.3, max_torque=PAPER.max_wheel_torque)
     assert found.reached
     again = bb.optimize_trajectory((1.0, 0.0), seconds=2.3, max_torque=PAPER.max_wheel_torque)
@@ -225,7 +225,7 @@ def test_progress_counts_iterations():
         ((1.0, 0.0), {"seconds": 2.0, "initial": lambda _: (0.0, 0.0, np.nan)}, "the law of initial="),
         ((1.0, 0.0), {"seconds": 2.0, "robot": PAPER.replace(floor_tilt=(0.05, 0.0))}, "floor_tilt"),
         (bb.Reference.circle(0.5, 6.0), {}, "seconds is needed"),
-        (bb.Reference.line((0.5, 0.0), 3.0, params="kugle"), {}, "another robot"),
+        (bb.Reference.line((0.5, 0.0), 3.0, robot="kugle"), {}, "another robot"),
     ],
 )
 def test_bad_input_is_named(goal, arguments, message):

@@ -69,6 +69,7 @@ LEFT_OUT = {
     "write_urdf": "as write_terrain",
     "_contacts_of": "what pickle calls",
     "_terrain_of": "what pickle calls",
+    "_params_of": "behind every argument `robot`, which is called with anything",
     "_toml_table": "the parser behind load_scenarios; tests/scenarios has its bad input",
     "show": "serves a page; tests/viewer has its bad input",
     "Page": "as show",
@@ -433,7 +434,7 @@ OPEN: dict[str, list[str]] = {
     "Controller.__call__": ["position", "velocity", "yaw"],
     "Pid.__call__": ["tilt"],
     "Lqr.__call__": ["position", "velocity", "yaw"],
-    "Batch": ["params", *_ENVIRONMENT[1:]],
+    "Batch": ["robot", *_ENVIRONMENT[1:]],
     **{
         f"{class_name(name)}Env": ["robot", *_COMMON, *(option["name"] for option in task["options"])]
         for name, task in bb._core.TASKS.items()

@@ -23,7 +23,7 @@ def test_scaled_options_follow_the_robot():
     env = config.parse(TEXT, "it").env
     assert env["max_episode_steps"] == round(300 * rezero.scale("s"))
     assert env["push_seconds"] == pytest.approx([0.8 * rezero.scale("s"), 1.6 * rezero.scale("s")])
-    own, paper = (bb.Batch(1, "push", params=robot).max_wheel_torque for robot in ("rezero", "paper"))
+    own, paper = (bb.Batch(1, "push", robot=robot).max_wheel_torque for robot in ("rezero", "paper"))
     assert env["max_wheel_torque"] == pytest.approx(0.5 * own / paper)
     weak = config.parse(TEXT.replace("max_wheel_torque = 0.5", "max_wheel_torque = 50"), "it").env
     assert weak["max_wheel_torque"] == rezero.max_wheel_torque
@@ -66,8 +66,8 @@ def test_a_unit_without_a_scale_is_rejected():
 
 def test_none_is_the_default_of_the_robot():
     speed = 0.5 * bb.Params.preset("rezero").scale("m/s")
-    assert bb.Batch(1, "velocity", params="rezero", speed=None).options["speed"] == speed
-    given = bb.Batch(1, "velocity", params="rezero", speed=0.5)
+    assert bb.Batch(1, "velocity", robot="rezero", speed=None).options["speed"] == speed
+    given = bb.Batch(1, "velocity", robot="rezero", speed=0.5)
     assert given.options["speed"] == 0.5
     assert bb.Controller("lqr", torque=None).constants().keys() == bb.Controller("lqr").constants().keys()
     with pytest.raises(TypeError, match="yaw must be an array of numbers"):

@@ -58,7 +58,7 @@ def run() -> Findings:
 def _conditions(params: bb.Params) -> dict[str, dict[str, Any]]:
     """What differs, as options of an environment."""
     offset = params.body_com_height * float(np.tan(np.deg2rad(0.5)))
-    rubbing = params.wheel_coulomb_friction + 0.05 * bb.Batch(1, params=params, num_threads=1).max_wheel_torque
+    rubbing = params.wheel_coulomb_friction + 0.05 * bb.Batch(1, robot=params, num_threads=1).max_wheel_torque
     slope = float(np.deg2rad(1.0))
     return {
         "nominal": {},
@@ -75,9 +75,7 @@ def _event(term: str, values: list[Any]) -> dict[str, Any]:
 
 def _late(params: bb.Params, options: Mapping[str, Any], name: str, chosen: Mapping[str, Any]) -> tuple[float, int]:
     """The late distance in mm, and falls."""
-    batch = bb.Batch(
-        ROBOTS_OF_A_CELL, params=params, seed=1, autoreset="disabled", max_episode_steps=ENDLESS, **options
-    )
+    batch = bb.Batch(ROBOTS_OF_A_CELL, robot=params, seed=1, autoreset="disabled", max_episode_steps=ENDLESS, **options)
     law = bb.Controller(name, params, batch.control_dt, **chosen)
     batch.reset()
     fell = np.zeros(batch.num_envs, dtype=bool)

@@ -17,10 +17,14 @@ impl Door for MotorOptions {
     }
 }
 
-/// Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF, whose
-/// joint `velocity` is `speed_limit`.
+/// Motors by name (see `ACTUATORS`), from the table `[actuators]` of a robot's TOML file, or from the bot's URDF.
 ///
-/// All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
+/// ```python
+/// slower = {**bb.load_actuators("kugle"), "delay": 0.01}
+/// batch = bb.Batch(8, robot="kugle", actuators=slower)
+/// ```
+///
+/// The joint `velocity` of a URDF is `speed_limit`. All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
 /// a path.
 ///
 /// Raises:

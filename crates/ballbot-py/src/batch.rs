@@ -11,7 +11,7 @@ use crate::jacobian::{self, PyJacobians};
 use crate::networks::networks;
 use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
-use crate::params::{PyParams, or_paper, several};
+use crate::params::{PyParams, Robot, several};
 use crate::perception::perceived;
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
 use crate::sensors::readings;
@@ -34,6 +34,13 @@ use std::sync::Arc;
 
 /// Environments of one task that are stepped together in Rust; the basis of all front ends.
 ///
+/// ```python
+/// batch = bb.Batch(64, "balance", robot="kugle", seed=1)
+/// observations = batch.reset()
+/// for _ in range(10):
+///     observations, rewards, terminated, truncated = batch.step(np.zeros((64, 3)))
+/// ```
+///
 /// Environment i, seeded with `seed + i`, gives the same results as alone, to the last bit, for any `num_threads`.
 ///
 /// Args:
@@ -43,7 +50,7 @@ use std::sync::Arc;
 ///     num_threads: threads that step the robots, at most 256; None takes all cores.
 ///     seed: seed of the first environment.
 ///     stage: what Python adds to the task; the front ends make it from functions and from tasks in Python.
-///     options: `params` (`Params`, the name of a preset, or a list of them: eight neighbors have the same robot),
+///     options: `robot` (as in `Ballbot`, or a list of them: eight neighbors have the same robot),
 ///         `model`, `sim_dt`, `control_dt` (s), `max_episode_steps`,
 ///         `max_wheel_torque` (N·m; None follows from traction), `actuators` (a dict of options, a name or a TOML file;
 ///         None: ideal motors), `sensors` (as `actuators`; None: no sensors), `terrain`, instruments by their names
@@ -201,7 +208,7 @@ impl PyBatch {
         for (name, value) in options.into_iter().flatten() {
             let name: String = name.extract()?;
             match (name.as_str(), value.cast::<PyList>()) {
-                ("params", Ok(list)) => robots = several(list)?,
+                ("robot", Ok(list)) => robots = several(list)?,
                 _ => configure(config.as_mut(), &name, &value)?,
             }
         }
@@ -266,7 +273,7 @@ impl PyBatch {
         Ok(self.inner.read()?.batch.autoreset().name())
     }
 
-    /// All options of the task and of its environment with the values in use, except `params` and `model`.
+    /// All options of the task and of its environment with the values in use, except `robot` and `model`.
     #[getter]
     fn options<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyDict>> {
         let options = self.options.bind(py).copy()?;
@@ -885,10 +892,9 @@ impl PyBatch {
     /// Raises:
     ///     ValueError: the parameters do not describe a robot, or the task or its actions do not fit it; nothing has
     ///         changed then.
-    fn set_params(&self, #[pyo3(from_py_with = index)] index: usize, params: &Bound<'_, PyAny>) -> PyResult<()> {
-        let params = or_paper(Some(params))?;
+    fn set_params(&self, #[pyo3(from_py_with = index)] index: usize, params: Robot) -> PyResult<()> {
         let batch = &mut self.inner.write()?.batch;
-        call(|| batch.set_params(index, &params))
+        call(|| batch.set_params(index, &params.0))
     }
 
     /// Applies an impulse (inertial frame, N·s) to the body of one robot at `point` (body frame, m; None is its CoM).
@@ -963,7 +969,7 @@ impl PyBatch {
     ///     controller: as in `control`; exactly one of `controller`, `policies` and `actions` is required.
     ///     steps: number of control steps.
     ///     setpoints: as in `control`, the same at all steps; or a `Reference` that all robots follow, or a list with
-    ///         one per robot. A reference without `params` uses the controller's robot; it continues when an episode
+    ///         one per robot. A reference without `robot` uses the controller's robot; it continues when an episode
     ///         ends and the next begins.
     ///     record: what to return, of `states`, `observations`, `wheel_normal_forces`, `wheel_tractions`,
     ///         `wheel_slip_speeds`, `floor_force`, `bot_floor_force`, `draws`, each with steps + 1 rows, the first

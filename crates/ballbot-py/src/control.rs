@@ -3,8 +3,9 @@
 use crate::convert::{array, elements, matrix, numbers, shaped};
 use crate::errors::{call, not_pickled, to_python};
 use crate::exclusive::Exclusive;
+use crate::keywords::unknown;
 use crate::numbers::{one_or_more, optional_real, real};
-use crate::params::or_paper;
+use crate::params::Robot;
 use crate::state::PyState;
 use ballbot_core::batch::Design;
 use ballbot_core::control::{
@@ -71,10 +72,7 @@ fn options(
         let name: String = name.extract()?;
         let Some(&(_, scaled)) = known.iter().find(|(known, _)| *known == name) else {
             let known: Vec<_> = known.iter().map(|(name, _)| *name).collect();
-            return Err(PyTypeError::new_err(format!(
-                "{class} got an unexpected keyword argument '{name}': expected one of {}",
-                one_of(&name, &known)
-            )));
+            return Err(unknown(value.py(), class, &name, &known));
         };
         if scaled && value.is_none() {
             continue;
@@ -124,9 +122,14 @@ pub(crate) fn constants_dict<'py>(py: Python<'py>, constants: &Constants) -> PyR
 
 /// A feedback law by its name (see `CONTROLLERS`), for one robot when called, for all robots of a `Batch` in Rust.
 ///
+/// ```python
+/// law = bb.Controller("lqi", "kugle", control_dt=0.01, position=0.1)
+/// torques = law(bb.State.at_rest("kugle", tilt=(0.05, 0.0)), position=(0.5, 0.0))
+/// ```
+///
 /// Args:
 ///     name: a key of `CONTROLLERS`, as "lqr".
-///     params: the robot: `Params`, or the name of a preset; None is the paper's.
+///     robot: the robot; None is the paper's.
 ///     control_dt: time between two calls, s; None is the period that the law is designed for, or 0.01.
 ///     max_torque: limit of each wheel torque, N·m; None is the motors' limit with `traction`, else 0.9 of the torque
 ///         at which a wheel of the upright robot slips.
@@ -222,12 +225,12 @@ fn write_part(target: &mut Setpoint, name: &str, value: &Bound<'_, PyAny>) -> Py
 impl PyController {
     #[new]
     #[pyo3(signature = (
-        name, params=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, **options
+        name, robot=None, control_dt=None, *, max_torque=None, traction=None, speed_limit=None, boundary=None, **options
     ))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn py_new(
         name: &str,
-        params: Argument<'_, '_>,
+        robot: Option<Robot>,
         #[pyo3(from_py_with = optional_real)] control_dt: Option<f64>,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
         traction: Argument<'_, '_>,
@@ -239,7 +242,7 @@ impl PyController {
         let known = (kind.options)();
         let known: Vec<_> = known.iter().map(|option| (option.name, option.scaled)).collect();
         let options = self::options("Controller", options, &known)?;
-        let params = or_paper(params)?;
+        let params = Robot::or_paper(robot);
         let control_dt = control_dt.or(kind.control_dt).unwrap_or(0.01);
         let limits = limits(kind.limits, max_torque, traction, speed_limit, boundary)?;
         let predicts = known.iter().any(|(name, _)| *name == DELAY) && !options.iter().any(|(name, _)| name == DELAY);
@@ -330,11 +333,17 @@ impl PyController {
     }
 }
 
-/// The paper's PID with filtered derivative, on both components of the tilt from the equilibrium; it holds neither position
-/// nor heading.
+/// The paper's PID with filtered derivative, on both components of the tilt from the equilibrium.
+///
+/// ```python
+/// pid = bb.Pid(control_dt=0.002, proportional=20.0)
+/// print(pid(bb.State.at_rest("paper", tilt=(0.05, 0.0))))
+/// ```
+///
+/// It holds neither position nor heading.
 ///
 /// Args:
-///     params: the robot; None is the paper's.
+///     robot: the robot; None is the paper's.
 ///     control_dt: time between two calls, s. The derivative filter of the paper's gains is stable up to 9.9 ms.
 ///     proportional: k_p, N·m/rad.
 ///     integral: k_i, N·m/(rad·s).
@@ -355,15 +364,15 @@ impl PyPid {
     #[new]
     #[pyo3(
         signature = (
-            params=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, traction=None,
+            robot=None, control_dt=Pid::PAPER_CONTROL_DT, *, mapping="consistent", max_torque=None, traction=None,
             speed_limit=None, boundary=None, **gains
         ),
-        text_signature = "(params=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, \
+        text_signature = "(robot=None, control_dt=0.002, *, mapping='consistent', max_torque=None, traction=None, \
                           speed_limit=None, boundary=None, **gains)"
     )]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
-        params: Argument<'_, '_>,
+        robot: Option<Robot>,
         #[pyo3(from_py_with = real)] control_dt: f64,
         mapping: &str,
         #[pyo3(from_py_with = optional_real)] max_torque: Option<f64>,
@@ -374,7 +383,7 @@ impl PyPid {
     ) -> PyResult<PyClassInitializer<Self>> {
         let map = mapping.parse().map_err(to_python)?;
         let gains: PidGains = fields("Pid", gains)?;
-        let params = or_paper(params)?;
+        let params = Robot::or_paper(robot);
         let limits = limits(LimitOptions::CAP, max_torque, traction, speed_limit, boundary)?;
         let design = move |params: &Params, _| Pid::with_map(params, control_dt, &gains, map, &limits);
         let pid = call(|| design(&params, 0.0))?;
@@ -394,8 +403,13 @@ fn fields<F: Fields>(class: &str, keywords: Keywords<'_, '_>) -> PyResult<F> {
 
 /// A discrete linear-quadratic regulator of position, tilt and heading, from the linear model of any robot.
 ///
+/// ```python
+/// lqr = bb.Lqr("kugle", control_dt=0.01, position=0.05)
+/// print(lqr.gain, lqr(bb.State.at_rest("kugle", tilt=(0.05, 0.0))))
+/// ```
+///
 /// Args:
-///     params: the robot; None is the paper's.
+///     robot: the robot; None is the paper's.
 ///     control_dt: time between two calls, s.
 ///     Q: cost of the states of `LinearModel` (10×10, or its diagonal), in place of the weights.
 ///     R: cost of the torques (3×3, or its diagonal), in place of `torque`.
@@ -466,13 +480,13 @@ fn regulator(
 impl PyLqr {
     #[new]
     #[pyo3(signature = (
-        params=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, speed_limit=None,
+        robot=None, control_dt=0.01, *, Q=None, R=None, max_torque=None, traction=None, speed_limit=None,
         boundary=None, **weights
     ))]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     #[allow(non_snake_case, reason = "the names that SciPy and python-control give these matrices")]
     fn new(
-        params: Argument<'_, '_>,
+        robot: Option<Robot>,
         #[pyo3(from_py_with = real)] control_dt: f64,
         Q: Argument<'_, '_>,
         R: Argument<'_, '_>,
@@ -483,7 +497,7 @@ impl PyLqr {
         weights: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<PyClassInitializer<Self>> {
         let limits = limits(LimitOptions::TRACTION, max_torque, traction, speed_limit, boundary)?;
-        let params = or_paper(params)?;
+        let params = Robot::or_paper(robot);
         let design = regulator(control_dt, [Q, R], limits, weights)?;
         let lqr = call(|| design(&params, 0.0))?;
         let controller = PyController::new("lqr", "Lqr", params, lqr.clone(), design);

@@ -3,8 +3,9 @@
 use crate::convert::{array, matrix, vector};
 use crate::errors::{InvalidInputError, call};
 use crate::exclusive::Exclusive;
+use crate::keywords::no_others;
 use crate::numbers::real;
-use crate::params::or_paper;
+use crate::params::Robot;
 use crate::sensors::{PARTS, options};
 use crate::state::PyState;
 use ballbot_core::sensor::Readings;
@@ -16,15 +17,24 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
 
-/// The estimator of one robot's state from gyroscope, accelerometer and encoders, as in environments with
-/// `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
+/// The estimator of one robot's state from gyroscope, accelerometer and encoders.
+///
+/// ```python
+/// batch = bb.Batch(1, sensors="kugle", observation="sensors")
+/// batch.reset()
+/// estimator = bb.Estimator(sensors="kugle", control_dt=batch.control_dt)
+/// estimator.reset()
+/// print(estimator.update(batch.readings(0)))
+/// ```
+///
+/// As in environments with `observation="sensors"`, bit for bit. docs/estimator.md has its equations and errors.
 ///
 /// An error-state Kalman filter on level ground, without a model of motors: torques are not among its readings. Call it
 /// every `control_dt`. Position and yaw are not measured: they drift. Attributes are fresh float64 arrays. Copies have their
 /// own memory.
 ///
 /// Args:
-///     params: the robot; None is the paper's.
+///     robot: the robot; None is the paper's.
 ///     sensors: as `sensors=` of an environment: the errors to expect, where the IMU is, and the latency; None is exact
 ///         sensors.
 ///     control_dt: time between two readings, s, at most 1.
@@ -48,13 +58,18 @@ impl PyEstimator {
 #[pymethods]
 impl PyEstimator {
     #[new]
-    #[pyo3(signature = (params=None, sensors=None, control_dt=0.01))]
+    #[pyo3(
+        signature = (robot=None, sensors=None, control_dt=0.01, **others),
+        text_signature = "(robot=None, sensors=None, control_dt=0.01)"
+    )]
     fn new(
-        params: Option<&Bound<'_, PyAny>>,
+        robot: Option<Robot>,
         sensors: Option<&Bound<'_, PyAny>>,
         #[pyo3(from_py_with = real)] control_dt: f64,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
-        let (params, sensors) = (or_paper(params)?, options(sensors)?);
+        no_others("Estimator", others)?;
+        let (params, sensors) = (Robot::or_paper(robot), options(sensors)?);
         call(|| Tracker::new(&params, &sensors, control_dt)).map(Self::of)
     }
 

@@ -156,6 +156,11 @@ pub(crate) fn draw_records<'py>(
 
 /// Events by name or from a TOML file, as a list of dicts, one per event, as `events=` takes them.
 ///
+/// ```python
+/// mild = bb.load_events("mild")
+/// batch = bb.Batch(8, events=[*mild, {"term": "gravity", "op": "scale", "range": [0.99, 1.01]}])
+/// ```
+///
 /// Args:
 ///     name_or_path: "mild", "hard", "wide", or the path of a TOML file with tables `[[events]]`, which ends in ".toml"; also
 ///         such dicts, which are checked and completed.

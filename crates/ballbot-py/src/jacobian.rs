@@ -16,7 +16,12 @@ type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 /// Margin below which a state is on a kink of the motion, up to rounding.
 const ON_A_KINK: f64 = 1e-9;
 
-/// Derivatives of a motion under constant motor torques: `Ballbot.jacobian`. Attributes are fresh float64 arrays.
+/// Derivatives of a motion under constant motor torques: `Ballbot.jacobian`; attributes are fresh float64 arrays.
+///
+/// ```python
+/// jacobian = bb.Ballbot().jacobian([0.0, 0.0, 0.0], steps=10, parameters=["body_mass"])
+/// print(jacobian.A.shape, jacobian.B.shape, jacobian.P.shape)
+/// ```
 ///
 /// With the state x, the torques u (N·m), the parameters p, and the contact forces y (N) of the last step:
 /// dx' = A dx + B du + P dp and dy = C dx + D du + Q dp, in SI units. `states`, `parameters` and `forces` name the rows and
@@ -181,8 +186,16 @@ impl PyJacobian {
     }
 }
 
-/// Derivatives of several motions: of the robots of a batch, `Batch.jacobians`, or along the motion of one robot,
-/// `Ballbot.jacobians`, as `MotionJacobians`. As `Jacobian`, with one more axis in front; attributes are fresh arrays.
+/// Derivatives of several motions, as `Jacobian` with one more axis in front; attributes are fresh arrays.
+///
+/// ```python
+/// batch = bb.Batch(8, model="contact")
+/// batch.reset()
+/// print(batch.jacobians(np.zeros((8, 3)), steps=10).A.shape)
+/// ```
+///
+/// Of the robots of a batch, `Batch.jacobians`, or along the motion of one robot, `Ballbot.jacobians`, as
+/// `MotionJacobians`.
 #[pyclass(name = "Jacobians", module = "ballbot_rs", frozen, subclass)]
 pub(crate) struct PyJacobians {
     jacobians: Vec<Option<Jacobian>>,
@@ -330,8 +343,14 @@ impl PyJacobians {
     }
 }
 
-/// Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended. Its
-/// products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
+/// Derivatives along the motion of one robot, `Ballbot.jacobians`: motion t begins where motion t - 1 has ended.
+///
+/// ```python
+/// motion = bb.Ballbot().jacobians(np.zeros((20, 3)), steps=10)
+/// forward = motion.jvp(torques=np.ones((20, 3)))
+/// ```
+///
+/// Its products with vectors are of the whole: forward (`jvp`) and reverse (`vjp`).
 #[pyclass(name = "MotionJacobians", module = "ballbot_rs", frozen, extends = PyJacobians)]
 pub(crate) struct PyMotionJacobians;
 

@@ -3,6 +3,7 @@
 //! A crate with custom tasks or controllers registers them and calls [`fill`] from its own module.
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
+#![allow(clippy::needless_pass_by_value, reason = "arguments are extracted from Python objects")]
 
 mod actuators;
 mod batch;
@@ -15,6 +16,7 @@ mod exclusive;
 mod fields;
 mod infos;
 mod jacobian;
+mod keywords;
 mod models;
 mod networks;
 mod numbers;
@@ -73,6 +75,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
     module.add("MOST_HEIGHTS", ballbot_core::terrain::MOST_NODES)?;
+    module.add_function(wrap_pyfunction!(params::_params_of, module)?)?;
     module.add_function(wrap_pyfunction!(toml_table::_toml_table, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::_terrain_of, module)?)?;
     module.add_function(wrap_pyfunction!(state::_contacts_of, module)?)?;

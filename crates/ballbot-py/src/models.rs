@@ -2,8 +2,9 @@
 
 use crate::convert::{array, matrix, numbers, shaped, vector};
 use crate::errors::{InvalidInputError, not_pickled, to_python};
+use crate::keywords::no_others;
 use crate::numbers::real;
-use crate::params::{PyParams, or_paper};
+use crate::params::Robot;
 use crate::state::PyContacts;
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel};
@@ -11,11 +12,17 @@ use ballbot_core::{Wheels, check_bounded, unit_quaternion};
 use nalgebra::{DMatrix, SMatrix, UnitQuaternion, Vector2, Vector3, Vector6};
 use numpy::{PyArray1, PyArray2};
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
 type Matrix<'py> = Bound<'py, PyArray2<f64>>;
 
 /// Equations of motion of the coupled 3D robot without slip (Kane's method).
+///
+/// ```python
+/// model = bb.SpatialModel("kugle")
+/// print(model.accelerations([1.0, 0.0, 0.0, 0.0], np.zeros(6), [0.1, 0.0, 0.0]))
+/// ```
 ///
 /// The defaults are the equations that `Ballbot(model="spatial")` integrates. Generalized velocity: ball velocity x, y
 /// (inertial frame, m/s), body angular velocity (body frame, rad/s) and spin of the ball about the vertical (rad/s),
@@ -43,9 +50,18 @@ impl PySpatialModel {
 #[pymethods]
 impl PySpatialModel {
     #[new]
-    #[pyo3(signature = (params, absolute_wheel_spin=true, ball_spins_about_vertical=true))]
-    fn new(params: &PyParams, absolute_wheel_spin: bool, ball_spins_about_vertical: bool) -> Self {
-        Self(SpatialModel::new(&params.0, absolute_wheel_spin, ball_spins_about_vertical))
+    #[pyo3(
+        signature = (robot=None, absolute_wheel_spin=true, ball_spins_about_vertical=true, **others),
+        text_signature = "(robot=None, absolute_wheel_spin=True, ball_spins_about_vertical=True)"
+    )]
+    fn new(
+        robot: Option<Robot>,
+        absolute_wheel_spin: bool,
+        ball_spins_about_vertical: bool,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        no_others("SpatialModel", others)?;
+        Ok(Self(SpatialModel::new(&Robot::or_paper(robot), absolute_wheel_spin, ball_spins_about_vertical)))
     }
 
     /// Derivative of the generalized velocity under motor torques (N·m, shape (3,)); shape of the generalized velocity.
@@ -101,10 +117,15 @@ impl PySpatialModel {
     }
 }
 
-/// The planar model of the paper, eqs. (1)-(7), with q = (position, tilt towards positive position) in m and rad.
+/// The planar model of the paper, equations (1)-(7): q = (position, tilt towards positive position) in m and rad.
+///
+/// ```python
+/// model = bb.PlanarModel(plane="yz")
+/// print(model.accelerations(q=[0.0, 0.05], q_dot=[0.0, 0.0], virtual_torque=0.1))
+/// ```
 ///
 /// Args:
-///     params: the robot.
+///     robot: the robot; None is the paper's.
 ///     wheel_inertia: "as_printed" (J_w of one wheel) or "three_wheels" ((3/2) cos² α J_w, equivalent to three wheels).
 ///     plane: "yz" or "xz".
 ///
@@ -116,11 +137,20 @@ pub(crate) struct PyPlanarModel(PlanarModel);
 #[pymethods]
 impl PyPlanarModel {
     #[new]
-    #[pyo3(signature = (params, wheel_inertia="as_printed", plane="yz"))]
-    fn new(params: &PyParams, wheel_inertia: &str, plane: &str) -> PyResult<Self> {
+    #[pyo3(
+        signature = (robot=None, wheel_inertia="as_printed", plane="yz", **others),
+        text_signature = "(robot=None, wheel_inertia='as_printed', plane='yz')"
+    )]
+    fn new(
+        robot: Option<Robot>,
+        wheel_inertia: &str,
+        plane: &str,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        no_others("PlanarModel", others)?;
         let wheel_inertia = wheel_inertia.parse().map_err(to_python)?;
         let plane = plane.parse().map_err(to_python)?;
-        PlanarModel::in_plane(&params.0, wheel_inertia, plane).map(Self).map_err(to_python)
+        PlanarModel::in_plane(&Robot::or_paper(robot), wheel_inertia, plane).map(Self).map_err(to_python)
     }
 
     /// Accelerations q̈ under a virtual torque (N·m), eq. (1), shape (2,).
@@ -181,6 +211,12 @@ fn dynamic<'py, const M: usize, const N: usize>(
 
 /// The spatial model linearized about rest upright: ẋ = A x + B u, in the heading frame.
 ///
+/// ```python
+/// model = bb.LinearModel("kugle")
+/// a, b = model.discretize(0.01)
+/// print(np.linalg.eigvals(model.A).real.max())
+/// ```
+///
 /// The ball is free to spin about the vertical; its spin follows from motion from rest under motor torques.
 #[pyclass(name = "LinearModel", module = "ballbot_rs", frozen)]
 pub(crate) struct PyLinearModel(LinearModel);
@@ -188,9 +224,10 @@ pub(crate) struct PyLinearModel(LinearModel);
 #[pymethods]
 impl PyLinearModel {
     #[new]
-    #[pyo3(signature = (params=None))]
-    fn new(params: Option<&Bound<'_, PyAny>>) -> PyResult<Self> {
-        Ok(Self(LinearModel::new(&or_paper(params)?)))
+    #[pyo3(signature = (robot=None, **others), text_signature = "(robot=None)")]
+    fn new(robot: Option<Robot>, others: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
+        no_others("LinearModel", others)?;
+        Ok(Self(LinearModel::new(&Robot::or_paper(robot))))
     }
 
     /// State matrix A (10×10).
@@ -262,31 +299,47 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
     Ok(v)
 }
 
-/// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's eq. (8).
+/// Wheel torques (N·m) of virtual torques (τ_x, τ_y, τ_z) in the body frame, with the sign of the paper's equation (8).
+///
+/// ```python
+/// print(bb.virtual_to_wheel_torques("kugle", [0.1, 0.0, 0.0]))
+/// ```
 ///
 /// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
 /// ValueError for wheels without a common zenith and 120 deg spacing.
 #[pyfunction]
-#[pyo3(signature = (params, virtual_torques, mapping="consistent"))]
+#[pyo3(
+    signature = (robot, virtual_torques, mapping="consistent", **others),
+    text_signature = "(robot, virtual_torques, mapping='consistent')"
+)]
 pub(crate) fn virtual_to_wheel_torques<'py>(
     py: Python<'py>,
-    params: &PyParams,
+    robot: Robot,
     virtual_torques: &Bound<'py, PyAny>,
     mapping: &str,
+    others: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Array<'py>> {
+    no_others("virtual_to_wheel_torques", others)?;
     let map: TorqueMap = mapping.parse().map_err(to_python)?;
-    map.require(&params.0).map_err(to_python)?;
+    map.require(&robot.0).map_err(to_python)?;
     let torques = finite_vector("virtual_torques", virtual_torques)?;
-    Ok(array(py, Omniwheels::new(&params.0).wheel_torques(&torques, map).as_slice()))
+    Ok(array(py, Omniwheels::new(&robot.0).wheel_torques(&torques, map).as_slice()))
 }
 
 /// Virtual torques (τ_x, τ_y, τ_z) of wheel torques, N·m, shape (3,): the inverse of the consistent map.
+///
+/// ```python
+/// print(bb.wheel_to_virtual_torques("kugle", [0.1, 0.0, 0.0]))
+/// ```
 #[pyfunction]
+#[pyo3(signature = (robot, wheel_torques, **others), text_signature = "(robot, wheel_torques)")]
 pub(crate) fn wheel_to_virtual_torques<'py>(
     py: Python<'py>,
-    params: &PyParams,
+    robot: Robot,
     wheel_torques: &Bound<'py, PyAny>,
+    others: Option<&Bound<'_, PyDict>>,
 ) -> PyResult<Array<'py>> {
+    no_others("wheel_to_virtual_torques", others)?;
     let torques = finite_vector("wheel_torques", wheel_torques)?;
-    Ok(array(py, Omniwheels::new(&params.0).virtual_torques(Wheels::of_column(torques)).as_slice()))
+    Ok(array(py, Omniwheels::new(&robot.0).virtual_torques(Wheels::of_column(torques)).as_slice()))
 }

@@ -3,8 +3,9 @@
 use crate::errors::to_python;
 use crate::events::{events, to_list};
 use crate::fields::{option, optional_dict};
+use crate::keywords::unknown;
 use crate::numbers::one_or_more;
-use crate::params::or_paper;
+use crate::params::Robot;
 use crate::perception::{instrument, levels, levels_object, set_instruments};
 use crate::terrain::{terrain, terrain_object};
 use ballbot_core::batch::{History, SCALAR_OPTIONS, ScalarKind, ScalarOption, TaskConfig};
@@ -15,6 +16,10 @@ use pyo3::IntoPyObjectExt;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+
+/// Options of all tasks that are not scalars.
+const OPTIONS: [&str; 10] =
+    ["robot", "model", "terrain", "actuators", "sensors", "level", "history", "observation", "reward", "events"];
 
 /// Sets the option of `config` that a keyword argument names.
 pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
@@ -27,8 +32,8 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
         false => error,
     };
     match name {
-        // `params=None` is rejected: omit the option to get the default robot.
-        "params" => config.set_params(or_paper(Some(value))?),
+        // `robot=None` is rejected: omit the option to get the default robot.
+        "robot" => config.set_params(value.extract::<Robot>()?.0),
         "model" => {
             let model: String = value.extract().map_err(|_| wrong("the name of a model"))?;
             config.set_model(model.parse().map_err(to_python)?);
@@ -60,7 +65,8 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             None => config.instruments_mut().remove(name),
         },
         _ if config.get(name).is_none() => {
-            return Err(PyTypeError::new_err(format!("Batch got an unexpected keyword argument '{name}'")));
+            let known: Vec<_> = OPTIONS.into_iter().chain(SCALAR_OPTIONS.iter().map(|option| option.name)).collect();
+            return Err(unknown(value.py(), "Batch", name, &known));
         }
         _ => {
             let values =
@@ -96,7 +102,7 @@ fn is_optional(config: &dyn TaskConfig, name: &str) -> bool {
         || config.is_scaled(name)
 }
 
-/// All options with the values in use, except `params` and `model`.
+/// All options with the values in use, except `robot` and `model`.
 pub(crate) fn resolved<'py>(
     py: Python<'py>,
     config: &dyn TaskConfig,

@@ -7,13 +7,18 @@ use ballbot_core::models::Scale;
 use ballbot_core::{Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
-use pyo3::types::{PyCFunction, PyDict, PyList, PyTuple};
+use pyo3::types::{PyCFunction, PyDict, PyList, PyMapping, PyTuple};
 use std::path::PathBuf;
 
 /// Units of quantities that scale with the robot, for messages.
 const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m', 'N·m/(rad/s)'";
 
-/// Physical parameters of a ballbot. Immutable; scalars are floats, vectors tuples.
+/// Physical parameters of a ballbot, immutable: scalars are floats, vectors tuples.
+///
+/// ```python
+/// robot = bb.Params.preset("kugle").replace(body_mass=15.0)
+/// print(robot.body_mass, robot.equilibrium_wheel_loads)
+/// ```
 ///
 /// `body_*` describe everything above the ball: they include the mass of the wheels and exclude the inertia of the
 /// wheels about their own axles.
@@ -122,7 +127,6 @@ impl PyParams {
     ///     UrdfError: malformed text, or not a ballbot; the message has the reason.
     ///     OSError: a file cannot be read.
     #[staticmethod]
-    #[expect(clippy::needless_pass_by_value, reason = "extracted from Python objects")]
     fn from_urdf(bot_path: PathBuf, ball_path: PathBuf) -> PyResult<Self> {
         call(|| urdf::params_from_urdf(&bot_path, &ball_path)).map(Self)
     }
@@ -243,28 +247,51 @@ pub(crate) fn toml_path(value: &Bound<'_, PyAny>) -> Option<PathBuf> {
     }
 }
 
-/// Parameters from an object, the name of a preset or the path of a TOML file; the paper's for `None`.
-pub(crate) fn or_paper(params: Option<&Bound<'_, PyAny>>) -> PyResult<Params> {
-    let Some(params) = params else { return Ok(Params::paper()) };
-    if let Ok(params) = params.cast::<PyParams>() {
-        return Ok(params.get().0.clone());
-    }
-    if let Some(path) = toml_path(params) {
-        return call(|| Params::from_toml_file(&path));
-    }
-    match params.extract::<String>() {
-        Ok(preset) => Params::preset(&preset).map_err(to_python),
-        Err(_) => Err(PyTypeError::new_err(format!(
-            "params must be Params, the name of a preset or the path of a TOML file, not {}",
-            params.get_type().name()?
-        ))),
+/// A robot as an argument: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters.
+pub(crate) struct Robot(pub Params);
+
+impl Robot {
+    /// The robot that was given, or the paper's.
+    pub(crate) fn or_paper(robot: Option<Self>) -> Params {
+        robot.map_or_else(Params::paper, |robot| robot.0)
     }
 }
 
-/// A list of robots, each as [`or_paper`] takes it.
+impl FromPyObject<'_, '_> for Robot {
+    type Error = PyErr;
+
+    fn extract(robot: Borrowed<'_, '_, PyAny>) -> PyResult<Self> {
+        if let Ok(params) = robot.cast::<PyParams>() {
+            return Ok(Self(params.get().0.clone()));
+        }
+        if let Ok(values) = robot.cast::<PyMapping>() {
+            let fields = PyDict::new(robot.py());
+            fields.update(&values)?;
+            return PyParams::new(Some(&fields)).map(|params| Self(params.0));
+        }
+        if let Some(path) = toml_path(&robot) {
+            return call(|| Params::from_toml_file(&path)).map(Self);
+        }
+        match robot.extract::<String>() {
+            Ok(preset) => Params::preset(&preset).map(Self).map_err(to_python),
+            Err(_) => Err(PyTypeError::new_err(format!(
+                "robot must be Params, the name of a preset, the path of a TOML file or a dict of parameters, not {}",
+                robot.get_type().name()?
+            ))),
+        }
+    }
+}
+
+/// What the argument `robot` takes as parameters, for Python.
+#[pyfunction]
+pub(crate) fn _params_of(robot: &Bound<'_, PyAny>) -> PyResult<PyParams> {
+    robot.extract::<Robot>().map(|robot| PyParams(robot.0))
+}
+
+/// A list of robots.
 pub(crate) fn several(robots: &Bound<'_, PyList>) -> PyResult<Vec<Params>> {
     if robots.is_empty() {
-        return Err(InvalidInputError::new_err("params = []: there is no robot, expected at least one"));
+        return Err(InvalidInputError::new_err("robot = []: there is none, expected at least one"));
     }
-    robots.iter().map(|robot| or_paper(Some(&robot))).collect()
+    robots.iter().map(|robot| Ok(robot.extract::<Robot>()?.0)).collect()
 }

@@ -3,8 +3,9 @@
 use crate::control::PyController;
 use crate::convert::{ANY_COUNT, OPTION_COUNT, array, elements, finite_elements, matrix, numbers, objects};
 use crate::errors::{call, to_python};
+use crate::keywords::unknown;
 use crate::numbers::{optional_real, real};
-use crate::params::{PyParams, or_paper};
+use crate::params::{PyParams, Robot};
 use ballbot_core::control::{Controller, MOTION_PARTS, Motion, Reference, Setpoint, Turning};
 use ballbot_core::{Error, Params, Result, require_memory};
 use nalgebra::DMatrix;
@@ -17,11 +18,17 @@ type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
 /// A motion of the ball with the required lean and torques: setpoints over time, from rest at time 0.
 ///
+/// ```python
+/// circle = bb.Reference.circle(radius=0.5, period=6.0, robot="kugle")
+/// print(circle.demand, circle(2.0)["position"])
+/// print(bb.simulate("lqr", reference=circle, robot="kugle", seconds=2.0))
+/// ```
+///
 /// Made by `hold`, `line`, `path`, `stops`, `velocities`, `circle`, `square`, `lemniscate` or `attitude`. A motion that
 /// needs more traction or torque than the robot has is rejected; the message has a time that would suffice.
 ///
 /// Arguments of all of them:
-///     params: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
+///     robot: the robot that follows it; None is the robot that `simulate` and `Batch.rollout` run it on, and
 ///         otherwise the paper's.
 ///     yaw: initial heading, rad.
 ///     yaw_rate: rate that the heading reaches within a second, rad/s.
@@ -38,21 +45,21 @@ pub(crate) struct PyReference {
     reference: Reference,
 }
 
-/// Arguments of all motions.
-struct Common {
-    turning: Turning,
-    friction: Option<f64>,
-}
-
-fn common(yaw: f64, yaw_rate: f64, friction: Option<f64>) -> Common {
-    Common { turning: Turning { yaw, rate: yaw_rate, ..Turning::default() }, friction }
-}
-
-fn new(kind: &'static str, params: Argument<'_, '_>, motion: Motion, common: &Common) -> PyResult<PyReference> {
-    let given = params.map(|params| or_paper(Some(params))).transpose()?;
-    let params = given.clone().map_or_else(|| or_paper(None), Ok)?;
-    let reference = call(|| Reference::new(&params, motion, common.turning, common.friction))?;
-    Ok(PyReference { kind, params: given, friction: common.friction, reference })
+/// The motion with the arguments that all have, from keywords.
+fn new(kind: &'static str, motion: Motion, common: Option<&Bound<'_, PyDict>>) -> PyResult<PyReference> {
+    let (mut given, mut turning, mut friction) = (None, Turning::default(), Some(1.0));
+    for (name, value) in common.into_iter().flatten() {
+        match name.extract::<String>()?.as_str() {
+            "robot" => given = value.extract::<Option<Robot>>()?.map(|robot| robot.0),
+            "yaw" => turning.yaw = real(&value)?,
+            "yaw_rate" => turning.rate = real(&value)?,
+            "friction" => friction = optional_real(&value)?,
+            other => return Err(unknown(value.py(), &format!("Reference.{kind}"), other, &[])),
+        }
+    }
+    let params = given.clone().unwrap_or_else(Params::paper);
+    let reference = call(|| Reference::new(&params, motion, turning, friction))?;
+    Ok(PyReference { kind, params: given, friction, reference })
 }
 
 impl PyReference {
@@ -68,8 +75,8 @@ impl PyReference {
             return Ok(self.reference.clone());
         }
         Err(Error::Inconsistent(format!(
-            "the Reference '{}' was made with params of another robot, which leans otherwise in the same motion: make it \
-             without params, or with the params of this robot",
+            "the Reference '{}' was made for another robot, which leans otherwise in the same motion: make it without \
+             robot=, or for this robot",
             self.kind
         )))
     }
@@ -89,151 +96,139 @@ fn times_of(value: &Bound<'_, PyAny>) -> PyResult<Vec<f64>> {
 impl PyReference {
     /// The ball stays at `position`, shape (2,), m.
     #[staticmethod]
-    #[pyo3(signature = (position, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    fn hold(
-        position: &Bound<'_, PyAny>,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
-    ) -> PyResult<Self> {
+    #[pyo3(
+        signature = (position, **common),
+        text_signature = "(position, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
+    fn hold(position: &Bound<'_, PyAny>, common: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let position = numbers("position", position)?;
-        new("hold", params, Motion::Hold { position }, &common(yaw, yaw_rate, friction))
+        new("hold", Motion::Hold { position }, common)
     }
 
     /// From rest at `start` to rest at `goal`, both of shape (2,), m, on a straight line in `seconds`.
     #[staticmethod]
-    #[pyo3(signature = (goal, seconds, start=None, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    #[pyo3(
+        signature = (goal, seconds, start=None, **common),
+        text_signature = "(goal, seconds, start=None, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn line(
         goal: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = real)] seconds: f64,
         start: Argument<'_, '_>,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let start = start.map_or(Ok([0.0; 2]), |start| numbers("start", start))?;
         let motion = Motion::Path { points: vec![start, numbers("goal", goal)?], times: vec![0.0, seconds] };
-        new("line", params, motion, &common(yaw, yaw_rate, friction))
+        new("line", motion, common)
     }
 
     /// Smoothly through `points`, shape (n, 2), m, at `times`, shape (n,), s, at rest at the first and the last.
     #[staticmethod]
-    #[pyo3(signature = (points, times, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    fn path(
-        points: &Bound<'_, PyAny>,
-        times: &Bound<'_, PyAny>,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
-    ) -> PyResult<Self> {
+    #[pyo3(
+        signature = (points, times, **common),
+        text_signature = "(points, times, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
+    fn path(points: &Bound<'_, PyAny>, times: &Bound<'_, PyAny>, common: Option<&Bound<'_, PyDict>>) -> PyResult<Self> {
         let motion = Motion::Path { points: rows("points", points)?, times: times_of(times)? };
-        new("path", params, motion, &common(yaw, yaw_rate, friction))
+        new("path", motion, common)
     }
 
     /// On straight lines between `points`, shape (n, 2), m, at rest at each at `times`, shape (n,), s.
     #[staticmethod]
-    #[pyo3(signature = (points, times, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[pyo3(
+        signature = (points, times, **common),
+        text_signature = "(points, times, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn stops(
         points: &Bound<'_, PyAny>,
         times: &Bound<'_, PyAny>,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let motion = Motion::Stops { points: rows("points", points)?, times: times_of(times)? };
-        new("stops", params, motion, &common(yaw, yaw_rate, friction))
+        new("stops", motion, common)
     }
 
     /// Around a square of `side` (m) from the origin, at rest at each corner, a side in `seconds`.
     #[staticmethod]
-    #[pyo3(signature = (side, seconds, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
+    #[pyo3(
+        signature = (side, seconds, **common),
+        text_signature = "(side, seconds, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn square(
         #[pyo3(from_py_with = real)] side: f64,
         #[pyo3(from_py_with = real)] seconds: f64,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let points = vec![[0.0; 2], [side, 0.0], [side, side], [0.0, side], [0.0; 2]];
         let times = (0..5).map(|k| f64::from(k) * seconds).collect();
-        new("square", params, Motion::Stops { points, times }, &common(yaw, yaw_rate, friction))
+        new("square", Motion::Stops { points, times }, common)
     }
 
     /// At `velocities`, shape (n, 2), m/s, from rest at the origin; each change begins at `times`, shape (n,), s, and
     /// takes `change` seconds.
     #[staticmethod]
-    #[pyo3(signature = (velocities, times, change, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    #[pyo3(
+        signature = (velocities, times, change, **common),
+        text_signature = "(velocities, times, change, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn velocities(
         velocities: &Bound<'_, PyAny>,
         times: &Bound<'_, PyAny>,
         #[pyo3(from_py_with = real)] change: f64,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let (velocities, times) = (rows("velocities", velocities)?, times_of(times)?);
         let motion = Motion::Velocities { velocities, times, change };
-        new("velocities", params, motion, &common(yaw, yaw_rate, friction))
+        new("velocities", motion, common)
     }
 
     /// Around a circle of `radius` (m) through the origin, a turn in `period` seconds, up to speed within `start` seconds.
     #[staticmethod]
-    #[pyo3(signature = (radius, period, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    #[pyo3(
+        signature = (radius, period, start=4.0, **common),
+        text_signature = "(radius, period, start=4.0, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn circle(
         #[pyo3(from_py_with = real)] radius: f64,
         #[pyo3(from_py_with = real)] period: f64,
         #[pyo3(from_py_with = real)] start: f64,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let motion = Motion::Circle { radius, period, start };
-        new("circle", params, motion, &common(yaw, yaw_rate, friction))
+        new("circle", motion, common)
     }
 
     /// Around x = a sin ωt, y = a sin ωt cos ωt, a = `size` (m), a turn in `period` seconds, up to speed within `start` seconds.
     #[staticmethod]
-    #[pyo3(signature = (size, period, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    #[pyo3(
+        signature = (size, period, start=4.0, **common),
+        text_signature = "(size, period, start=4.0, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn lemniscate(
         #[pyo3(from_py_with = real)] size: f64,
         #[pyo3(from_py_with = real)] period: f64,
         #[pyo3(from_py_with = real)] start: f64,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let motion = Motion::Lemniscate { size, period, start };
-        new("lemniscate", params, motion, &common(yaw, yaw_rate, friction))
+        new("lemniscate", motion, common)
     }
 
     /// Back and forth along x, so that the tilt about y is a sine of amplitude `lean` (rad) and `frequency` (Hz), which it
     /// reaches within `start` seconds.
     #[staticmethod]
-    #[pyo3(signature = (lean, frequency, start=4.0, *, params=None, yaw=0.0, yaw_rate=0.0, friction=1.0))]
-    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    #[pyo3(
+        signature = (lean, frequency, start=4.0, **common),
+        text_signature = "(lean, frequency, start=4.0, *, robot=None, yaw=0.0, yaw_rate=0.0, friction=1.0)"
+    )]
     fn attitude(
         #[pyo3(from_py_with = real)] lean: f64,
         #[pyo3(from_py_with = real)] frequency: f64,
         #[pyo3(from_py_with = real)] start: f64,
-        params: Argument<'_, '_>,
-        #[pyo3(from_py_with = real)] yaw: f64,
-        #[pyo3(from_py_with = real)] yaw_rate: f64,
-        #[pyo3(from_py_with = optional_real)] friction: Option<f64>,
+        common: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let motion = Motion::Attitude { lean, frequency, start };
-        new("attitude", params, motion, &common(yaw, yaw_rate, friction))
+        new("attitude", motion, common)
     }
 
     /// Setpoint at `time` (s): arrays and numbers by the names of its parts, as controllers take them.
@@ -287,15 +282,14 @@ impl PyReference {
         py.detach(|| self.reference.slowdown(friction)).map_err(to_python)
     }
 
-    /// The same motion on the robot of `params`, as `simulate` and `Batch.rollout` take it.
+    /// The same motion on another robot, as `simulate` and `Batch.rollout` take it.
     ///
     /// Raises:
-    ///     ValueError: a motion that this robot cannot follow; a reference that was made with `params` of another
+    ///     ValueError: a motion that this robot cannot follow; a reference that was made with `robot` of another
     ///         robot, which leans differently.
-    fn for_robot(&self, params: &Bound<'_, PyAny>) -> PyResult<Self> {
-        let params = or_paper(Some(params))?;
-        let reference = call(|| self.on(&params))?;
-        Ok(Self { kind: self.kind, params: Some(params), friction: self.friction, reference })
+    fn for_robot(&self, robot: Robot) -> PyResult<Self> {
+        let reference = call(|| self.on(&robot.0))?;
+        Ok(Self { kind: self.kind, params: Some(robot.0), friction: self.friction, reference })
     }
 
     /// The robot that it was made with; None if none was given.
@@ -328,7 +322,7 @@ impl PyReference {
         };
         let common = PyDict::new(py);
         let Turning { yaw, rate, .. } = this.reference.turning();
-        common.set_item("params", this.params.clone().map(PyParams))?;
+        common.set_item("robot", this.params.clone().map(PyParams))?;
         common.set_item("yaw", yaw)?;
         common.set_item("yaw_rate", rate)?;
         common.set_item("friction", this.friction)?;

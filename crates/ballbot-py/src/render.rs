@@ -2,8 +2,9 @@
 
 use crate::convert::{elements, vector};
 use crate::errors::{call, not_pickled, to_python};
+use crate::keywords::no_others;
 use crate::numbers::{count, optional_whole, real, whole};
-use crate::params::or_paper;
+use crate::params::Robot;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::terrain as ground;
@@ -22,9 +23,15 @@ const MOST_STATES: usize = 1 << 20;
 
 /// A ray-casting renderer of a robot, without GPU or display.
 ///
+/// ```python
+/// renderer = bb.Renderer("kugle", width=320, height=240)
+/// picture = renderer.render(bb.State.at_rest("kugle"))
+/// print(picture.shape, renderer.depth(bb.State.at_rest("kugle")).min())
+/// ```
+///
 /// Args:
-///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
-///     urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `params`.
+///     robot: as in `Ballbot`.
+///     urdf: paths (bot, ball) of two URDFs; their visual shapes replace the default shapes of `robot`.
 ///     width, height: size of the picture, pixels, at most 8192.
 ///     samples: color samples per pixel, 1, 2 or 4.
 ///     camera: dict of settings that replace the defaults: `target` (shape (3,), m), `distance` (m), `azimuth` (rad,
@@ -79,11 +86,15 @@ fn picture<'py, T: Element + Clone + Default + Send>(
 #[pymethods]
 impl PyRenderer {
     #[new]
-    #[pyo3(signature = (params=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None,
-                        terrain=None))]
+    #[pyo3(
+        signature = (robot=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None,
+                     terrain=None, **others),
+        text_signature = "(robot=None, *, urdf=None, width=640, height=480, samples=1, camera=None, num_threads=None, \
+                          terrain=None)"
+    )]
     #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
     fn new(
-        params: Option<&Bound<'_, PyAny>>,
+        robot: Option<Robot>,
         urdf: Option<(PathBuf, PathBuf)>,
         #[pyo3(from_py_with = whole)] width: i64,
         #[pyo3(from_py_with = whole)] height: i64,
@@ -91,16 +102,18 @@ impl PyRenderer {
         camera: Option<&Bound<'_, PyDict>>,
         #[pyo3(from_py_with = optional_whole)] num_threads: Option<i64>,
         terrain: Option<&Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        no_others("Renderer", others)?;
         let ground = terrain.map_or(Ok(None), ground)?;
         let (params, scene) = match urdf {
             None => {
-                let params = or_paper(params)?;
+                let params = Robot::or_paper(robot);
                 let scene = Scene::of(&params);
                 (params, scene)
             }
-            Some(_) if params.is_some() => {
-                return Err(PyTypeError::new_err("a renderer takes params or urdf, not both"));
+            Some(_) if robot.is_some() => {
+                return Err(PyTypeError::new_err("a renderer takes robot or urdf, not both"));
             }
             Some((bot, ball)) => {
                 let params = ballbot_core::urdf::params_from_urdf(&bot, &ball).map_err(to_python)?;

@@ -4,14 +4,15 @@ use crate::convert::{numbers, vector};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
 use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
+use crate::keywords::no_others;
 use crate::numbers::{count, real, whole};
-use crate::params::{PyParams, or_paper};
+use crate::params::{PyParams, Robot};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::{PyTerrain, terrain as ground};
 use ballbot_core::Ballbot;
 use pyo3::prelude::*;
-use pyo3::types::PyBytes;
+use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
 
 /// Steps that take too little time to be worth interrupting.
@@ -19,8 +20,17 @@ const SHORT_RUN: usize = 1000;
 
 /// A simulated robot: sense (`state`, `contacts`), actuate (`step`), push, change its parameters (`set_params`).
 ///
+/// ```python
+/// robot = bb.Ballbot("kugle", model="contact")
+/// robot.reset(bb.State.at_equilibrium(robot.params, tilt=(0.05, 0.0)))
+/// lqr = bb.Lqr(robot.params, control_dt=0.01)
+/// for _ in range(100):
+///     robot.step(lqr(robot.state), steps=10)
+/// print(robot.time, robot.state.ball_position)
+/// ```
+///
 /// Args:
-///     params: the robot, the name of a preset, or the path of a TOML file; None is `Params.paper()`.
+///     robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
 ///     model: "contact" (contacts and friction on the ground, dedicated solver), "rigid" (the same with rapier3d), "spatial"
 ///         (coupled 3D without slip) or "planar" (eqs. (1)-(7) of the paper).
 ///     sim_dt: time step, s.
@@ -35,15 +45,20 @@ pub(crate) struct PyBallbot(Exclusive<Ballbot>);
 #[pymethods]
 impl PyBallbot {
     #[new]
-    #[pyo3(signature = (params=None, model="contact", sim_dt=0.001, terrain=None))]
+    #[pyo3(
+        signature = (robot=None, model="contact", sim_dt=0.001, terrain=None, **others),
+        text_signature = "(robot=None, model='contact', sim_dt=0.001, terrain=None)"
+    )]
     fn new(
-        params: Option<&Bound<'_, PyAny>>,
+        robot: Option<Robot>,
         model: &str,
         #[pyo3(from_py_with = real)] sim_dt: f64,
         terrain: Option<&Bound<'_, PyAny>>,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        no_others("Ballbot", others)?;
         let kind = model.parse().map_err(to_python)?;
-        let params = or_paper(params)?;
+        let params = Robot::or_paper(robot);
         let ground = terrain.map_or(Ok(None), ground)?;
         let robot = call(|| {
             let mut robot = Ballbot::new(&params, kind, sim_dt)?;
@@ -200,10 +215,9 @@ impl PyBallbot {
     ///
     /// Raises:
     ///     ValueError: the parameters do not describe a robot that the model can simulate; nothing has changed then.
-    fn set_params(&self, params: &Bound<'_, PyAny>) -> PyResult<()> {
-        let params = or_paper(Some(params))?;
+    fn set_params(&self, params: Robot) -> PyResult<()> {
         let mut robot = self.0.write()?;
-        call(|| robot.set_params(&params)).map(|_| ())
+        call(|| robot.set_params(&params.0)).map(|_| ())
     }
 
     /// The current state.

@@ -4,7 +4,7 @@ use crate::control::constants_dict;
 use crate::errors::{call, to_python};
 use crate::fields::{Door, load, option};
 use crate::numbers::real;
-use crate::params::or_paper;
+use crate::params::Robot;
 use ballbot_core::batch::Batch;
 use ballbot_core::sensor::{Onboard, SensorOptions};
 use numpy::{PyArray1, PyArrayMethods};
@@ -52,21 +52,21 @@ pub(crate) fn options(sensors: Option<&Bound<'_, PyAny>>) -> PyResult<SensorOpti
 /// C.
 ///
 /// Args:
-///     params: the robot; None is the paper's.
+///     robot: the robot; None is the paper's.
 ///     sensors: as `sensors=` of an environment; None is exact sensors.
 ///     control_dt: time between two readings, s.
 ///
 /// Raises:
 ///     ValueError: a number out of range.
 #[pyfunction]
-#[pyo3(signature = (params=None, sensors=None, control_dt=0.01))]
+#[pyo3(signature = (robot=None, sensors=None, control_dt=0.01))]
 pub(crate) fn estimator_constants<'py>(
     py: Python<'py>,
-    params: Option<&Bound<'py, PyAny>>,
+    robot: Option<Robot>,
     sensors: Option<&Bound<'py, PyAny>>,
     #[pyo3(from_py_with = real)] control_dt: f64,
 ) -> PyResult<Bound<'py, PyDict>> {
-    let params = or_paper(params)?;
+    let params = Robot::or_paper(robot);
     let options = options(sensors)?;
     let onboard = call(|| Onboard::new(&options, control_dt, Some(&params)))?;
     let estimator = onboard.estimator().expect("it was made with one");
@@ -74,6 +74,11 @@ pub(crate) fn estimator_constants<'py>(
 }
 
 /// Sensors by name (see `SENSORS`), or from the table `[sensors]` of a robot's TOML file.
+///
+/// ```python
+/// noisier = {**bb.load_sensors("kugle"), "gyro_noise": 0.02}
+/// batch = bb.Batch(8, robot="kugle", sensors=noisier)
+/// ```
 ///
 /// All options with their values, as `sensors=` of an environment takes them. A string that ends in ".toml" is a path.
 ///

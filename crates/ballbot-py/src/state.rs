@@ -2,8 +2,9 @@
 
 use crate::convert::{array, numbers, vector, vector_or};
 use crate::errors::{call, to_python};
+use crate::keywords::no_others;
 use crate::numbers::real;
-use crate::params::PyParams;
+use crate::params::{PyParams, Robot};
 use crate::short;
 use ballbot_core::{Contacts, Params, State, Wheels, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
@@ -15,7 +16,12 @@ use pyo3::types::PyDict;
 type Array<'py> = Bound<'py, PyArray1<f64>>;
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
 
-/// Position, attitude and velocities of ball, body and wheels. Immutable; attributes are fresh float64 arrays.
+/// Position, attitude and velocities of ball, body and wheels, immutable; attributes are fresh float64 arrays.
+///
+/// ```python
+/// state = bb.State.at_rest("kugle", tilt=(0.05, 0.0), yaw=0.3)
+/// print(state.tilt, state.yaw, state.to_array().shape)
+/// ```
 ///
 /// `body_angular_velocity` is in the body frame, all other vectors are in the inertial frame (z up, floor at z = 0).
 /// Velocities and rates default to zero, attitudes to identity, `body_position` (origin of the body frame) to
@@ -93,40 +99,53 @@ impl PyState {
 
     /// At rest on the floor at the origin: rotated by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
-    #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
-    fn at_rest(params: &PyParams, tilt: Argument<'_, '_>, #[pyo3(from_py_with = real)] yaw: f64) -> PyResult<Self> {
+    #[pyo3(signature = (robot, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
+    fn at_rest(
+        robot: Robot,
+        tilt: Argument<'_, '_>,
+        #[pyo3(from_py_with = real)] yaw: f64,
+        others: Option<&Bound<'_, PyDict>>,
+    ) -> PyResult<Self> {
+        no_others("State.at_rest", others)?;
         let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
-        tilted(&params.0, tilt, yaw, State::tilted).map(Self)
+        tilted(&robot.0, tilt, yaw, State::tilted).map(Self)
     }
 
     /// At rest in equilibrium on the floor at the origin, the body's center of mass above the center of the ball; then
     /// rotated by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
     /// center of mass is on the mast.
     #[staticmethod]
-    #[pyo3(signature = (params, tilt=None, yaw=0.0), text_signature = "(params, tilt=(0.0, 0.0), yaw=0.0)")]
+    #[pyo3(signature = (robot, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
     fn at_equilibrium(
-        params: &PyParams,
+        robot: Robot,
         tilt: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] yaw: f64,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        no_others("State.at_equilibrium", others)?;
         let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
-        tilted(&params.0, tilt, yaw, State::tilted_from_equilibrium).map(Self)
+        tilted(&robot.0, tilt, yaw, State::tilted_from_equilibrium).map(Self)
     }
 
     /// Rolling without slip with the ball's velocity (x, y): ball and wheel rates follow from it.
     #[staticmethod]
-    #[pyo3(signature = (params, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0))]
+    #[pyo3(
+        signature = (robot, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0, **others),
+        text_signature = "(robot, ball_velocity, body_quaternion=None, body_angular_velocity=None, ball_spin=0.0)"
+    )]
     fn rolling(
-        params: &PyParams,
+        robot: Robot,
         ball_velocity: &Bound<'_, PyAny>,
         body_quaternion: Argument<'_, '_>,
         body_angular_velocity: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] ball_spin: f64,
+        others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
+        no_others("State.rolling", others)?;
         let velocity: Vector2<f64> = numbers::<2>("ball_velocity", ball_velocity)?.into();
         let attitude = quaternion("body_quaternion", body_quaternion)?;
         let rate = vector_or("body_angular_velocity", body_angular_velocity, Vector3::zeros())?;
-        let state = State::rolling(&params.0, velocity, ball_spin, attitude, rate);
+        let state = State::rolling(&robot.0, velocity, ball_spin, attitude, rate);
         state.validate().map_err(to_python)?;
         Ok(Self(state))
     }
@@ -309,7 +328,13 @@ pub(crate) fn _contacts_of(
     Ok(PyContacts { contacts, params: params.0.clone() })
 }
 
-/// Contact forces during the last step. Attributes are fresh float64 arrays.
+/// Contact forces during the last step; attributes are fresh float64 arrays.
+///
+/// ```python
+/// robot = bb.Ballbot()
+/// robot.step([0.0, 0.0, 0.0], steps=10)
+/// print(robot.contacts.wheel_normal_forces, robot.contacts.wheel_tractions)
+/// ```
 #[pyclass(name = "Contacts", module = "ballbot_rs", frozen)]
 pub(crate) struct PyContacts {
     pub(crate) contacts: Contacts,

@@ -13,6 +13,11 @@ use std::sync::Arc;
 
 /// Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
 ///
+/// ```python
+/// ground = bb.Terrain.generate("bowl", size_x=3.0, size_y=3.0, cell=0.05)
+/// print(ground.height(0.5, 0.0), ground.normal(0.5, 0.0))
+/// ```
+///
 /// Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
 /// continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
 ///
@@ -253,8 +258,13 @@ impl PyTerrain {
     }
 }
 
-/// Kinds of terrains by name: a dict of the arguments of `Terrain.generate`, each with `default`, `unit`, `limit` and
-/// `doc`.
+/// Kinds of terrains by name, each a dict of the arguments of `Terrain.generate`.
+///
+/// ```python
+/// print(sorted(bb.terrain_kinds()), bb.terrain_kinds()["bowl"])
+/// ```
+///
+/// An argument has `default`, `unit`, `limit` and `doc`.
 #[pyfunction]
 pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);

@@ -61,7 +61,7 @@ def simulate(
         controller: a name, a path, or a law or class of laws in Python, as in `compare`.
         reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of constant
             parts, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are omitted. A `Reference`
-            without `params` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
+            without `robot` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
             made. None is the setpoint of the task.
         pushes: an impulse on the body, or several, at once or over a duration.
         forces: a constant force on the body, or several. Both act as impulses at the starts of control steps.
@@ -78,7 +78,7 @@ def simulate(
 
     Raises:
         ValueError: a number out of range, an unknown part of a setpoint, a `Reference` that this robot cannot follow
-            or that was made with `params` of another robot, or as `compare`.
+            or that was made for another robot, or as `compare`.
         TypeError: an argument of the wrong type or of an unknown name, or a reference that the controller cannot
             follow.
         ControllerError: a controller in Python failed.

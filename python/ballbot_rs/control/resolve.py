@@ -122,7 +122,7 @@ def find(
         source: one of `NAMES`, the path of a policy, the address of a `Link`, "file.py:NAME" (a function, an object or
             a class), or such a function, object or class. They are called with a `State`, or a `State` and a
             `Setpoint`, and return three wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are
-            instantiated for each robot, with the robot as `params` and the time between two calls as `control_dt` if
+            instantiated for each robot, with the robot as `robot` and the time between two calls as `control_dt` if
             they take them. Attributes `name` and `control_dt` (s) and the method `reset` are optional, and so is
             `env_options` of an object, the options of the environment that it is made for.
         task: the task; None is the task that a policy file names. A file that does not name its task needs `task` or
@@ -291,14 +291,14 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
     if not any("__call__" in vars(base) for base in cls.__mro__):
         raise TypeError(f"{name} is not a class of controllers: its objects cannot be called")
     parameters = inspect.signature(cls).parameters.values()
-    takes = {p.name for p in parameters if p.name in ("params", "control_dt") and p.kind is not p.POSITIONAL_ONLY}
+    takes = {p.name for p in parameters if p.name in ("robot", "control_dt") and p.kind is not p.POSITIONAL_ONLY}
     needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
     if set(needed) - takes:
         missing = ", ".join(part for part in needed if part not in takes)
-        raise TypeError(f"{name} cannot be made: {missing} has no default; a class is given only params and control_dt")
+        raise TypeError(f"{name} cannot be made: {missing} has no default; a class is given only robot and control_dt")
 
     def make(params: Params, control_dt: float) -> Law:
-        given = {"params": params, "control_dt": control_dt}
+        given = {"robot": params, "control_dt": control_dt}
         try:
             law: Law = cls(**{part: given[part] for part in given if part in takes})
         except Exception as error:

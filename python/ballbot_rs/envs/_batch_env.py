@@ -39,7 +39,7 @@ def new_batch(
         autoreset: see above.
         num_threads: see above.
         seed: see above.
-        options: of its environments. `robot` is the option `params` of `Batch`, or a dict of parameters, a family (a
+        options: of its environments. `robot` is as in `Batch`, or a family (a
             dict with the keys `family`, the number of robots, and `seed`), or a list of robots, of which eight
             neighbors have the same; `max_episode_steps` may be None, and the values of `FUNCTION_OPTIONS` functions.
         stage: the stage of a batch with the same task and options; None makes a new stage.
@@ -85,7 +85,7 @@ def _plain(options: Mapping[str, Any], num_envs: int) -> dict[str, Any]:
     """Options in the form that the core takes."""
     plain = decided(options)
     if "robot" in plain:
-        plain["params"] = _robot_or_robots(plain.pop("robot"), num_envs)
+        plain["robot"] = _robot_or_robots(plain.pop("robot"), num_envs)
     if "max_episode_steps" in plain and plain["max_episode_steps"] is None:
         plain["max_episode_steps"] = NO_TIME_LIMIT
     return plain

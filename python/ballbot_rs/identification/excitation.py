@@ -94,7 +94,7 @@ def record_log(
         raise InvalidInputError(f"control_dt = {control_dt} is out of range: it must be above 0")
     rows = max(round(seconds / control_dt), 1) + 1
     options: dict[str, Any] = {
-        "params": params_of(robot),
+        "robot": params_of(robot),
         "model": model,
         "sim_dt": sim_dt,
         "control_dt": control_dt,

@@ -84,7 +84,7 @@ class Simulator:
     def _batch(self, count: int, steps: int, columns: Sequence[Column]) -> Batch:
         first = columns[0].robot.params
         options: dict[str, Any] = {
-            "params": first,
+            "robot": first,
             "model": self._model,
             "sim_dt": self._sim_dt,
             "control_dt": self._sim_dt,

@@ -46,7 +46,7 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
         elif not schematic and published(trajectory.params) is not None:
             return _of_shapes(trajectory.params, given)
         else:
-            given["params"] = trajectory.params
+            given["robot"] = trajectory.params
     return Renderer(**given)
 
 

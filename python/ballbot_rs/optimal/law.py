@@ -37,7 +37,7 @@ class TimeVaryingLqr:
         torques: Array,
         gains: Array,
         *,
-        params: Params,
+        robot: Params,
         terrain: Terrain | None,
         control_dt: float,
         sim_dt: float,
@@ -50,7 +50,7 @@ class TimeVaryingLqr:
         #: Time between two calls, s.
         self.control_dt = control_dt
         #: Options of the environment that the motion is for.
-        self.env_options: dict[str, Any] = {"robot": params, "control_dt": control_dt, "sim_dt": sim_dt}
+        self.env_options: dict[str, Any] = {"robot": robot, "control_dt": control_dt, "sim_dt": sim_dt}
         if terrain is not None:
             self.env_options["terrain"] = terrain
         self._step = 0

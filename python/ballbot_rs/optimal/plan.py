@@ -203,7 +203,7 @@ class Plan:
 
         def line(seconds: float) -> Reference:
             ends = there.ball_position[:2], seconds, here.ball_position[:2]
-            return Reference.line(*ends, params=self.params, yaw=here.yaw, friction=None)
+            return Reference.line(*ends, robot=self.params, yaw=here.yaw, friction=None)
 
         for friction in FIRST_FRICTION:
             slower = line(seconds).slowdown(friction)

@@ -74,7 +74,7 @@ class OptimizedTrajectory:
             states,
             self.torques,
             self.gains,
-            params=self.params,
+            robot=self.params,
             terrain=self.terrain,
             control_dt=self.control_dt,
             sim_dt=self.sim_dt,

@@ -227,7 +227,7 @@ def _reference(
         np.arange(count) * table["every"] * time,
         table["change"] * time,
         yaw_rate=float(rng.uniform(-table["yaw_rate"], table["yaw_rate"])) / time,
-        params=params,
+        robot=params,
         friction=None,
     )
 
@@ -253,5 +253,5 @@ def _motion(arguments: dict[str, Any], params: Params, time: float) -> Reference
     if kind in ("circle", "lemniscate", "attitude"):
         arguments.setdefault("start", 4.0 * time)
     make: Any = getattr(Reference, kind)
-    found: Reference = make(**arguments, params=params, friction=None)
+    found: Reference = make(**arguments, robot=params, friction=None)
     return found

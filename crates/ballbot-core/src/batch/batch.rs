@@ -190,7 +190,7 @@ impl Batch {
         let room = num_envs.div_ceil(Self::SAME_ROBOT);
         if robots.len() > room {
             return Err(Error::Inconsistent(format!(
-                "params has {} robots, but num_envs = {num_envs} has room for {room}: {} neighbors have the same robot, so \
+                "robot has {} entries, but num_envs = {num_envs} has room for {room}: {} neighbors have the same robot, so \
                  it must be at least {}",
                 robots.len(),
                 Self::SAME_ROBOT,
