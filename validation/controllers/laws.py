@@ -34,11 +34,12 @@ def main() -> int:
 
 def write(name: str, folder: Path) -> Path:
     """Writes the figure of a law into a folder, and returns its path."""
-    from ballbot_rs.media.figures import style
+    from ballbot_rs.media.figures import panels, style
 
     folder.mkdir(parents=True, exist_ok=True)
     fig = style.figure(*law_figure.SIZE)
     law_figure.draw(fig, responses.measure(name))
+    panels.finish(fig)
     path = folder / f"{name}.svg"
     style.save(fig, path)
     return path
