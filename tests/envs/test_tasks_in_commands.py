@@ -275,3 +275,33 @@ def test_wrong_declarations_are_named(attributes, message):
         bb.register("user/Wrong-v0", type("Wrong", (bb.Task,), {**methods, **attributes}))
     with pytest.raises(ValueError, match="unknown task 'user/Wrong-v0'"):
         new_batch(1, task="user/Wrong-v0")
+
+
+def test_metrics_are_summarized_as_the_task_declares():
+    kinds = ("mean", "rms", "max", "min", "last")
+
+    class Kinds(bb.Task):
+        summaries = {name: name for name in kinds if name != "mean"}  # noqa: RUF012
+
+        def observe(self, robots):
+            return robots.gravity
+
+        def reward(self, robots):
+            return np.zeros(len(robots))
+
+        def metrics(self, robots):
+            return dict.fromkeys(kinds, np.where(robots.steps == 2, -5.0, robots.steps))
+
+    bb.register("user/Kinds-v0", Kinds)
+    for _ in range(2):
+        env = bb.BallbotEnv("user/Kinds-v0", max_episode_steps=3)
+        env.reset(seed=0)
+        for _ in range(3):
+            *_, info = env.step(np.zeros(3))
+        # Of 1, -5, 3, and of no step before.
+        expected = {"mean": -1 / 3, "rms": np.sqrt(35 / 3), "max": 3.0, "min": -5.0, "last": 3.0}
+        assert {name: info[name] for name in kinds} == pytest.approx(expected)
+    for wrong in ({"mean": "median"}, {"effort": "max"}):
+        Kinds.summaries = wrong
+        with pytest.raises(ValueError, match=r"expected one of mean, rms, .* for one of"):
+            bb.register("user/Kinds-v0", Kinds)

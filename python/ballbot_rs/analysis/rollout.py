@@ -140,7 +140,7 @@ def rollout(
 
 
 def _has_means(batch: Batch) -> bool:
-    return batch.stage is not None and batch.stage.means is not None
+    return batch.stage is not None and batch.stage.metrics is not None
 
 
 @dataclasses.dataclass(frozen=True)

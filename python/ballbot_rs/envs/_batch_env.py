@@ -133,8 +133,8 @@ def task_metrics(batch: Batch, *, present: bool = False) -> npt.NDArray[np.float
         present: as `Batch.running_metrics`; else as `Batch.metrics`.
     """
     found = (batch.running_metrics() if present else batch.metrics()).reshape(batch.num_envs, -1)
-    means = None if batch.stage is None else batch.stage.means
-    return found if means is None else np.hstack([found, means.present() if present else means.last()])
+    own = None if batch.stage is None else batch.stage.metrics
+    return found if own is None else np.hstack([found, own.present() if present else own.last()])
 
 
 def metric_names(task: str) -> list[str]:

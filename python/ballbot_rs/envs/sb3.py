@@ -250,11 +250,11 @@ class BallbotVecEnv(BatchEnv, ManyRobots, Rendered, VecEnv):
 
     def _add_metrics(self, infos: list[dict[str, Any]], dones: npt.NDArray[np.bool_]) -> None:
         """Adds the metrics of a task in Python to the infos of the episodes that have ended."""
-        means = None if self._batch.stage is None else self._batch.stage.means
-        if means is not None and dones.any():
-            found = means.last()
+        own = None if self._batch.stage is None else self._batch.stage.metrics
+        if own is not None and dones.any():
+            found = own.last()
             for i in np.flatnonzero(dones).tolist():
-                infos[i].update(zip(means.names, found[i].tolist(), strict=True))
+                infos[i].update(zip(own.names, found[i].tolist(), strict=True))
 
     def close(self) -> None:
         """Closes the files of monitors made by functions; there is nothing else to close."""

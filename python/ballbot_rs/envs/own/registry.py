@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from ballbot_rs._core import TASKS, Batch
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs.envs.own.metrics import SUMMARIES
 from ballbot_rs.envs.own.task import NO_TIME_LIMIT, Task
 
 
@@ -91,10 +92,10 @@ def _describe(found: Registered, env_id: str, batch: Batch) -> dict[str, Any]:
         {"name": name, "unit": unit, "bound": bound, "rest": 0.0, "typical": typical}
         for name, unit, bound, typical in stage.rows
     ]
-    units = found.made_by.units
-    means = [
-        {"name": name, "unit": units.get(name, ""), "doc": "mean over the steps of an episode"}
-        for name in stage.metric_names
+    units, kinds = found.made_by.units, () if stage.metrics is None else stage.metrics.kinds
+    own = [
+        {"name": name, "unit": units.get(name, ""), "doc": SUMMARIES[kind]}
+        for name, kind in zip(stage.metric_names, kinds, strict=True)
     ]
     if taken := {metric["name"] for metric in base["metrics"]} & set(stage.metric_names):
         raise InvalidInputError(
@@ -116,7 +117,7 @@ def _describe(found: Registered, env_id: str, batch: Batch) -> dict[str, Any]:
             {"name": "reward", "scale": 1.0, "cost": False, "formula": "computed by the task"},
         ],
         "terminations": batch.terminations,
-        "metrics": [*base["metrics"], *means],
+        "metrics": [*base["metrics"], *own],
     }
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.means import EpisodeMeans
+from ballbot_rs.envs.own.metrics import EpisodeMetrics
 from ballbot_rs.envs.own.robots import COLUMNS, WIDTH, Robots
 from ballbot_rs.envs.own.task import Task
 
@@ -135,10 +135,10 @@ class Stage:
             self._rows.append(rows)
         #: Names of the reasons for termination, with their conditions.
         self.terminations = [(of, f"`{part.label}` returns True") for of, part in found["terminations"]]
-        #: Means of the metrics of a task over each robot's episode; None without.
-        self.means: EpisodeMeans | None = None
-        if self._metrics is not None:
-            self.means = EpisodeMeans(list(self._measured(robots)), num_envs)
+        #: Metrics of a task over each robot's episode; None without.
+        self.metrics: EpisodeMetrics | None = None
+        if task is not None and self._metrics is not None:
+            self.metrics = EpisodeMetrics(list(self._measured(robots)), num_envs, task.summaries)
         #: Name of the task; None: as in the core.
         self.name = name
         #: Whether the stage, not the task of the core, decides whether an episode is a success.
@@ -152,7 +152,7 @@ class Stage:
     @property
     def metric_names(self) -> tuple[str, ...]:
         """Names of the metrics of a task in Python."""
-        return () if self.means is None else self.means.names
+        return () if self.metrics is None else self.metrics.names
 
     def options(self, core: Mapping[str, Any]) -> dict[str, Any]:
         """Options of the batch with the options of the stage, functions as "module:name"."""
@@ -164,8 +164,8 @@ class Stage:
     def begin(self, *arrays: npt.NDArray[Any]) -> FloatArray:
         """Begins episodes of some robots; their rows."""
         true, seen = self._robots(*arrays)
-        if self.means is not None:
-            self.means.begin(true.numbers)
+        if self.metrics is not None:
+            self.metrics.begin(true.numbers)
         if self._resets:
             # Seeds and episodes decide, so that a robot does the same alone and among others.
             rngs = [np.random.default_rng(key) for key in arrays[-1]]
@@ -186,8 +186,8 @@ class Stage:
         for code, part in enumerate(self._ends, start=1):
             ended = checked(part.label, part.call(true), (n,), np.bool_)
             codes[ended & (codes == 0)] = code
-        if self.means is not None:
-            self.means.add(true.numbers, self._measured(true))
+        if self.metrics is not None:
+            self.metrics.add(true.numbers, self._measured(true))
         rows = self._observe(seen)
         success = self._success
         won = np.zeros(n, bool) if success is None else checked(success.label, success.call(true), (n,), np.bool_)
@@ -203,8 +203,8 @@ class Stage:
         assert self._metrics is not None
         of = f"{type(self.task).__name__}.metrics"
         found = self._metrics(robots)
-        if not isinstance(found, Mapping) or (self.means is not None and set(found) != set(self.means.names)):
-            names = "" if self.means is None else f" with the names {', '.join(self.means.names)}"
+        if not isinstance(found, Mapping) or (self.metrics is not None and set(found) != set(self.metrics.names)):
+            names = "" if self.metrics is None else f" with the names {', '.join(self.metrics.names)}"
             raise InvalidInputError(f"{of} returned {_short(found)}, expected a dict of numbers by name{names}")
         return {name: checked(f"{of}.{name}", value, (len(robots),), np.float64) for name, value in found.items()}
 

@@ -49,6 +49,8 @@ class Task:
     row_names: ClassVar[Sequence[str] | None] = None
     #: Units of `metrics` by name, for tables and the page.
     units: ClassVar[Mapping[str, str]] = {}
+    #: What of `metrics` is kept of an episode, by name: "mean" (else), "rms", "max", "min" or "last".
+    summaries: ClassVar[Mapping[str, str]] = {}
 
     def observe(self, robots: Robots) -> npt.ArrayLike:
         """Observations, shape (n, k), of any subset of the batch; k is constant. Optional for a task with a `base`."""
@@ -67,7 +69,7 @@ class Task:
         return np.zeros(len(robots), dtype=bool)
 
     def metrics(self, robots: Robots) -> Mapping[str, npt.ArrayLike]:  # noqa: ARG002
-        """Numbers by name, shape (n,) each, whose means over an episode commands, infos and the page show."""
+        """Numbers by name, shape (n,) each, whose `summaries` over an episode commands, infos and the page show."""
         return {}
 
     def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
