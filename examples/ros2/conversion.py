@@ -56,7 +56,10 @@ def imu_variances(sensors: Mapping[str, Any], control_dt: float) -> tuple[float,
 
 
 def joint_state(readings: Mapping[str, npt.ArrayLike], torques: npt.ArrayLike, nanoseconds: int) -> Fields:
-    """`sensor_msgs/JointState` of the wheels from `Batch.readings(index)` and the commanded torques, N·m."""
+    """`sensor_msgs/JointState` of the wheels from `Batch.readings(index)` and the torques commanded then, N·m.
+
+    As in `SensorLog`, torques act from the stamp until the next one.
+    """
     return {
         "header": header(nanoseconds, "base_link"),
         "name": WHEEL_JOINTS,

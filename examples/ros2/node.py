@@ -102,7 +102,7 @@ class BallbotNode(Node):
         self._imu_variances = conversion.imu_variances(self._sensors, self._batch.control_dt)
         self._timeout = round(1e9 * p["command_timeout"])
         self._latency = round(self._sensors["latency"] / self._batch.control_dt)
-        # Of the control steps since the readings, the oldest first.
+        #: Commanded from the time of the readings on, and since, the oldest first.
         self._torques: deque[Any] = deque(maxlen=self._latency + 1)
         self._command, self._received, self._started = np.zeros(3), 0, 0
         kinds = {"imu/data_raw": Imu, "joint_states": JointState, "odom": Odometry, "setpoint": PoseStamped}
@@ -124,28 +124,33 @@ class BallbotNode(Node):
 
     def step(self) -> None:
         """Simulates one control step, and publishes."""
-        is_old = self.nanoseconds - self._received > self._timeout
-        command = np.zeros(3) if is_old else self._command
-        if self._law is None:
-            action = command[np.newaxis] / self._batch.max_wheel_torque
-        else:
-            if not np.array_equal(command, self._batch.command(0)):
-                self._batch.set_command(0, command)
-            action = self._batch.control(self._law)
-        self._torques.append(action[0] * self._batch.max_wheel_torque)
-        _, _, terminated, truncated = self._batch.step(action)
+        _, _, terminated, truncated = self._batch.step(self._action)
         self._steps += 1
+        self._decide()
         self._publish()
         if terminated[0] or truncated[0]:
             reason, at = self._batch.ending(0)[1] or "time", f"{1e-9 * self.nanoseconds:.2f} s"
             self.get_logger().error(f"the motion ended by '{reason}' at {at}: the robot starts again at the origin")
             self._start()
 
+    def _decide(self) -> None:
+        """Takes the torques of the next control step; commands that come later act one step later."""
+        is_old = self.nanoseconds - self._received > self._timeout
+        command = np.zeros(3) if is_old else self._command
+        if self._law is None:
+            self._action = command[np.newaxis] / self._batch.max_wheel_torque
+        else:
+            if not np.array_equal(command, self._batch.command(0)):
+                self._batch.set_command(0, command)
+            self._action = self._batch.control(self._law)
+        self._torques.append(self._action[0] * self._batch.max_wheel_torque)
+
     def _start(self) -> None:
         self._started = self.nanoseconds
         self._torques.clear()
         self._batch.reset(starts=[bb.State.at_equilibrium(self._params, tilt=self._params.slope_lean())])
         self._batch.set_command(0, np.zeros(3))
+        self._decide()
 
     def _publish(self) -> None:
         now, readings, state = self.nanoseconds, self._batch.readings(0), self._batch.estimate(0)

@@ -242,6 +242,38 @@ def test_late_readings_have_the_time_of_their_measurement(started, tmp_path):
     assert len(ros.published("/clock")) == 10
 
 
+@pytest.mark.parametrize("latency", [0.0, 0.02])
+def test_torques_act_from_the_stamp_of_their_message_on(started, tmp_path, latency):
+    file = tmp_path / "robot.toml"
+    file.write_text(PAPER.to_toml() + f"\n[sensors]\nlatency = {latency}\n", encoding="utf-8")
+    ros = started(controller="none", sensors=str(file))
+    ros.run(4)
+    ros.subscriptions["wheel_torques"](SimpleNamespace(data=[0.05, 0.05, 0.05]))
+    ros.run(6)
+    joints = ros.published("joint_states")
+    first = next(i for i, joint in enumerate(joints) if joint.effort[0] > 0.0)
+    angles = [joint.position[0] for joint in joints]
+    assert abs(angles[first]) < 1e-9 < 1e-4 < angles[first + 1]
+    assert stamps(joints)[first] == 50_000_000
+
+
+def test_messages_of_the_node_are_a_log(started):
+    ros = started()
+    numbers = np.random.default_rng(2)
+    for _ in range(20):
+        ros.subscriptions["cmd_vel"](twist(*numbers.uniform(-0.4, 0.4, 3)))
+        ros.run(25)
+    joints, imus = ros.published("joint_states"), ros.published("imu/data_raw")
+    log = bb.SensorLog(
+        1e-9 * np.array(stamps(joints)),
+        [joint.effort for joint in joints],
+        [joint.position for joint in joints],
+        [[imu.angular_velocity.x, imu.angular_velocity.y, imu.angular_velocity.z] for imu in imus],
+    )
+    found = bb.identify(log, fields=("body_mass",))
+    assert found.params.body_mass == pytest.approx(PAPER.body_mass, rel=1e-4)
+
+
 def test_the_program_takes_parameters_and_ends(ros, load, monkeypatch):
     node = load("node")
     monkeypatch.setattr(sys, "argv", ["node.py", "--ros-args", "-p", "robot:=rezero", "-p", "real_time_factor:=2.0"])
