@@ -7,15 +7,15 @@ module does nothing.
 import os
 import sys
 
-#: Names of the console script, and how the command is run as a module.
+#: Names of the console script, and of the modules that run the command.
 SCRIPTS = ("ballbot", "ballbot.exe")
-MODULE = ["-m", "ballbot_rs.cli"]
+MODULES = ("ballbot_rs", "ballbot_rs.cli")
 
 
 def is_command() -> bool:
     """Whether this process was started as the command."""
     if sys.argv and sys.argv[0] == "-m":
-        return any(sys.orig_argv[i : i + 2] == MODULE for i in range(len(sys.orig_argv)))
+        return any(sys.orig_argv[i : i + 2] == ["-m", name] for name in MODULES for i in range(len(sys.orig_argv)))
     return bool(sys.argv) and os.path.basename(sys.argv[0]) in SCRIPTS  # noqa: PTH119
 
 

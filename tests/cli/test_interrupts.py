@@ -113,7 +113,8 @@ def test_the_command_is_known_before_anything_is_imported(tmp_path):
     (tmp_path / "numpy.py").write_text("print('ready', flush=True)\nimport time\ntime.sleep(600)\n", encoding="utf-8")
     (tmp_path / "ballbot").write_text("from ballbot_rs.cli import run\nrun()\n", encoding="utf-8")
     path = os.pathsep.join([str(tmp_path), *commands.IMPORT_PATH])
-    for line in ([sys.executable, str(tmp_path / "ballbot"), "info"], commands.command("info")):
+    as_module = [sys.executable, "-m", "ballbot_rs", "info"]
+    for line in ([sys.executable, str(tmp_path / "ballbot"), "info"], commands.command("info"), as_module):
         process = subprocess.Popen(
             line, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, env={**os.environ, "PYTHONPATH": path}
         )

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from ballbot_rs import SensorLog, record_log
+from ballbot_rs._core import ROBOTS
 from ballbot_rs.identification import clocks
 from ballbot_rs.identification.column_map import ColumnMap
 from ballbot_rs.identification.merge import merged
@@ -240,10 +241,18 @@ def test_an_offset_survives_noise_wrong_signs_and_a_gap():
 
 
 def test_offsets_of_noisy_logs_are_within_a_tenth_of_a_sample():
-    worst, relative, *_ = clock_offsets.errors("paper", 0.01, logs=3)
-    assert worst < 0.001
-    assert relative < 3.0
-    assert clock_offsets.markdown(["kugle"], logs=2).count("kugle") == 2
+    found = clock_offsets.errors("paper", 0.01, logs=3)
+    assert np.abs(found.offsets).max() < 0.001
+    assert np.abs(found.relative).max() < 3.0
+
+
+@pytest.mark.slow("64 logs of half a minute")
+def test_standard_errors_hold_in_random_logs():
+    every = [clock_offsets.errors(robot, dt, logs=8, seed=2) for robot in ROBOTS for dt in (0.005, 0.01)]
+    for name in ("relative", "relative_drifts"):
+        errors = np.concatenate([getattr(one, name) for one in every])
+        assert 0.8 < np.sqrt(np.mean(errors**2)) < 1.2
+        assert np.abs(errors).max() < 4.0
 
 
 @pytest.mark.parametrize("drift", [0.0, 150e-6, -80e-6])

@@ -14,6 +14,7 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._extras import require
 from ballbot_rs.identification.recording import MAX_GAP, Series
 
 Array = npt.NDArray[np.float64]
@@ -25,15 +26,15 @@ LEAST_EXPLAINED: Final = 0.5
 #: Moving averages over this time are subtracted, s: slower changes are of gravity and friction.
 SLOW: Final = 0.5
 #: Blocks whose separate offsets give the standard error, and the shortest, s.
-BLOCKS: Final = 8
+BLOCKS: Final = 16
 SHORTEST: Final = 1.0
 #: Longest block that a drift may blur, and the shortest time in which a drift is estimated, s.
 LONGEST: Final = 10.0
 DRIFTS: Final = 20.0
 #: Standard errors beyond which an offset or a drift is removed.
 SIGNIFICANT: Final = 3.0
-#: Standard error from the motion between samples, in samples, of the offset of a log or a block.
-SYSTEMATIC: Final = 0.05
+#: Standard error that the parts of a log have in common, in samples: from friction, and the motion between samples.
+SYSTEMATIC: Final = 0.01
 #: Shortest time between samples of a search, s: lags are found to fractions of it.
 LEAST_STEP: Final = 1e-3
 #: Lags per sample in the refined search.
@@ -60,7 +61,11 @@ class Offset:
 
 
 def estimated(gyro: Series, wheel_angles: Series) -> Offset | None:
-    """The offset and its drift; None if the motion does not determine the offset."""
+    """The offset and its drift; None if the motion does not determine the offset.
+
+    Raises:
+        ModuleNotFoundError: SciPy is missing.
+    """
     found = _constant(gyro, wheel_angles)
     if found is None or abs(found.drift) <= SIGNIFICANT * found.drift_error:
         return found
@@ -83,16 +88,22 @@ def _constant(gyro: Series, wheel_angles: Series) -> Offset | None:
     blocks = min(max(BLOCKS, int(seconds / LONGEST)), int(seconds / SHORTEST))
     if blocks < 2:
         return None
-    # Both as mean rates over two steps: equal filters do not shift them against each other.
-    integral = np.concatenate([np.zeros((1, 3)), np.cumsum(_trapezoids(gyro), axis=0)])
-    speeds = fast(mean_rates(wheel_angles.time, wheel_angles.values, times, step), step)
+    # Both as mean rates over four steps: equal filters do not shift them against each other.
+    integral = _smooth(gyro).antiderivative()
+    angles = _smooth(wheel_angles)
+
+    def changes(of: Any, at: Array) -> Array:
+        inside = [np.clip(at + side, of.x[0], of.x[-1]) for side in (2.0 * step, -2.0 * step)]
+        return fast((of(inside[0]) - of(inside[1])) / (4.0 * step), step)
+
+    speeds = changes(angles, times)
     usable = near(wheel_angles.time, times, wheel_angles.step)
 
     def unexplained_at(lags: npt.NDArray[np.floating[Any]], spans: Sequence[slice]) -> Array:
         """Fractions by span, lag and axis."""
         found = np.empty((len(spans), len(lags), 3))
         for index, lag in enumerate(lags):
-            rates = fast(mean_rates(gyro.time, integral, times + lag, step), step)
+            rates = changes(integral, times + lag)
             kept = usable & near(gyro.time, times + lag, gyro.step)
             found[:, index] = [unexplained(speeds[one][kept[one]], rates[one][kept[one]]) for one in spans]
         return found
@@ -121,9 +132,10 @@ def _constant(gyro: Series, wheel_angles: Series) -> Offset | None:
         drift_error = float(np.sqrt((rest @ rest / (blocks - 2) + (SYSTEMATIC * step) ** 2) / (away @ away)))
     is_drifting = abs(drift) > SIGNIFICANT * drift_error
     spread = np.std(offsets - drift * (middles - time) if is_drifting else offsets, ddof=1)
-    value = float(offsets.mean()) if is_drifting else _peak(lags, _likelihood(whole))
-    error = float(np.hypot(spread / np.sqrt(blocks), SYSTEMATIC * step))
-    return Offset(value, error, best, time, drift, drift_error)
+    mean, together = float(offsets.mean()), _peak(lags, _likelihood(whole))
+    # The mean of the blocks and the whole log are two estimates: what friction adds differs between them.
+    error = float(np.linalg.norm([spread / np.sqrt(blocks), mean - together, SYSTEMATIC * step]))
+    return Offset(mean if is_drifting else together, error, best, time, drift, drift_error)
 
 
 def _likelihood(fractions: Array) -> Array:
@@ -131,8 +143,11 @@ def _likelihood(fractions: Array) -> Array:
     return np.asarray(-np.log(fractions).sum(axis=-1))
 
 
-def _trapezoids(series: Series) -> Array:
-    return np.asarray(0.5 * (series.values[1:] + series.values[:-1]) * np.diff(series.time)[:, None])
+def _smooth(series: Series) -> Any:
+    """Cubics between samples: linear interpolation would shift fast motion by up to a tenth of a sample."""
+    with require("the offset between clocks", "identify"):
+        from scipy.interpolate import Akima1DInterpolator
+    return Akima1DInterpolator(series.time, series.values)
 
 
 def mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
