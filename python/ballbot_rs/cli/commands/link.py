@@ -9,7 +9,7 @@ from typing import Any, Final
 
 from ballbot_rs import _interrupts
 from ballbot_rs._core import ACTUATORS, SENSORS
-from ballbot_rs._errors import ControllerError
+from ballbot_rs._errors import ControllerError, InvalidInputError
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.cli.options import arguments as shared
 from ballbot_rs.cli.options import controller_options, scenario, settings
@@ -92,10 +92,11 @@ def run(arguments: argparse.Namespace) -> None:
     with _interrupts.patient(), _link(arguments) as link:
         try:
             trajectory = scenario.scenario_of(arguments).of(link.open())
-        except (ControllerError, KeyboardInterrupt):
+        except (ControllerError, InvalidInputError, KeyboardInterrupt):
             # A terminal that has hung up takes no output.
             with contextlib.suppress(OSError):
-                print(link.statistics.text(), file=sys.stderr)
+                if link.statistics.steps:
+                    print(link.statistics.text(), file=sys.stderr)
             raise
     _print(arguments, link, trajectory)
 
