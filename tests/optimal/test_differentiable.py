@@ -166,3 +166,32 @@ def test_bad_input_is_named():
     for other, message in [(states, "not the present states"), (after[:1], r"states must .* \(2, 32\), not \(1, 32\)")]:
         with pytest.raises(ValueError, match=message):
             made.step(other, torch.zeros(2, 3))
+
+
+@pytest.mark.parametrize("reentrant", [True, False])
+def test_a_checkpoint_of_a_step_is_an_error_that_moves_no_robot(reentrant):
+    from torch.utils.checkpoint import checkpoint
+
+    made = robots()
+    states, torques = made.states(), torch.zeros((3, 3), dtype=torch.float64, requires_grad=True)
+    moved = checkpoint(lambda held: made.step(states, held)[0], torques, use_reentrant=reentrant)
+    with pytest.raises(ValueError, match="not the present states"):
+        moved.sum().backward()
+    np.testing.assert_array_equal(made.states(), moved.detach())
+
+
+def test_a_checkpoint_of_a_policy_keeps_the_gradient():
+    from torch.utils.checkpoint import checkpoint
+
+    found = []
+    for kept in (False, True):
+        made, gain = robots(), torch.full((9, 3), 0.01, dtype=torch.float64, requires_grad=True)
+        policy = lambda states, gain=gain: torch.tanh(bb.DifferentiableBatch.deviations(states) @ gain)  # noqa: E731
+        states = made.states()
+        for _ in range(3):
+            torques = checkpoint(policy, states, use_reentrant=False) if kept else policy(states)
+            states, _ = made.step(states, 0.1 * torques)
+        loss_of(states).backward()
+        found.append(gain.grad)
+    assert found[0].any()
+    torch.testing.assert_close(found[1], found[0], rtol=0.0, atol=0.0)

@@ -139,3 +139,20 @@ def test_bad_input_is_named(robots):
     jax.config.update("jax_enable_x64", False)
     with pytest.raises(ValueError, match="jax_enable_x64"):
         robots.reset()
+
+
+def test_derivatives_are_mapped_but_not_the_step(robots):
+    moved = lambda torques: robots.step(states, torques)[0]  # noqa: E731
+    found = []
+    for jacobian in (jax.jacfwd, jax.jacrev, lambda function: jax.jit(jax.jacrev(function))):
+        states = robots.reset([0, 1, 2])
+        found.append(jacobian(moved)(TORQUES[0]))
+        np.testing.assert_allclose(found[-1], found[0], rtol=1e-12, atol=1e-14)
+    states = robots.reset([0, 1, 2])
+    for step in (moved, jax.jit(moved), jax.grad(lambda torques: moved(torques).sum())):
+        with pytest.raises(ValueError, match=r"jax.vmap of DifferentiableJaxBatch.step over 5 arrays"):
+            jax.vmap(step)(jnp.array(TORQUES))
+    with pytest.raises(NotImplementedError, match="checkpoint"):
+        jax.grad(jax.checkpoint(lambda torques: moved(torques).sum()))(TORQUES[0])
+    # What failed did not move the robots.
+    np.testing.assert_array_equal(robots.states(), states)

@@ -231,3 +231,25 @@ def test_progress_counts_iterations():
 def test_bad_input_is_named(goal, arguments, message):
     with pytest.raises((ValueError, TypeError), match=message):
         bb.optimize_trajectory(goal, **arguments)
+
+
+def test_the_law_by_name_follows_a_reference_or_moves_to_a_place():
+    reference = bb.Reference.line((0.05, 0.0), 1.2)
+    run = bb.simulate("tvlqr", reference=reference, control_dt=0.02)
+    assert run.controller == "tvlqr"
+    place = lambda time: reference(time)["position"]  # noqa: E731
+    for state, time in zip(run.states, run.times, strict=True):
+        assert np.linalg.norm(state.ball_position[:2] - place(time)) < 1e-4
+    pushed = bb.Push((0.05, 0.0, 0.0), time=0.5)
+    run = bb.simulate("tvlqr", reference={"position": (0.2, 0.0)}, seconds=1.5, pushes=pushed, control_dt=0.02)
+    assert np.linalg.norm(run.states[-1].ball_position[:2] - (0.2, 0.0)) < 0.02
+
+
+def test_the_law_by_name_needs_a_motion():
+    for reference in (None, {"yaw": 1.0}, lambda time: {"position": (time, 0.0)}):
+        with pytest.raises(TypeError, match="follows a Reference or moves to a constant position"):
+            bb.simulate("tvlqr", reference=reference)
+    with pytest.raises(ValueError, match=r"does not reach \(0.3, 0.0\) m in 0.1 s"):
+        bb.simulate("tvlqr", reference={"position": (0.3, 0.0)}, seconds=0.1, control_dt=0.05)
+    with pytest.raises(ValueError, match="tvlqr follows one motion"):
+        bb.evaluate("tvlqr", episodes=1)

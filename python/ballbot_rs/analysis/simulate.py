@@ -17,10 +17,11 @@ from ballbot_rs.analysis.drawn_pushes import drawn_pushes
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.control.resolve import Source, common_options, common_task, find
+from ballbot_rs.control.resolve import PLANNED, Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
+from ballbot_rs.optimal.trajectory import planned_law
 
 #: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -58,7 +59,8 @@ def simulate(
     ground, ends the trajectory.
 
     Args:
-        controller: a name, a path, or a law or class of laws in Python, as in `compare`.
+        controller: a name, a path, or a law or class of laws in Python, as in `compare`; also "tvlqr", for which
+            `optimize_trajectory` plans the motion along a `Reference`, or to a constant position.
         reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of constant
             parts, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are omitted. A `Reference`
             without `robot` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
@@ -91,6 +93,9 @@ def simulate(
     if reference is not None and not isinstance(reference, Reference):
         _target(reference)
     found = find(controller, task=task, env_options=given)
+    planned = found.name == PLANNED and found.existing is None
+    if planned:
+        found = find(planned_law(reference, start=start, seconds=seconds, options=given))
     # Only a fall ends the episode: lengths in steps are for the task's own rate.
     env_options = {**common_options([found], given), "max_episode_steps": None}
     named = common_task([found], task)
@@ -118,7 +123,8 @@ def simulate(
         _start(batch, start, position, tilt, yaw, begins),
         impulses_of.impulses(pushes, forces, steps, batch.control_dt),
         seed,
-        None if target is None else lambda step: target(step * batch.control_dt),
+        # A planned law has the whole reference in it.
+        None if target is None or planned else lambda step: target(step * batch.control_dt),
     )
     times = np.array([row * batch.control_dt for row in range(len(done.states))])
     draws = {term: np.array([row[term] for row in done.draws]) for term in done.draws[0]}

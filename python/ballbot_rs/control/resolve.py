@@ -26,6 +26,10 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 #: Names of controllers: the core's, and zero torque. Anything else is the path of a policy.
 NAMES: Final = (*CONTROLLERS, "zero")
 
+#: The law of one motion, which `simulate` plans along its reference; other functions take the law that
+#: `OptimizedTrajectory.law()` makes.
+PLANNED: Final = "tvlqr"
+
 #: Time between two calls of a controller that has none, s.
 CONTROL_DT: Final = 0.01
 
@@ -119,8 +123,8 @@ def find(
     """A controller from its name, from the path of a policy (Stable-Baselines3, ONNX or a training run) or an object.
 
     Args:
-        source: one of `NAMES`, the path of a policy, the address of a `Link`, "file.py:NAME" (a function, an object or
-            a class), or such a function, object or class. They are called with a `State`, or a `State` and a
+        source: one of `NAMES`, `PLANNED`, the path of a policy, the address of a `Link`, "file.py:NAME" (a function, an
+            object or a class), or such a function, object or class. They are called with a `State`, or a `State` and a
             `Setpoint`, and return three wheel torques in N·m; `ballbot_rs.control.laws` has all forms. Classes are
             instantiated for each robot, with the robot as `robot` and the time between two calls as `control_dt` if
             they take them. Attributes `name` and `control_dt` (s) and the method `reset` are optional, and so is
@@ -154,6 +158,8 @@ def find(
         )
     if name in NAMES:
         return ResolvedController(name, make_law=lambda params, control_dt: _no_torque)  # noqa: ARG005
+    if name == PLANNED:
+        return ResolvedController(name, make_law=_without_motion)
     path = policy_file.in_run(Path(name))
     if path.suffix == ".onnx":
         if not trusted:
@@ -181,6 +187,13 @@ def find(
     own_task = task_of(found["env_id"])
     return ResolvedController(
         name, options, lambda observations: sb3_policy.act(model, observations), own_task, events=events
+    )
+
+
+def _without_motion(_params: Params, _control_dt: float) -> Law:
+    raise InvalidInputError(
+        f"{PLANNED} follows one motion, so it has to be planned: use it in `simulate` with a Reference or a position, "
+        "or use the law of a motion, optimize_trajectory(...).law()"
     )
 
 

@@ -4,6 +4,7 @@ from typing import Any
 
 import jax
 import jax.numpy as jnp
+from jax.custom_batching import custom_vmap
 from jax.experimental import io_callback
 
 from ballbot_rs._core import Batch
@@ -43,7 +44,8 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
     Derivatives are forward or in reverse, and of first order: second ones take the first of a step as constant. A
     compiled step calls back into Python, in order; what it rejects is an error of JAX with the same message. `reset`
     and `states` belong outside compiled functions. `jax.vmap` and `jax.checkpoint` of a step are errors, because the
-    robots cannot repeat it.
+    robots cannot repeat it: for more robots, make a larger batch. `jax.jacfwd`, `jax.jacrev` and `jax.vmap` of
+    cotangents map only the derivatives, and work.
 
     Args:
         batch: as of `DifferentiableBatch`.
@@ -58,7 +60,9 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
         super().__init__(batch)
         n, width = batch.num_envs, self.width
         shapes = (n, width), (n,), (n, width, width), (n, width, 3)
-        self._found = [jax.ShapeDtypeStruct(shape, bool if len(shape) == 1 else float) for shape in shapes]
+        found = [jax.ShapeDtypeStruct(shape, bool if len(shape) == 1 else float) for shape in shapes]
+        self._compiled = custom_vmap(lambda *values: io_callback(self._advance, found, *values, ordered=True))
+        self._compiled.def_vmap(_not_mapped)
 
     def _tensor(self, numbers: Any) -> jax.Array:
         if not jax.config.jax_enable_x64:
@@ -71,11 +75,18 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
         self._check_shapes(states.shape, torques.shape)
         values = jax.lax.stop_gradient((states, torques))
         if any(isinstance(value, jax.core.Tracer) for value in values):
-            found = io_callback(self._advance, self._found, *values, ordered=True)
+            found = self._compiled(*values)
         else:
             found = map(jnp.asarray, self._advance(*values))
         after, ended, *matrices = found
         return _step(states, torques, after, *matrices), ended
+
+
+def _not_mapped(size: int, *_: Any) -> Any:
+    raise InvalidInputError(
+        f"jax.vmap of DifferentiableJaxBatch.step over {size} arrays: the robots of a batch move once; make a Batch "
+        "of as many robots, whose step is of all of them"
+    )
 
 
 def _after(

@@ -37,6 +37,9 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     starts another, and its new state has no gradient; neither has the state of a robot whose bot touches the floor. A
     step takes as long as 25 steps without derivatives, and twice as long with a lag.
 
+    `torch.utils.checkpoint` of a policy works; of `step` it is an error in the backward pass, because the robots cannot
+    repeat a step.
+
     Args:
         batch: in the model "contact", with `autoreset` "same_step" and without pushes; of the effects of motors with
             `delay`, `strength` and `lag` alone. From here on only `reset` and `step` of this object move it.

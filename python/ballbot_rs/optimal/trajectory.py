@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
+from typing import Any
 
 import numpy.typing as npt
 
@@ -13,6 +14,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
 from ballbot_rs._robot import Robot
 from ballbot_rs.optimal import solver
+from ballbot_rs.optimal.law import TimeVaryingLqr
 from ballbot_rs.optimal.plan import MOST_STEPS, Plan
 from ballbot_rs.optimal.result import OptimizedTrajectory
 
@@ -98,3 +100,24 @@ def optimize_trajectory(
             break
     assert result is not None, "there is a weight"
     return plan.result(result, iterations - left)
+
+
+def planned_law(
+    reference: object, *, start: State | None, seconds: float, options: Mapping[str, Any]
+) -> TimeVaryingLqr:
+    """The law `tvlqr` along a reference, or to a constant position, for an environment with `options`.
+
+    Raises:
+        TypeError: another reference.
+        ValueError: as of `optimize_trajectory`, or a goal that is not reached in this time.
+    """
+    given = {name: options[name] for name in ("robot", "terrain", "control_dt", "sim_dt") if name in options}
+    if isinstance(reference, Reference):
+        seconds = min(seconds, reference.duration or seconds)
+        return optimize_trajectory(reference, start=start, seconds=seconds, **given).law()
+    if not (isinstance(reference, Mapping) and set(reference) == {"position"}):
+        raise TypeError("tvlqr follows a Reference or moves to a constant position: give reference= one of them")
+    found = optimize_trajectory(reference["position"], start=start, seconds=seconds, **given)
+    if not found.reached:
+        raise InvalidInputError(f"tvlqr does not reach {tuple(reference['position'])} m in {seconds:g} s: give it more")
+    return found.law()
