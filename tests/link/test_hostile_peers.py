@@ -19,13 +19,14 @@ from tests.support.links import Board, Damping, free_address, same, serving
 TORQUES = (0.01, -0.02, 0.01)
 
 
-def open_files():
-    return len(list(Path("/dev/fd").iterdir()))
-
-
 def reply(frame, time_of_answer=None, torques=TORQUES):
     at = frame.time if time_of_answer is None else time_of_answer
     return encode(Frame(Kind.TORQUES, 0, frame.sequence, at, torques))
+
+
+def descriptors():
+    """How many this process has open."""
+    return len(list(Path("/proc/self/fd").iterdir()))
 
 
 def motion(answer):
@@ -53,17 +54,17 @@ def test_times_of_answers_do_not_matter():
 
 def test_a_peer_that_listens_again_and_again_serves_each_episode():
     address = free_address()
-    before = open_files()
+    before = descriptors()
     for _ in range(100):
         with serving(Damping(), address), bb.Link(address) as link:
             assert link.open() is link
             bb.simulate(link, seconds=0.02)
             assert link.statistics.answered == 2
-    assert open_files() == before
+    assert descriptors() == before
 
 
 def test_a_line_that_is_opened_a_hundred_times_leaves_nothing():
-    before = open_files()
+    before = descriptors()
     with bb.Link("exec:cat") as link:
         for _ in range(100):
             link.open()
@@ -76,7 +77,7 @@ def test_a_line_that_is_opened_a_hundred_times_leaves_nothing():
             link.open()
     os.close(master)
     os.close(slave)
-    assert open_files() == before
+    assert descriptors() == before
 
 
 @pytest.mark.parametrize("side", ["simulation", "controller"])
