@@ -12,16 +12,22 @@ use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
+use super::rows::Rows;
 use super::state::ContactState;
 use super::step::count_searches;
-use super::types::{Actions, PerRow};
-use ballbot_base::lanes::{Dual, DualCell, Lane, Scalar, Slopes, Twelve, Value, Vec3, run_one};
+use super::types::{Actions, PerRow, Velocities};
+use ballbot_base::lanes::{
+    Cell, Directions, Dual, DualCell, Kernel, Lane, Registers, Scalar, Slopes, Value, Vec3, run_eight,
+};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::{WHEELS, Wheels};
 use std::sync::Arc;
 
 /// Number of rows: of the floor, and of three wheels normal, drive and joint.
 const ROWS: usize = PerRow::<f64>::LEN;
+
+/// Number of rows without the rows of the joints, which are last.
+const CONTACT_ROWS: usize = ROWS - WHEELS;
 
 /// Number of contacts and gaps with modes.
 const MODES: usize = 3 * WHEELS + 2;
@@ -34,6 +40,7 @@ pub struct SolvedStep {
     /// Impulses of the contacts, in the frame of the ground.
     impulses: PerRow<f64>,
     modes: Modes<f64>,
+    friction: Friction<f64>,
     /// F_λ.
     slope: Factors,
     kinds: Kinds,
@@ -48,21 +55,23 @@ pub struct SolvedStep {
 }
 
 impl SolvedStep {
-    /// The next step of a robot under constant torques; `None` if its equations are singular.
+    /// The next step of a robot under constant torques; `None` if its equations are singular. `all_rows`, which robots
+    /// with ripple or friction of the wheel joints need, includes the joints.
     pub fn new(
         c: &Constants<f64>,
         state: &ContactState<f64>,
         ground: Option<&Arc<Ground>>,
         torques: Wheels<f64>,
+        all_rows: bool,
     ) -> Option<Self> {
-        run_one(
-            #[inline(always)]
-            || Self::of(c, state.clone(), ground, torques),
-        )
+        let mut solved = None;
+        run_eight(Solving { c, state, ground, torques, all_rows, solved: &mut solved });
+        solved
     }
 
     #[inline(always)]
-    fn of(
+    fn of<D: Slopes, const ALL: bool>(
+        token: D::Token,
         c: &Constants<f64>,
         mut state: ContactState<f64>,
         ground: Option<&Arc<Ground>>,
@@ -74,12 +83,12 @@ impl SolvedStep {
             footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
         }
         brake::<f64, f64>(c, Scalar, &mut state);
-        let start = Start::<f64>::new::<true, f64>(c, Scalar, &state);
+        let start = Start::<f64>::new::<ALL, f64>(c, Scalar, &state);
         let near = Near::new(c, &start, Scalar, &state, footing.as_ref()).mask;
         let (friction, joint_friction) = (Friction::new(c, &start.rows, &start.velocities), JointFriction::new(c, 0.0));
         let free = free_velocities(c, Scalar, &state, &start, &actions);
-        let residuals = start.rows.residuals::<true, f64>(c, &free);
-        let delassus = Delassus::new::<true, true>(c, &start.rows);
+        let residuals = start.rows.residuals::<ALL, f64>(c, &free);
+        let delassus = Delassus::new::<ALL, ALL>(c, &start.rows);
         let static_impulse = c.static_wheel_load * c.sim_dt;
         let conditions = Conditions {
             delassus: &delassus,
@@ -88,43 +97,25 @@ impl SolvedStep {
             joint_friction: &joint_friction,
             static_impulse,
         };
-        let solution = conditions.solution::<true>(Scalar, &state.impulses(Scalar), true);
+        let solution = conditions.solution::<ALL>(Scalar, &state.impulses(Scalar), true);
         count_searches(Scalar, &solution, &mut state);
         let impulses = solution.impulses;
         let mut residuals = residuals;
-        delassus.add_effect::<true>(&impulses, &mut residuals);
+        delassus.add_effect::<ALL>(&impulses, &mut residuals);
         let conditions = Conditions { residuals: &residuals, ..conditions };
-        let trial = conditions.trial::<true>(&impulses, &residuals);
+        let trial = conditions.trial::<ALL>(&impulses, &residuals);
         let modes = Modes::of(&trial, &friction, &joint_friction);
-
-        // Each row has derivatives by the impulse of each row.
-        let mut row = 0;
-        let moved = impulses.map(
-            #[inline(always)]
-            |impulse| {
-                let mut unit = Twelve::default();
-                unit.0[row] = 1.0;
-                row += 1;
-                Dual { value: *impulse, derivatives: unit }
-            },
-        );
-        let mut moving = residuals.map(constant);
-        moving.zip_mut(
-            &delassus.rows(),
-            #[inline(always)]
-            |residual, row| residual.derivatives.0 = *row,
-        );
-        let (limits, joint_limits) = (friction.map(constant), joint_friction.map(constant));
-        let tangent = constant(&c.floor_compliance_inverse);
-        let equations = equations(&modes, &moved, &moving, &limits, &joint_limits, tangent);
+        let limits = (&friction, &joint_friction);
+        let slopes = slopes::<D>(token, c, &modes, (&impulses, &residuals), &delassus, limits);
         let (kinds, margin) = kinds(c, &start, &trial, &friction, &joint_friction, static_impulse);
         let mut velocities = free;
-        start.rows.apply::<true, true, f64>(c, &impulses, &mut velocities);
+        start.rows.apply::<ALL, ALL, f64>(c, &impulses, &mut velocities);
         finish::<f64, f64>(c, Scalar, &mut state, &start, (&velocities, &impulses), 0.0);
         if let Some(footing) = &footing {
             footing.leave::<f64>(Scalar, &mut state);
         }
-        Some(Self { impulses, modes, slope: Factors::new(&equations)?, kinds, after: state, near, margin })
+        let slope = Factors::new(slopes, if ALL { ROWS } else { CONTACT_ROWS })?;
+        Some(Self { impulses, modes, friction, slope, kinds, after: state, near, margin })
     }
 
     /// The mode of each contact.
@@ -151,72 +142,237 @@ impl SolvedStep {
             && after.body_rate == state.body_rate
     }
 
-    /// Advances a robot by this step, with derivatives.
+    /// Whether a closed contact slips.
+    fn slips(&self) -> bool {
+        let Modes { wheels, floor, .. } = &self.modes;
+        (floor.closed && floor.slips) || (0..WHEELS).any(|i| wheels.closed[i] && wheels.slips[i])
+    }
+
+    /// Advances a robot by this step, with derivatives; `ALL` as `all_rows` of [`SolvedStep::new`]. `values` are the
+    /// constants without derivatives.
     #[inline(always)]
-    pub fn advance<D: Slopes, V: Value<Dual<D>>, const RIPPLE: bool>(
+    pub fn advance<D: Slopes, V: Value<Dual<D>>, const ALL: bool>(
         &self,
-        c: &Constants<V>,
+        (c, values): (&Constants<V>, &Constants<f64>),
         token: D::Token,
         state: &mut ContactState<DualCell<D::Cell>>,
         mut footing: Option<&mut Footing<DualCell<D::Cell>>>,
         torques: &Wheels<DualCell<D::Cell>>,
     ) {
         let mut actions = Actions { torques: *torques, gravity_dt: [DualCell::default(); 3] };
-        let like = Dual::<D>::load(token, &state.steps);
+        let like = Dual::<D>::from_f64(token, 0.0);
         Vec3::from(super::constants::at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
         if let Some(footing) = &mut footing {
             footing.enter(c, token, state, &mut actions.gravity_dt);
         }
         brake(c, token, state);
-        let start = Start::new::<RIPPLE, V>(c, token, state);
-        let friction = Friction::new(c, &start.rows, &start.velocities);
-        let free = free_velocities(c, token, state, &start, &actions);
-        let mut impulses = self.impulses.map(
+        let start = Start::new::<ALL, V>(c, token, state);
+        let mut friction = self.friction.map(
             #[inline(always)]
-            |impulse| like.splat(*impulse),
+            |number| like.splat(*number),
         );
-        let mut velocities = free;
-        start.rows.apply::<true, RIPPLE, V>(c, &impulses, &mut velocities);
-        let residuals = start.rows.residuals::<RIPPLE, V>(c, &velocities);
+        // Friction that grips has no effect.
+        if self.slips() {
+            friction = Friction::new(c, &start.rows, &start.velocities);
+        }
+        let mut velocities = free_velocities(c, token, state, &start, &actions);
+        let impulses = self.impulses.map(
+            #[inline(always)]
+            |number| like.splat(*number),
+        );
+        start.rows.apply::<ALL, ALL, V>(c, &impulses, &mut velocities);
+        let residuals = start.rows.residuals::<ALL, V>(c, &velocities);
         let joint_friction = JointFriction::new(c, like);
         let tangent = c.floor_compliance_inverse.at(like);
         let equations = equations(&self.modes, &impulses, &residuals, &friction, &joint_friction, tangent);
-        self.add_derivatives(&equations, &mut impulses);
-        let mut velocities = free;
-        start.rows.apply::<true, RIPPLE, V>(c, &impulses, &mut velocities);
-        finish(c, token, state, &start, (&velocities, &impulses), like.zero());
+        let changes = self.changes(token, &equations);
+        add_effect::<D, ALL>(values, &start.rows, &changes, &mut velocities);
+        let mut impulses = impulses;
+        impulses.zip_mut(
+            &changes,
+            #[inline(always)]
+            |impulse, change| impulse.derivatives = *change,
+        );
+        finish(c, token, state, &start, (&velocities, &impulses), like);
         if let Some(footing) = &footing {
             footing.leave::<Dual<D>>(token, state);
         }
     }
 
-    /// Gives constant impulses their derivatives, from the derivatives of their equations.
+    /// Derivatives of the impulses, from the derivatives of their equations at constant impulses.
     #[inline(always)]
-    fn add_derivatives<D: Slopes>(&self, equations: &PerRow<Dual<D>>, impulses: &mut PerRow<Dual<D>>) {
-        let mut slopes = [equations.floor[0].derivatives; ROWS];
+    fn changes<D: Slopes>(&self, token: D::Token, equations: &PerRow<Dual<D>>) -> PerRow<D> {
+        let mut slopes = [D::Cell::default(); ROWS];
         let mut row = 0;
         equations.map(
             #[inline(always)]
             |equation| {
-                slopes[row] = equation.derivatives;
+                equation.derivatives.store(&mut slopes[row]);
                 row += 1;
             },
         );
-        let found = self.slope.minus_inverse_times(&slopes);
+        self.slope.take_minus_inverse_of::<D>(token, &mut slopes);
         let mut row = 0;
-        *impulses = impulses.map(
+        equations.map(
             #[inline(always)]
-            |impulse| {
+            |_| {
                 row += 1;
-                Dual { value: impulse.value, derivatives: found[row - 1] }
+                D::load(token, &slopes[row - 1])
             },
-        );
+        )
+    }
+}
+
+struct Solving<'a> {
+    c: &'a Constants<f64>,
+    state: &'a ContactState<f64>,
+    ground: Option<&'a Arc<Ground>>,
+    torques: Wheels<f64>,
+    all_rows: bool,
+    solved: &'a mut Option<SolvedStep>,
+}
+
+impl Solving<'_> {
+    #[inline(always)]
+    fn with<D: Slopes>(self, token: D::Token) {
+        let Self { c, state, ground, torques, all_rows, solved } = self;
+        *solved = if all_rows {
+            SolvedStep::of::<D, true>(token, c, state.clone(), ground, torques)
+        } else {
+            SolvedStep::of::<D, false>(token, c, state.clone(), ground, torques)
+        };
+    }
+}
+
+impl Kernel for Solving<'_> {
+    #[inline(always)]
+    fn run<S: Registers>(self, simd: S) {
+        self.with::<Directions<S>>(simd);
+    }
+
+    fn run_one_by_one(self) {
+        self.with::<f64>(Scalar);
+    }
+}
+
+/// Adds to the velocities what derivatives of the impulses add: [`Rows::apply`] is linear in the impulses.
+#[inline(always)]
+fn add_effect<D: Slopes, const ALL: bool>(
+    c: &Constants<f64>,
+    rows: &Rows<Dual<D>>,
+    changes: &PerRow<D>,
+    v: &mut Velocities<Dual<D>>,
+) {
+    let none = [changes.floor[0].zero(); 3];
+    let (mut bot, mut ball, mut body) = (none, none, none);
+    for i in 0..WHEELS {
+        let (normal, drive) = (changes.normals[i], changes.drives[i]);
+        add(&mut bot, values(&rows.normals[i]), normal);
+        add(&mut bot, values(&rows.drives[i]), drive);
+        add(&mut ball, values(&rows.turns[i]), -drive);
+        add(&mut body, values(&rows.normal_arms[i]), normal);
+        add(&mut body, values(&rows.drive_arms[i]), drive);
+        let mut wheel = drive * (rows.spin_shares[i].value * c.wheel_radius);
+        if ALL {
+            add(&mut body, c.u[i], changes.joints[i]);
+            wheel = normal.mul_add(rows.ripple.slopes[i].value, wheel + changes.joints[i]);
+        }
+        let spin = &mut v.spins[i].derivatives;
+        *spin = wheel.mul_add(c.wheel_inertia_inverse, *spin);
+    }
+    let [z, x, y] = changes.floor;
+    ball = [ball[0] + y, ball[1] - x, ball[2]];
+    let on_ball = [x - bot[0], y - bot[1], z - bot[2]];
+    for (velocity, impulse, factors) in [
+        (&mut v.ball, on_ball, [c.ball_mass_inverse; 3]),
+        (&mut v.ball_rate, ball, [c.ball_rim_ratio; 3]),
+        (&mut v.body, bot, [c.body_mass_inverse; 3]),
+        (&mut v.body_rate, body, c.body_inertia_inverse),
+    ] {
+        let Vec3 { x, y, z } = velocity;
+        x.derivatives = impulse[0].mul_add(factors[0], x.derivatives);
+        y.derivatives = impulse[1].mul_add(factors[1], y.derivatives);
+        z.derivatives = impulse[2].mul_add(factors[2], z.derivatives);
     }
 }
 
 #[inline(always)]
-fn constant(number: &f64) -> Dual<Twelve> {
-    Dual { value: *number, derivatives: Twelve::default() }
+fn values<D>(v: &Vec3<Dual<D>>) -> [f64; 3] {
+    [v.x.value, v.y.value, v.z.value]
+}
+
+/// Adds a multiple of a direction.
+#[inline(always)]
+fn add<D: Slopes>([x, y, z]: &mut [D; 3], direction: [f64; 3], amount: D) {
+    *x = amount.mul_add(direction[0], *x);
+    *y = amount.mul_add(direction[1], *y);
+    *z = amount.mul_add(direction[2], *z);
+}
+
+/// Derivatives of the equations by the impulses: a row for each equation.
+#[inline(always)]
+fn slopes<D: Slopes>(
+    token: D::Token,
+    c: &Constants<f64>,
+    modes: &Modes<f64>,
+    (impulses, residuals): (&PerRow<f64>, &PerRow<f64>),
+    delassus: &Delassus<f64, f64>,
+    (friction, joint_friction): (&Friction<f64>, &JointFriction<f64>),
+) -> [[f64; ROWS]; ROWS] {
+    let like = Dual::<D>::from_f64(token, 0.0);
+    let mut out = [[0.0; ROWS]; ROWS];
+    for first in (0..ROWS).step_by(D::Cell::WIDTH) {
+        let columns = first..ROWS.min(first + D::Cell::WIDTH);
+        let mut row = 0;
+        let moved = impulses.map(
+            #[inline(always)]
+            |impulse| {
+                let mut unit = D::Cell::default();
+                if columns.contains(&row) {
+                    unit.set(row - first, 1.0);
+                }
+                row += 1;
+                Dual { value: *impulse, derivatives: D::load(token, &unit) }
+            },
+        );
+        let mut moving = residuals.map(
+            #[inline(always)]
+            |number| like.splat(*number),
+        );
+        moving.zip_mut(
+            &delassus.rows(),
+            #[inline(always)]
+            |residual, row| {
+                let mut slopes = D::Cell::default();
+                for column in columns.clone() {
+                    slopes.set(column - first, row[column]);
+                }
+                residual.derivatives = D::load(token, &slopes);
+            },
+        );
+        let limits = friction.map(
+            #[inline(always)]
+            |number| like.splat(*number),
+        );
+        let joint_limits = joint_friction.map(
+            #[inline(always)]
+            |number| like.splat(*number),
+        );
+        let tangent = like.splat(c.floor_compliance_inverse);
+        let mut row = 0;
+        equations(modes, &moved, &moving, &limits, &joint_limits, tangent).map(
+            #[inline(always)]
+            |equation| {
+                let mut slopes = D::Cell::default();
+                equation.derivatives.store(&mut slopes);
+                for column in columns.clone() {
+                    out[row][column] = slopes.get(column - first);
+                }
+                row += 1;
+            },
+        );
+    }
+    out
 }
 
 /// Triangular factors of a matrix with its rows in another order.
@@ -226,69 +382,67 @@ struct Factors {
     /// Inverse of the diagonal of the right factor, negative.
     diagonal: [f64; ROWS],
     order: [usize; ROWS],
+    /// Number of rows and columns; the equations of the others have no derivatives.
+    size: usize,
 }
 
 impl Factors {
-    /// Of the derivatives of equations by the impulses; `None` if they are singular.
+    /// Of the first rows and columns of a matrix; `None` if they are singular.
     #[inline(always)]
-    fn new(equations: &PerRow<Dual<Twelve>>) -> Option<Self> {
-        let mut rows = [[0.0; ROWS]; ROWS];
-        let mut row = 0;
-        equations.map(
-            #[inline(always)]
-            |equation| {
-                rows[row] = equation.derivatives.0;
-                row += 1;
-            },
-        );
+    fn new(mut rows: [[f64; ROWS]; ROWS], size: usize) -> Option<Self> {
+        // Apart from the rows, so that each step is of whole rows.
+        let mut left = [[0.0; ROWS]; ROWS];
         let (mut diagonal, mut order) = ([0.0; ROWS], std::array::from_fn(|row| row));
-        for k in 0..ROWS {
+        for k in 0..size {
             let mut pivot = k;
-            for row in k + 1..ROWS {
+            for row in k + 1..size {
                 if rows[row][k].abs() > rows[pivot][k].abs() {
                     pivot = row;
                 }
             }
-            rows.swap(k, pivot);
-            order.swap(k, pivot);
+            if pivot != k {
+                rows.swap(k, pivot);
+                left.swap(k, pivot);
+                order.swap(k, pivot);
+            }
             diagonal[k] = -1.0 / rows[k][k];
             if !diagonal[k].is_finite() {
                 return None;
             }
             let right = rows[k];
-            for left in &mut rows[k + 1..] {
-                if left[k] == 0.0 {
-                    continue;
-                }
-                let factor = left[k] * diagonal[k];
-                for (number, right) in left[k + 1..].iter_mut().zip(&right[k + 1..]) {
+            for (row, left) in rows[k + 1..size].iter_mut().zip(&mut left[k + 1..size]) {
+                let factor = row[k] * diagonal[k];
+                for (number, right) in row.iter_mut().zip(&right) {
                     *number = factor.mul_add(*right, *number);
                 }
                 left[k] = factor;
             }
         }
-        Some(Self { rows, diagonal, order })
+        for (i, (row, left)) in rows.iter_mut().zip(&left).enumerate() {
+            row[..i].copy_from_slice(&left[..i]);
+        }
+        Some(Self { rows, diagonal, order, size })
     }
 
-    /// −F⁻¹ times a column.
+    /// Replaces columns by −F⁻¹ times them.
     #[inline(always)]
-    fn minus_inverse_times<D: Slopes>(&self, column: &[D; ROWS]) -> [D; ROWS] {
-        let mut out = *column;
-        for i in 0..ROWS {
-            let mut sum = column[self.order[i]];
-            for (found, factor) in out[..i].iter().zip(&self.rows[i]) {
-                sum = found.mul_add(*factor, sum);
+    fn take_minus_inverse_of<D: Slopes>(&self, token: D::Token, columns: &mut [D::Cell; ROWS]) {
+        let mut found = *columns;
+        for i in 0..self.size {
+            let mut sum = D::load(token, &columns[self.order[i]]);
+            for (found, factor) in found[..i].iter().zip(&self.rows[i]) {
+                sum = D::load(token, found).mul_add(*factor, sum);
             }
-            out[i] = sum;
+            sum.store(&mut found[i]);
         }
-        for i in (0..ROWS).rev() {
-            let mut sum = out[i];
-            for (found, factor) in out[i + 1..].iter().zip(&self.rows[i][i + 1..]) {
-                sum = found.mul_add(*factor, sum);
+        for i in (0..self.size).rev() {
+            let mut sum = D::load(token, &found[i]);
+            for (found, factor) in found[i + 1..self.size].iter().zip(&self.rows[i][i + 1..]) {
+                sum = D::load(token, found).mul_add(*factor, sum);
             }
-            out[i] = sum * self.diagonal[i];
+            (sum * self.diagonal[i]).store(&mut found[i]);
         }
-        out
+        *columns = found;
     }
 }
 

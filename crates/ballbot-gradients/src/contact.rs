@@ -7,7 +7,7 @@ use crate::{Differentiable, Jacobian, MOST_STEPS, RollingJacobian, too_sensitive
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{
-    Cell, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Slopes, Thirds, Value, run_directions,
+    Cell, Directions, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Slopes, Value, run_eight,
 };
 use ballbot_base::params::Params;
 use ballbot_base::state::unit_quaternion;
@@ -109,7 +109,14 @@ impl Differentiated {
             changes,
             slopes: &self.slopes,
             loss_share: self.loss_share,
+            all_rows: self.all_rows(),
         }
+    }
+
+    /// Whether steps need the rows of wheel joints and rims.
+    fn all_rows(&self) -> bool {
+        let of_joints = |c: &Constants<f64>| c.joint_dry_impulse != 0.0 || c.joint_viscous_impulse != 0.0;
+        self.constants.ripple_amplitude > 0.0 || of_joints(&self.constants) || self.slopes.iter().any(of_joints)
     }
 
     /// The motion without derivatives.
@@ -121,7 +128,7 @@ impl Differentiated {
         let mut solved: Vec<SolvedStep> = Vec::with_capacity(steps);
         for _ in 0..steps {
             let time = state.steps * c.sim_dt;
-            let step = SolvedStep::new(c, &state, ground, torques).ok_or_else(|| {
+            let step = SolvedStep::new(c, &state, ground, torques, self.all_rows()).ok_or_else(|| {
                 Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
             })?;
             match step.end() {
@@ -201,6 +208,7 @@ struct Problem<'a> {
     changes: &'a [LaneState<f64>],
     slopes: &'a [Constants<f64>],
     loss_share: f64,
+    all_rows: bool,
 }
 
 /// Derivatives along a direction: of the state and of the contact forces of the last step.
@@ -218,7 +226,7 @@ struct Passes<'a> {
 impl Kernel for Passes<'_> {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
-        self.along_all::<Thirds<S>>(simd);
+        self.along_all::<Directions<S>>(simd);
     }
 
     fn run_one_by_one(self) {
@@ -251,7 +259,7 @@ impl Problem<'_> {
     /// The derivatives along some directions.
     fn columns(&self, directions: &[Direction]) -> Vec<Column> {
         let mut columns = Vec::with_capacity(directions.len());
-        run_directions(Passes { problem: self, directions, columns: &mut columns });
+        run_eight(Passes { problem: self, directions, columns: &mut columns });
         columns
     }
 
@@ -359,7 +367,7 @@ fn pass<D: Slopes>(token: D::Token, problem: &Problem<'_>, directions: &[Directi
     // Bodies of all kinds have the same derivatives.
     let constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
     if !directions.iter().any(|direction| matches!(direction, Direction::Parameter(_))) {
-        return if problem.has_ripple() {
+        return if problem.all_rows {
             moved::<D, f64, true>(&constants, token, problem, (seeds, state, torques))
         } else {
             moved::<D, f64, false>(&constants, token, problem, (seeds, state, torques))
@@ -379,7 +387,7 @@ type Seeds<C> = (LaneState<DualCell<C>>, ContactState<DualCell<C>>, Wheels<DualC
 
 /// The motion of a robot whose state, memory and torques have derivatives.
 #[inline(always)]
-fn moved<D: Slopes, V: Value<Dual<D>>, const RIPPLE: bool>(
+fn moved<D: Slopes, V: Value<Dual<D>>, const ALL: bool>(
     c: &Constants<V>,
     token: D::Token,
     problem: &Problem<'_>,
@@ -390,7 +398,7 @@ fn moved<D: Slopes, V: Value<Dual<D>>, const RIPPLE: bool>(
     state.zip_mut(problem.state, |cell, value| cell.value = *value);
     let mut footing = problem.ground.map(Footing::new);
     for step in problem.solved {
-        step.advance::<D, V, RIPPLE>(c, token, &mut state, footing.as_mut(), &torques);
+        step.advance::<D, V, ALL>((c, problem.constants), token, &mut state, footing.as_mut(), &torques);
     }
     public.store(&state.lane_state::<Dual<D>, V>(token, c));
     let impulses = state.impulses::<Dual<D>>(token);

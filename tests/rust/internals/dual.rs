@@ -1,8 +1,8 @@
 //! Numbers with derivatives against closed forms.
 
 use ballbot_base::lanes::{
-    Dual, DualCell, Kernel, Lane, Registers, Scalar, Slopes, TWELVE, Thirds, Twelve, exp_of_negative, floor,
-    run_directions, sin_cos, tanh, wrapped_angle,
+    Cell, Directions, Dual, DualCell, Kernel, Lane, Registers, SIXTEEN, Scalar, Sixteen, Slopes, exp_of_negative,
+    floor, run_eight, sin_cos, tanh, wrapped_angle,
 };
 
 /// A value, and a function with its slope there.
@@ -42,19 +42,20 @@ struct Check;
 impl Kernel for Check {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
-        check::<Thirds<S>>(simd);
+        check::<Directions<S>>(simd);
     }
 
     fn run_one_by_one(self) {}
 }
 
-fn check<D: Slopes<Cell = Twelve>>(token: D::Token) {
-    let directions: [f64; TWELVE] = std::array::from_fn(|i| i as f64);
+fn check<D: Slopes<Cell = Sixteen>>(token: D::Token) {
+    let mut directions = Sixteen::default();
+    (0..SIXTEEN).for_each(|i| directions.set(i, i as f64));
     for (k, (at, function, slope)) in cases::<Dual<D>>().into_iter().enumerate() {
         let mut cell = DualCell::default();
-        function(number(token, at, Twelve(directions))).store(&mut cell);
-        for (derivative, direction) in cell.derivatives.0.into_iter().zip(directions) {
-            let expected = slope * direction;
+        function(number(token, at, directions)).store(&mut cell);
+        for i in 0..SIXTEEN {
+            let (derivative, expected) = (cell.derivatives.get(i), slope * i as f64);
             assert!((derivative - expected).abs() <= 1e-11 * (1.0 + expected.abs()), "case {k}: {derivative}");
         }
     }
@@ -62,8 +63,7 @@ fn check<D: Slopes<Cell = Twelve>>(token: D::Token) {
 
 #[test]
 fn derivatives_equal_closed_forms() {
-    run_directions(Check);
-    check::<Twelve>(Scalar);
+    run_eight(Check);
     for (k, (at, function, slope)) in cases::<Dual<f64>>().into_iter().enumerate() {
         let mut cell = DualCell::default();
         function(number(Scalar, at, 1.0)).store(&mut cell);

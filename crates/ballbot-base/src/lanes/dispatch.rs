@@ -70,26 +70,3 @@ pub fn run_one<R>(kernel: impl FnOnce() -> R) -> R {
     }
     kernel()
 }
-
-/// Runs a computation on twelve directions of one robot: in registers of four, also where there are wider ones, so that it
-/// is compiled once.
-#[inline]
-pub fn run_directions<K: Kernel>(kernel: K) {
-    #[cfg(target_arch = "x86_64")]
-    if let Some(simd) = Level::new().as_avx2() {
-        simd.vectorize(
-            #[inline(always)]
-            || kernel.run(simd),
-        );
-        return;
-    }
-    #[cfg(target_arch = "aarch64")]
-    if let Some(simd) = Level::new().as_neon() {
-        simd.vectorize(
-            #[inline(always)]
-            || kernel.run(simd),
-        );
-        return;
-    }
-    kernel.run_one_by_one();
-}

@@ -23,7 +23,7 @@ mod wide;
 
 pub use crate::lane_struct;
 pub use cells::{Cell, EIGHT, Eight};
-pub use dispatch::{Kernel, run_directions, run_eight, run_eight_at, run_one};
+pub use dispatch::{Kernel, run_eight, run_eight_at, run_one};
 pub use dual::{Dual, DualCell};
 pub use group::Group;
 pub use heading::Heading;
@@ -33,7 +33,7 @@ pub use memory::Memory;
 pub use normal::Draws;
 pub use philox::philox;
 pub use scalar::Scalar;
-pub use slopes::{Slopes, TWELVE, Thirds, Twelve};
+pub use slopes::{Directions, SIXTEEN, Sixteen, Slopes};
 pub use value::{LaneValue, Own, Value};
 pub use vec3::{Quat, Rotation, Vec3};
 pub use wide::{Registers, Wide};

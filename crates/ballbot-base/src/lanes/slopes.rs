@@ -1,12 +1,10 @@
 //! Derivatives of a number along several directions, side by side.
 
-use super::{Cell, Scalar, rare_branch, run_one};
-use fearless_simd::f64x4;
-use fearless_simd::prelude::*;
+use super::{Cell, EIGHT, Eight, Lane, Registers, Scalar, Wide, rare_branch, run_one};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub, SubAssign};
 
-/// Number of directions of [`Twelve`].
-pub const TWELVE: usize = 12;
+/// Number of directions of [`Sixteen`].
+pub const SIXTEEN: usize = 2 * EIGHT;
 
 /// Derivatives of a number along several directions: what [`Dual`](super::Dual) needs of them.
 pub trait Slopes:
@@ -74,166 +72,115 @@ impl Slopes for f64 {
     }
 }
 
-/// Derivatives along twelve directions: the state of a robot that rolls and its torques.
+/// Derivatives along sixteen directions.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Twelve(pub [f64; TWELVE]);
+pub struct Sixteen(pub [Eight; 2]);
 
-impl Cell for Twelve {
-    const WIDTH: usize = TWELVE;
+impl Cell for Sixteen {
+    const WIDTH: usize = SIXTEEN;
 
     #[inline(always)]
     fn get(&self, index: usize) -> f64 {
-        self.0[index]
+        self.0[index / EIGHT].0[index % EIGHT]
     }
 
     #[inline(always)]
     fn set(&mut self, index: usize, value: f64) {
-        self.0[index] = value;
+        self.0[index / EIGHT].0[index % EIGHT] = value;
     }
 }
 
-/// Derivatives along twelve directions in three vector registers.
-#[derive(Clone, Copy, Debug)]
-pub struct Thirds<S: Simd>([f64x4<S>; 3]);
+/// Derivatives along sixteen directions in vector registers.
+#[derive(Clone, Copy)]
+pub struct Directions<S: Registers>([Wide<S>; 2]);
 
-/// Operations part by part. Written out, so that the parts are numbers or registers, not arrays in memory.
-macro_rules! by_parts {
-    ([$($generic:tt)*] $type:ty: $($i:literal)*) => {
-        impl<$($generic)*> Add for $type {
-            type Output = Self;
-
-            #[inline(always)]
-            fn add(self, other: Self) -> Self {
-                Self([$(self.0[$i] + other.0[$i]),*])
-            }
-        }
-
-        impl<$($generic)*> Sub for $type {
-            type Output = Self;
-
-            #[inline(always)]
-            fn sub(self, other: Self) -> Self {
-                Self([$(self.0[$i] - other.0[$i]),*])
-            }
-        }
-
-        impl<$($generic)*> Neg for $type {
-            type Output = Self;
-
-            #[inline(always)]
-            fn neg(self) -> Self {
-                Self([$(-self.0[$i]),*])
-            }
-        }
-
-        impl<$($generic)*> Mul<f64> for $type {
-            type Output = Self;
-
-            #[inline(always)]
-            fn mul(self, factor: f64) -> Self {
-                Self([$(self.0[$i] * factor),*])
-            }
-        }
-
-        impl<$($generic)*> AddAssign for $type {
-            #[inline(always)]
-            fn add_assign(&mut self, other: Self) {
-                *self = *self + other;
-            }
-        }
-
-        impl<$($generic)*> SubAssign for $type {
-            #[inline(always)]
-            fn sub_assign(&mut self, other: Self) {
-                *self = *self - other;
-            }
-        }
-    };
-}
-
-by_parts!([] Twelve: 0 1 2 3 4 5 6 7 8 9 10 11);
-by_parts!([S: Simd] Thirds<S>: 0 1 2);
-
-impl Slopes for Twelve {
-    type Cell = Self;
-    type Token = Scalar;
+impl<S: Registers> Add for Directions<S> {
+    type Output = Self;
 
     #[inline(always)]
-    fn load(_: Scalar, cell: &Self) -> Self {
-        *cell
-    }
-
-    #[inline(always)]
-    fn store(self, cell: &mut Self) {
-        *cell = self;
-    }
-
-    #[inline(always)]
-    fn none(_: Scalar) -> Self {
-        Self::default()
-    }
-
-    #[inline(always)]
-    fn zero(self) -> Self {
-        Self::default()
-    }
-
-    #[inline(always)]
-    fn mul_add(self, factor: f64, mut term: Self) -> Self {
-        for (sum, slope) in term.0.iter_mut().zip(self.0) {
-            *sum = slope.mul_add(factor, *sum);
-        }
-        term
-    }
-
-    #[inline(always)]
-    fn rarely<R>(token: Scalar, rare: impl FnOnce() -> R) -> R {
-        f64::rarely(token, rare)
+    fn add(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        Self([a + c, b + d])
     }
 }
 
-impl<S: Simd> Slopes for Thirds<S> {
-    type Cell = Twelve;
+impl<S: Registers> Sub for Directions<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn sub(self, other: Self) -> Self {
+        let ([a, b], [c, d]) = (self.0, other.0);
+        Self([a - c, b - d])
+    }
+}
+
+impl<S: Registers> Neg for Directions<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn neg(self) -> Self {
+        let [a, b] = self.0;
+        Self([-a, -b])
+    }
+}
+
+impl<S: Registers> Mul<f64> for Directions<S> {
+    type Output = Self;
+
+    #[inline(always)]
+    fn mul(self, factor: f64) -> Self {
+        let [a, b] = self.0;
+        Self([a * factor, b * factor])
+    }
+}
+
+impl<S: Registers> AddAssign for Directions<S> {
+    #[inline(always)]
+    fn add_assign(&mut self, other: Self) {
+        *self = *self + other;
+    }
+}
+
+impl<S: Registers> SubAssign for Directions<S> {
+    #[inline(always)]
+    fn sub_assign(&mut self, other: Self) {
+        *self = *self - other;
+    }
+}
+
+impl<S: Registers> Slopes for Directions<S> {
+    type Cell = Sixteen;
     type Token = S;
 
     #[inline(always)]
-    fn load(token: S, Twelve([a, b, c, d, e, f, g, h, i, j, k, l]): &Twelve) -> Self {
-        Self([[*a, *b, *c, *d].simd_into(token), [*e, *f, *g, *h].simd_into(token), [*i, *j, *k, *l].simd_into(token)])
+    fn load(token: S, Sixteen([a, b]): &Sixteen) -> Self {
+        Self([Lane::load(token, a), Lane::load(token, b)])
     }
 
     #[inline(always)]
-    fn store(self, cell: &mut Twelve) {
-        let [a, b, c] = self.0;
-        a.store_slice(&mut cell.0[..4]);
-        b.store_slice(&mut cell.0[4..8]);
-        c.store_slice(&mut cell.0[8..]);
+    fn store(self, Sixteen([a, b]): &mut Sixteen) {
+        self.0[0].store(a);
+        self.0[1].store(b);
     }
 
     #[inline(always)]
     fn none(token: S) -> Self {
-        Self([SimdBase::splat(token, 0.0); 3])
+        Self([Lane::from_f64(token, 0.0); 2])
     }
 
     #[inline(always)]
     fn zero(self) -> Self {
-        Self::none(self.0[0].simd)
+        Self([self.0[0].zero(); 2])
     }
 
     #[inline(always)]
     fn mul_add(self, factor: f64, term: Self) -> Self {
-        let ([a, b, c], [d, e, f]) = (self.0, term.0);
-        let factor: f64x4<S> = SimdBase::splat(a.simd, factor);
-        // Rounded once on every processor, unlike the library's plain `mul_add`.
-        Self([
-            SimdFloat::mul_add_precise(a, factor, d),
-            SimdFloat::mul_add_precise(b, factor, e),
-            SimdFloat::mul_add_precise(c, factor, f),
-        ])
+        let ([a, b], [c, d]) = (self.0, term.0);
+        Self([a.mul_add_all(factor, c), b.mul_add_all(factor, d)])
     }
 
     #[inline(always)]
     fn rarely<R>(simd: S, rare: impl FnOnce() -> R) -> R {
-        rare_branch();
-        simd.vectorize(rare)
+        Wide::<S>::rarely(simd, rare)
     }
 }
