@@ -4,16 +4,16 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from os import PathLike
 from pathlib import Path
-from typing import overload
+from typing import Any, overload
 
 import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import check_seed
-from ballbot_rs._core import Params
+from ballbot_rs._core import Params, load_actuators
 from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._robot import Robot, params_of
@@ -21,6 +21,7 @@ from ballbot_rs.analysis.checkpoint import Checkpoint, identity_of_controller
 from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, points_of, run_points
 from ballbot_rs.control.resolve import ResolvedController, Source, find
+from ballbot_rs.envs.options import Actuators
 from ballbot_rs.scenarios.metrics import METRICS, UPRIGHT
 from ballbot_rs.scenarios.outcome import Outcome
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -39,6 +40,9 @@ def run_scenarios(
     file: str | Path | None = None,
     robot: Robot | None = None,
     model: str = "contact",
+    actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
+    sensors: str | None = None,
+    events: str | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: None = None,
@@ -55,6 +59,9 @@ def run_scenarios(
     file: str | Path | None = None,
     robot: Robot | None = None,
     model: str = "contact",
+    actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
+    sensors: str | None = None,
+    events: str | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: Sweep,
@@ -71,6 +78,9 @@ def run_scenarios(
     file: str | Path | None = None,
     robot: Robot | None = None,
     model: str = "contact",
+    actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
+    sensors: str | None = None,
+    events: str | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: Sweep | None = None,
@@ -90,6 +100,9 @@ def run_scenarios(
         file: a TOML file of scenarios in place of the package's scenarios.
         robot: `Params`, the name of a preset, the path of a TOML file, or a dict of parameters; None is the paper's.
         model: of the robot.
+        actuators: motors in place of the scenarios' own: options, a name, or a TOML file; {} is ideal motors.
+        sensors: name or TOML file of sensors in place of the scenarios' own.
+        events: name or TOML file of events in place of the scenarios' own.
         seed: of everything random.
         num_threads: threads that step the robots; None takes all cores.
         sweep: as in `compare`: points of parameters of the robot, "robot", "model", parts of the motors as
@@ -115,6 +128,10 @@ def run_scenarios(
     chosen = [one for one in requested if isinstance(one, Scenario)]
     if named or not chosen:
         chosen += select(named, known)
+    motors = actuators if actuators is None or isinstance(actuators, Mapping) else load_actuators(actuators)
+    conditions: dict[str, Any] = {"actuators": motors, "sensors": sensors, "events": events}
+    changes = {name: value for name, value in conditions.items() if value is not None}
+    chosen = [dataclasses.replace(one, **changes) for one in chosen]
     seed = check_seed(seed)
     sources = controllers if isinstance(controllers, (list, tuple)) else [controllers]
     found = [find(source) for source in sources]

@@ -39,8 +39,10 @@ def add_to(commands: Any) -> None:
     command.add_argument(
         "--robot",
         metavar="NAME|FILE.toml",
-        help=f"{', '.join(ROBOTS)}, or a file; motors and sensors are the scenarios' own (default paper)",
+        help=f"{', '.join(ROBOTS)}, or a file (default paper)",
     )
+    for name in ("actuators", "sensors", "events"):
+        command.add_argument(f"--{name}", metavar="NAME|FILE.toml", help=f"{name} in place of the scenarios' own")
     settings.add_to(command, "a parameter of the robot, as robot.body_mass=2.5", settings.of_robots)
     command.add_argument("--model", default="contact", help=f"{', '.join(MODELS)} (default contact)")
     shared.add_seed(command, "seed of everything random (default 0)", 0, MAX_SEED)
@@ -69,6 +71,9 @@ def run(arguments: argparse.Namespace) -> None:
             chosen,
             robot=robot,
             model=arguments.model,
+            actuators=arguments.actuators,
+            sensors=arguments.sensors,
+            events=arguments.events,
             seed=arguments.seed,
             sweep=sweep,
             checkpoint=arguments.checkpoint,
