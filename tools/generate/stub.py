@@ -86,7 +86,7 @@ def _constructor(first: list[str], controller: str) -> list[str]:
 
 def _pid() -> list[str]:
     first = [
-        "    params: _Robot | None = None,",
+        "    robot: _Robot | None = None,",
         f"    control_dt: float = {CONTROLLERS['pid']['control_dt']!r},",
         "    *,",
         '    mapping: Literal["consistent", "as_printed"] | str = "consistent",',
@@ -100,7 +100,7 @@ def _pid() -> list[str]:
 
 def _lqr() -> list[str]:
     first = [
-        "    params: _Robot | None = None,",
+        "    robot: _Robot | None = None,",
         "    control_dt: float = 0.01,",
         "    *,",
         "    Q: npt.ArrayLike | None = None,",
