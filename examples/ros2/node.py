@@ -88,7 +88,7 @@ class BallbotNode(Node):
             autoreset="disabled",
             num_threads=1,
             seed=p["seed"],
-            params=self._params,
+            robot=self._params,
             model=p["model"],
             control_dt=0.01 if self._law is None else self._law.control_dt,
             max_wheel_torque=self._params.max_wheel_torque,
