@@ -63,6 +63,8 @@ class ResolvedController:
     existing: Law | None = None
     #: Control period of the law, s; None takes the task's.
     control_dt: float | None = None
+    #: Options of a law of the core that are not its defaults.
+    law_options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
     #: Ends a call of the policy in another thread, where that is possible.
     interrupt: Callable[[], None] | None = None
     #: Longest time of a call, s; None is the limit for any controller, where there is one.

@@ -123,6 +123,7 @@ def with_options(name: str, options: Mapping[str, float], title: str | None = No
         title or name,
         make_law=lambda params, control_dt: make_controller(name, params, control_dt, **options),
         control_dt=CONTROLLERS[name]["control_dt"],
+        law_options=options,
     )
 
 

@@ -23,6 +23,9 @@ FloatArray = npt.NDArray[np.float64]
 #: Slip speed above which a wheel counts as slipping, m/s.
 SLIPS = 1e-3
 
+#: Fraction of the speed limit that a barrier allows (docs/safety.md).
+BARRIER_FRACTION = 0.95
+
 #: How long a message is shown, s.
 MESSAGE_SECONDS = 8.0
 
@@ -105,6 +108,7 @@ def rows_of(session: Session, frame: Frame) -> list[Row]:
     rows = [Row(label, value, HINTS[label], ghost.get(label, "")) for label, value in motion.items()]
     if frame.has_forces:
         rows.append(Row("Traction", traction_of(frame), "fraction of the friction limit in use"))
+    rows += limits_of(frame)
     # A log has no setpoint.
     if frame.commands is None and (frame.setpoint is not None or frame.has_forces):
         rows.append(Row("Setpoint", _goal_of(session, frame), "green: where the robot is sent; orange: the way there"))
@@ -113,6 +117,29 @@ def rows_of(session: Session, frame: Frame) -> list[Row]:
             rows.append(Row("Command", command, "of robot 0; forward and left are along its heading"))
         rows += metrics_of(frame.commands)
     return rows
+
+
+def limits_of(frame: Frame) -> list[Row]:
+    """How close robot 0 is to the limits that a control barrier keeps."""
+    rows = []
+    if frame.speed_limit is not None:
+        speed = float(np.linalg.norm(frame.states[0, BALL_VELOCITY][:2]))
+        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit, BARRIER_FRACTION)}"
+        hint = f"a control barrier keeps the ball slower: it brakes from {100.0 * BARRIER_FRACTION:.0f} % on"
+        rows.append(Row("Speed limit", text, hint))
+    if frame.boundary is not None:
+        least_x, largest_x, least_y, largest_y = frame.boundary
+        x, y = frame.states[0, BALL_POSITION][:2].tolist()
+        left = min(x - least_x, largest_x - x, y - least_y, largest_y - y)
+        text = f"{left:.2f} m away" if left >= 0.0 else f"{-left:.2f} m beyond"
+        rows.append(Row("Boundary", text, "red line: a control barrier stops the ball before it"))
+    return rows
+
+
+def _used(fraction: float, limit: float) -> str:
+    """A fraction of a limit, with a word from the fraction on at which the barrier brakes."""
+    word = " (beyond)" if fraction > 1.0 else " (braking)" if fraction >= limit else ""
+    return f"{100.0 * fraction:.0f} % in use{word}"
 
 
 #: Explanations of `motion_of`.

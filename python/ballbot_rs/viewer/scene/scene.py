@@ -11,6 +11,7 @@ import viser
 from ballbot_rs._state_rows import BALL_POSITION
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.scene.arrows import GHOST_COLOR, TRAIL_COLOR, Forces, Push, RouteLine, Trail, on_ground
+from ballbot_rs.viewer.scene.boundary import BoundaryLine
 from ballbot_rs.viewer.scene.cameras import FREE, Camera
 from ballbot_rs.viewer.scene.commands import KINDS, CommandNodes
 from ballbot_rs.viewer.scene.ground import HALF, Ground, ray_meets
@@ -65,6 +66,7 @@ class Scene:
         self._ghost_trail = Trail(server, f"{WORLD}/ghost_trail", GHOST_COLOR)
         self._forces = Forces(server, f"{WORLD}/forces")
         self._push, self._route = Push(server, f"{WORLD}/push"), RouteLine(server, f"{WORLD}/route")
+        self._boundary = BoundaryLine(server, f"{WORLD}/boundary")
         self._ghost: RobotNodes | None = None
         self._commands: list[CommandNodes] = []
         self._task: str | None = None
@@ -95,6 +97,7 @@ class Scene:
         self._forces.show(frame, self.shows_forces)
         self._push.show(frame)
         self._route.show(frame)
+        self._boundary.show(frame)
         if self._casts_shadow != self.shows_shadow:
             # Without shadows slow machines draw several times as many pictures.
             self._casts_shadow = self.shows_shadow

@@ -100,6 +100,9 @@ class Frame:
     target: FloatArray | None = None
     #: Commands of a task other than balance.
     commands: Commands | None = None
+    #: Limits that a control barrier keeps: speed of the ball, m/s, and least and largest x, then y, of its center, m.
+    speed_limit: float | None = None
+    boundary: tuple[float, float, float, float] | None = None
     #: The curve along which the setpoint moves, m, shape (k, 2).
     route: FloatArray | None = None
     ghost: Ghost | None = None

@@ -259,4 +259,5 @@ class Session(Configured):
         is_pushed = self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS
         push = self.pushed[1] if self.pushed is not None and is_pushed else None
         shown = self._objective.shown(self.robots)
-        return self.robots.frame(self.time, label=label_of(self.controller), ghost=ghost, push=push, **shown)
+        limits = {name: self._controller.law_options.get(name) for name in ("speed_limit", "boundary")}
+        return self.robots.frame(self.time, label=label_of(self.controller), ghost=ghost, push=push, **limits, **shown)
