@@ -267,11 +267,11 @@ fn add_effect<D: Slopes, const ALL: bool>(
     let (mut bot, mut ball, mut body) = (none, none, none);
     for i in 0..WHEELS {
         let (normal, drive) = (changes.normals[i], changes.drives[i]);
-        add(&mut bot, values(&rows.normals[i]), normal);
-        add(&mut bot, values(&rows.drives[i]), drive);
-        add(&mut ball, values(&rows.turns[i]), -drive);
-        add(&mut body, values(&rows.normal_arms[i]), normal);
-        add(&mut body, values(&rows.drive_arms[i]), drive);
+        add(&mut bot, values(rows.normals[i]), normal);
+        add(&mut bot, values(rows.drives[i]), drive);
+        add(&mut ball, values(rows.turns[i]), -drive);
+        add(&mut body, values(rows.normal_arms[i]), normal);
+        add(&mut body, values(rows.drive_arms[i]), drive);
         let mut wheel = drive * (rows.spin_shares[i].value * c.wheel_radius);
         if ALL {
             add(&mut body, c.u[i], changes.joints[i]);
@@ -297,7 +297,7 @@ fn add_effect<D: Slopes, const ALL: bool>(
 }
 
 #[inline(always)]
-fn values<D>(v: &Vec3<Dual<D>>) -> [f64; 3] {
+fn values<D: Slopes>(v: Vec3<Dual<D>>) -> [f64; 3] {
     [v.x.value, v.y.value, v.z.value]
 }
 
