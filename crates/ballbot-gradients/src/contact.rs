@@ -7,7 +7,7 @@ use crate::{Differentiable, Jacobian, MOST_STEPS, RollingJacobian, too_sensitive
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{
-    Cell, Directions, Dual, DualCell, Kernel, Lane, Own, Registers, Scalar, Slopes, Value, run_eight,
+    Cell, Directions, Dual, DualCell, Kernel, Lane, Own, Registers, SIXTEEN, Scalar, Slopes, Value, run_eight,
 };
 use ballbot_base::params::Params;
 use ballbot_base::state::unit_quaternion;
@@ -217,13 +217,15 @@ pub(crate) struct Column {
     pub(crate) forces: [f64; FORCES],
 }
 
-struct Passes<'a> {
+/// A pass along some directions, with parameters among them or without, with the rows of wheel joints and rims (`ALL`) or
+/// without. Each is a separate kernel: one for all would take minutes longer to compile.
+struct Passes<'a, const PARAMETERS: bool, const ALL: bool> {
     problem: &'a Problem<'a>,
     directions: &'a [Direction],
     columns: &'a mut Vec<Column>,
 }
 
-impl Kernel for Passes<'_> {
+impl<const PARAMETERS: bool, const ALL: bool> Kernel for Passes<'_, PARAMETERS, ALL> {
     #[inline(always)]
     fn run<S: Registers>(self, simd: S) {
         self.along_all::<Directions<S>>(simd);
@@ -259,7 +261,15 @@ impl Problem<'_> {
     /// The derivatives along some directions.
     fn columns(&self, directions: &[Direction]) -> Vec<Column> {
         let mut columns = Vec::with_capacity(directions.len());
-        run_eight(Passes { problem: self, directions, columns: &mut columns });
+        for directions in directions.chunks(SIXTEEN) {
+            let columns = &mut columns;
+            let parameters = directions.iter().any(|direction| matches!(direction, Direction::Parameter(_)));
+            match (parameters, self.all_rows) {
+                (true, _) => run_eight(Passes::<true, true> { problem: self, directions, columns }),
+                (false, true) => run_eight(Passes::<false, true> { problem: self, directions, columns }),
+                (false, false) => run_eight(Passes::<false, false> { problem: self, directions, columns }),
+            }
+        }
         columns
     }
 
@@ -280,12 +290,12 @@ impl Problem<'_> {
     }
 }
 
-impl Passes<'_> {
+impl<const PARAMETERS: bool, const ALL: bool> Passes<'_, PARAMETERS, ALL> {
     /// Differentiates along all directions.
     #[inline(always)]
     fn along_all<D: Slopes>(self, token: D::Token) {
         for some in self.directions.chunks(D::Cell::WIDTH) {
-            let Moved { value, state, forces } = pass::<D>(token, self.problem, some);
+            let Moved { value, state, forces } = pass::<D, PARAMETERS, ALL>(token, self.problem, some);
             self.columns.extend((0..some.len()).map(|lane| Column {
                 state: coordinates(&value, &state.map(|cell| cell.derivatives.get(lane))),
                 forces: forces.map(|cell| cell.derivatives.get(lane)),
@@ -341,7 +351,11 @@ struct Moved<C> {
 
 /// The motion with derivatives along some directions.
 #[inline(always)]
-fn pass<D: Slopes>(token: D::Token, problem: &Problem<'_>, directions: &[Direction]) -> Moved<D::Cell> {
+fn pass<D: Slopes, const PARAMETERS: bool, const ALL: bool>(
+    token: D::Token,
+    problem: &Problem<'_>,
+    directions: &[Direction],
+) -> Moved<D::Cell> {
     let cell = |value: &f64| DualCell { value: *value, derivatives: D::Cell::default() };
     let start = problem.state.read(problem.constants);
     let mut seeds = start.map(cell);
@@ -366,12 +380,8 @@ fn pass<D: Slopes>(token: D::Token, problem: &Problem<'_>, directions: &[Directi
     }
     // Bodies of all kinds have the same derivatives.
     let constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
-    if !directions.iter().any(|direction| matches!(direction, Direction::Parameter(_))) {
-        return if problem.all_rows {
-            moved::<D, f64, true>(&constants, token, problem, (seeds, state, torques))
-        } else {
-            moved::<D, f64, false>(&constants, token, problem, (seeds, state, torques))
-        };
+    if !PARAMETERS {
+        return moved::<D, f64, ALL>(&constants, token, problem, (seeds, state, torques));
     }
     let mut constants = constants.map(cell);
     for (lane, direction) in directions.iter().enumerate() {
@@ -379,7 +389,7 @@ fn pass<D: Slopes>(token: D::Token, problem: &Problem<'_>, directions: &[Directi
             constants.zip_mut(&problem.slopes[i], |cell, slope| cell.derivatives.set(lane, *slope));
         }
     }
-    moved::<D, Own<Dual<D>>, true>(&constants.owned::<Dual<D>>(token), token, problem, (seeds, state, torques))
+    moved::<D, Own<Dual<D>>, ALL>(&constants.owned::<Dual<D>>(token), token, problem, (seeds, state, torques))
 }
 
 /// Memory of a robot with derivatives.

@@ -111,8 +111,8 @@ fn rows_of(k: usize) -> (Option<usize>, &'static [usize]) {
 }
 
 impl Problem<'_> {
-    /// The impulses, starting from the impulses of the last step. They are exact unless the modes do not settle;
-    /// friction is always within its limits.
+    /// The impulses, starting from the impulses of the last step. They are exact unless the modes do not settle; then they
+    /// leave the least energy of their multiples. Friction is always within its limits.
     pub fn solve(&self, limits: &Limits, start: &Impulses) -> (Impulses, Settling) {
         let mut impulses = *start;
         let mut loads = Wheels::from_fn(|i| start[i]);
@@ -132,7 +132,14 @@ impl Problem<'_> {
             }
         }
         self.bound(limits, &mut impulses);
-        (impulses, Settling::Unsolved)
+        (impulses * self.least_energy(&impulses), Settling::Unsolved)
+    }
+
+    /// The factor from 0 to 1 on impulses that leaves the least kinetic energy. Where rims jam against the ball no impulses
+    /// satisfy all conditions, and sweeps grow without bound.
+    fn least_energy(&self, impulses: &Impulses) -> f64 {
+        let effect = impulses.dot(&(self.coupling * impulses));
+        if effect > 0.0 { (-impulses.dot(&self.residual) / effect).clamp(0.0, 1.0) } else { 1.0 }
     }
 
     fn modes(&self, limits: &Limits, impulses: &Impulses) -> Modes {

@@ -185,6 +185,56 @@ fn many_turns_change_nothing(simulation: Simulation) {
     assert!(off > 0.0, "the start has no turns");
 }
 
+/// Steep wheels with light rims and dry joints: where all three rims jam against the ball no impulses meet all conditions.
+fn jammed_rims_add_no_energy(simulation: Simulation) {
+    let params = Params {
+        ball_mass: 1.9513229862035044,
+        ball_inertia: 0.009134660416242063,
+        ball_radius: 0.09940135592349908,
+        body_mass: 2.9484753962091905,
+        body_inertia: [0.06758944742341924, 0.048305774300245206, 0.05828989715177509],
+        body_com_height: 0.38329273217428256,
+        wheel_mass: 0.061419364232636935,
+        wheel_inertia: 1.9017748961513327e-5,
+        wheel_radius: 0.020795402257892687,
+        wheel_zenith: 1.083367781528703,
+        wheel_azimuths: [4.79522446620986, 2.700829363816665, 0.6064342614234697],
+        wheel_viscous_friction: 7.241770500785882e-6,
+        wheel_coulomb_friction: 0.08171500167602017,
+        wheel_static_friction: 0.6644631733602596,
+        wheel_dynamic_friction: 0.6644631733602596,
+        floor_static_friction: 0.7568871912895957,
+        floor_dynamic_friction: 0.7568871912895957,
+        roller_ripple: 0.9816936079148993 * 0.020795402257892687 * (1.0 - (TAU / 16.0).cos()),
+        roller_count: 8.0,
+        roller_phases: [2.31817440062469, -0.45697304366127817, 1.9493355463656885],
+        ..Params::paper()
+    };
+    let rate = (params.gravity / params.body_com_height).sqrt();
+    let mut start = State::rolling(
+        &params,
+        Vector2::new(0.3134398427515051, -0.4646114882450189) * (params.body_com_height * rate),
+        0.10959229010664324 * rate,
+        attitude(Vector2::new(0.21652304215904852, -0.1356428714639396), 0.8575200761456232),
+        Vector3::new(0.42504307972175687, 0.2697414387604021, -0.38302512072394174) * rate,
+    );
+    let slips = [-1.2265605740546628, -0.676135975344319, -0.7774403978919192];
+    start.wheel_speeds.iter_mut().zip(slips).for_each(|(speed, slip)| *speed += slip * rate * params.gear_ratio());
+    start.ball_angular_velocity += Vector3::new(0.09154751755750092, -0.21268536016062917, 0.8960216295770956) * rate;
+    let mut robot = simulation.robot(&params, 0.005 / rate);
+    robot.reset(&start).unwrap();
+    let mut lowest = robot.energy();
+    let scale = lowest + params.body_mass * params.gravity * params.body_com_height;
+    let mut rise = 0.0_f64;
+    while !robot.bot_on_floor() {
+        robot.step([0.0; 3]);
+        rise = rise.max((robot.energy() - lowest) / scale);
+        lowest = lowest.min(robot.energy());
+    }
+    println!("rises by {rise:e}");
+    assert!(rise < simulation.pick(1e-2, 1e-4), "rises by {rise:e} of its swing");
+}
+
 for_both!(
     the_body_bobs_as_in_closed_form,
     ripple_does_no_work,
@@ -192,6 +242,7 @@ for_both!(
     wheels_lift_off_where_the_closed_form_predicts,
     many_turns_change_nothing,
     fast_rims_do_not_reach_deep_into_the_ball,
+    jammed_rims_add_no_energy,
 );
 
 /// The ripple has the same effect on a driven robot in both simulations.
