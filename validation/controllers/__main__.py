@@ -11,7 +11,7 @@ from validation.topic import Findings, Topic
 _HEAD = """# Controllers
 
 `ballbot evaluate`, `compare`, `record`, `plot` and `view` accept a controller by its name, the file of a policy, or
-`file.py:NAME`. `Controller(name, params, control_dt)` makes a controller: called with a state and a setpoint, it
+`file.py:NAME`. `Controller(name, robot, control_dt)` makes a controller: called with a state and a setpoint, it
 returns the wheel torques. A `Batch` runs it on all its robots in Rust. With `observation="sensors"` a controller gets
 the state estimate of the [estimator](estimator.md). [Laws](laws.md) has the equations of each controller, a block
 diagram, responses and a basin of attraction.

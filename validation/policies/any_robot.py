@@ -60,8 +60,7 @@ its 95 % interval.
 Where it falls short: 0.3 % of the family's episodes end in a fall, with a law that is given the robot 0.1 %. Most
 are of the robots that can lean least: the policy cannot observe how much torque their wheels transmit. An action of 1
 is 0.2 N·m on the paper's robot; `lqr` uses all torque that its wheels transmit, which is more the more the robot leans.
-So the policy recovers from smaller tilts and pushes. With `wide` all falls of the paper's robot are due to the bias of
-the gyro (`sensors.gyro_bias`). One training seed.
+So the policy recovers from smaller tilts and pushes. One training seed.
 """
 
 
