@@ -27,6 +27,8 @@ import ballbot_rs as bb
         (lambda: bb.StateFeedback([[1.0]], params="kugle"), "StateFeedback got .* it is now robot="),
         (lambda: bb.Ballbot(params="kugle"), "Ballbot got .* 'params': it is now robot="),
         (lambda: bb.Batch(1, params="kugle"), "Batch got .* 'params': it is now robot="),
+        (lambda: bb.Batch(1, setpiont=(0, 0)), "did you mean 'setpoint'"),
+        (lambda: bb.Batch(1, "goal", goal_radiu=1.0), "did you mean 'goal_radius'"),
         (lambda: bb.Lqr(params="kugle"), "Lqr got .* 'params': it is now robot="),
         (lambda: bb.Reference.circle(1.0, 6.0, params="kugle"), "Reference.circle got .* it is now robot="),
         (lambda: bb.State.at_rest(params="kugle"), "argument: 'robot'"),

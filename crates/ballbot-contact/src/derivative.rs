@@ -148,12 +148,12 @@ impl SolvedStep {
         (floor.closed && floor.slips) || (0..WHEELS).any(|i| wheels.closed[i] && wheels.slips[i])
     }
 
-    /// Advances a robot by this step, with derivatives; `ALL` as `all_rows` of [`SolvedStep::new`]. `values` are the
+    /// Advances a robot by this step, with derivatives; `ALL` as `all_rows` of [`SolvedStep::new`]. `plain` are the
     /// constants without derivatives.
     #[inline(always)]
     pub fn advance<D: Slopes, V: Value<Dual<D>>, const ALL: bool>(
         &self,
-        (c, values): (&Constants<V>, &Constants<f64>),
+        (c, plain): (&Constants<V>, &Constants<f64>),
         token: D::Token,
         state: &mut ContactState<DualCell<D::Cell>>,
         mut footing: Option<&mut Footing<DualCell<D::Cell>>>,
@@ -176,7 +176,7 @@ impl SolvedStep {
             friction = Friction::new(c, &start.rows, &start.velocities);
         }
         let mut velocities = free_velocities(c, token, state, &start, &actions);
-        let impulses = self.impulses.map(
+        let mut impulses = self.impulses.map(
             #[inline(always)]
             |number| like.splat(*number),
         );
@@ -186,8 +186,7 @@ impl SolvedStep {
         let tangent = c.floor_compliance_inverse.at(like);
         let equations = equations(&self.modes, &impulses, &residuals, &friction, &joint_friction, tangent);
         let changes = self.changes(token, &equations);
-        add_effect::<D, ALL>(values, &start.rows, &changes, &mut velocities);
-        let mut impulses = impulses;
+        add_effect::<D, ALL>(plain, &start.rows, &changes, &mut velocities);
         impulses.zip_mut(
             &changes,
             #[inline(always)]

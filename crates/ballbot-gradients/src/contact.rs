@@ -126,9 +126,10 @@ impl Differentiated {
         let mut footing = ground.map(Footing::new);
         let (mut margin, mut modes_changed) = (f64::INFINITY, false);
         let mut solved: Vec<SolvedStep> = Vec::with_capacity(steps);
+        let all_rows = self.all_rows();
         for _ in 0..steps {
             let time = state.steps * c.sim_dt;
-            let step = SolvedStep::new(c, &state, ground, torques, self.all_rows()).ok_or_else(|| {
+            let step = SolvedStep::new(c, &state, ground, torques, all_rows).ok_or_else(|| {
                 Error::Inconsistent(format!("the contacts at t = {time} s do not determine their forces"))
             })?;
             match step.end() {

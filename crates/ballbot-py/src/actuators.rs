@@ -24,8 +24,8 @@ impl Door for MotorOptions {
 /// batch = bb.Batch(8, robot="kugle", actuators=slower)
 /// ```
 ///
-/// The joint `velocity` of a URDF is `speed_limit`. All options with their values, as `actuators=` of an environment takes them. A string that ends in ".toml" or ".urdf" is
-/// a path.
+/// The joint `velocity` of a URDF is `speed_limit`. All options with their values, as `actuators=` of an environment
+/// takes them. A string that ends in ".toml" or ".urdf" is a path.
 ///
 /// Raises:
 ///     ValueError: an unknown name or option, malformed TOML, or a number out of range; the message has the value and the

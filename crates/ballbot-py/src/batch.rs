@@ -203,13 +203,14 @@ impl PyBatch {
     ) -> PyResult<Self> {
         let num_envs = count("num_envs", num_envs, 1)?;
         let num_threads = num_threads.map(|n| count("num_threads", n, 1)).transpose()?;
-        let mut config = task_kind(task).map_err(to_python)?.config();
+        let kind = task_kind(task).map_err(to_python)?;
+        let (mut config, description) = (kind.config(), kind.description());
         let mut robots = Vec::new();
         for (name, value) in options.into_iter().flatten() {
             let name: String = name.extract()?;
             match (name.as_str(), value.cast::<PyList>()) {
                 ("robot", Ok(list)) => robots = several(list)?,
-                _ => configure(config.as_mut(), &name, &value)?,
+                _ => configure(config.as_mut(), &description, &name, &value)?,
             }
         }
         match robots.first() {
@@ -1003,7 +1004,6 @@ impl PyBatch {
         text_signature =
             "($self, controller=None, steps=None, setpoints=None, record=['states'], *, privileged=False, impulses=None, points=None, start_time=0.0, policies=None, actions=None)"
     )]
-    #[expect(clippy::needless_pass_by_value, reason = "extracted from a Python sequence")]
     #[expect(clippy::too_many_arguments, reason = "keywords of Python")]
     fn rollout<'py>(
         &self,

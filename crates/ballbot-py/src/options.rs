@@ -17,12 +17,13 @@ use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-/// Options of all tasks that are not scalars.
-const OPTIONS: [&str; 10] =
-    ["robot", "model", "terrain", "actuators", "sensors", "level", "history", "observation", "reward", "events"];
-
 /// Sets the option of `config` that a keyword argument names.
-pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'_, PyAny>) -> PyResult<()> {
+pub(crate) fn configure(
+    config: &mut dyn TaskConfig,
+    task: &TaskDescription,
+    name: &str,
+    value: &Bound<'_, PyAny>,
+) -> PyResult<()> {
     let wrong = |what: &str| {
         let found = value.get_type().name().map_or_else(|_| "this".to_owned(), |n| n.to_string());
         PyTypeError::new_err(format!("{name} must be {what}, not {found}"))
@@ -65,7 +66,8 @@ pub(crate) fn configure(config: &mut dyn TaskConfig, name: &str, value: &Bound<'
             None => config.instruments_mut().remove(name),
         },
         _ if config.get(name).is_none() => {
-            let known: Vec<_> = OPTIONS.into_iter().chain(SCALAR_OPTIONS.iter().map(|option| option.name)).collect();
+            let others: Vec<String> = resolved(value.py(), config, task)?.keys().extract()?;
+            let known: Vec<_> = ["robot", "model"].into_iter().chain(others.iter().map(String::as_str)).collect();
             return Err(unknown(value.py(), "Batch", name, &known));
         }
         _ => {

@@ -13,7 +13,7 @@ const GRID_HALF_WIDTH: f64 = 0.006;
 const HAZE_DISTANCE: f64 = 14.0;
 /// Number of shadow rays to the disc of the sun, chosen by experiment: fewer rays show as separate shadows.
 const SUN_RAYS: usize = 64;
-/// The outermost of these rays, about 45 deg apart: a straight edge between two of them hides 2 % of the sun.
+/// The outermost of these rays, at most 53 deg apart: an edge between two of them hides at most one other ray.
 const RIM_RAYS: usize = 8;
 /// Apparent radius of the light source, rad. The real sun, 0.005 rad, would cast hard shadows.
 const SUN_RADIUS: f64 = 0.05;
