@@ -245,6 +245,26 @@ def test_the_law_by_name_follows_a_reference_or_moves_to_a_place():
     assert np.linalg.norm(run.states[-1].ball_position[:2] - (0.2, 0.0)) < 0.02
 
 
+@pytest.mark.parametrize("start", [{"position": (1.0, 0.0)}, {"tilt": (0.03, -0.02), "yaw": 0.4}])
+def test_the_law_by_name_is_planned_from_the_start_of_the_robot(start):
+    goal = np.array([0.2, 0.0]) + start.get("position", (0.0, 0.0))
+    run = bb.simulate("tvlqr", reference={"position": goal}, seconds=1.5, control_dt=0.02, **start)
+    first, last = run.states[0], run.states[-1]
+    np.testing.assert_allclose(first.ball_position[:2], start.get("position", (0.0, 0.0)))
+    assert np.linalg.norm(last.ball_position[:2] - goal) < 2e-3
+    assert last.yaw == pytest.approx(first.yaw, abs=5e-3)
+
+
+def test_a_class_with_the_name_of_the_law_is_not_replaced():
+    class Law:
+        name = "tvlqr"
+
+        def __call__(self, state):
+            return np.zeros(3)
+
+    assert bb.simulate(Law, tilt=(0.05, 0.0), seconds=0.1).torques.max() == 0.0
+
+
 def test_the_law_by_name_needs_a_motion():
     for reference in (None, {"yaw": 1.0}, lambda time: {"position": (time, 0.0)}):
         with pytest.raises(TypeError, match="follows a Reference or moves to a constant position"):

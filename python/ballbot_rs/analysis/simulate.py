@@ -17,7 +17,7 @@ from ballbot_rs.analysis.drawn_pushes import drawn_pushes
 from ballbot_rs.analysis.pushes import Force, Push
 from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
-from ballbot_rs.control.resolve import PLANNED, Source, common_options, common_task, find
+from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
@@ -60,7 +60,8 @@ def simulate(
 
     Args:
         controller: a name, a path, or a law or class of laws in Python, as in `compare`; also "tvlqr", for which
-            `optimize_trajectory` plans the motion along a `Reference`, or to a constant position.
+            `optimize_trajectory` plans the motion along a `Reference`, or to a constant position, from the state in
+            which the robot starts.
         reference: a `Reference`, a function that returns parts of a setpoint at a time (s), or a dict of constant
             parts, such as {"position": (1.0, 0.0)}; parts that a controller does not follow are omitted. A `Reference`
             without `robot` is made for this robot; the function `lambda time: reference(time)` leaves it as it was
@@ -93,29 +94,35 @@ def simulate(
     if reference is not None and not isinstance(reference, Reference):
         _target(reference)
     found = find(controller, task=task, env_options=given)
-    planned = found.name == PLANNED and found.existing is None
-    if planned:
-        found = find(planned_law(reference, start=start, seconds=seconds, options=given))
-    # Only a fall ends the episode: lengths in steps are for the task's own rate.
-    env_options = {**common_options([found], given), "max_episode_steps": None}
+    planned = found.is_planned
     named = common_task([found], task)
-    batch = batch_for(
-        found,
-        1,
-        task=named,
-        num_threads=1,
-        seed=seed,
-        options=env_options,
-        given=given,
-        autoreset="disabled",
-    )
-    steps = max(round(seconds / batch.control_dt), 1)
+
+    def batch_of(found: ResolvedController) -> Batch:
+        # Only a fall ends the episode: lengths in steps are for the task's own rate.
+        env_options = {**common_options([found], given), "max_episode_steps": None}
+        return batch_for(
+            found,
+            1,
+            task=named,
+            num_threads=1,
+            seed=seed,
+            options=env_options,
+            given=given,
+            autoreset="disabled",
+        )
+
+    batch = batch_of(found)
     if isinstance(reference, Reference):
         reference = reference.for_robot(batch.nominal_params(0))
     target = None if reference is None else _target(reference)
+    begins = target(0.0) if target is not None and not isinstance(reference, Mapping) else {}
+    if planned:
+        first = _start(batch, start, position, tilt, yaw, begins)
+        found = find(planned_law(reference, start=first, seconds=seconds, options=given))
+        batch = batch_of(found)
+    steps = max(round(seconds / batch.control_dt), 1)
     # The robot that events make for the episode to come.
     batch.reset(seeds=[seed])
-    begins = target(0.0) if target is not None and not isinstance(reference, Mapping) else {}
     done = run_one(
         batch,
         found,

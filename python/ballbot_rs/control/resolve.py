@@ -72,6 +72,11 @@ class ResolvedController:
     #: Events of the environment that a policy was trained in; evaluation uses nominal robots unless they are requested.
     events: Sequence[Mapping[str, Any]] = ()
 
+    @property
+    def is_planned(self) -> bool:
+        """Whether it is `PLANNED`, for which a motion has to be planned."""
+        return self.make_law is _without_motion
+
     def law(self, params: Params, control_dt: float) -> Law:
         """The feedback law; a law of the core runs all robots of a batch."""
         assert self.make_law is not None

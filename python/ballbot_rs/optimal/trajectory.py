@@ -103,9 +103,9 @@ def optimize_trajectory(
 
 
 def planned_law(
-    reference: object, *, start: State | None, seconds: float, options: Mapping[str, Any]
+    reference: object, *, start: State, seconds: float, options: Mapping[str, Any]
 ) -> TimeVaryingLqr:
-    """The law `tvlqr` along a reference, or to a constant position, for an environment with `options`.
+    """The law `tvlqr` from a state, along a reference or to a constant position, for an environment with `options`.
 
     Raises:
         TypeError: another reference.
