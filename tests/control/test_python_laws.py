@@ -177,6 +177,14 @@ class Uncalled:
     pass
 
 
+class Former:
+    def __init__(self, params=None):
+        self.params = params
+
+    def __call__(self, state):
+        return np.zeros(3)
+
+
 class Timeless:
     control_dt = -1.0
 
@@ -191,6 +199,7 @@ class Timeless:
         (resets_badly, bb.ControllerError, "resets_badly failed: RuntimeError: no"),
         (Unmade, bb.ControllerError, "unmade failed: RuntimeError: no license"),
         (Demanding, TypeError, "demanding cannot be made: gain has no default"),
+        (Former, TypeError, "former takes params: it is now robot"),
         (Uncalled, TypeError, "uncalled is not a class of controllers: its objects cannot be called"),
         (Timeless, ValueError, "timeless has control_dt = -1.0: it must be positive and finite"),
         (lambda _: [0.0, 0.0], ValueError, r"<lambda> gave torques of shape \(2,\): expected \(3,\), N·m"),

@@ -311,8 +311,12 @@ def _from_class(cls: type, name: str | None) -> ResolvedController:
     if not any("__call__" in vars(base) for base in cls.__mro__):
         raise TypeError(f"{name} is not a class of controllers: its objects cannot be called")
     parameters = inspect.signature(cls).parameters.values()
-    takes = {p.name for p in parameters if p.name in ("robot", "control_dt") and p.kind is not p.POSITIONAL_ONLY}
+    named = {p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)}
+    takes = named & {"robot", "control_dt"}
     needed = [p.name for p in parameters if p.default is p.empty and p.kind not in (p.VAR_POSITIONAL, p.VAR_KEYWORD)]
+    # The earlier name: with a default it would silently get no robot.
+    if "params" in named and "robot" not in named:
+        raise TypeError(f"{name} takes params: it is now robot")
     if set(needed) - takes:
         missing = ", ".join(part for part in needed if part not in takes)
         raise TypeError(f"{name} cannot be made: {missing} has no default; a class is given only robot and control_dt")
