@@ -8,7 +8,8 @@ from ballbot_rs.viewer.panels.status import rows_of
 from ballbot_rs.viewer.session.session import Session
 from tests.viewer.test_viewer_session import run
 
-LIMITS = {"speed_limit": 0.4, "boundary": (-0.5, 1.0, -0.5, 0.5)}
+#: A speed limit that `lqr` alone exceeds on 0.3 m.
+LIMITS = {"speed_limit": 0.15, "boundary": (-0.5, 1.0, -0.5, 0.5)}
 
 
 def shown(session):
@@ -16,20 +17,29 @@ def shown(session):
 
 
 def test_speed_limit_and_boundary_are_in_the_table():
-    session = Session(controller=with_options("lqr", LIMITS))
-    rows = shown(session)
-    assert rows["Speed limit"] == "0.40 m/s, 0 % in use"
+    rows = shown(Session(controller=with_options("lqr", LIMITS)))
+    assert rows["Speed limit"] == "0.15 m/s, 0 % in use"
     assert rows["Boundary"] == "0.50 m away"
+
+
+def test_the_table_shows_when_the_barrier_of_the_speed_brakes():
+    session = Session(controller=with_options("lqr", LIMITS))
+    session.reset(tilt=(0.0, 0.0))
+    session.move_setpoint(0.3, 0.0)
+    words, speeds = [], []
+    for _ in range(60):
+        run(session, 0.05)
+        words.append(shown(session)["Speed limit"].partition("use")[2])
+        speeds.append(np.linalg.norm(session.frame().states[0, 7:9]) / LIMITS["speed_limit"])
+    assert set(words) == {"", " (braking)"}
+    assert 0.95 <= max(speeds) < 1.0
+
+
+def test_the_table_shows_how_far_from_the_boundary_the_ball_stops():
+    session = Session(controller=with_options("lqr", {"boundary": LIMITS["boundary"]}))
     session.move_setpoint(3.0, 0.0)
-    words = set()
-    for _ in range(120):
-        run(session, 0.1)
-        words.add(shown(session)["Speed limit"].partition("use")[2])
-        assert np.linalg.norm(session.frame().states[0, 7:9]) < 0.4
-    # It stops before the boundary, and away from the setpoint.
-    left = float(shown(session)["Boundary"].removesuffix(" m away"))
-    assert 0.0 < left < 0.06
-    assert words <= {"", " (braking)"}
+    run(session, 12.0)
+    assert 0.0 < float(shown(session)["Boundary"].removesuffix(" m away")) < 0.06
 
 
 def test_a_ball_that_a_push_drives_across_the_boundary_is_beyond_it():

@@ -23,8 +23,8 @@ FloatArray = npt.NDArray[np.float64]
 #: Slip speed above which a wheel counts as slipping, m/s.
 SLIPS = 1e-3
 
-#: Fraction of the speed limit that a barrier allows (docs/safety.md).
-BARRIER_FRACTION = 0.95
+#: Fraction of the speed limit from which a barrier brakes: `TESTED_SPEED` in its source.
+BRAKING_FROM = 0.95
 
 #: How long a message is shown, s.
 MESSAGE_SECONDS = 8.0
@@ -124,8 +124,8 @@ def limits_of(frame: Frame) -> list[Row]:
     rows = []
     if frame.speed_limit is not None:
         speed = float(np.linalg.norm(frame.states[0, BALL_VELOCITY][:2]))
-        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit, BARRIER_FRACTION)}"
-        hint = f"a control barrier keeps the ball slower: it brakes from {100.0 * BARRIER_FRACTION:.0f} % on"
+        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit, BRAKING_FROM)}"
+        hint = f"a control barrier keeps the ball slower: it brakes from {100.0 * BRAKING_FROM:.0f} % on"
         rows.append(Row("Speed limit", text, hint))
     if frame.boundary is not None:
         least_x, largest_x, least_y, largest_y = frame.boundary
