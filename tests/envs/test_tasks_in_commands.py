@@ -301,7 +301,30 @@ def test_metrics_are_summarized_as_the_task_declares():
         # Of 1, -5, 3, and of no step before.
         expected = {"mean": -1 / 3, "rms": np.sqrt(35 / 3), "max": 3.0, "min": -5.0, "last": 3.0}
         assert {name: info[name] for name in kinds} == pytest.approx(expected)
-    for wrong in ({"mean": "median"}, {"effort": "max"}):
-        Kinds.summaries = wrong
-        with pytest.raises(ValueError, match=r"expected one of mean, rms, .* for one of"):
-            bb.register("user/Kinds-v0", Kinds)
+
+
+@pytest.mark.parametrize(
+    ("declared", "error", "message"),
+    [
+        ({"summaries": ["max"]}, TypeError, r"summaries = \['max'\]: expected a dict, one of mean, rms, .* by name"),
+        ({"summaries": {"effort": ["max"]}}, ValueError, r"summaries has \['max'\] for 'effort': expected one of mean"),
+        ({"summaries": {"effort": "median"}}, ValueError, "summaries has 'median' for 'effort': expected one of mean"),
+        ({"summaries": {"other": "max"}}, ValueError, "for 'other': .* for one of the metrics effort"),
+        ({"units": ["m"]}, TypeError, r"units = \['m'\]: expected a dict, text by name of a metric"),
+        ({"units": {"effort": 1}}, ValueError, "units has 1 for 'effort': expected text for one of the metrics effort"),
+        ({"units": {"other": "m"}}, ValueError, "units has 'm' for 'other': .* for one of the metrics effort"),
+        (
+            {"summaries": {"effort": "max"}, "metrics": bb.Task.metrics},
+            ValueError,
+            r"for 'effort': .* a metric, but metrics\(\) returns none",
+        ),
+    ],
+)
+def test_wrong_declarations_of_metrics_are_named(declared, error, message):
+    own = {
+        "observe": lambda _, robots: robots.gravity,
+        "reward": lambda _, robots: robots.tilt,
+        "metrics": lambda _, robots: {"effort": robots.tilt},
+    }
+    with pytest.raises(error, match=message):
+        bb.register("user/Wrong-v0", type("Wrong", (bb.Task,), own | declared))

@@ -124,7 +124,7 @@ def rollout(
         starts: states to start from; None samples them.
     """
     # The core has no other engines, and no metrics of tasks in Python.
-    law = core_law(controller, batch) if isinstance(batch, Batch) and not _has_means(batch) else None
+    law = core_law(controller, batch) if isinstance(batch, Batch) and not _has_metrics(batch) else None
     loop = ClosedLoop(batch, law or make_actor(controller, batch))
     loop.reset(starts=starts)
     # Before the next episode samples other robots.
@@ -139,7 +139,7 @@ def rollout(
         yield Chunk(first, **found, com=com)
 
 
-def _has_means(batch: Batch) -> bool:
+def _has_metrics(batch: Batch) -> bool:
     return batch.stage is not None and batch.stage.metrics is not None
 
 

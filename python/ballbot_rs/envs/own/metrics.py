@@ -27,17 +27,10 @@ class EpisodeMetrics:
         names: of the numbers.
         num_envs: number of robots.
         summaries: keys of `SUMMARIES` by name; "mean" for other names.
-
-    Raises:
-        ValueError: a summary of another kind, or of a name that there is not.
     """
 
     def __init__(self, names: Sequence[str], num_envs: int, summaries: Mapping[str, str]) -> None:
         self.names = tuple(names)
-        for name, kind in summaries.items():
-            if name not in self.names or kind not in SUMMARIES:
-                expected = f"one of {', '.join(SUMMARIES)} for one of the metrics {', '.join(self.names)}"
-                raise InvalidInputError(f"summaries has {kind!r} for '{name}': expected {expected}")
         self.kinds = tuple(summaries.get(name, "mean") for name in self.names)
         self._is_mean = np.array([kind in ("mean", "rms") for kind in self.kinds])
         self._is_rms = np.array([kind == "rms" for kind in self.kinds])
@@ -78,3 +71,20 @@ class EpisodeMetrics:
     def present(self) -> FloatArray:
         """Of the present episode, shape (num_envs, k); 0 before its first step."""
         return np.where(self._begun[:, np.newaxis] | ~np.isfinite(found := self.last()), 0.0, found)
+
+
+def check_declared(names: Sequence[str], summaries: object, units: object) -> None:
+    """Checks what a task declares of its metrics with these names.
+
+    Raises:
+        TypeError: not a mapping.
+        ValueError: a name without a metric, a summary of another kind, or a unit that is not text.
+    """
+    metrics = f"one of the metrics {', '.join(names)}" if names else "a metric, but metrics() returns none"
+    of_kinds = ("summaries", summaries, tuple(SUMMARIES), f"one of {', '.join(SUMMARIES)}")
+    for of, given, kinds, expected in (of_kinds, ("units", units, None, "text")):
+        if not isinstance(given, Mapping):
+            raise TypeError(f"{of} = {given!r}: expected a dict, {expected} by name of a metric")
+        for name, value in given.items():
+            if name not in names or not isinstance(value, str) or (kinds is not None and value not in kinds):
+                raise InvalidInputError(f"{of} has {value!r} for {name!r}: expected {expected} for {metrics}")

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.envs.own.metrics import EpisodeMetrics
+from ballbot_rs.envs.own.metrics import EpisodeMetrics, check_declared
 from ballbot_rs.envs.own.robots import COLUMNS, WIDTH, Robots
 from ballbot_rs.envs.own.task import Task
 
@@ -137,8 +137,11 @@ class Stage:
         self.terminations = [(of, f"`{part.label}` returns True") for of, part in found["terminations"]]
         #: Metrics of a task over each robot's episode; None without.
         self.metrics: EpisodeMetrics | None = None
-        if task is not None and self._metrics is not None:
-            self.metrics = EpisodeMetrics(list(self._measured(robots)), num_envs, task.summaries)
+        if task is not None:
+            names = [] if self._metrics is None else list(self._measured(robots))
+            check_declared(names, task.summaries, task.units)
+            if self._metrics is not None:
+                self.metrics = EpisodeMetrics(names, num_envs, task.summaries)
         #: Name of the task; None: as in the core.
         self.name = name
         #: Whether the stage, not the task of the core, decides whether an episode is a success.
