@@ -76,7 +76,7 @@ def test_json_has_the_metrics(here, capsys):
         (("--reference", "color=3"), "a setpoint has no part 'color'"),
         (("--reference", "position"), "--reference position: expected NAME=VALUE"),
         (("--controller", "lqrr"), "did you mean 'lqr'?"),
-        (("--push", "0.1,0,0", "--push", "0,0.1,0"), "2 --push and 1 --push-at: name a time for each push"),
+        (("--push", "0.1,0,0", "--push", "0,0.1,0"), "2 --push and 0 --push-at: name a time for each push"),
     ],
 )
 def test_wrong_options_are_named_and_nothing_is_written(options, message, here, capsys):

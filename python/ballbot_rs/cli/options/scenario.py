@@ -87,10 +87,11 @@ def add_to(command: Any, duration: float) -> None:
 
 def scenario_of(arguments: argparse.Namespace) -> Scenario:
     """The scenario that the command line describes."""
-    impulses, times = arguments.push, arguments.push_at or [1.0]
+    impulses, given = arguments.push, arguments.push_at or []
+    times = given or [1.0]
     # A time without a push is harmless.
     if len(times) != max(len(impulses), 1):
-        raise InvalidInputError(f"{len(impulses)} --push and {len(times)} --push-at: name a time for each push")
+        raise InvalidInputError(f"{len(impulses)} --push and {len(given)} --push-at: name a time for each push")
     return Scenario(
         arguments.seconds,
         tuple(arguments.tilt),
