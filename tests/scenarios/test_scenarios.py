@@ -357,3 +357,14 @@ def test_command(capsys):
     assert main(["compare", "--list", "S13"]) == 0
     assert capsys.readouterr().out.splitlines()[1].startswith("S13-6s")
     assert main(["compare", "S99"]) == 1
+
+
+def test_sensors_and_events_are_named_or_in_a_file(tmp_path):
+    short = Scenario("short", "", seconds=0.1, tilt=3.0, score="rms_tilt")
+    file = tmp_path / "events.toml"
+    file.write_text('[[events]]\nterm = "gravity"\nop = "scale"\nrange = [2.0, 2.0]\n', encoding="utf-8")
+    (plain,), (heavy,) = (bb.run_scenarios("lqr", short, events=events) for events in (None, file))
+    assert heavy.metrics["rms_tilt"] != plain.metrics["rms_tilt"]
+    for name in ("sensors", "events"):
+        with pytest.raises(TypeError, match=f"^{name} must be a name or the path of a TOML file, not dict"):
+            bb.run_scenarios("lqr", short, **{name: {}})

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Mapping, Sequence
-from os import PathLike
+from os import PathLike, fspath
 from pathlib import Path
 from typing import Any, overload
 
@@ -41,8 +41,8 @@ def run_scenarios(
     robot: Robot | None = None,
     model: str = "contact",
     actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
-    sensors: str | None = None,
-    events: str | None = None,
+    sensors: str | PathLike[str] | None = None,
+    events: str | PathLike[str] | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: None = None,
@@ -60,8 +60,8 @@ def run_scenarios(
     robot: Robot | None = None,
     model: str = "contact",
     actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
-    sensors: str | None = None,
-    events: str | None = None,
+    sensors: str | PathLike[str] | None = None,
+    events: str | PathLike[str] | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: Sweep,
@@ -79,8 +79,8 @@ def run_scenarios(
     robot: Robot | None = None,
     model: str = "contact",
     actuators: Actuators | Mapping[str, Any] | str | PathLike[str] | None = None,
-    sensors: str | None = None,
-    events: str | None = None,
+    sensors: str | PathLike[str] | None = None,
+    events: str | PathLike[str] | None = None,
     seed: int = 0,
     num_threads: int | None = None,
     sweep: Sweep | None = None,
@@ -117,7 +117,7 @@ def run_scenarios(
 
     Raises:
         ValueError: an unknown name, a malformed file, a number out of range, or as `compare`.
-        TypeError: as `compare`.
+        TypeError: sensors or events that are neither a name nor a path, or as `compare`.
     """
     if checkpoint is not None and sweep is None:
         raise TypeError("checkpoint is for a sweep: name its points, sweep=...")
@@ -129,7 +129,7 @@ def run_scenarios(
     if named or not chosen:
         chosen += select(named, known)
     motors = actuators if actuators is None or isinstance(actuators, Mapping) else load_actuators(actuators)
-    conditions: dict[str, Any] = {"actuators": motors, "sensors": sensors, "events": events}
+    conditions: dict[str, Any] = {"actuators": motors, "sensors": _text("sensors", sensors), "events": _text("events", events)}
     changes = {name: value for name, value in conditions.items() if value is not None}
     chosen = [dataclasses.replace(one, **changes) for one in chosen]
     seed = check_seed(seed)
@@ -174,6 +174,14 @@ def run_scenarios(
         progress=progress,
     )
     return Study(tuple(points[0]), rows, "score")
+
+
+def _text(name: str, given: str | PathLike[str] | None) -> str | None:
+    if given is None:
+        return None
+    if not isinstance(given, (str, PathLike)):
+        raise TypeError(f"{name} must be a name or the path of a TOML file, not {type(given).__name__}")
+    return fspath(given)
 
 
 def _outcomes(
