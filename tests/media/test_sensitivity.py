@@ -109,6 +109,10 @@ def test_progress_is_reported_to_the_end_and_may_end_the_computation():
         (lambda: sensitivity.collect("lqr", ("delay",)), "delay is not a parameter of the robot"),
         (lambda: sensitivity.collect("lqr", ("body_mas",)), "did you mean 'body_mass'"),
         (lambda: sensitivity.collect("lqr", env_options={"events": "mild"}), "leave out events and sensors"),
+        (
+            lambda: sensitivity.collect("lqr", pushes=[bb.Push((0.1, 0, 0)), bb.Push((0.1, 0, 0), point=(0, 0, 0.2))]),
+            r"pushes are at the center of mass and \(0.0, 0.0, 0.2\) m: .* at one point of the body",
+        ),
     ],
 )
 def test_what_has_no_sensitivities_is_rejected(call, message):

@@ -111,9 +111,14 @@ def collect(
         progress: called with the number of steps done and their total.
 
     Raises:
-        ValueError: events or sensors, whose effects are random; an unknown parameter; a robot that falls; or as
-            `compare`.
+        ValueError: events or sensors, whose effects are random; pushes out of range or at several points; an unknown
+            parameter; a robot that falls; or as `compare`.
     """
+    several, _ = impulses_of.checked(pushes, (), seconds)
+    places = list(dict.fromkeys(None if push.point is None else tuple(map(float, push.point)) for push in several))
+    if len(places) > 1:
+        points = " and ".join("the center of mass" if place is None else f"{place} m" for place in places)
+        raise InvalidInputError(f"pushes are at {points}: sensitivities are for pushes at one point of the body")
     found = find(controller, task=task, env_options=env_options)
     options = dict(common_options([found], env_options))
     if options.get("events") or options.get("observation") == "sensors":
@@ -154,7 +159,7 @@ def collect(
     free = np.flatnonzero(spans)
     if not len(free):
         raise InvalidInputError(f"the model {batch.model} allows no other values of {', '.join(unknowns.fields)}")
-    rows = _rows(loop, batch, tilt, yaw, pushes, seconds, progress)
+    rows = _rows(loop, batch, tilt, yaw, several, seconds, progress)
     effects = {}
     for name, numbers in rows.items():
         lower, higher = numbers[:, 1:].reshape(len(numbers), 2, len(spans), -1)[:, :, free].swapaxes(0, 1)
@@ -178,7 +183,7 @@ def _rows(
     batch: Any,
     tilt: npt.ArrayLike,
     yaw: float,
-    pushes: Push | Sequence[Push],
+    pushes: Sequence[Push],
     seconds: float,
     progress: Progress,
 ) -> dict[str, Array]:
@@ -187,13 +192,11 @@ def _rows(
     robots = [batch.params(i) for i in range(n)]
     starts = [batch.on_ground(State.at_equilibrium(one, tilt=tilt, yaw=yaw), i) for i, one in enumerate(robots)]
     loop.reset(seeds=[0] * n, starts=starts)
-    given, (several, _) = np.zeros((steps, n, 3)), impulses_of.checked(pushes, (), seconds)
-    for step, parts in impulses_of.impulses(several, [], steps, batch.control_dt).items():
+    given = np.zeros((steps, n, 3))
+    for step, parts in impulses_of.impulses(pushes, [], steps, batch.control_dt).items():
         given[step] = np.sum([impulse for impulse, _ in parts], axis=0)
-    places = {None if push.point is None else tuple(push.point) for push in several}
-    if len(places) > 1:
-        raise InvalidInputError("sensitivities are for pushes at one point of the body")
-    (place,) = places or {None}
+    # All are at one point.
+    place = pushes[0].point if pushes else None
     points = None if place is None else np.tile(place, (n, 1))
     states, loads, torques = [np.expand_dims(batch.states(), 0)], [], []
     for first in range(0, steps, CHUNK):
