@@ -150,12 +150,6 @@ def _smooth(series: Series) -> Any:
     return Akima1DInterpolator(series.time, series.values)
 
 
-def mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
-    """Mean rates over two steps around each place, shape (n, 3)."""
-    ends = [np.stack([np.interp(places + side, time, one) for one in integral.T], axis=-1) for side in (step, -step)]
-    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
-
-
 def fast(rates: Array, step: float) -> Array:
     """Rates minus their moving average."""
     half = max(int(0.5 * SLOW / step), 1)

@@ -137,7 +137,8 @@ class SensorLog:
         Raises:
             ValueError: a column is missing, a cell is not a number, or as the constructor; the message has the file.
             OSError: a file cannot be read.
-            ModuleNotFoundError: an MCAP file, and a library is missing.
+            ModuleNotFoundError: an MCAP file or a clock offset to estimate, and a library is missing (extras `mcap` and
+                `identify`).
         """
         path = Path(path)
         if path.suffix not in SUFFIXES:

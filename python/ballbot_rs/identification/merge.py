@@ -114,6 +114,7 @@ def merged(series: Mapping[str, Series], columns: ColumnMap) -> tuple[dict[str, 
 
     Raises:
         ValueError: quantities without a common time.
+        ModuleNotFoundError: an offset is estimated, and SciPy is missing (extra `identify`).
     """
     sources = tuple(Source.of(name, one) for name, one in series.items())
     series, about = _synchronized(series, columns.clock_offset)

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.clocks import fast, mean_rates, near, unexplained
+from ballbot_rs.identification.clocks import fast, near, unexplained
 from ballbot_rs.identification.column_map import ColumnMap
 from ballbot_rs.identification.complaints import USUAL, Order, complaint
 from ballbot_rs.identification.log import COLUMNS, SensorLog
@@ -120,8 +120,8 @@ def _signals(log: SensorLog) -> tuple[Array, Array, Array] | None:
 
     impulse = _cumulated(log.time, log.torques)
     middle = 0.5 * (log.gyro[1:] + log.gyro[:-1])
-    rates = without_friction(fast(mean_rates(log.time, _cumulated(log.time, middle, last=False), times, step), step))
-    speeds = without_friction(fast(mean_rates(log.time, log.wheel_angles, times, step), step))
+    rates = without_friction(fast(_mean_rates(log.time, _cumulated(log.time, middle, last=False), times, step), step))
+    speeds = without_friction(fast(_mean_rates(log.time, log.wheel_angles, times, step), step))
     best: tuple[float, Array] = (0.0, np.zeros((0, 3)))
     effects = np.concatenate([rates, speeds], axis=1)
     for delay in np.arange(0.0, MAX_DELAY, step):
@@ -148,10 +148,16 @@ def _cumulated(time: Array, rates: Array, last: bool = True) -> Array:
     return np.concatenate([np.zeros((1, 3)), np.cumsum(rows * np.diff(time)[:, None], axis=0)])
 
 
+def _mean_rates(time: Array, integral: Array, places: Array, step: float) -> Array:
+    """Mean rates over two steps around each place, shape (n, 3)."""
+    ends = [np.stack([np.interp(places + side, time, one) for one in integral.T], axis=-1) for side in (step, -step)]
+    return np.asarray((ends[0] - ends[1]) / (2.0 * step))
+
+
 def _smoothed(time: Array, values: Array, places: Array, step: float) -> Array:
     """Means over two steps around each place."""
     integral = _cumulated(time, 0.5 * (values[1:] + values[:-1]), last=False)
-    return mean_rates(time, integral, places, step)
+    return _mean_rates(time, integral, places, step)
 
 
 def _check_gravity(log: SensorLog) -> None:

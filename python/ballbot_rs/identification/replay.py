@@ -288,6 +288,7 @@ def replay(
         ValueError: a bad log or argument, columns whose units or signs contradict each other, or a log in which all
             windows fall.
         OSError: a file cannot be read.
+        ModuleNotFoundError: as `SensorLog.read`.
         KeyboardInterrupt: Ctrl-C.
     """
     log, base, windows, simulator = prepare(log, robot, actuators, model, sim_dt, window, imu_position, num_threads)
