@@ -181,7 +181,7 @@ class Former:
     def __init__(self, params=None):
         self.params = params
 
-    def __call__(self, state):
+    def __call__(self, _state):
         return np.zeros(3)
 
 

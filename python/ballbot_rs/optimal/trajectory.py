@@ -102,9 +102,7 @@ def optimize_trajectory(
     return plan.result(result, iterations - left)
 
 
-def planned_law(
-    reference: object, *, start: State, seconds: float, options: Mapping[str, Any]
-) -> TimeVaryingLqr:
+def planned_law(reference: object, *, start: State, seconds: float, options: Mapping[str, Any]) -> TimeVaryingLqr:
     """The law `tvlqr` from a state, along a reference or to a constant position, for an environment with `options`.
 
     Raises:

@@ -129,7 +129,11 @@ def run_scenarios(
     if named or not chosen:
         chosen += select(named, known)
     motors = actuators if actuators is None or isinstance(actuators, Mapping) else load_actuators(actuators)
-    conditions: dict[str, Any] = {"actuators": motors, "sensors": _text("sensors", sensors), "events": _text("events", events)}
+    conditions: dict[str, Any] = {
+        "actuators": motors,
+        "sensors": _text("sensors", sensors),
+        "events": _text("events", events),
+    }
     changes = {name: value for name, value in conditions.items() if value is not None}
     chosen = [dataclasses.replace(one, **changes) for one in chosen]
     seed = check_seed(seed)
