@@ -58,9 +58,9 @@ def add(
     """Makes a task known by an id; `make` then makes one robot with it, and `options_of` has the options of a base.
 
     Raises:
-        TypeError: it is not a subclass of `Task`.
-        ValueError: the id belongs to a task of the core, or an argument of the constructor has the name of an option of
-            environments.
+        TypeError: it is not a subclass of `Task`, or its `units` or `summaries` are not a dict.
+        ValueError: the id belongs to a task of the core, an argument of the constructor has the name of an option of
+            environments, or `units` or `summaries` do not fit the metrics.
     """
     if not (isinstance(made_by, type) and issubclass(made_by, Task)):
         raise TypeError(f"register takes a subclass of Task, not {made_by!r}")
