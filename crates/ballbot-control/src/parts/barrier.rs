@@ -229,38 +229,28 @@ impl Barrier {
         let zero = p.x.zero();
         // The states after this sample under the backup law, and the tests from there.
         let mut after = states;
-        let mut places = [[zero; TESTS]; 2];
         let mut speeds = [[zero; TESTS]; 2];
         let (mut low, mut high) = ([zero.splat(-FREE); 2], [zero.splat(FREE); 2]);
         for (a, axis) in self.axes.iter().enumerate() {
             for (i, next) in after[a].iter_mut().enumerate() {
                 *next = backup[a].mul_add_all(self.driven[i], product(&self.free[i], &states[a]));
             }
-            let (mut least, mut most) = (zero.splat(axis.boundary[0]), zero.splat(axis.boundary[1]));
+            // Each test has its own bound: with the farthest for all, a ball beyond a limit could stay so in every test.
             for (k, test) in axis.tests.iter().enumerate() {
-                places[a][k] = product(&test.position, &after[a]);
                 speeds[a][k] = product(&test.velocity, &after[a]);
-                least = least.min(places[a][k]);
-                most = most.max(places[a][k]);
-            }
-            for (k, test) in axis.tests.iter().enumerate() {
-                narrow(&mut low[a], &mut high[a], test.displaced, [least - places[a][k], most - places[a][k]]);
+                let place = product(&test.position, &after[a]);
+                narrow(&mut low[a], &mut high[a], test.displaced, place, axis.boundary);
             }
             let stop = product(&axis.stop, &after[a]);
-            let (least, most) = (stop.min(zero.splat(axis.within[0])), stop.max(zero.splat(axis.within[1])));
-            narrow(&mut low[a], &mut high[a], axis.stop_displaced, [least - stop, most - stop]);
+            narrow(&mut low[a], &mut high[a], axis.stop_displaced, stop, axis.within);
         }
         let mut change = [law[0] - backup[0], law[1] - backup[1]];
         let mut changes = change[0].lt(low[0]) | high[0].lt(change[0]) | change[1].lt(low[1]) | high[1].lt(change[1]);
-        let mut bound = zero;
+        let mut bounds = [zero; TESTS];
         if let Some(speed) = self.max_speed {
-            bound = zero.splat(speed);
-            for (x, y) in speeds[0].iter().zip(&speeds[1]) {
-                bound = bound.max(x.mul_add(*x, y.squared()).sqrt());
-            }
-            for k in 0..TESTS {
-                let [x, y] = self.speed(&speeds, change, k);
-                changes = changes | bound.lt(x.mul_add(x, y.squared()).sqrt());
+            for (k, bound) in bounds.iter_mut().enumerate() {
+                *bound = length([speeds[0][k], speeds[1][k]]).max(zero.splat(speed));
+                changes = changes | bound.lt(length(self.speed(&speeds, change, k)));
             }
         }
         if !L::any(changes) {
@@ -269,18 +259,17 @@ impl Barrier {
         change = [change[0].max(low[0]).min(high[0]), change[1].max(low[1]).min(high[1])];
         if self.max_speed.is_some() {
             for _ in 0..PROJECTIONS {
-                let step = self.step(&speeds, change, bound);
+                let step = self.step(&speeds, change, &bounds);
                 for a in 0..2 {
                     change[a] = (change[a] - step[a]).max(low[a]).min(high[a]);
                 }
             }
             // The speed is convex in the change: a chord is an upper bound.
             let one = zero.splat(1.0);
-            let bound = bound * SLACK;
             let mut share = one;
-            for k in 0..TESTS {
-                let ([x, y], [bx, by]) = (self.speed(&speeds, change, k), [speeds[0][k], speeds[1][k]]);
-                let (far, near) = (x.mul_add(x, y.squared()).sqrt(), bx.mul_add(bx, by.squared()).sqrt());
+            for (k, bound) in bounds.iter().enumerate() {
+                let bound = *bound * SLACK;
+                let (far, near) = (length(self.speed(&speeds, change, k)), length([speeds[0][k], speeds[1][k]]));
                 let beyond = bound.lt(far);
                 share = share.min(L::select(beyond, (bound - near) / L::select(beyond, far - near, one), one));
             }
@@ -329,12 +318,12 @@ impl Barrier {
 
     /// The step to the linear bound of the test that is farthest beyond it.
     #[inline(always)]
-    fn step<L: Lane>(&self, speeds: &[[L; TESTS]; 2], change: [L; 2], bound: L) -> [L; 2] {
-        let (zero, [ax, ay]) = (bound.zero(), &self.axes);
+    fn step<L: Lane>(&self, speeds: &[[L; TESTS]; 2], change: [L; 2], bounds: &[L; TESTS]) -> [L; 2] {
+        let (zero, [ax, ay]) = (change[0].zero(), &self.axes);
         let (mut step, mut farthest) = ([zero; 2], zero);
-        for k in 0..TESTS {
+        for (k, &bound) in bounds.iter().enumerate() {
             let [x, y] = self.speed(speeds, change, k);
-            let length = x.mul_add(x, y.squared()).sqrt();
+            let length = length([x, y]);
             let beyond = bound.lt(length);
             let (gx, gy) = (x * ax.tests[k].gained, y * ay.tests[k].gained);
             let slope = L::select(beyond, gx.mul_add(gx, gy.squared()), zero.splat(1.0)).max(zero.splat(1e-30));
@@ -346,6 +335,11 @@ impl Barrier {
         }
         step
     }
+}
+
+#[inline(always)]
+fn length<L: Lane>([x, y]: [L; 2]) -> L {
+    x.mul_add(x, y.squared()).sqrt()
 }
 
 impl Test {
@@ -407,9 +401,11 @@ fn power(matrix: &DMatrix<f64>, exponent: usize) -> DMatrix<f64> {
 /// Least displacement per lean acceleration that can be a condition, m·s².
 const LEAST_DISPLACED: f64 = 1e-12;
 
-/// Narrows the bounds of a lean acceleration such that it displaces by `least` to `most`.
+/// Narrows the bounds of a lean acceleration such that it displaces a place to within `limits`, or no farther beyond them.
 #[inline(always)]
-fn narrow<L: Lane>(low: &mut L, high: &mut L, displaced: f64, [least, most]: [L; 2]) {
+fn narrow<L: Lane>(low: &mut L, high: &mut L, displaced: f64, place: L, limits: [f64; 2]) {
+    let [least, most] = limits.map(|limit| place.splat(limit));
+    let (least, most) = (least.min(place) - place, most.max(place) - place);
     let inverse = displaced.recip();
     if displaced > LEAST_DISPLACED {
         *low = low.max(least * inverse);

@@ -13,6 +13,7 @@ typedef struct {
     ballbot_real backup[2];                        /* lean accelerations of the backup law, rad/s^2 */
     ballbot_real low[2];                           /* bounds of the change from them */
     ballbot_real high[2];
+    ballbot_real bounds[BALLBOT_BARRIER_COUNT]; /* of the speed in the tests, m/s */
 } ballbot_barrier;
 
 static inline ballbot_real ballbot_length(const ballbot_real v[2])
@@ -55,10 +56,13 @@ static inline void ballbot_backup(ballbot_barrier *barrier)
     }
 }
 
-/* Narrows the bounds of the change in an axis such that it displaces by `least` to `most`. */
+/* Narrows the bounds of the change in an axis such that it displaces a place to within `limits`, or no farther beyond
+ * them. */
 static inline void ballbot_narrow(
-    ballbot_barrier *barrier, int a, ballbot_real displaced, ballbot_real least, ballbot_real most)
+    ballbot_barrier *barrier, int a, ballbot_real displaced, ballbot_real place, const ballbot_real limits[2])
 {
+    const ballbot_real least = ballbot_min(limits[0], place) - place;
+    const ballbot_real most = ballbot_max(limits[1], place) - place;
     if (ballbot_abs(displaced) > BALLBOT_BARRIER_LEAST_DISPLACED) {
         const ballbot_real low = (displaced > 0 ? least : most) / displaced;
         const ballbot_real high = (displaced > 0 ? most : least) / displaced;
@@ -71,32 +75,23 @@ static inline void ballbot_narrow(
 static inline void ballbot_test(ballbot_barrier *barrier, int a)
 {
     ballbot_real after[4];
-    ballbot_real places[BALLBOT_BARRIER_COUNT];
-    ballbot_real least = BALLBOT_BARRIER_BOUNDARY[a][0];
-    ballbot_real most = BALLBOT_BARRIER_BOUNDARY[a][1];
-    ballbot_real stop;
+    ballbot_real place;
     int i;
     for (i = 0; i < 4; i++) {
         const ballbot_real *motion = BALLBOT_BARRIER_MOTION[i];
         after[i] = ballbot_dot(motion, barrier->state[a], 4) + motion[4] * barrier->backup[a];
     }
-    for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
-        const ballbot_real *test = BALLBOT_BARRIER_TESTS[a * BALLBOT_BARRIER_COUNT + i];
-        places[i] = ballbot_dot(test, after, 4);
-        barrier->speeds[a][i] = ballbot_dot(test + 4, after, 4);
-        least = ballbot_min(least, places[i]);
-        most = ballbot_max(most, places[i]);
-    }
     barrier->low[a] = -BALLBOT_BARRIER_FREE;
     barrier->high[a] = BALLBOT_BARRIER_FREE;
+    /* Each test has its own bound: with the farthest for all, a ball beyond a limit could stay so in every test. */
     for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
         const ballbot_real *test = BALLBOT_BARRIER_TESTS[a * BALLBOT_BARRIER_COUNT + i];
-        ballbot_narrow(barrier, a, test[8], least - places[i], most - places[i]);
+        place = ballbot_dot(test, after, 4);
+        barrier->speeds[a][i] = ballbot_dot(test + 4, after, 4);
+        ballbot_narrow(barrier, a, test[8], place, BALLBOT_BARRIER_BOUNDARY[a]);
     }
-    stop = ballbot_dot(BALLBOT_BARRIER_STOPS[a], after, 4);
-    least = ballbot_min(stop, BALLBOT_BARRIER_WITHIN[a][0]) - stop;
-    most = ballbot_max(stop, BALLBOT_BARRIER_WITHIN[a][1]) - stop;
-    ballbot_narrow(barrier, a, BALLBOT_BARRIER_STOPS[a][4], least, most);
+    place = ballbot_dot(BALLBOT_BARRIER_STOPS[a], after, 4);
+    ballbot_narrow(barrier, a, BALLBOT_BARRIER_STOPS[a][4], place, BALLBOT_BARRIER_WITHIN[a]);
 }
 
 /* The velocity in a test after a change. */
@@ -111,13 +106,14 @@ static inline void ballbot_speed(
 }
 
 /* Moves a change to the linear bound of the test that is farthest beyond it. */
-static inline void ballbot_project(const ballbot_barrier *barrier, ballbot_real bound, ballbot_real change[2])
+static inline void ballbot_project(const ballbot_barrier *barrier, ballbot_real change[2])
 {
     ballbot_real step[2] = {0, 0};
     ballbot_real farthest = 0;
     int a;
     int i;
     for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
+        const ballbot_real bound = barrier->bounds[i];
         ballbot_real velocity[2];
         ballbot_real length;
         ballbot_speed(barrier, change, i, velocity);
@@ -140,14 +136,15 @@ static inline void ballbot_project(const ballbot_barrier *barrier, ballbot_real 
     }
 }
 
-/* The share of a change that stays within the bound of the speed. A chord is an upper bound, since the speed is convex. */
-static inline ballbot_real ballbot_share_of_change(
-    const ballbot_barrier *barrier, ballbot_real bound, const ballbot_real change[2])
+/* The share of a change that stays within the bounds of the speed. A chord is an upper bound, since the speed is convex. */
+static inline ballbot_real ballbot_share_of_change(const ballbot_barrier *barrier, const ballbot_real change[2])
 {
     ballbot_real share = 1;
     int i;
     for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
         const ballbot_real unchanged[2] = {barrier->speeds[0][i], barrier->speeds[1][i]};
+        /* Rounding must not decide whether a change that ends at the bound is kept. */
+        const ballbot_real bound = BALLBOT_BARRIER_SLACK * barrier->bounds[i];
         ballbot_real changed[2];
         ballbot_speed(barrier, change, i, changed);
         if (ballbot_length(changed) > bound) {
@@ -166,7 +163,6 @@ static inline int ballbot_guard(ballbot_real torques[3], const ballbot_state *st
     ballbot_real rate[2];
     ballbot_real wanted[2];
     ballbot_real change[2];
-    ballbot_real bound = BALLBOT_BARRIER_SPEED;
     ballbot_real share;
     int changes = 0;
     int a;
@@ -190,13 +186,10 @@ static inline int ballbot_guard(ballbot_real torques[3], const ballbot_state *st
         changes = changes || change[a] < barrier.low[a] || barrier.high[a] < change[a];
     }
     for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
-        const ballbot_real velocity[2] = {barrier.speeds[0][i], barrier.speeds[1][i]};
-        bound = ballbot_max(bound, ballbot_length(velocity));
-    }
-    for (i = 0; i < BALLBOT_BARRIER_COUNT; i++) {
-        ballbot_real velocity[2];
+        ballbot_real velocity[2] = {barrier.speeds[0][i], barrier.speeds[1][i]};
+        barrier.bounds[i] = ballbot_max(BALLBOT_BARRIER_SPEED, ballbot_length(velocity));
         ballbot_speed(&barrier, change, i, velocity);
-        changes = changes || bound < ballbot_length(velocity);
+        changes = changes || barrier.bounds[i] < ballbot_length(velocity);
     }
     if (!changes) {
         return 0;
@@ -205,10 +198,9 @@ static inline int ballbot_guard(ballbot_real torques[3], const ballbot_state *st
         change[a] = ballbot_between(change[a], barrier.low[a], barrier.high[a]);
     }
     for (i = 0; i < 3; i++) {
-        ballbot_project(&barrier, bound, change);
+        ballbot_project(&barrier, change);
     }
-    /* Rounding must not decide whether a change that ends at the bound is kept. */
-    share = ballbot_share_of_change(&barrier, BALLBOT_BARRIER_SLACK * bound, change);
+    share = ballbot_share_of_change(&barrier, change);
     for (a = 0; a < 2; a++) {
         change[a] = barrier.backup[a] + share * change[a] - wanted[a];
     }
