@@ -23,9 +23,6 @@ FloatArray = npt.NDArray[np.float64]
 #: Slip speed above which a wheel counts as slipping, m/s.
 SLIPS = 1e-3
 
-#: Fraction of the speed limit from which a barrier brakes: `TESTED_SPEED` in its source.
-BRAKING_FROM = 0.95
-
 #: How long a message is shown, s.
 MESSAGE_SECONDS = 8.0
 
@@ -124,9 +121,8 @@ def limits_of(frame: Frame) -> list[Row]:
     rows = []
     if frame.speed_limit is not None:
         speed = float(np.linalg.norm(frame.states[0, BALL_VELOCITY][:2]))
-        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit, BRAKING_FROM)}"
-        hint = f"a control barrier keeps the ball slower: it brakes from {100.0 * BRAKING_FROM:.0f} % on"
-        rows.append(Row("Speed limit", text, hint))
+        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit)}"
+        rows.append(Row("Speed limit", text, "a control barrier keeps the ball slower"))
     if frame.boundary is not None:
         least_x, largest_x, least_y, largest_y = frame.boundary
         x, y = frame.states[0, BALL_POSITION][:2].tolist()
@@ -136,10 +132,9 @@ def limits_of(frame: Frame) -> list[Row]:
     return rows
 
 
-def _used(fraction: float, limit: float) -> str:
-    """A fraction of a limit, with a word from the fraction on at which the barrier brakes."""
-    word = " (beyond)" if fraction > 1.0 else " (braking)" if fraction >= limit else ""
-    return f"{100.0 * fraction:.0f} % in use{word}"
+def _used(fraction: float) -> str:
+    """A fraction of a limit, with a word beyond it."""
+    return f"{100.0 * fraction:.0f} % in use{' (beyond)' if fraction > 1.0 else ''}"
 
 
 #: Explanations of `motion_of`.
