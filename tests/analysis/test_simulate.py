@@ -387,3 +387,12 @@ def test_a_fallen_robot_lies_on_the_ground_of_the_environment(tilt):
     x, y, z = fallen.states[-1].ball_position
     above = (z - slope.height(x, y)) * math.cos(0.1)
     assert above == pytest.approx(bb.Params.paper().ball_radius, abs=2e-3)
+
+
+def test_the_start_on_a_terrain_is_as_given():
+    """Starts of episodes lean by up to `reset_tilt` more, which this start does not."""
+    terrain = bb.Terrain.plane(0.1)
+    run = bb.simulate("lqr", terrain=terrain, position=(1.0, 1.0), seconds=0.1)
+    np.testing.assert_allclose(run.states[0].ball_position[:2], (1.0, 1.0), atol=1e-9)
+    with pytest.raises(ValueError, match=r"the lean at rest there is .* reset_tilt = 0\.3"):
+        bb.simulate("lqr", terrain=terrain, reset_tilt=0.3, seconds=0.1)

@@ -96,7 +96,7 @@ def test_a_recording_becomes_a_table():
     session.start_recording()
     session.advance(1.0)
     frames = session.recording.frames
-    trajectory = trajectory_of(frames, session.controller, session.robots.model)
+    trajectory = trajectory_of(session)
     text = file_of(trajectory, "CSV", no_progress).decode()
     table = np.genfromtxt(io.StringIO(text), delimiter=",", names=True)
     np.testing.assert_allclose(table["time_s"], [frame.time - frames[0].time for frame in frames], atol=1e-12)

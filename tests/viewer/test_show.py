@@ -28,6 +28,8 @@ def test_a_program_drives_observes_and_records(page):
         assert answer.status == 200
     page.record()
     page.command(0.3, 0.1, yaw_rate=-0.2)
+    page.push((0.02, 0.01))
+    pushed = page.time
     page.wait(3.0)
     assert page.time >= 3.0
     assert page.states.shape == (2, 32)
@@ -38,7 +40,12 @@ def test_a_program_drives_observes_and_records(page):
     assert set(page.metrics) == {"velocity_error", "yaw_rate_error"}
     done = page.recorded()
     assert done.times[-1] == pytest.approx(3.0, abs=0.5)
-    assert done.model == "contact"
+    assert (done.model, done.task, done.sim_dt) == ("contact", "velocity", 0.002)
+    np.testing.assert_allclose(done.commands[-1], (0.3, 0.1, -0.2))
+    assert len(done.commands) == len(done.times)
+    [push] = done.pushes
+    assert push.impulse == pytest.approx((0.02, 0.01, 0.0))
+    assert push.time == pytest.approx(pushed - page.time + done.times[-1], abs=0.5)
     page.command(0.0)
     page.wait(3.0)
     assert np.abs(page.states[:, 7:9]).max() < 0.2

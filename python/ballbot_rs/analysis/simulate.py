@@ -19,6 +19,7 @@ from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
+from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.optimal.trajectory import planned_law
@@ -100,6 +101,9 @@ def simulate(
     def batch_of(found: ResolvedController) -> Batch:
         # Only a fall ends the episode: lengths in steps are for the task's own rate.
         env_options = {**common_options([found], given), "max_episode_steps": None}
+        if "reset_tilt" in option_names(named):
+            # The start is given.
+            env_options.setdefault("reset_tilt", 0.0)
         return batch_for(
             found,
             1,

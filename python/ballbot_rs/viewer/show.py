@@ -265,14 +265,13 @@ class Page:
             ValueError: nothing has been recorded.
         """
 
-        def take(session: Session) -> tuple[list[Frame], str, str]:
+        def take(session: Session) -> Trajectory:
             session.stop_recording()
-            return list(session.recording.frames), session.controller, session.robots.model
+            if len(session.recording.frames) < 2:
+                raise InvalidInputError("nothing has been recorded: call record before")
+            return trajectory_of(session)
 
-        frames, controller, model = self._in_session(take)
-        if len(frames) < 2:
-            raise InvalidInputError("nothing has been recorded: call record before")
-        return trajectory_of(frames, controller, model)
+        return self._in_session(take)
 
     def wait(self, seconds: float) -> None:
         """Waits until the robots have moved for this simulated time, s.

@@ -106,8 +106,9 @@ class Frame:
     #: The curve along which the setpoint moves, m, shape (k, 2).
     route: FloatArray | None = None
     ghost: Ghost | None = None
-    #: Impulse (x, y) of a recent manual push, N·s.
+    #: Impulse (x, y) of a recent manual push, N·s, and its time, s.
     push: FloatArray | None = None
+    push_time: float = 0.0
     #: The ground; None is level.
     terrain: Terrain | None = None
     #: Whether `contacts` are of this instant: a log has no forces.

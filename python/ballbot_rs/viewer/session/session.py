@@ -256,8 +256,8 @@ class Session(Configured):
 
     def _frame(self) -> Frame:
         ghost = None if self.ghost is None else ghost_of(self.ghost)
-        is_pushed = self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS
-        push = self.pushed[1] if self.pushed is not None and is_pushed else None
         shown = self._objective.shown(self.robots)
+        if self.pushed is not None and self.time - self.pushed[0] < PUSH_SECONDS:
+            shown |= {"push_time": self.pushed[0], "push": self.pushed[1]}
         limits = {name: self._controller.law_options.get(name) for name in ("speed_limit", "boundary")}
-        return self.robots.frame(self.time, label=label_of(self.controller), ghost=ghost, push=push, **limits, **shown)
+        return self.robots.frame(self.time, label=label_of(self.controller), ghost=ghost, **limits, **shown)
