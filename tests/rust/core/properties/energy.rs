@@ -70,7 +70,12 @@ const RIGID_FALL: f64 = 0.5;
 /// Limits of the rise before the bot touches the floor, and overall. The largest rise of 15 000 random robots in `contact`
 /// was 3.5e-4, because sweeps over the floor end before they are exact.
 fn check_rises(params: &Params, start: &State) -> Result<(), TestCaseError> {
-    for (kind, limits) in [(ModelKind::Contact, [1e-4, 1e-3]), (ModelKind::Rigid, [1e-2, RIGID_FALL])] {
+    check_rises_below(params, start, 1e-4)
+}
+
+/// The same with another limit of `contact` before the bot touches the floor.
+fn check_rises_below(params: &Params, start: &State, upright: f64) -> Result<(), TestCaseError> {
+    for (kind, limits) in [(ModelKind::Contact, [upright, 1e-3]), (ModelKind::Rigid, [1e-2, RIGID_FALL])] {
         // The floor is in the way of some starts.
         if let Some(rises) = rises(kind, params, start, 0.005) {
             prop_assert!(rises[0] <= limits[0] && rises[1] <= limits[1], "{kind}: rises by {rises:?}");
@@ -132,7 +137,8 @@ proptest! {
         prop_assert!(rolls <= 1e-4, "spatial: rises by {rolls:e}");
     }
 
-    /// The same on wheels with a ripple.
+    /// The same on wheels with a ripple, whose slope changes within a step: an error of first order in the step. The largest
+    /// rise of 2000 random robots was 2.2e-4, on wheels of six nearly straight rollers.
     #[test]
     fn ripple_adds_no_energy(
         params in any_robot(), ripple in any_ripple(1.0), start in any_start(0.3, 0.5), slip in any_slip(),
@@ -140,7 +146,7 @@ proptest! {
         let params = ripple.of(&params);
         let slip = Slip { lift: [0.0; 2], ..slip };
         for state in [start.of(&params), slip.of(&params, &start)] {
-            check_rises(&params, &state)?;
+            check_rises_below(&params, &state, 1e-3)?;
         }
     }
 
