@@ -22,7 +22,6 @@ from ballbot_rs.control.setpoints import checked
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
-from ballbot_rs.optimal.trajectory import planned_law
 
 #: What a controller follows: a motion, parts of a setpoint by time (s), or constant parts.
 Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[str, Any]
@@ -121,6 +120,9 @@ def simulate(
     target = None if reference is None else _target(reference)
     begins = target(0.0) if target is not None and not isinstance(reference, Mapping) else {}
     if planned:
+        # Other laws need not wait for this import.
+        from ballbot_rs.optimal.trajectory import planned_law
+
         first = _start(batch, start, position, tilt, yaw, begins)
         found = find(planned_law(reference, start=first, seconds=seconds, options=given))
         batch = batch_of(found)
