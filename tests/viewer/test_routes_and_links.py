@@ -90,13 +90,13 @@ def test_a_foreign_link_is_rejected(query):
 
 def test_a_recording_becomes_a_table():
     pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
-    from ballbot_rs.viewer.server.download import file_of, trajectory_of
+    from ballbot_rs.viewer.server.download import Recorded, file_of
 
     session = Session()
     session.start_recording()
     session.advance(1.0)
     frames = session.recording.frames
-    trajectory = trajectory_of(session)
+    trajectory = Recorded.of(session).trajectory()
     text = file_of(trajectory, "CSV", no_progress).decode()
     table = np.genfromtxt(io.StringIO(text), delimiter=",", names=True)
     np.testing.assert_allclose(table["time_s"], [frame.time - frames[0].time for frame in frames], atol=1e-12)

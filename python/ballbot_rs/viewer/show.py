@@ -26,7 +26,7 @@ from ballbot_rs.control.resolve import Source, find
 from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.options import TaskOptions
 from ballbot_rs.envs.registration import name_of
-from ballbot_rs.viewer.server.download import trajectory_of
+from ballbot_rs.viewer.server.download import Recorded
 from ballbot_rs.viewer.session.opening import open_session
 from ballbot_rs.viewer.session.recording import Frame
 from ballbot_rs.viewer.session.session import Session
@@ -265,13 +265,14 @@ class Page:
             ValueError: nothing has been recorded.
         """
 
-        def take(session: Session) -> Trajectory:
+        def take(session: Session) -> Recorded:
             session.stop_recording()
-            if len(session.recording.frames) < 2:
-                raise InvalidInputError("nothing has been recorded: call record before")
-            return trajectory_of(session)
+            return Recorded.of(session)
 
-        return self._in_session(take)
+        recorded = self._in_session(take)
+        if len(recorded.frames) < 2:
+            raise InvalidInputError("nothing has been recorded: call record before")
+        return recorded.trajectory()
 
     def wait(self, seconds: float) -> None:
         """Waits until the robots have moved for this simulated time, s.

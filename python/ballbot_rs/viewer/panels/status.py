@@ -121,7 +121,8 @@ def limits_of(frame: Frame) -> list[Row]:
     rows = []
     if frame.speed_limit is not None:
         speed = float(np.linalg.norm(frame.states[0, BALL_VELOCITY][:2]))
-        text = f"{frame.speed_limit:.2f} m/s, {_used(speed / frame.speed_limit)}"
+        beyond = " (beyond)" if speed > frame.speed_limit else ""
+        text = f"{frame.speed_limit:.2f} m/s, {100.0 * speed / frame.speed_limit:.0f} % in use{beyond}"
         rows.append(Row("Speed limit", text, "a control barrier keeps the ball slower"))
     if frame.boundary is not None:
         least_x, largest_x, least_y, largest_y = frame.boundary
@@ -130,11 +131,6 @@ def limits_of(frame: Frame) -> list[Row]:
         text = f"{left:.2f} m away" if left >= 0.0 else f"{-left:.2f} m beyond"
         rows.append(Row("Boundary", text, "red line: a control barrier stops the ball before it"))
     return rows
-
-
-def _used(fraction: float) -> str:
-    """A fraction of a limit, with a word beyond it."""
-    return f"{100.0 * fraction:.0f} % in use{' (beyond)' if fraction > 1.0 else ''}"
 
 
 #: Explanations of `motion_of`.
