@@ -107,7 +107,6 @@ impl PyState {
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         no_others("State.at_rest", others)?;
-        let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
         tilted(&robot.0, tilt, yaw, State::tilted).map(Self)
     }
 
@@ -123,7 +122,6 @@ impl PyState {
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         no_others("State.at_equilibrium", others)?;
-        let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
         tilted(&robot.0, tilt, yaw, State::tilted_from_equilibrium).map(Self)
     }
 
@@ -286,10 +284,11 @@ impl PyState {
 /// A state at rest with a tilt and a yaw.
 fn tilted(
     params: &Params,
-    tilt: [f64; 2],
+    tilt: Argument<'_, '_>,
     yaw: f64,
     state: fn(&Params, Vector2<f64>, f64) -> State,
 ) -> PyResult<State> {
+    let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
     call(|| {
         check_finite("tilt", &tilt)?;
         check_finite("yaw", &[yaw])?;
