@@ -130,6 +130,18 @@ class Chromium:
         for kind in ("mousePressed", "mouseReleased"):
             self.call("Input.dispatchMouseEvent", type=kind, x=x, y=y, button="left", clickCount=1)
 
+    def click_until(self, condition, *expressions: str) -> None:
+        """Clicks elements in turn, and again where nothing follows: a busy page may move under a click."""
+        ends = time.monotonic() + LIMIT
+        while not condition():
+            assert time.monotonic() < ends, f"waited {LIMIT} s for what follows a click on {expressions}"
+            with contextlib.suppress(AssertionError):
+                for expression in expressions:
+                    self.click(*self.place_of(expression, 5.0))
+            again = time.monotonic() + 5.0
+            while not condition() and time.monotonic() < again:
+                time.sleep(0.05)
+
     def drag(self, start: tuple[float, float], end: tuple[float, float], moves: int = 12) -> None:
         """Drags with the left button."""
         self.call("Input.dispatchMouseEvent", type="mouseMoved", x=start[0], y=start[1])

@@ -77,16 +77,7 @@ def labelled(label):
 
 
 def press(page, expression, condition):
-    """Clicks until what follows has come: a busy page may move under a click."""
-    for _ in range(20):
-        with contextlib.suppress(AssertionError):
-            page.click(*page.place_of(expression, 10.0))
-        ends = time.monotonic() + 4.0
-        while time.monotonic() < ends:
-            if condition():
-                return
-            time.sleep(0.05)
-    raise AssertionError(f"nothing follows a click on {expression}")
+    page.click_until(condition, expression)
 
 
 def rectangle(page, expression):
@@ -205,7 +196,7 @@ def test_every_button_does_what_its_label_states(opened):
     press(page, named("Replay"), lambda: query(view, lambda s: s.replay_time is not None))
     press(page, named("Back to the simulation"), lambda: query(view, lambda s: s.replay_time is None))
     page.evaluate("document.querySelector('[data-ballbot=link]').dataset.query").index("robot=paper")
-    page.click(*page.place_of("document.querySelector('[data-ballbot=help]')"))
+    press(page, "document.querySelector('[data-ballbot=help]')", lambda: page.evaluate(HELP_IS_OPEN))
     page.wait_for("document.querySelector('dialog.ballbot-help[open] kbd')")
     assert page.evaluate("fetch('/docs/view.md').then((answer) => answer.text())").startswith("# The page")
     press(page, "document.querySelector('dialog.ballbot-help form button')", lambda: not page.evaluate(HELP_IS_OPEN))
@@ -244,8 +235,7 @@ def test_sensitivities_are_folded_and_come_as_a_table_of_the_width_of_the_panel(
     assert not page.evaluate(f"Boolean({compute})")
     # Once: a second click folds it again.
     page.evaluate("[...document.querySelectorAll('div')].findLast(e => e.innerText.trim() === 'Sensitivity').click()")
-    page.click(*page.place_of(compute))
-    page.wait_for(table)
+    press(page, compute, lambda: page.evaluate(f"Boolean({table})"))
     assert page.evaluate(f"{table}.rows.length") == SHOWN + 1
     panel, shown = (rectangle(page, one) for one in ("document.querySelector('.ballbot-status')", table))
     assert panel[0] <= shown[0]

@@ -29,7 +29,7 @@ from ballbot_rs.viewer.view import View  # noqa: E402
 from tests.support.chromium import Chromium, find_browser  # noqa: E402
 from tests.support.paths import ASSETS  # noqa: E402
 from tests.support.view import connect, query  # noqa: E402
-from tests.support.waiting import LIMIT, wait_until  # noqa: E402
+from tests.support.waiting import wait_until  # noqa: E402
 
 pytestmark = pytest.mark.slow("a browser")
 
@@ -52,19 +52,6 @@ def button(name):
 
 def click(page, expression):
     page.click(*page.place_of(expression))
-
-
-def click_until(condition, page, *expressions):
-    """Clicks one after the other, and again where nothing follows: a busy page may move under a click."""
-    ends = time.monotonic() + LIMIT
-    while not condition():
-        assert time.monotonic() < ends, f"waited {LIMIT} s for what follows a click on {expressions}"
-        with contextlib.suppress(AssertionError):
-            for expression in expressions:
-                page.click(*page.place_of(expression, 5.0))
-        again = time.monotonic() + 5.0
-        while not condition() and time.monotonic() < again:
-            time.sleep(0.05)
 
 
 def choose(page, label, option):
@@ -110,7 +97,7 @@ def test_the_page_in_a_browser(view, tmp_path):
         # A push at rest moves the robot.
         view.runner.submit(lambda session: session.reset((0.0, 0.0)))
         assert np.abs(state(view)[7:9]).max() < 1e-6
-        click_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, page, button("Push"))
+        page.click_until(lambda: np.linalg.norm(state(view)[7:9]) > 0.01, button("Push"))
 
         # The text reports what the session does.
         page.wait_for("/ s\\s*running/.test(document.querySelector('.ballbot-status').innerText)")
@@ -151,22 +138,22 @@ def test_the_page_in_a_browser(view, tmp_path):
             wait_until(lambda option=option, chosen=chosen: query(view, chosen) == option)
 
         # A single step pauses; a replay stays open at its end.
-        click_until(lambda: query(view, lambda s: s.paused), page, button("Run"), button("Step"))
+        page.click_until(lambda: query(view, lambda s: s.paused), button("Run"), button("Step"))
         time_ = query(view, lambda s: s.time)
-        click_until(lambda: query(view, lambda s: s.time) == pytest.approx(time_ + 0.01), page, button("Step"))
+        page.click_until(lambda: query(view, lambda s: s.time) == pytest.approx(time_ + 0.01), button("Step"))
         view.runner.submit(lambda session: setattr(session, "paused", False))
         record = "[...document.querySelectorAll('button')].find(b => b.innerText.trim() === 'Record')"
-        click_until(lambda: query(view, lambda s: s.is_recording), page, button("Record"), record)
+        page.click_until(lambda: query(view, lambda s: s.is_recording), button("Record"), record)
         wait_until(lambda: query(view, lambda s: s.recording.duration) > 0.3)
-        click_until(lambda: query(view, lambda s: s.replay_time is not None), page, button("Replay"))
+        page.click_until(lambda: query(view, lambda s: s.replay_time is not None), button("Replay"))
         at_end = lambda s: s.replay_time is not None and s.replay_time == s.recording.duration  # noqa: E731
         wait_until(lambda: query(view, at_end))
         page.wait_for("/replay, /.test(document.querySelector('.ballbot-status').innerText)")
-        click_until(lambda: query(view, lambda s: s.replay_time is None), page, button("Back to the simulation"))
+        page.click_until(lambda: query(view, lambda s: s.replay_time is None), button("Back to the simulation"))
 
         # Plots draw.
         shown = "document.querySelectorAll('.uplot canvas').length"
-        click_until(lambda: page.evaluate(f"{shown} > 0"), page, button("Plots"))
+        page.click_until(lambda: page.evaluate(f"{shown} > 0"), button("Plots"))
         page.wait_for(f"{shown} === {len(PLOTS)}")
         page.screenshot(tmp_path / "plots.png")
         assert page.errors == []
