@@ -39,7 +39,7 @@ SOAK_ROBOTS ?= 5000
 SOAK_MINUTES ?= 60
 SECONDS_EACH ?= 60
 
-.PHONY: help setup generate train test test-all test-builds test-ray lint docs site wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions firmware firmware-page fuzz soak cad demo format clean
+.PHONY: help setup generate train test test-all test-builds test-ray lint docs site web wheel consumers paper verify robots controllers tunings policies transfer bench bench-core instructions firmware firmware-page fuzz soak cad demo format clean
 
 help:
 	@echo "make demo    watch a trained policy balance; installs no PyTorch"
@@ -52,6 +52,7 @@ help:
 	@echo "make generate  write what follows from the tables of tasks, controllers and parameters"
 	@echo "make docs    documentation of the Rust core, in target/doc"
 	@echo "make site    the pages of docs/ as a site with search and the reference of the API, in target/site"
+	@echo "make web     the simulator as a page for any browser, in target/web/page (needs npm and a compiler for WebAssembly)"
 	@echo "make wheel   build a wheel for Linux (COMPATIBILITY=$(COMPATIBILITY)) and try it in an empty environment; TARGET=... for another processor"
 	@echo "make consumers  train with third-party learners, each in a separate environment, table in docs/learners.md (SECONDS_EACH=$(SECONDS_EACH))"
 	@echo "make paper   repeat the paper's experiments, report in docs/paper.md"
@@ -125,6 +126,11 @@ docs:
 site: docs $(SITE_INSTALLED)
 	$(BIN)/python tools/build_site.py
 	BALLBOT_SITE=target/site $(BIN)/pytest tests/docs/test_built_site.py
+
+web: $(INSTALLED)
+	$(BIN)/python tools/build_web.py
+	@sh tools/install_chromium.sh
+	BALLBOT_WEB=target/web/page $(BIN)/pytest tests/web
 
 CHECK_WHEEL = $(BIN)/python tools/check_wheel.py target/wheels/*.whl
 wheel: $(WHEEL_INSTALLED)

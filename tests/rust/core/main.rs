@@ -35,3 +35,4 @@ mod tasks;
 mod terrain;
 mod traction;
 mod urdf;
+mod web;

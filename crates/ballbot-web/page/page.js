@@ -1,0 +1,386 @@
+// The page: choices, robots, keys, pointer, gamepad.
+
+import * as link from "./link.js";
+import { Plot } from "./plots.js";
+import { Simulator } from "./simulator.js";
+import { View } from "./view.js";
+
+const DEFAULTS = {
+  robot: "paper", controller: "lqr", compare: "none", terrain: "level", model: "contact", robots: 1, speed: 1,
+  follow: false, sliders: {}, camera: [0, 0, 0],
+};
+
+/** Sliders: factors on parameters, or metres added to one of their numbers. */
+const SLIDERS = {
+  wheels: { label: "Wheel friction ×", low: 0, high: 2, neutral: 1, of: ["wheel_static_friction", "wheel_dynamic_friction"] },
+  floor: { label: "Floor friction ×", low: 0, high: 2, neutral: 1, of: ["floor_static_friction", "floor_dynamic_friction"] },
+  mass: { label: "Body mass ×", low: 0.2, high: 3, neutral: 1, of: ["body_mass", "body_inertia", "body_products_of_inertia"] },
+  height: { label: "CoM height ×", low: 0.6, high: 1.6, neutral: 1, of: ["body_com_height"] },
+  comX: { label: "CoM x, mm", low: -30, high: 30, neutral: 0, offset: ["body_com_offset", 0] },
+  comY: { label: "CoM y, mm", low: -30, high: 30, neutral: 0, offset: ["body_com_offset", 1] },
+};
+for (const [name, { neutral }] of Object.entries(SLIDERS)) DEFAULTS.sliders[name] = neutral;
+
+const TERRAINS = {
+  level: null, plane: { slope: 0.08 }, wave: { slope: 0.12 }, noise: { slope: 0.12 }, bumps: { slope: 0.12 }, cobbles: {},
+};
+const COUNTS = [1, 4, 16, 64];
+const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2];
+const KEYS = {
+  KeyW: [1, 0, 0], ArrowUp: [1, 0, 0], KeyS: [-1, 0, 0], ArrowDown: [-1, 0, 0], KeyA: [0, 1, 0], ArrowLeft: [0, 1, 0],
+  KeyD: [0, -1, 0], ArrowRight: [0, -1, 0], KeyQ: [0, 0, 1], KeyE: [0, 0, -1],
+};
+
+/** Longest simulated time of a picture, s: a slow machine shows slow motion. */
+const LONGEST = 0.05;
+
+/** Stiffness of a pull, weights per metre of its length in robot heights. */
+const PULL = 0.6;
+
+const find = (id) => document.getElementById(id);
+
+class Page {
+  constructor(simulator, looks) {
+    Object.assign(this, { simulator, keys: new Set(), paused: false, debt: 0, driven: "" });
+    this.choices = link.read(location.hash, DEFAULTS);
+    this.view = new View(find("scene"), looks);
+    this.fill();
+    this.listen();
+    const number = (name, i) => this.scene.part(0, name)[i];
+    const three = (name) => () => [...this.scene.part(0, name)];
+    const parent = find("plots");
+    this.plots = [
+      new Plot(parent, "Tilt, deg", ["the robot", "compared"], () => [
+        (number("tilt", 0) * 180) / Math.PI, ...(this.ghost ? [(this.ghost.part(0, "tilt")[0] * 180) / Math.PI] : []),
+      ]),
+      new Plot(parent, "Wheel torques, N·m", ["1", "2", "3"], three("wheel_torques")),
+      new Plot(parent, "Wheel loads, N", ["1", "2", "3"], three("wheel_normal_forces")),
+      new Plot(parent, "Traction of the limit", ["1", "2", "3"], () => {
+        const loads = this.scene.part(0, "wheel_normal_forces");
+        return [...this.scene.part(0, "wheel_tractions")].map((t, i) => Math.abs(t) / Math.max(1e-9, this.friction * loads[i]));
+      }),
+    ];
+    this.open();
+    if (this.unknown) this.complain(this.unknown);
+    if (this.choices.camera.some((x) => x !== 0)) this.view.camera.position.fromArray(this.choices.camera);
+    this.last = performance.now();
+    this.view.renderer.setAnimationLoop((now) => this.picture(now));
+    find("scene").focus({ preventScroll: true });
+  }
+
+  /** Options of the controls, as the simulator has them. */
+  fill() {
+    const { controllers, robots, terrains } = this.simulator.catalog;
+    const options = (id, items) => {
+      find(id).replaceChildren(...items.map(([value, text]) => new Option(text, value)));
+      const known = items.some(([value]) => `${value}` === `${this.choices[id]}`);
+      if (!known) {
+        this.unknown = `The link has ${id} = ${this.choices[id]}, which does not exist.`;
+        this.choices[id] = DEFAULTS[id];
+      }
+      find(id).value = this.choices[id];
+    };
+    const laws = controllers.map((law) => [law.name, law.label]);
+    options("robot", Object.keys(robots).map((name) => [name, name]));
+    options("controller", laws);
+    options("compare", [["none", "nothing"], ...laws]);
+    options("terrain", [["level", "level"], ...terrains.filter(({ name }) => TERRAINS[name]).map(({ name }) => [name, name])]);
+    options("model", [["contact", "contact and slip"], ["spatial", "without slip"]]);
+    options("robots", COUNTS.map((count) => [count, count]));
+    options("speed", SPEEDS.map((speed) => [speed, `${speed} ×`]));
+    find("follow").checked = this.choices.follow;
+    for (const [name, { label, low, high }] of Object.entries(SLIDERS)) {
+      const value = Math.min(high, Math.max(low, this.choices.sliders[name]));
+      this.choices.sliders[name] = value;
+      const row = document.createElement("label");
+      const slider = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", id: name });
+      const output = document.createElement("output");
+      slider.value = value;
+      output.value = (+value).toPrecision(3);
+      slider.addEventListener("input", () => {
+        this.choices.sliders[name] = Number(Number(slider.value).toPrecision(3));
+        output.value = this.choices.sliders[name].toPrecision(3);
+        this.changeRobots();
+      });
+      row.append(label, slider, output);
+      find("sliders").append(row);
+    }
+  }
+
+  listen() {
+    for (const id of ["robot", "controller", "compare", "terrain", "model", "robots"]) {
+      find(id).addEventListener("change", (event) => {
+        this.choices[id] = typeof DEFAULTS[id] === "number" ? Number(event.target.value) : event.target.value;
+        this.open();
+      });
+    }
+    find("speed").addEventListener("change", (event) => (this.choices.speed = Number(event.target.value)));
+    find("follow").addEventListener("change", (event) => (this.choices.follow = event.target.checked));
+    find("push").addEventListener("click", () => this.push());
+    find("pause").addEventListener("click", () => this.pause(!this.paused));
+    find("reset").addEventListener("click", () => this.attempt(() => this.scenes().forEach((scene) => scene.call("reset"))));
+    find("share").addEventListener("click", async () => {
+      this.choices.camera = this.view.camera.position.toArray();
+      history.replaceState(null, "", location.pathname + link.write(this.choices, DEFAULTS));
+      try {
+        await navigator.clipboard.writeText(location.href);
+        find("share").textContent = "Copied";
+      } catch {
+        find("share").textContent = "In the address";
+      }
+      setTimeout(() => (find("share").textContent = "Copy link"), 1500);
+    });
+    const typing = (event) => event.target.matches?.("input, select");
+    addEventListener("keydown", (event) => {
+      if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+      if (event.code in KEYS) this.keys.add(event.code);
+      else if (event.code === "Space" && !event.target.matches("button")) this.attempt(() => this.stop());
+      else if (event.code === "KeyP") this.push();
+      else return;
+      event.preventDefault();
+    });
+    addEventListener("keyup", (event) => this.keys.delete(event.code));
+    addEventListener("blur", () => this.keys.clear());
+    const canvas = this.view.renderer.domElement;
+    canvas.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
+    canvas.addEventListener("pointermove", (event) => this.move(event));
+    canvas.addEventListener("pointerup", (event) => this.release(event));
+    canvas.addEventListener("pointercancel", () => this.letGo());
+    canvas.addEventListener("webglcontextlost", (event) => {
+      event.preventDefault();
+      this.complain("The browser took the 3D view away; the robots move on.");
+    });
+    canvas.addEventListener("webglcontextrestored", () => this.complain(""));
+  }
+
+  /** Runs what may fail, and shows its error. */
+  attempt(act) {
+    try {
+      const done = act();
+      this.complain("");
+      return done;
+    } catch (error) {
+      this.complain(error.message);
+      return undefined;
+    }
+  }
+
+  complain(text) {
+    find("message").textContent = text;
+    find("message").hidden = !text;
+  }
+
+  scenes() {
+    return this.ghost ? [this.scene, this.ghost] : [this.scene];
+  }
+
+  /** Opens the scenes of the choices; those before stay if these fail. */
+  open() {
+    this.attempt(() => {
+      const { robot, controller, compare, terrain, model, robots } = this.choices;
+      const ground = TERRAINS[terrain] ? { kind: terrain, ...TERRAINS[terrain] } : { kind: "level" };
+      const settings = { robot, controller, model, robots, terrain: ground, tilt: robots > 1 ? 0.12 : 0 };
+      const scene = this.simulator.open(settings);
+      let ghost;
+      try {
+        ghost = compare === "none" ? undefined : this.simulator.open({ ...settings, robots: 1, controller: compare });
+        for (const one of ghost ? [scene, ghost] : [scene]) one.setParams(this.changes());
+      } catch (error) {
+        scene.close();
+        ghost?.close();
+        throw error;
+      }
+      if (this.scene) this.scenes().forEach((one) => one.close());
+      Object.assign(this, { scene, ghost, driven: "" });
+      const [radius] = this.simulator.catalog.robots[robot].ball_radius;
+      const isOther = this.shown !== `${robot} ${robots}`;
+      this.view.show(robot, robots, ghost ? 1 : 0, radius);
+      if (isOther) this.view.frame();
+      this.shown = `${robot} ${robots}`;
+      this.plots.forEach((plot) => plot.clear());
+      find("summary").textContent = this.simulator.catalog.controllers.find(({ name }) => name === controller).summary;
+      this.friction = this.simulator.catalog.robots[robot].wheel_static_friction[0] * this.choices.sliders.wheels;
+    });
+    if (!this.scene) {
+      // Nothing to show: the choices of the link do not fit together.
+      const reason = find("message").textContent;
+      this.choices = structuredClone(DEFAULTS);
+      this.open();
+      this.complain(reason);
+    }
+  }
+
+  /** Parameters that the sliders change. */
+  changes() {
+    const params = this.simulator.catalog.robots[this.choices.robot];
+    const changes = {};
+    for (const [name, { of, offset, neutral }] of Object.entries(SLIDERS)) {
+      const value = this.choices.sliders[name];
+      if (value === neutral) continue;
+      for (const param of of ?? []) {
+        const values = params[param].map((number) => number * value);
+        changes[param] = values.length === 1 ? values[0] : values;
+      }
+      if (offset) {
+        changes[offset[0]] ??= [...params[offset[0]]];
+        changes[offset[0]][offset[1]] += value / 1000;
+      }
+    }
+    return changes;
+  }
+
+  changeRobots() {
+    this.attempt(() => {
+      this.scenes().forEach((scene) => scene.setParams(this.changes()));
+      const [friction] = this.simulator.catalog.robots[this.choices.robot].wheel_static_friction;
+      this.friction = friction * this.choices.sliders.wheels;
+    });
+  }
+
+  pause(paused) {
+    this.paused = paused;
+    find("pause").textContent = paused ? "Continue" : "Pause";
+    find("pause").setAttribute("aria-pressed", paused);
+  }
+
+  /** Pushes a robot sideways or along a direction, by half of what its traction may catch. */
+  push(direction = [Math.random() - 0.5, Math.random() - 0.5], robot = 0) {
+    const { ball_mass, body_mass, body_com_height, gravity } = this.simulator.catalog.robots[this.choices.robot];
+    const impulse = 0.06 * (ball_mass[0] + body_mass[0]) * Math.sqrt(gravity[0] * body_com_height[0]);
+    const [x, y] = direction.map((part) => (impulse * part) / Math.hypot(...direction));
+    this.attempt(() => {
+      this.scene.call("push", robot, x, y, 0);
+      if (robot === 0) this.ghost?.call("push", 0, x, y, 0);
+    });
+    const [bodyX, bodyY, bodyZ] = this.scene.part(robot, "body_position");
+    this.view.showPush(x, y, [bodyX, bodyY, bodyZ + 0.3 * this.view.height]);
+  }
+
+  stop() {
+    this.keys.clear();
+    this.scenes().forEach((scene) => scene.call("drive", 0, 0, 0));
+  }
+
+  press(event) {
+    if (event.button !== 0) return;
+    const hit = this.view.robotAt(event);
+    this.pressed = { x: event.clientX, y: event.clientY, hit, moved: false };
+    if (hit) {
+      event.stopImmediatePropagation();
+      event.target.setPointerCapture(event.pointerId);
+    }
+  }
+
+  move(event) {
+    const { pressed } = this;
+    if (!pressed) return;
+    pressed.moved ||= Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > 6;
+    if (!pressed.hit || !pressed.moved) return;
+    const body = this.scene.part(pressed.hit.index, "body_position");
+    const from = [body[0], body[1], body[2] + 0.3 * this.view.height];
+    const to = this.view.beside(event, from);
+    if (!to) return;
+    const { ball_mass, body_mass, gravity } = this.simulator.catalog.robots[this.choices.robot];
+    const stiffness = (PULL * gravity[0] * (ball_mass[0] + body_mass[0])) / this.view.height;
+    const force = [to.x - from[0], to.y - from[1], 0].map((part) => part * stiffness);
+    this.attempt(() => {
+      this.scene.call("pull", pressed.hit.index, ...force);
+      if (pressed.hit.index === 0) this.ghost?.call("pull", 0, ...force);
+    });
+  }
+
+  release(event) {
+    const { pressed } = this;
+    this.letGo();
+    if (!pressed || pressed.moved) return;
+    if (pressed.hit) {
+      // Away from the camera.
+      const { x, y } = pressed.hit.point.clone().sub(this.view.camera.position);
+      this.push([x, y], pressed.hit.index);
+    } else {
+      const place = this.view.floorAt(event);
+      if (place) this.attempt(() => this.scenes().forEach((scene) => scene.call("go_to", place.x, place.y)));
+    }
+  }
+
+  letGo() {
+    const hit = this.pressed?.hit;
+    this.pressed = undefined;
+    if (!hit) return;
+    this.attempt(() => {
+      this.scene.call("pull", hit.index, 0, 0, 0);
+      if (hit.index === 0) this.ghost?.call("pull", 0, 0, 0, 0);
+    });
+  }
+
+  /** Drives by keys or gamepad; calls nothing while they do not change. */
+  steer() {
+    const sums = [...this.keys].reduce((sum, key) => sum.map((part, i) => part + KEYS[key][i]), [0, 0, 0]);
+    let wanted = sums.map((part) => Math.min(1, Math.max(-1, part)));
+    for (const pad of navigator.getGamepads?.() ?? []) {
+      if (pad?.mapping !== "standard") continue;
+      const axes = [-pad.axes[1], -pad.axes[0], -pad.axes[2]].map((value) => (Math.abs(value) < 0.12 ? 0 : value));
+      if (axes.some((value) => value !== 0)) wanted = axes.map((value) => Math.min(1, Math.max(-1, value)));
+    }
+    const now = `${wanted}`;
+    if (now === this.driven || (this.driven === "" && wanted.every((part) => part === 0))) return;
+    this.driven = now;
+    this.scenes().forEach((scene) => scene.call("drive", ...wanted));
+  }
+
+  picture(now) {
+    // The time of a picture may be before the time at which the page was made.
+    const passed = Math.min(LONGEST, Math.max(0, (now - this.last) / 1000));
+    this.last = now;
+    this.attemptQuietly(() => {
+      this.steer();
+      if (!this.paused) {
+        this.debt += 1000 * passed * this.choices.speed;
+        const steps = Math.floor(this.debt);
+        this.debt -= steps;
+        if (steps) {
+          this.scenes().forEach((scene) => scene.advance(steps));
+          this.plots.forEach((plot) => plot.add(this.scene.time));
+        }
+      }
+      this.view.showGround(this.scene, this.choices.terrain !== "level");
+      this.view.update(this.scene, this.ghost, this.choices.follow);
+      this.plots.forEach((plot) => plot.draw());
+      this.numbers();
+    });
+  }
+
+  attemptQuietly(act) {
+    try {
+      act();
+    } catch (error) {
+      this.complain(error.message);
+      this.pause(true);
+    }
+  }
+
+  numbers() {
+    const part = (scene, name) => scene.part(0, name);
+    const line = (scene, name) => {
+      const [x, y] = part(scene, "ball_position");
+      const tilt = (part(scene, "tilt")[0] * 180) / Math.PI;
+      const speed = Math.hypot(...part(scene, "ball_velocity"));
+      const fallen = part(scene, "fallen")[0] ? "  fallen" : "";
+      return `${name}: tilt ${tilt.toFixed(1)}°  speed ${speed.toFixed(2)} m/s  at (${x.toFixed(2)}, ${y.toFixed(2)}) m${fallen}`;
+    };
+    const lines = [`${this.scene.time.toFixed(1)} s`, line(this.scene, this.choices.controller)];
+    if (this.ghost) lines.push(line(this.ghost, this.choices.compare));
+    find("numbers").textContent = lines.join("\n");
+  }
+}
+
+try {
+  const [simulator, looks] = await Promise.all([
+    Simulator.load(await fetch("ballbot.wasm")),
+    fetch("looks.json").then((answer) => answer.json()),
+  ]);
+  globalThis.ballbot = new Page(simulator, looks);
+} catch (error) {
+  find("message").hidden = false;
+  find("message").textContent = `The simulator does not run in this browser: ${error.message}`;
+}

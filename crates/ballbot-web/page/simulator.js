@@ -1,0 +1,110 @@
+// The simulator in WebAssembly: texts, scenes and their rows.
+
+const encoder = new TextEncoder();
+const decoder = new TextDecoder();
+
+export class Simulator {
+  /** Instantiates the module of a response or of bytes. */
+  static async load(source) {
+    const { instance } = source instanceof Response
+      ? await WebAssembly.instantiateStreaming(source, {})
+      : await WebAssembly.instantiate(source, {});
+    return new Simulator(instance.exports);
+  }
+
+  constructor(exports) {
+    this.exports = exports;
+    this.check(exports.describe());
+    this.catalog = { controllers: [], terrains: [], parameters: [], robots: {}, row: {}, width: 0 };
+    for (const line of this.output().trim().split("\n")) {
+      const [kind, name, ...rest] = line.split("\t");
+      if (kind === "row") {
+        this.catalog.row[name] = [this.catalog.width, this.catalog.width + Number(rest[0])];
+        this.catalog.width += Number(rest[0]);
+      } else if (kind === "controller") this.catalog.controllers.push({ name, label: rest[0], summary: rest[1] });
+      else if (kind === "terrain") this.catalog.terrains.push({ name, summary: rest[0] });
+      else if (kind === "parameter") this.catalog.parameters.push({ name, unit: rest[0], limit: rest[1], summary: rest[2] });
+      else if (kind === "robot") {
+        this.catalog.robots[name] = Object.fromEntries(
+          rest[0].split(" ").map((item) => item.split("=")).map(([key, values]) => [key, values.split(",").map(Number)]),
+        );
+      }
+    }
+  }
+
+  output() {
+    const { memory, output, output_len } = this.exports;
+    return decoder.decode(new Uint8Array(memory.buffer, output(), output_len()));
+  }
+
+  check(result) {
+    if (result < 0) throw new Error(this.output());
+    return result;
+  }
+
+  give(text) {
+    const bytes = encoder.encode(text);
+    const place = this.exports.input(bytes.length);
+    if (place === 0) throw new Error(`a text of ${bytes.length} bytes is too long`);
+    new Uint8Array(this.exports.memory.buffer, place, bytes.length).set(bytes);
+  }
+
+  /** Opens a scene; the tables of the settings become tables of TOML. */
+  open(settings) {
+    this.give(toml(settings));
+    return new Scene(this, this.check(this.exports.open_scene()), settings.robots ?? 1);
+  }
+}
+
+export class Scene {
+  constructor(simulator, number, robots) {
+    Object.assign(this, { simulator, number, robots });
+  }
+
+  call(name, ...values) {
+    return this.simulator.check(this.simulator.exports[name](this.number, ...values));
+  }
+
+  advance(steps) {
+    this.call("advance", steps);
+  }
+
+  get time() {
+    return this.simulator.exports.time(this.number);
+  }
+
+  /** A part of a robot's row. The memory of the module may have moved since the last call. */
+  part(robot, name) {
+    const { row, width } = this.simulator.catalog;
+    const [from, to] = row[name];
+    const { rows, memory } = this.simulator.exports;
+    return new Float64Array(memory.buffer, rows(this.number) + 8 * (robot * width + from), to - from);
+  }
+
+  /** Heights of the ground at the nodes of a square grid. */
+  heights(x, y, half, count) {
+    const { heights, memory } = this.simulator.exports;
+    const place = heights(this.number, x, y, half, count);
+    return new Float64Array(memory.buffer, place, count * count);
+  }
+
+  setParams(changes) {
+    this.simulator.give(toml(changes));
+    this.call("set_params");
+  }
+
+  close() {
+    this.simulator.exports.close_scene(this.number);
+  }
+}
+
+/** Names, numbers, arrays of numbers, and tables of these, as TOML. */
+export function toml(values) {
+  const entries = Object.entries(values);
+  const isTable = (value) => typeof value === "object" && !Array.isArray(value);
+  const line = ([name, value]) => `${JSON.stringify(name)} = ${JSON.stringify(value)}`;
+  return [
+    ...entries.filter(([, value]) => !isTable(value)).map(line),
+    ...entries.filter(([, value]) => isTable(value)).flatMap(([name, table]) => [`[${JSON.stringify(name)}]`, toml(table)]),
+  ].join("\n");
+}

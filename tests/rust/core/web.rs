@@ -1,0 +1,107 @@
+//! Scenes of the page in the browser, natively.
+
+use ballbot_core::control::{Setpoint, controller_kind};
+use ballbot_core::{Ballbot, ModelKind, Params};
+use ballbot_web::{ROW, Scene, catalog, row_width};
+
+fn part<'a>(scene: &'a Scene, robot: usize, name: &str) -> &'a [f64] {
+    let before: usize = ROW.iter().take_while(|(part, _)| *part != name).map(|(_, len)| len).sum();
+    let (_, len) = ROW.iter().find(|(part, _)| *part == name).expect("a part of a row");
+    &scene.rows()[robot * row_width() + before..][..*len]
+}
+
+#[test]
+fn a_scene_is_the_closed_loop_of_robot_and_controller_to_the_bit() {
+    let mut scene = Scene::new("robot = 'kugle'\ncontroller = 'lqr'\ntilt = 0.05").unwrap();
+    // In pieces that are no multiples of the time between two calls of the controller.
+    (0..300).for_each(|_| scene.advance(7));
+
+    let params = Params::preset("kugle").unwrap();
+    let kind = controller_kind("lqr").unwrap();
+    let mut lqr = (kind.make)(&params, 0.01, &kind.limits, &[]).unwrap();
+    let mut robot = Ballbot::new(&params, ModelKind::Contact, 0.001).unwrap();
+    robot.place_on_ground(0.0, 0.0, 0.0, Some([0.05, 0.0].into())).unwrap();
+    for _ in 0..210 {
+        robot.step(lqr.wheel_torques(&robot.state(), &Setpoint::default()), 10).unwrap();
+    }
+    assert_eq!(part(&scene, 0, "ball_position"), robot.state().ball_position.as_slice());
+    assert_eq!(part(&scene, 0, "wheel_angles"), robot.state().wheel_angles.0);
+    assert!((scene.time() - 2.1).abs() < 1e-12);
+}
+
+#[test]
+fn robots_go_where_they_are_sent_and_all_at_once() {
+    for robot in Params::preset_names() {
+        let mut scene = Scene::new(&format!("robot = '{robot}'\nrobots = 4")).unwrap();
+        let places: Vec<_> = (0..4).map(|i| part(&scene, i, "ball_position").to_vec()).collect();
+        scene.go_to([1.0, -0.5]).unwrap();
+        scene.advance(20_000);
+        for (i, place) in places.iter().enumerate() {
+            let now = part(&scene, i, "ball_position");
+            let error = (now[0] - place[0] - 1.0).hypot(now[1] - place[1] + 0.5);
+            // Dry friction of wheel joints keeps asroballet away from its place.
+            assert!(error < 0.15, "{robot} {i}: {error} m");
+            assert_eq!(part(&scene, i, "fallen"), [0.0]);
+        }
+    }
+}
+
+#[test]
+fn no_drive_however_wild_topples_a_robot() {
+    for robot in Params::preset_names() {
+        let mut scene = Scene::new(&format!("robot = '{robot}'")).unwrap();
+        for i in 0..40 {
+            let sign = if i % 2 == 0 { 1.0 } else { -1.0 };
+            scene.drive([sign, if i % 3 == 0 { 1.0 } else { -1.0 }, -sign]).unwrap();
+            scene.advance(700);
+            assert_eq!(part(&scene, 0, "fallen"), [0.0], "{robot} after {} s", scene.time());
+        }
+    }
+}
+
+#[test]
+fn a_fallen_robot_lies_and_begins_again() {
+    let mut scene = Scene::new("robots = 2").unwrap();
+    scene.push(1, [20.0, 0.0, 0.0]).unwrap();
+    scene.advance(1000);
+    assert_eq!([part(&scene, 0, "fallen"), part(&scene, 1, "fallen")], [[0.0], [1.0]]);
+    scene.advance(4000);
+    assert_eq!(part(&scene, 1, "fallen"), [0.0]);
+    assert!(part(&scene, 1, "tilt")[0] < 0.02);
+}
+
+#[test]
+fn what_does_not_fit_is_an_error_and_changes_nothing() {
+    for (settings, words) in [
+        ("robot = 'nobody'", "nobody"),
+        ("model = 'rigid'\nrobots = 0", "1 to 1000"),
+        ("tilt = 2", "within ±1 rad"),
+        ("tilt = [", "the settings"),
+        ("[params]\nbody_mass = -1", "body_mass"),
+        ("[options]\ntorque = 'much'", "torque"),
+        ("[terrain]\nkind = 'bumps'\nslope = 9", "slope"),
+        ("speed = 1", "unknown setting"),
+    ] {
+        let error = Scene::new(settings).err().expect(settings).to_string();
+        assert!(error.contains(words), "{settings}: {error}");
+    }
+    let mut scene = Scene::new("").unwrap();
+    let before = scene.rows().to_vec();
+    assert!(scene.push(1, [0.0; 3]).is_err());
+    assert!(scene.push(0, [f64::NAN, 0.0, 0.0]).is_err());
+    assert!(scene.pull(0, [0.0, f64::INFINITY, 0.0]).is_err());
+    assert!(scene.drive([2.0, 0.0, 0.0]).is_err());
+    assert!(scene.go_to([f64::NAN, 0.0]).is_err());
+    assert!(scene.set_params("body_mass = 'x'").is_err());
+    assert_eq!(scene.rows(), before);
+}
+
+#[test]
+fn the_catalog_has_every_preset_and_the_width_of_a_row() {
+    let catalog = catalog().unwrap();
+    let of = |kind: &str| catalog.lines().filter(|line| line.split('\t').next() == Some(kind)).count();
+    assert_eq!(of("robot"), Params::preset_names().len());
+    assert_eq!(of("row"), ROW.len());
+    assert!(of("controller") >= 11);
+    assert!(catalog.lines().all(|line| line.split('\t').count() >= 3));
+}
