@@ -4,10 +4,13 @@ import difflib
 import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 import numpy as np
 import numpy.typing as npt
+
+#: Similarity from which on two names are close: 'delay' is not meant to be 'model'.
+_ALIKE: Final = 0.65
 
 
 def check_count(name: str, value: int) -> int:
@@ -143,5 +146,7 @@ def did_you_mean(name: str, known: Iterable[str]) -> str:
 
 
 def closest(name: str, known: Iterable[str]) -> str | None:
-    """The closest of the known names, if one is close."""
-    return next(iter(difflib.get_close_matches(name, list(known), n=1)), None)
+    """The closest of the known names, in any case of letters, if one is close."""
+    by_lower = {one.lower(): one for one in known}
+    found = difflib.get_close_matches(name.lower(), by_lower, n=1, cutoff=_ALIKE)
+    return by_lower[found[0]] if found else None

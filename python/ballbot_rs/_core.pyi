@@ -713,7 +713,7 @@ class Ballbot:
     def reset(self, state: State | None = None) -> None:
         """Restarts from `state`; None is upright at rest above the origin.
 
-        A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
+        A ball above the ground falls onto it. A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
 
         Raises:
             ValueError: a state out of bounds, below the floor, or with slip where the model has none.
@@ -1614,6 +1614,9 @@ class Reference:
     @property
     def duration(self) -> float | None:
         """When the motion ends, s; None if it does not."""
+    @property
+    def first_turn(self) -> float | None:
+        """When the first turn at full speed of a circle or lemniscate ends, s; None for other motions."""
     @property
     def demand(self) -> float:
         """Largest fraction of the friction limit, the load or the torque of a wheel that the motion uses."""

@@ -19,6 +19,17 @@ RENAMED: Final = {
     "scenario": "scenarios=",
 }
 
+#: What may be meant by keywords of other libraries.
+_MEANT: Final = {
+    "dt": ("control_dt", "sim_dt"),
+    "timestep": ("control_dt", "sim_dt"),
+    "duration": ("seconds", "max_episode_steps"),
+    "steps": ("seconds", "max_episode_steps"),
+    "num_envs": ("num_robots",),
+    "starts": ("start", "tilt"),
+    "motors": ("actuators",),
+}
+
 #: Most places that are named.
 _PLACES: Final = 3
 
@@ -39,7 +50,7 @@ def unknown(who: str, name: str, known: Sequence[str], hint: str = "") -> Unknow
         known: keywords of the call.
         hint: takes the place of what is nearest.
     """
-    hint = hint or renamed(name, known)
+    hint = hint or renamed(name, known) or _meant(name, known)
     elsewhere = "" if hint else _elsewhere(name, who)
     hint = hint or did_you_mean(name, known)
     if not hint and not elsewhere:
@@ -73,6 +84,19 @@ def renamed(name: str, known: Sequence[str]) -> str:
     return f": it is now {new}" if new[:-1] in known else ""
 
 
+def _meant(name: str, known: Sequence[str]) -> str:
+    """The keyword that has what a name of another library, of a motor or of a robot stands for, or an empty text."""
+    from ballbot_rs._core import ACTUATOR_OPTIONS, PARAMETERS
+
+    if meant := [one for one in _MEANT.get(name, ()) if one in known]:
+        return f": write {' or '.join(f'{one}=' for one in meant)}"
+    if "actuators" in known and any(name == option["name"] for option in ACTUATOR_OPTIONS):
+        return f": write actuators={{'{name}': ...}}"
+    if "robot" in known and any(name == parameter["name"] for parameter in PARAMETERS):
+        return f": it is a parameter of robot, as in Params.preset('paper').replace({name}=...)"
+    return ""
+
+
 def check_keywords(
     who: str, given: Iterable[str], known: Sequence[str], hint: Callable[[str], str] | None = None
 ) -> None:
@@ -94,13 +118,15 @@ def named(thing: F) -> F:
     if isinstance(thing, type):
         thing.__init__ = _checked(thing.__init__, thing.__name__)  # type: ignore[misc]
         return thing
-    return _checked(thing, thing.__name__)
+    return _checked(thing, thing.__qualname__)
 
 
 def _checked(function: F, who: str) -> F:
     parameters = inspect.signature(function).parameters.values()
     known = tuple(
-        p.name for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name != "self"
+        p.name
+        for p in parameters
+        if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY) and p.name not in ("self", "cls")
     )
     has_options = any(p.kind is p.VAR_KEYWORD for p in parameters)
 

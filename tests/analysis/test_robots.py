@@ -106,6 +106,15 @@ def test_the_end_of_the_ground_freezes_a_robot_without_a_fall():
     assert (last == last[0]).all()
 
 
+def test_given_starts_on_a_slope_are_not_restricted_by_sampled_starts():
+    slope = {"terrain": bb.Terrain.plane(0.22), "seconds": 0.2, "record": ("tilt_components",)}
+    found = bb.rollout("lqr", 2, tilt=(0.02, 0.0), **slope)
+    assert found.upright.all()
+    np.testing.assert_allclose(found["tilt_components"][0, :, 0], 0.02, rtol=0.02)
+    with pytest.raises(ValueError, match=r"reset_tilt = 0\.087.* is not below fall_tilt"):
+        bb.rollout("lqr", 2, **slope)
+
+
 def test_numbers_follow_from_the_seed_and_not_from_the_threads():
     random = {"events": "mild", "seconds": 0.3}
     first, second, other = (

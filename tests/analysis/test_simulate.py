@@ -55,6 +55,26 @@ def test_a_reference_has_a_start_and_a_duration():
     assert away.states[0].tilt_components[0] == pytest.approx(0.02)
 
 
+def test_a_circle_goes_around_once():
+    motion = bb.Reference.circle(0.3, 6.0, 2.0)
+    done = bb.simulate("lqr", reference=motion)
+    assert done.times[-1] == pytest.approx(motion.first_turn)
+    assert motion.first_turn == 8.0
+    # Where full speed began.
+    np.testing.assert_allclose(done.states[-1].ball_position, done.states[200].ball_position, atol=3e-3)
+    assert bb.Reference.lemniscate(0.3, 6.0).first_turn == 10.0
+    assert bb.Reference.line((1.0, 0.0), 4.0).first_turn is None
+
+
+def test_a_start_beyond_the_fall_is_named():
+    assert repr(bb.simulate("lqr", tilt=(0.5, 0.0), seconds=0.1)) == (
+        "<Trajectory of lqr on contact: 0.1 s, 11 rows, fell at 0.01 s as it began at 0.5 rad, beyond the option "
+        "fall_tilt = 0.349 rad, sim_dt 2 ms>"
+    )
+    assert "beyond" not in repr(bb.simulate("zero", tilt=(0.3, 0.0), seconds=1.0))
+    assert bb.simulate("lqr", tilt=(0.4, 0.0), fall_tilt=0.5, seconds=0.1).fell_at is None
+
+
 HEAVY = bb.Params.paper().replace(body_mass=12.0, body_com_height=0.35, body_inertia=(1.0, 1.0, 0.1))
 
 

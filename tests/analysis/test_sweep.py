@@ -268,7 +268,8 @@ def test_scenarios_are_swept_by_robot_motors_and_their_numbers(tmp_path):
     for push, score in zip((0.5, 1.0), found.column("score", controller="lqr"), strict=True):
         alone = bb.Scenario("x", "", seconds=0.5, push=push, score="largest_tilt", actuators={"delay": 0.02})
         assert bb.run_scenarios("lqr", alone, robot=bb.Params.paper().replace(body_mass=2.5))[0].score == score
-    assert found.table()[0] == ["push", "body_mass", "actuators.delay", "pushed lqr", "pushed pid"]
+    assert found.table()[0] == ["push", "body_mass", "actuators.delay", "pushed lqr (deg)", "pushed pid (deg)"]
+    assert float(found.table()[1][3]) == pytest.approx(math.degrees(found.rows[0]["score"]), rel=1e-3)
     for wrong, message in (({"pus": [1.0]}, "did you mean 'push'"), ({"actuators": [0.0]}, "expected a part")):
         with pytest.raises(ValueError, match=message):
             bb.run_scenarios("lqr", pushed, sweep=wrong)

@@ -106,6 +106,9 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
             ["evaluate", "--set", "max_torque=1"],
             "--set max_torque: unknown option 'max_torque': did you mean 'max_wh",
         ),
+        (["evaluate", "--set", "control_dt=5ms"], "values are in SI units and rad, without the unit: control_dt=0.005"),
+        (["simulate", "--reference", "yaw=90deg"], "without the unit: yaw=1.5708"),
+        (["evaluate", "--controller-option", "tilt=2deg"], "--controller-option tilt=2deg: values are in SI units"),
         (["evaluate", "--set", "zzz=1"], "unknown option 'zzz': expected one of robot, model"),
         (["view", "--set", "actuators.delay=0.003"], "actuators.delay / sim_dt = 1.5 is out of range"),
         (["evaluate", "--set", "params.body_mass=2"], "unknown option 'params': it is now robot="),
@@ -279,6 +282,7 @@ def test_without_a_command_the_help_is_printed(capsys):
     ("arguments", "hint"),
     [
         (["recrod"], "did you mean 'record'?"),
+        (["evaluate", "--import", "x.py"], "it stands before the command, ballbot --import MODULE evaluate ..."),
         (["record", "--controler", "lqr"], "unknown option --controler: did you mean '--controller'?"),
         (["evaluate", "balance", "goal"], "ballbot evaluate: unexpected argument: goal"),
         (["evaluate", "balanse"], ": did you mean 'balance'?"),

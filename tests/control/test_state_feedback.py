@@ -35,6 +35,17 @@ def test_the_gain_of_lqr_gives_the_torques_of_lqr(robot):
         np.testing.assert_allclose(law(state), lqr(state), rtol=1e-10, atol=1e-12)
 
 
+def test_it_takes_several_states():
+    law = bb.StateFeedback(bb.Lqr().gain[:, [2, 3]], ["tilt x", "tilt y"])
+    assert repr(law) == "<StateFeedback on tilt x, tilt y, control_dt=0.01 s>"
+    states = [bb.State.at_rest("paper", (0.01 * i, 0.02)) for i in range(3)]
+    expected = np.array([law(state, yaw=0.1) for state in states])
+    np.testing.assert_array_equal(law(states, yaw=0.1), expected)
+    np.testing.assert_array_equal(law(np.array([state.to_array() for state in states]), yaw=0.1), expected)
+    np.testing.assert_array_equal(law(states[1].to_array(), yaw=0.1), expected[1])
+    assert law([]).shape == (0, 3)
+
+
 def test_columns_have_any_order_and_may_be_absent():
     gain = bb.Lqr().gain
     order = np.random.default_rng(2).permutation(10)

@@ -31,7 +31,17 @@ import ballbot_rs as bb
         (lambda: bb.Batch(1, "goal", goal_radiu=1.0), "did you mean 'goal_radius'"),
         (lambda: bb.Lqr(params="kugle"), "Lqr got .* 'params': it is now robot="),
         (lambda: bb.Reference.circle(1.0, 6.0, params="kugle"), "Reference.circle got .* it is now robot="),
-        (lambda: bb.State.at_rest(params="kugle"), "argument: 'robot'"),
+        (lambda: bb.State.at_rest(params="kugle"), "State.at_rest got .* it is now robot="),
+        (lambda: bb.State.at_equilibrium(), "argument: 'robot'"),
+        (lambda: bb.simulate("lqr", delay=0.01), r"'delay': write actuators={'delay': \.\.\.}$"),
+        (lambda: bb.simulate("lqr", duration=3.0), "'duration': write seconds= or max_episode_steps=$"),
+        (lambda: bb.BallbotEnv(dt=0.01), "'dt': write control_dt= or sim_dt=$"),
+        (lambda: bb.rollout("lqr", 4, num_envs=4), "'num_envs': write num_robots=$"),
+        (lambda: bb.simulate("lqr", body_mass=3.0), r"parameter of robot, as in Params.preset\('paper'\).replace"),
+        (lambda: bb.make_controller("lqr", params="kugle"), "make_controller got .* it is now robot="),
+        (lambda: bb.make_controller("lqr", delya=0.01), "did you mean 'delay'"),
+        (lambda: bb.Supervised("lqr", delay=0.01), r"Supervised got .* write actuators={'delay': \.\.\.}$"),
+        (lambda: bb.Scale.of(params="kugle"), "Scale.of got .* it is now robot="),
         (lambda: bb.Renderer(widht=640), "Renderer got .* did you mean 'width'"),
     ],
 )
@@ -46,8 +56,23 @@ def test_a_name_that_has_gone_names_its_successor():
         bb.run  # noqa: B018
 
 
+def test_a_controller_in_capitals_is_recognized():
+    with pytest.raises(FileNotFoundError, match="did you mean 'lqr'"):
+        bb.simulate("LQR")
+    with pytest.raises(ValueError, match="did you mean 'lqr'"):
+        bb.make_controller("LQR")
+
+
+def test_a_differentiable_batch_is_made_of_a_batch():
+    pytest.importorskip("torch", exc_type=ImportError)
+    with pytest.raises(TypeError, match=r"DifferentiableBatch got .* 'model'; 'model' is an option of environments"):
+        bb.DifferentiableBatch(model="contact")
+    with pytest.raises(TypeError, match=r"batch must be a Batch, not int: make one first, as Batch\(64\)"):
+        bb.DifferentiableBatch(4)
+
+
 @pytest.mark.parametrize(
-    "make", [bb.Ballbot, lambda robot: bb.Batch(1, robot=robot), bb.Lqr, bb.LinearModel, bb.Estimator]
+    "make", [bb.Ballbot, lambda robot: bb.Batch(1, robot=robot), bb.Lqr, bb.LinearModel, bb.Estimator, bb.Scale.of]
 )
 def test_the_core_takes_a_robot_in_every_form(make, tmp_path):
     kugle = bb.Params.preset("kugle")

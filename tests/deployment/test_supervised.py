@@ -170,7 +170,7 @@ def test_robots_of_a_batch_have_separate_supervisors():
 def test_controllers_that_cannot_be_supervised_are_rejected(monkeypatch):
     with pytest.raises(bb.InvalidInputError, match=r"link reads sensors and has no estimate\(\)"):
         bb.Supervised(bb.Link("udp://127.0.0.1:9"))
-    with pytest.raises(bb.InvalidInputError, match="unknown limit 'speed': expected actuators, max_torque"):
+    with pytest.raises(TypeError, match="Supervised got an unexpected keyword argument 'speed': did you mean 'max_sp"):
         bb.Supervised("lqr", speed=1.0)
     with pytest.raises(ValueError, match=r"control_dt = 0\.0 is out of range"):
         bb.Supervised("lqr", control_dt=0.0)

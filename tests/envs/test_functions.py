@@ -485,7 +485,7 @@ def test_policy_files_select_no_code(tmp_path):
     for name, message in [
         ("builtins:input", "is not a function of robots"),
         ("os.path:join", "is not a function of robots"),
-        ("nowhere:f", "import nowhere before the policy is loaded"),
+        ("nowhere:f", "import nowhere first"),
         (f"{__name__}:np.sum", "is not of the module"),
         (
             "__main__:energy",
@@ -511,6 +511,6 @@ def test_the_command_line_imports_what_a_policy_needs(tmp_path):
     # So short a training fails, with a policy.
     assert "succeeds in" in ballbot("--import", "my_terms", *train)[1]
     evaluate = ("evaluate", "run", "--episodes", "1")
-    assert "import my_terms before the policy is loaded (--import)" in ballbot(*evaluate)[1]
+    assert "import my_terms first (ballbot --import MODULE COMMAND ...)" in ballbot(*evaluate)[1]
     assert ballbot("--import", "my_terms", *evaluate)[0] == 0
     assert "No module named 'nowhere'" in ballbot("--import", "nowhere", "info")[1]

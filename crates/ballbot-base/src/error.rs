@@ -38,11 +38,11 @@ pub enum Error {
         /// The accepted names.
         known: String,
     },
-    /// A physical parameter without a default was not given.
-    #[error("parameter {name} is missing")]
-    MissingParameter {
-        /// The parameter.
-        name: &'static str,
+    /// Physical parameters without a default were not given.
+    #[error("{} missing", listed(names))]
+    MissingParameters {
+        /// The parameters, at least one.
+        names: Vec<&'static str>,
     },
     /// Values that are individually valid contradict each other.
     #[error("{0}")]
@@ -105,6 +105,14 @@ pub enum Error {
     Riccati(String),
 }
 
+/// Parameters with the verb that follows them.
+fn listed(names: &[&str]) -> String {
+    match names {
+        [name] => format!("parameter {name} is"),
+        _ => format!("parameters {} are", names.join(", ")),
+    }
+}
+
 /// A number printed without hundreds of zeros.
 struct Readable(f64);
 
@@ -143,7 +151,9 @@ const ALIKE: f64 = 0.85;
 /// The `known` names, and a suggestion if a name is similar to `name`.
 pub fn one_of(name: &str, known: &[&str]) -> String {
     let listed = known.join(", ");
-    let like = |known: &&str| strsim::jaro_winkler(name, known);
+    // In any case of letters.
+    let name = name.to_lowercase();
+    let like = |known: &&str| strsim::jaro_winkler(&name, &known.to_lowercase());
     match known.iter().copied().max_by(|a, b| like(a).total_cmp(&like(b))) {
         Some(closest) if like(&closest) >= ALIKE => format!("{listed}; did you mean '{closest}'?"),
         _ => listed,

@@ -9,7 +9,7 @@ mod rollers;
 
 use crate::error::{Error, Result, check, positive};
 use crate::fields;
-use crate::fields::{Fields, Limit};
+use crate::fields::{Field, Fields, Limit};
 use nalgebra::{Matrix3, SymmetricEigen};
 use std::f64::consts::{FRAC_PI_2, TAU};
 use std::fmt;
@@ -138,15 +138,18 @@ impl Params {
     /// Parameters from named values; a scalar is a slice of one.
     ///
     /// # Errors
-    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameter`]; errors of [`Params::validate`].
+    /// [`Error::UnknownName`], [`Error::Length`] or [`Error::MissingParameters`]; errors of [`Params::validate`].
     pub fn from_fields<'n, 'v>(fields: impl IntoIterator<Item = (&'n str, &'v [f64])>) -> Result<Self> {
         let mut given = Vec::new();
         let fields = fields.into_iter().inspect(|(name, _)| given.push(*name));
         let params = Self::defaults().assign(fields)?;
-        match Self::FIELDS.iter().find(|field| field.required && !given.contains(&field.name)) {
-            Some(field) => Err(Error::MissingParameter { name: field.name }),
-            None => params.validate().map(|()| params),
+        let missing = |field: &&Field| field.required && !given.contains(&field.name);
+        let names: Vec<_> = Self::FIELDS.iter().filter(missing).map(|field| field.name).collect();
+        if !names.is_empty() {
+            return Err(Error::MissingParameters { names });
         }
+        params.validate()?;
+        Ok(params)
     }
 
     /// Copy with some values changed.

@@ -5,7 +5,7 @@ use crate::parts::joint_friction::JointFriction;
 use crate::parts::lean_planes::require_stable;
 use crate::parts::riccati::dynamic;
 use crate::{Constants, Controller, LaneSetpoint, Law, LimitOptions, Limited, TorqueLimits, check_control_dt};
-use ballbot_base::error::Result;
+use ballbot_base::error::{Error, Result};
 use ballbot_base::fields::Fields;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Eight, Kernel, Lane, Memory, Registers, Scalar, Wide, run_eight, run_one};
@@ -102,6 +102,20 @@ pub struct Sampled<T> {
     memory: Vec<f64>,
 }
 
+/// The error of a design, with the sampling time if it is too long for the robot.
+fn with_sampling(error: Error, params: &Params, control_dt: f64) -> Error {
+    // Within a sample the lean grows tenfold.
+    const GROWTH: f64 = 10.0;
+    let rate = LinearModel::new(params).toppling_squared().sqrt();
+    match error {
+        Error::Riccati(reason) if (rate * control_dt).exp() > GROWTH => Error::Riccati(format!(
+            "control_dt = {control_dt} s is too long for a robot that topples within {:.2} s ({reason})",
+            rate.recip()
+        )),
+        other => other,
+    }
+}
+
 impl<T: Law> Sampled<T> {
     /// The law that `design` returns for `params`, sampled every `control_dt` seconds.
     ///
@@ -120,7 +134,8 @@ impl<T: Law> Sampled<T> {
         options.check_limits()?;
         let (friction, params) = JointFriction::of(params);
         let limits = TorqueLimits::new(&params, control_dt, limits)?;
-        let law = design(&Plant { params: &params, control_dt, limits: &limits }, &options)?;
+        let law = design(&Plant { params: &params, control_dt, limits: &limits }, &options)
+            .map_err(|error| with_sampling(error, &params, control_dt))?;
         Ok(Self::of(law, control_dt, limits, friction))
     }
 

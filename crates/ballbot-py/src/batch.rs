@@ -1,6 +1,6 @@
 //! `Batch`: the environments behind every Python front end.
 
-use crate::control::{PyController, setpoints};
+use crate::control::{controller_of, setpoints};
 use crate::convert::{OPTION_COUNT, elements, finite_elements, objects, read_elements, shaped, vector};
 use crate::errors::{call, not_pickled, to_python};
 use crate::events::draws;
@@ -939,11 +939,12 @@ impl PyBatch {
     fn control<'py>(
         &self,
         py: Python<'py>,
-        controller: &PyController,
+        controller: &Bound<'py, PyAny>,
         setpoints: Option<&Bound<'py, PyDict>>,
         privileged: bool,
         drawn: bool,
     ) -> PyResult<Array2<'py, f32>> {
+        let controller = controller_of(controller)?.get();
         let mut inner = self.inner.write()?;
         let batch = &mut inner.batch;
         let n = batch.len();
@@ -1008,7 +1009,7 @@ impl PyBatch {
     fn rollout<'py>(
         &self,
         py: Python<'py>,
-        controller: Option<&PyController>,
+        controller: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = optional_whole)] steps: Option<i64>,
         setpoints: Option<&Bound<'py, PyAny>>,
         #[pyo3(from_py_with = record_names)] record: Vec<String>,
@@ -1019,6 +1020,7 @@ impl PyBatch {
         policies: Option<&Bound<'py, PyAny>>,
         actions: Option<&Bound<'py, PyAny>>,
     ) -> PyResult<Bound<'py, PyDict>> {
+        let controller = controller.map(controller_of).transpose()?.map(Bound::get);
         let steps = steps.ok_or_else(|| PyTypeError::new_err("rollout() requires steps"))?;
         let steps = count("steps", steps, 0)?;
         let mut inner = self.inner.write()?;

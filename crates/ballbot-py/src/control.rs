@@ -154,6 +154,18 @@ pub(crate) struct PyController {
     pub(crate) design: Box<Design>,
 }
 
+/// A controller as an argument.
+pub(crate) fn controller_of<'a, 'py>(value: &'a Bound<'py, PyAny>) -> PyResult<&'a Bound<'py, PyController>> {
+    value.cast::<PyController>().map_err(|_| {
+        let given = value.repr().map_or_else(|_| "another object".to_owned(), |text| text.to_string());
+        let given: String = given.chars().take(80).collect();
+        PyTypeError::new_err(format!(
+            "controller must be a Controller, not {given}: make_controller makes one from a name, and the function \
+             rollout and simulate take names, policies and Python functions"
+        ))
+    })
+}
+
 impl PyController {
     fn new<C: Controller + 'static>(
         name: &str,

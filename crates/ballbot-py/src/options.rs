@@ -51,7 +51,9 @@ pub(crate) fn configure(
             config.set_observation(observation.parse().map_err(to_python)?);
         }
         "reward" => {
-            let scales = value.cast::<PyDict>().map_err(|_| wrong("a dict of scales by reward term"))?;
+            let scales = value.cast::<PyDict>().map_err(|_| {
+                wrong("a dict of scales by reward term (a Task of your own has its own rewards: docs/own_tasks.md)")
+            })?;
             for (term, scale) in scales {
                 let term: String = term.extract()?;
                 let scale =

@@ -4,7 +4,7 @@ use crate::errors::{InvalidInputError, call, to_python};
 use crate::numbers::{one_or_more, real};
 use ballbot_core::fields::{Fields, describe_options};
 use ballbot_core::models::Scale;
-use ballbot_core::{Params, check_finite, urdf};
+use ballbot_core::{Error, Params, check_finite, urdf};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyCFunction, PyDict, PyList, PyMapping, PyTuple};
@@ -12,6 +12,9 @@ use std::path::PathBuf;
 
 /// Units of quantities that scale with the robot, for messages.
 const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m', 'N·m/(rad/s)'";
+
+/// The hint for URDFs in place of a robot.
+const TWO_URDFS: &str = "URDFs are two, of the bot and of the ball: Params.from_urdf(bot_path, ball_path)";
 
 /// Physical parameters of a ballbot, immutable: scalars are floats, vectors tuples.
 ///
@@ -265,9 +268,17 @@ impl FromPyObject<'_, '_> for Robot {
             return Ok(Self(params.get().0.clone()));
         }
         if let Ok(values) = robot.cast::<PyMapping>() {
-            let fields = PyDict::new(robot.py());
-            fields.update(&values)?;
-            return PyParams::new(Some(&fields)).map(|params| Self(params.0));
+            let dict = PyDict::new(robot.py());
+            dict.update(&values)?;
+            return match Params::from_fields(borrowed(&fields(Some(&dict))?)) {
+                Err(error @ Error::MissingParameters { .. }) => Err(InvalidInputError::new_err(format!(
+                    "{error}; to change parameters of a robot write Params.preset(\"paper\").replace(...)"
+                ))),
+                found => found.map(Self).map_err(to_python),
+            };
+        }
+        if robot.extract::<PathBuf>().is_ok_and(|path| path.extension().is_some_and(|suffix| suffix == "urdf")) {
+            return Err(InvalidInputError::new_err(format!("robot = {}: {TWO_URDFS}", robot.repr()?)));
         }
         if let Some(path) = toml_path(&robot) {
             return call(|| Params::from_toml_file(&path)).map(Self);
@@ -275,7 +286,8 @@ impl FromPyObject<'_, '_> for Robot {
         match robot.extract::<String>() {
             Ok(preset) => Params::preset(&preset).map(Self).map_err(to_python),
             Err(_) => Err(PyTypeError::new_err(format!(
-                "robot must be Params, the name of a preset, the path of a TOML file or a dict of parameters, not {}",
+                "robot must be Params, the name of a preset, the path of a TOML file or a dict of parameters, not {}; \
+                 {TWO_URDFS}",
                 robot.get_type().name()?
             ))),
         }

@@ -269,6 +269,12 @@ impl PyReference {
         self.reference.duration()
     }
 
+    /// When the first turn at full speed of a circle or lemniscate ends, s; None for other motions.
+    #[getter]
+    fn first_turn(&self) -> Option<f64> {
+        self.reference.first_turn()
+    }
+
     /// Largest fraction of the friction limit, the load or the torque of a wheel that the motion uses.
     #[getter]
     fn demand(&self) -> f64 {

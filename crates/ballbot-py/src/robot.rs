@@ -8,7 +8,7 @@ use crate::keywords::no_others;
 use crate::numbers::{count, real, whole};
 use crate::params::{PyParams, Robot};
 use crate::signals::interruptible;
-use crate::state::{PyContacts, PyState};
+use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
 use ballbot_core::Ballbot;
 use pyo3::prelude::*;
@@ -102,14 +102,14 @@ impl PyBallbot {
         #[pyo3(from_py_with = real)] yaw: f64,
         tilt: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
-        let tilt = tilt.map(|tilt| numbers::<2>("tilt", tilt)).transpose()?;
+        let tilt = tilt.map(tilt_of).transpose()?;
         let mut robot = self.0.write()?;
-        call(|| robot.place_on_ground(x, y, yaw, tilt.map(Into::into)))
+        call(|| robot.place_on_ground(x, y, yaw, tilt))
     }
 
     /// Restarts from `state`; None is upright at rest above the origin.
     ///
-    /// A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
+    /// A ball above the ground falls onto it. A state has no contact forces: `contact` and `rigid` recompute them in their next step. A snapshot has them.
     ///
     /// Raises:
     ///     ValueError: a state out of bounds, below the floor, or with slip where the model has none.

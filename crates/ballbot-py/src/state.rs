@@ -6,12 +6,13 @@ use crate::keywords::no_others;
 use crate::numbers::real;
 use crate::params::{PyParams, Robot};
 use crate::short;
-use ballbot_core::{Contacts, Params, State, Wheels, check_finite, unit_quaternion, wxyz};
+use ballbot_core::{Contacts, Error, Params, State, Wheels, check_finite, unit_quaternion, wxyz};
 use nalgebra::{UnitQuaternion, Vector2, Vector3};
 use numpy::PyArray1;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
+use std::f64::consts::PI;
 
 type Array<'py> = Bound<'py, PyArray1<f64>>;
 type Argument<'a, 'py> = Option<&'a Bound<'py, PyAny>>;
@@ -99,14 +100,15 @@ impl PyState {
 
     /// At rest on the floor at the origin: rotated by `yaw` (rad), then tilted by the rotation vector (x, y, 0) (rad).
     #[staticmethod]
-    #[pyo3(signature = (robot, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
+    #[pyo3(signature = (robot=None, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
     fn at_rest(
-        robot: Robot,
+        robot: Option<Robot>,
         tilt: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] yaw: f64,
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         no_others("State.at_rest", others)?;
+        let robot = required("State.at_rest", robot)?;
         tilted(&robot.0, tilt, yaw, State::tilted).map(Self)
     }
 
@@ -114,14 +116,15 @@ impl PyState {
     /// rotated by `yaw` (rad) and tilted by the rotation vector (x, y, 0) (rad). Equal to `at_rest` for a robot whose
     /// center of mass is on the mast.
     #[staticmethod]
-    #[pyo3(signature = (robot, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
+    #[pyo3(signature = (robot=None, tilt=None, yaw=0.0, **others), text_signature = "(robot, tilt=(0.0, 0.0), yaw=0.0)")]
     fn at_equilibrium(
-        robot: Robot,
+        robot: Option<Robot>,
         tilt: Argument<'_, '_>,
         #[pyo3(from_py_with = real)] yaw: f64,
         others: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         no_others("State.at_equilibrium", others)?;
+        let robot = required("State.at_equilibrium", robot)?;
         tilted(&robot.0, tilt, yaw, State::tilted_from_equilibrium).map(Self)
     }
 
@@ -281,6 +284,24 @@ impl PyState {
     }
 }
 
+/// The robot of a call that needs one, after its keywords have been checked: an old name has a hint.
+fn required(who: &str, robot: Option<Robot>) -> PyResult<Robot> {
+    robot.ok_or_else(|| PyTypeError::new_err(format!("{who}() missing 1 required positional argument: 'robot'")))
+}
+
+/// A tilt (x, y) as an argument, rad.
+pub(crate) fn tilt_of(tilt: &Bound<'_, PyAny>) -> PyResult<Vector2<f64>> {
+    let tilt = numbers::<2>("tilt", tilt)?;
+    call(|| check_finite("tilt", &tilt))?;
+    match tilt.into_iter().enumerate().find(|(_, angle)| angle.abs() > PI) {
+        Some((i, value)) => {
+            let limit = format!("within ±pi rad; did you mean math.radians({value})?");
+            Err(to_python(Error::OutOfRange { name: format!("tilt[{i}]"), value, limit }))
+        }
+        None => Ok(tilt.into()),
+    }
+}
+
 /// A state at rest with a tilt and a yaw.
 fn tilted(
     params: &Params,
@@ -288,11 +309,10 @@ fn tilted(
     yaw: f64,
     state: fn(&Params, Vector2<f64>, f64) -> State,
 ) -> PyResult<State> {
-    let tilt = tilt.map_or(Ok([0.0; 2]), |tilt| numbers::<2>("tilt", tilt))?;
+    let tilt = tilt.map(tilt_of).transpose()?.unwrap_or_default();
     call(|| {
-        check_finite("tilt", &tilt)?;
         check_finite("yaw", &[yaw])?;
-        let state = state(params, tilt.into(), yaw);
+        let state = state(params, tilt, yaw);
         state.validate()?;
         Ok(state)
     })

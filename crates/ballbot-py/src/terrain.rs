@@ -9,6 +9,7 @@ use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMetho
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyMapping};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 /// Ground that is not level: a smooth surface (a bicubic spline with continuous curvature), shared by all robots on it.
@@ -326,6 +327,12 @@ pub(crate) fn terrain(value: &Bound<'_, PyAny>) -> PyResult<Option<Arc<Terrain>>
     }
     if let Ok(recipe) = value.cast::<PyMapping>() {
         return of_recipe(recipe).map(|terrain| Some(terrain.0));
+    }
+    if value.extract::<PathBuf>().is_ok_and(|path| path.extension().is_some()) {
+        let path = value.repr()?;
+        return Err(PyValueError::new_err(format!(
+            "terrain = {path} is a file: terrain=read_terrain({path}, cell=..., height=...) reads a picture of heights"
+        )));
     }
     if let Ok(kind) = value.extract::<String>() {
         return PyTerrain::generate(value.py(), &kind, 0, None).map(|terrain| Some(terrain.0));

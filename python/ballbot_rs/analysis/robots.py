@@ -25,7 +25,7 @@ from ballbot_rs.analysis.records import RECORDS, KeptRows
 from ballbot_rs.analysis.result import SETTLED_TILT
 from ballbot_rs.analysis.rollout import batch_for
 from ballbot_rs.analysis.settling import settling_times
-from ballbot_rs.analysis.simulate import simulated_seconds
+from ballbot_rs.analysis.simulate import check_tilt, simulated_seconds, with_given_starts
 from ballbot_rs.control.resolve import Source, common_options, common_task, find
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
@@ -87,6 +87,8 @@ class Rollout:
 
     def settling_times(self, tilt: float = SETTLED_TILT) -> Array:
         """Time from which the tilt of each robot stays within a limit, s, shape (n,); infinite where it does not.
+
+        Only the rows count: with `every=10` the time is the first of every tenth control step.
 
         Args:
             tilt: the limit, rad.
@@ -170,10 +172,14 @@ def rollout(
     found = find(controller, task=task, env_options=given)
     # Only a fall ends the motion; the rows after it are not kept.
     env_options = {**common_options([found], given), "max_episode_steps": None}
+    named = common_task([found], task)
+    if tilt is not None:
+        check_tilt(tilt)
+        env_options = with_given_starts(env_options, named)
     batch = batch_for(
         found,
         count,
-        task=common_task([found], task),
+        task=named,
         num_threads=num_threads,
         seed=seed,
         options=env_options,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any, TypeAlias
 
@@ -9,8 +10,9 @@ import numpy as np
 import numpy.typing as npt
 from typing_extensions import Unpack
 
-from ballbot_rs._checks import check_real, check_seed
+from ballbot_rs._checks import check_real, check_seed, real_array
 from ballbot_rs._core import Batch, Reference, State
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
 from ballbot_rs.analysis import pushes as impulses_of
 from ballbot_rs.analysis.drawn_pushes import drawn_pushes
@@ -19,7 +21,7 @@ from ballbot_rs.analysis.rollout import batch_for, run_one
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import ResolvedController, Source, common_options, common_task, find
 from ballbot_rs.control.setpoints import checked
-from ballbot_rs.envs._batch_env import option_names
+from ballbot_rs.envs._batch_env import has_fall_tilt, option_names
 from ballbot_rs.envs.family import check_room
 from ballbot_rs.envs.options import TaskOptions
 
@@ -28,6 +30,9 @@ Target: TypeAlias = Reference | Callable[[float], Mapping[str, Any]] | Mapping[s
 
 #: Simulated time without a reference that ends, s.
 SECONDS = 5.0
+
+#: Largest component of the tilt at a start, rad: a robot that lies on its side.
+MAX_TILT = math.pi / 2
 
 
 @named
@@ -68,11 +73,13 @@ def simulate(
             made. None is the setpoint of the task.
         pushes: an impulse on the body, or several, at once or over a duration.
         forces: a constant force on the body, or several. Both act as impulses at the starts of control steps.
-        seconds: simulated time; None is until the reference ends, or 5 s if it does not.
+        seconds: simulated time; None is until the reference ends, a circle or lemniscate with its first turn at full
+            speed, or 5 s if it does not.
         start: initial state, in place of position, tilt and yaw.
         position: place of the ball above the ground, shape (2,), m; None is the start of the reference, or the origin
             without a reference or for constant parts.
-        tilt: from the equilibrium, components (x, y), rad; on a slope added to the equilibrium lean there.
+        tilt: from the equilibrium, components (x, y), rad; on a slope added to the equilibrium lean there. Beyond the
+            option `fall_tilt` of the task the robot has fallen at its start.
         yaw: heading, rad; None as `position`.
         task: name of the task, as in `compare`.
         seed: of the events and sensors.
@@ -91,6 +98,7 @@ def simulate(
     seconds = simulated_seconds(seconds, reference)
     pushes, forces = impulses_of.checked(pushes, forces, seconds)
     seed = check_seed(seed)
+    check_tilt(tilt)
     if reference is not None and not isinstance(reference, Reference):
         _target(reference)
     found = find(controller, task=task, env_options=given)
@@ -100,16 +108,13 @@ def simulate(
     def batch_of(found: ResolvedController) -> Batch:
         # Only a fall ends the episode: lengths in steps are for the task's own rate.
         env_options = {**common_options([found], given), "max_episode_steps": None}
-        if "reset_tilt" in option_names(named):
-            # The start is given.
-            env_options.setdefault("reset_tilt", 0.0)
         return batch_for(
             found,
             1,
             task=named,
             num_threads=1,
             seed=seed,
-            options=env_options,
+            options=with_given_starts(env_options, named),
             given=given,
             autoreset="disabled",
         )
@@ -162,20 +167,41 @@ def simulate(
         task=named,
         control_dt=batch.control_dt,
         sim_dt=batch.sim_dt,
+        fall_tilt=batch.options["fall_tilt"] if has_fall_tilt(named) else None,
         drawn_pushes=drawn_pushes(draws, times, batch.options["events"], batch.nominal_params(0).body_mass),
     )
 
 
+def check_tilt(tilt: npt.ArrayLike) -> None:
+    """Checks components of the tilt at a start.
+
+    Raises:
+        TypeError: they are not numbers.
+        ValueError: one is beyond a right angle, as where degrees are given.
+    """
+    angles = real_array("tilt is", tilt, "components (x, y)")
+    if (beyond := angles[np.abs(angles) > MAX_TILT]).size:
+        value = f"{beyond[0]:g}"
+        raise InvalidInputError(
+            f"tilt = {value} is out of range: it must be within ±pi/2 rad; did you mean math.radians({value})?"
+        )
+
+
+def with_given_starts(options: Mapping[str, Any], task: str) -> dict[str, Any]:
+    """Options of an environment that does not sample its starts: their range does not restrict the ground."""
+    return {**({"reset_tilt": 0.0} if "reset_tilt" in option_names(task) else {}), **options}
+
+
 def simulated_seconds(seconds: float | None, reference: Target | None = None) -> float:
-    """Simulated time, s; None is until the reference ends, or `SECONDS`.
+    """Simulated time, s; None is until the reference ends or has gone around once, or `SECONDS`.
 
     Raises:
         TypeError: it is not a number.
         ValueError: it is out of range.
     """
     if seconds is None:
-        duration = reference.duration if isinstance(reference, Reference) else None
-        seconds = duration or SECONDS
+        ends = (reference.duration, reference.first_turn) if isinstance(reference, Reference) else ()
+        seconds = next(filter(None, ends), SECONDS)
     seconds = check_real("seconds", seconds)
     if not 0.0 < seconds <= 3600.0:
         raise ValueError(f"seconds = {seconds} is out of range: it must be above 0 and at most 3600")

@@ -41,6 +41,8 @@ class Study:
     value: str = "survival_rate"
     #: Name of the task.
     task: str = "balance"
+    #: Factor and unit in which the table shows the scores of a scenario, by its id.
+    units: Mapping[str, tuple[float, str]] = dataclasses.field(default_factory=dict)
 
     def __post_init__(self) -> None:
         if not self.rows:
@@ -89,13 +91,21 @@ class Study:
         Raises:
             ValueError: an unknown column.
         """
-        self._check(value or self.value)
+        value = value or self.value
+        self._check(value)
         cases, points = self.cases, self.points
+        units = [
+            self.units.get(case.get("scenario", ""), (1.0, "")) if value == "score" else (1.0, "") for case in cases
+        ]
         body = [[_short.number(point[name]) for name in self.names] for point in points]
         for i, row in enumerate(self.rows):
-            number = row[value or self.value]
-            body[i // len(cases)].append("none" if number is None else _short.number(number))
-        return [[*self.names, *(" ".join(case.values()) for case in cases)], *body]
+            factor, _ = units[i % len(cases)]
+            body[i // len(cases)].append("none" if row[value] is None else _short.number(factor * row[value]))
+        titles = [
+            " ".join(case.values()) + (f" ({unit})" if unit else "")
+            for case, (_, unit) in zip(cases, units, strict=True)
+        ]
+        return [[*self.names, *titles], *body]
 
     def __repr__(self) -> str:
         controllers = dict.fromkeys(case["controller"] for case in self.cases)

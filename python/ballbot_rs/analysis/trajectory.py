@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ballbot_rs._arrays import keep_copies
 from ballbot_rs._core import Contacts, Params, State, Terrain
 from ballbot_rs._extras import require
+from ballbot_rs._state_rows import tilt_of
 from ballbot_rs.analysis import columns, exports
 from ballbot_rs.analysis import metrics as numbers
 from ballbot_rs.analysis.metrics import Metrics
@@ -74,6 +75,8 @@ class Trajectory:
     #: the controller's period is not a multiple of it; None is unknown.
     control_dt: float | None = None
     sim_dt: float | None = None
+    #: Tilt from the equilibrium beyond which the task counts the robot as fallen, rad; None is another condition.
+    fall_tilt: float | None = None
     #: Pushes of events and of the task, taken from the draws.
     drawn_pushes: Sequence[Push] = ()
 
@@ -86,12 +89,20 @@ class Trajectory:
         return (*self.pushes, *self.drawn_pushes)
 
     def __repr__(self) -> str:
-        ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s"
+        ending = "upright" if self.fell_at is None else f"fell at {self.fell_at:g} s{self._began_fallen}"
         steps = "" if self.sim_dt is None else f", sim_dt {1e3 * self.sim_dt:.4g} ms"
         return (
             f"<Trajectory of {self.controller} on {self.model}: {self.times[-1]:g} s, {len(self.times)} rows, "
             f"{ending}{steps}>"
         )
+
+    @property
+    def _began_fallen(self) -> str:
+        """Why a robot fell that began beyond the limit of its task, or an empty text."""
+        begun = float(tilt_of(self.states[0].to_array(), self.params.body_com))
+        if self.fall_tilt is None or begun <= self.fall_tilt:
+            return ""
+        return f" as it began at {begun:.3g} rad, beyond the option fall_tilt = {self.fall_tilt:.3g} rad"
 
     def _repr_html_(self) -> str:
         from ballbot_rs.media.notebook import to_html

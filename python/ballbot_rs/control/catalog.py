@@ -6,9 +6,8 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 from ballbot_rs import _short
-from ballbot_rs._checks import check_options
 from ballbot_rs._core import CONTROLLERS, Controller
-from ballbot_rs._keywords import named
+from ballbot_rs._keywords import check_keywords, named
 from ballbot_rs._robot import Robot, params_of
 
 #: Options of every controller.
@@ -132,5 +131,5 @@ def make_controller(
     """
     if name in CONTROLLERS:
         known = [option["name"] for option in CONTROLLERS[name]["options"]]
-        check_options(f"the controller '{name}'", options, (*known, *LIMITS))
+        check_keywords(f"the controller '{name}'", options, (*known, *LIMITS))
     return Controller(name, params_of(robot), control_dt, **options)

@@ -38,7 +38,7 @@ def task_in(file: Path, env_id: str, task: str | None) -> str:
             raise ValueError(
                 f"{file} was trained for another environment: env_id is {env_id!r}, expected one of "
                 f"{known}; name a task in Python with the module or file that registers it, as FILE.py:{env_id}, or "
-                "import that module first (--import)"
+                "import that module first (ballbot --import MODULE COMMAND ...)"
             ) from None
     if env_id != env_id_of(task):
         raise ValueError(
@@ -103,7 +103,9 @@ def completed(task: str, options: Mapping[str, Any]) -> dict[str, Any]:
             if module.partition(".")[0] in sys.stdlib_module_names and module != "__main__":
                 raise ValueError(f"{option}.{of} = {name!r} is not a function of robots")
             if module not in sys.modules:
-                raise ValueError(f"{option}.{of} = {name!r}: import {module} before the policy is loaded (--import)")
+                raise ValueError(
+                    f"{option}.{of} = {name!r}: import {module} first (ballbot --import MODULE COMMAND ...)"
+                )
             if getattr(imported(f"{option}.{of}", str(name)), "__module__", None) != module:
                 raise ValueError(f"{option}.{of} = {name!r} is not of the module {module}")
     before = {} if "scale_observations" in options else BEFORE_SCALING

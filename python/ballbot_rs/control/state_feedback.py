@@ -92,17 +92,38 @@ class StateFeedback:
             control_dt=self.control_dt,
         )
 
+    def __repr__(self) -> str:
+        used = [name for name, column in zip(NAMES, self._gain.T, strict=True) if column.any()]
+        return f"<StateFeedback on {', '.join(used) or 'nothing'}, control_dt={self.control_dt:g} s>"
+
     def __call__(
         self,
-        state: State,
+        state: State | Sequence[State] | Array,
         *,
         position: npt.ArrayLike | None = None,
         velocity: npt.ArrayLike | None = None,
         yaw: float = 0.0,
         yaw_rate: float = 0.0,
     ) -> Array:
-        """Wheel torques, shape (3,), N·m, without a limit; without `robot` for the paper's robot."""
-        return self._law(state, position=position, velocity=velocity, yaw=yaw, yaw_rate=yaw_rate)
+        """Wheel torques, N·m, without a limit; without `robot` for the paper's robot.
+
+        Args:
+            state: one, or a row of `State.to_array`; or n of them, as a list or an array, shape (n, 32).
+            position: of the setpoint of all states, m.
+            velocity: of the setpoint, m/s.
+            yaw: of the setpoint, rad.
+            yaw_rate: of the setpoint, rad/s.
+
+        Returns:
+            Shape (3,), or (n, 3) for n states.
+        """
+        setpoint: dict[str, Any] = {"position": position, "velocity": velocity, "yaw": yaw, "yaw_rate": yaw_rate}
+        if isinstance(state, State):
+            return self._law(state, **setpoint)
+        if isinstance(state, np.ndarray) and state.ndim == 1:
+            return self._law(State.from_array(state), **setpoint)
+        states = [one if isinstance(one, State) else State.from_array(one) for one in state]
+        return np.array([self._law(one, **setpoint) for one in states]).reshape(-1, 3)
 
     @functools.cached_property
     def _law(self) -> _OnRobot:

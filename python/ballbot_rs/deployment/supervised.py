@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs._keywords import named
+from ballbot_rs._keywords import check_keywords, named
 from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control.resolve import CONTROL_DT, Source, find
 from ballbot_rs.control.setpoints import Setpoint
@@ -76,6 +76,7 @@ class Supervised:
 
     Raises:
         ValueError: a policy, a law that reads sensors without an estimate, or a number out of range.
+        TypeError: an unknown limit.
         OSError: there is no C compiler.
     """
 
@@ -90,8 +91,7 @@ class Supervised:
         self._given = controller, robot, control_dt, limits
         robot = params_of(robot)
         known = [*inspect.signature(supervisor_header).parameters][2:]
-        if unknown := [name for name in limits if name not in known]:
-            raise InvalidInputError(f"unknown limit {unknown[0]!r}: expected {', '.join(known)}")
+        check_keywords("Supervised", limits, known)
         self._library = compiled("supervisor", supervisor_header(robot, self.control_dt, **limits), _SOURCE)
         self._laws = found.laws(1, robot, self.control_dt)
         self.reads_sensors = self._laws.reads_sensors

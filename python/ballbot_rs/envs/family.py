@@ -6,6 +6,7 @@ robot demands (`Params.scale`).
 
 import contextlib
 from collections.abc import Mapping, Sequence
+from os import PathLike
 from typing import Any, Final
 
 import numpy as np
@@ -103,6 +104,8 @@ def check_room(params: Any, num_envs: int) -> None:
     Raises:
         ValueError: it has not, or as `number_of`.
     """
+    if is_list(params) and any(str(one).endswith(".urdf") for one in params if isinstance(one, (str, PathLike))):
+        raise InvalidInputError(f"robot = {params!r}: of two URDFs write Params.from_urdf(bot_path, ball_path)")
     robots, most = number_of(params), room(num_envs)
     if robots > most:
         raise InvalidInputError(

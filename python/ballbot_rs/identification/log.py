@@ -198,7 +198,7 @@ def _fields(columns: Mapping[str, Array]) -> dict[str, Array]:
         if name in OPTIONAL and len(missing) == len(titles):
             continue
         if missing:
-            hint = did_you_mean(missing[0], columns)
+            hint = f"{did_you_mean(missing[0], columns)}; columns= names columns with other titles, docs/identify.md"
             raise InvalidInputError(f"column {', '.join(missing)} is missing; there are {', '.join(columns)}{hint}")
         values = [columns[title] for title in titles]
         for title, column in zip(titles, values, strict=True):
@@ -242,7 +242,8 @@ def _check_time(time: Array) -> None:
     median = float(np.median(steps))
     if median > MAX_STEP:
         raise InvalidInputError(
-            f"the median time step is {median:g} s, the limit is {MAX_STEP} s: sample faster, and give time in seconds"
+            f"the median time step is {median:g} s, the limit is {MAX_STEP} s: sample faster, and give time in "
+            'seconds, or its unit: time = "ms" in the table [units] of a column map (columns=)'
         )
 
 
@@ -278,5 +279,5 @@ def _check_units(log: SensorLog) -> None:
 def _hint(log: SensorLog, name: str, without: str) -> str:
     """What to change: in the column map if there is one."""
     if log.report is None:
-        return without
+        return f"{without}, or name their unit in the table [units] of a column map (columns=)"
     return f'[units] {name} of the column map is "{log.report.columns.units[name]}"; {without}'

@@ -20,6 +20,8 @@ class DifferentiableRobots(abc.ABC, Generic[Tensor]):
     _library: Any
 
     def __init__(self, batch: Batch) -> None:
+        if not isinstance(batch, Batch):
+            raise TypeError(f"batch must be a Batch, not {type(batch).__name__}: make one first, as Batch(64)")
         options = batch.options
         events = [event["term"] for event in options["events"]]
         pushed = batch.task == "push" or "push" in events

@@ -9,9 +9,11 @@ from jax.experimental import io_callback
 
 from ballbot_rs._core import Batch
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._keywords import named
 from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 
+@named
 class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
     """Robots of a batch whose states JAX differentiates: `DifferentiableBatch`, for another library.
 

@@ -5,9 +5,11 @@ from typing import Any
 import torch
 from torch.autograd.function import once_differentiable
 
+from ballbot_rs._keywords import named
 from ballbot_rs.optimal.differentiable import DifferentiableRobots
 
 
+@named
 class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     """Robots of a batch whose states PyTorch differentiates, through contact and slip.
 

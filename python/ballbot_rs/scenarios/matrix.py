@@ -32,11 +32,16 @@ Others: the worst direction, or of random episodes the mean of the worse half (C
 "falls" is k of n episodes; "-" marks scenarios that do not apply to a controller."""
 
 
+def factor_and_unit(scenario: Scenario) -> tuple[float, str]:
+    """Factor and unit in which the score of a scenario is shown."""
+    if scenario.is_map:
+        return 1.0, "deg" if isinstance(scenario.tilt, tuple) else "N·s"
+    return _UNITS.get(scenario.score, (1.0, "", 3))[:2]
+
+
 def unit(scenario: Scenario) -> str:
     """Display unit of the score of a scenario."""
-    if scenario.is_map:
-        return "deg" if isinstance(scenario.tilt, tuple) else "N·s"
-    return _UNITS.get(scenario.score, (1.0, "", 3))[1]
+    return factor_and_unit(scenario)[1]
 
 
 def cell(outcome: Outcome | None) -> str:

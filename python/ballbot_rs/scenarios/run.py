@@ -22,6 +22,7 @@ from ballbot_rs.analysis.study import Study
 from ballbot_rs.analysis.sweep import Row, Sweep, at, full_names, points_of, run_points
 from ballbot_rs.control.resolve import ResolvedController, Source, find
 from ballbot_rs.envs.options import Actuators
+from ballbot_rs.scenarios.matrix import factor_and_unit
 from ballbot_rs.scenarios.metrics import METRICS, UPRIGHT
 from ballbot_rs.scenarios.outcome import Outcome
 from ballbot_rs.scenarios.scenario import Scenario, load, select
@@ -177,7 +178,7 @@ def run_scenarios(
         checkpoint=None if checkpoint is None else Checkpoint(checkpoint, study, len(points)),
         progress=progress,
     )
-    return Study(tuple(points[0]), rows, "score")
+    return Study(tuple(points[0]), rows, "score", units={one.id: factor_and_unit(one) for one in chosen})
 
 
 def _text(name: str, given: str | PathLike[str] | None) -> str | None:

@@ -8,6 +8,8 @@ import numpy.typing as npt
 
 from ballbot_rs import _short
 from ballbot_rs._core import Ballbot, LinearModel, Params, SpatialModel
+from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 
 #: Directions in which the traction is checked.
 _DIRECTIONS = 72
@@ -18,7 +20,7 @@ class Scale:
     """Numbers of one robot, from its linear model and the loads of its wheels upright.
 
     ```python
-    scale = bb.Scale.of(bb.Params.preset("kugle"))
+    scale = bb.Scale.of("kugle")
     print(scale.holdable_lean, scale.capture_impulse)
     ```
 
@@ -40,8 +42,14 @@ class Scale:
         return _short.fields(self)
 
     @classmethod
-    def of(cls, params: Params) -> "Scale":
-        """The numbers of the robot of `params`."""
+    @named
+    def of(cls, robot: Robot) -> "Scale":
+        """The numbers of a robot: `Params`, the name of a preset, the path of a TOML file or a dict of parameters.
+
+        Raises:
+            TypeError, ValueError, OSError: as for the `robot` of `simulate`.
+        """
+        params = params_of(robot)
         linear = LinearModel(params)
         a, b = np.asarray(linear.A), np.asarray(linear.B)
         turning: npt.NDArray[np.float64] = np.asarray(np.linalg.inv(b[7:10]), dtype=np.float64)

@@ -407,7 +407,7 @@ fn malformed_toml_is_rejected_with_the_reason() {
     }
     assert!(matches!(Params::from_toml("ball_wait = 1.0"), Err(Error::UnknownName { .. })));
     assert!(matches!(Params::from_toml("ball_mass = [1.0, 2.0]"), Err(Error::Length { .. })));
-    assert!(matches!(Params::from_toml("ball_mass = 1.0"), Err(Error::MissingParameter { .. })));
+    assert!(matches!(Params::from_toml("ball_mass = 1.0"), Err(Error::MissingParameters { .. })));
     assert!(matches!(Params::from_toml("body_inertia = []"), Err(Error::Length { .. })));
 }
 

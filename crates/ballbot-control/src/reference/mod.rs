@@ -113,6 +113,11 @@ impl Reference {
         self.motion.duration()
     }
 
+    /// When the first turn at full speed of a circle or lemniscate ends, s; `None` for other motions.
+    pub fn first_turn(&self) -> Option<f64> {
+        self.motion.first_turn()
+    }
+
     /// Largest fraction of an available quantity that the motion uses: the friction limit of a wheel, its load (which
     /// must stay above 0) or the motors' torque.
     pub fn demand(&self) -> f64 {

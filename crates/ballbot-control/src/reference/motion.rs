@@ -148,6 +148,14 @@ impl Motion {
         }
     }
 
+    /// When the first turn at full speed of a circle or lemniscate ends, s; `None` for other motions.
+    pub fn first_turn(&self) -> Option<f64> {
+        match self {
+            Self::Circle { period, start, .. } | Self::Lemniscate { period, start, .. } => Some(start + period),
+            _ => None,
+        }
+    }
+
     /// The times, first and last, between which the ball accelerates, s; for a periodic motion, the start and one
     /// period.
     pub(super) fn pieces(&self) -> Vec<[f64; 2]> {

@@ -65,8 +65,9 @@ impl Chain<f64> {
                 "actuators.stall_torque / actuators.no_load_speed",
                 slope,
                 format_args!(
-                    "at most params.wheel_inertia / sim_dt = {} N·m/(rad/s): a wheel without load would oscillate \
-                     (wheel_inertia = {inertia} kg·m², sim_dt = {sim_dt} s)",
+                    "at most wheel_inertia / sim_dt = {} N·m/(rad/s) of the robot, whose wheels would oscillate without load \
+                     (wheel_inertia = {inertia} kg·m², sim_dt = {sim_dt} s); the motors of a preset fit the robot with \
+                     its name",
                     inertia / sim_dt
                 ),
                 |slope| slope * sim_dt <= inertia,

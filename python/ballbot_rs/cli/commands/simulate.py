@@ -46,7 +46,8 @@ def add_to(commands: Any) -> None:
         action="append",
         default=[],
         metavar="PART=VALUE",
-        help="a constant part of the setpoint, as position=[0.5,0] or yaw=1; repeat for more (default: the task's)",
+        help="a constant part of the setpoint in SI units and rad, as position=[0.5,0] or yaw=1; repeat for more "
+        "(default: the task's)",
     )
     command.add_argument("--json", action="store_true", help="print the file and the metrics of the motion as JSON")
     command.set_defaults(carry_out=run)

@@ -21,8 +21,8 @@ def add_to(command: Any, whose: str = "that controller") -> None:
         action="append",
         default=[],
         metavar="[CONTROLLER.]NAME=VALUE",
-        help=f"an option of {whose}, as position=0.1, max_torque=0.5, traction=false, or lqi.integral=0.2 of one among "
-        "several; repeat for more (docs/controllers.md)",
+        help=f"an option of {whose} in SI units and rad, as position=0.1, max_torque=0.5, traction=false, or "
+        "lqi.integral=0.2 of one among several; repeat for more (docs/controllers.md)",
     )
 
 

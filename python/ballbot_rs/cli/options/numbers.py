@@ -1,6 +1,7 @@
 """Numbers of the command line: errors for values that are out of range or not numbers have the value and the limits."""
 
 import argparse
+import contextlib
 import math
 import re
 from collections.abc import Callable, Mapping
@@ -89,6 +90,14 @@ def meters(low: float = -math.inf, high: float = math.inf) -> Callable[[str], fl
 def angle(limit: float) -> Callable[[str], float]:
     """An argparse type for angles up to a limit, rad, also as 5deg: beyond it degrees were meant."""
     return real(-limit, limit, units=ANGLES, unit="rad")
+
+
+def in_si(text: str) -> float | None:
+    """A number that is followed by the unit of a length, time or angle, in m, s or rad; None for another text."""
+    for units, unit in ((LENGTHS, "m"), (TIMES, "s"), (ANGLES, "rad")):
+        with contextlib.suppress(ValueError):
+            return _with_unit(text, units, unit)
+    return None
 
 
 def _with_unit(text: str, units: Mapping[str, float], unit: str) -> float:

@@ -7,6 +7,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import Any, Final
 
 from ballbot_rs._core import Params
+from ballbot_rs.cli.options.numbers import in_si
 from ballbot_rs.envs._batch_env import option_names
 from ballbot_rs.envs.parts import FLAG, PARAMETER_NAMES, apply, as_part, check_names, one_robot
 from ballbot_rs.envs.registration import DEFAULT_TASK
@@ -31,7 +32,7 @@ EXAMPLES: Final = "control_dt=0.005, actuators.delay=0.01, robot.body_mass=2.5"
 
 def add_to(
     command: Any,
-    what: str = f"an option of the environment, or a part of one, as {EXAMPLES}",
+    what: str = f"an option of the environment, or a part of one, in SI units and rad, as {EXAMPLES}",
     keys: Callable[[], Mapping[str, str]] = dict,
 ) -> None:
     """Adds `--set`.
@@ -71,6 +72,8 @@ def assignments(given: Sequence[str], flag: str = FLAG) -> dict[str, Any]:
         if not equals or not name:
             raise ValueError(f"{flag} {text}: expected NAME=VALUE")
         values[name] = value_of(value)
+        if isinstance(values[name], str) and (number := in_si(value)) is not None:
+            raise ValueError(f"{flag} {text}: values are in SI units and rad, without the unit: {name}={number:.6g}")
     return values
 
 

@@ -307,7 +307,8 @@ def imported(label: str, name: str) -> object:
             raise InvalidInputError(f"{label} = {name!r} cannot be imported: {error}") from error
         raise InvalidInputError(
             f"{label} = {name!r} is a function of the program that named it, and {path} is not in this program: move "
-            f"it to a module, name it as 'my_module:{path}', and import the module first (--import my_module)"
+            f"it to a module, name it as 'my_module:{path}', and import the module first (ballbot "
+            "--import my_module COMMAND ...)"
         ) from error
     except (ImportError, ValueError) as error:
         raise InvalidInputError(f"{label} = {name!r} cannot be imported: {error}") from error
