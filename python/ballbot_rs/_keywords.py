@@ -85,7 +85,7 @@ def renamed(name: str, known: Sequence[str]) -> str:
 
 
 def _meant(name: str, known: Sequence[str]) -> str:
-    """The keyword that has what a name of another library, of a motor or of a robot stands for, or an empty text."""
+    """The keyword that has what a name of another library, of a motor or of a robot means, or an empty text."""
     from ballbot_rs._core import ACTUATOR_OPTIONS, PARAMETERS
 
     if meant := [one for one in _MEANT.get(name, ()) if one in known]:

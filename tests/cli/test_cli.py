@@ -282,7 +282,7 @@ def test_without_a_command_the_help_is_printed(capsys):
     ("arguments", "hint"),
     [
         (["recrod"], "did you mean 'record'?"),
-        (["evaluate", "--import", "x.py"], "it stands before the command, ballbot --import MODULE evaluate ..."),
+        (["evaluate", "--import", "x.py"], "it goes before the command, ballbot --import MODULE evaluate ..."),
         (["record", "--controler", "lqr"], "unknown option --controler: did you mean '--controller'?"),
         (["evaluate", "balance", "goal"], "ballbot evaluate: unexpected argument: goal"),
         (["evaluate", "balanse"], ": did you mean 'balance'?"),

@@ -100,7 +100,7 @@ class Parser(argparse.ArgumentParser):
         """The option that is closest to an unknown name, or the key of `--set`."""
         if name == "--import":
             program, command = self.prog.split(" ", 1)
-            return f": it stands before the command, {program} --import MODULE {command} ..."
+            return f": it goes before the command, {program} --import MODULE {command} ..."
         settings = self.settings()
         key = name.removeprefix("--").replace("-", "_")
         found = closest(key, [*settings, *(option.removeprefix("--") for option in known)])
