@@ -116,7 +116,8 @@ class Stage:
                     self._resets.append(reset)
         self._rewards = [part for _, part in found["reward"]]
         self._ends = [part for _, part in found["terminations"]]
-        robots = self._at_rest(one, num_envs)
+        #: The robots of the last call.
+        self._present = robots = self._at_rest(one, num_envs)
         for reset in self._resets:
             reset(robots, robots.numbers, [np.random.default_rng(i) for i in range(num_envs)])
         #: Names in rewards, with their scales.
@@ -146,6 +147,28 @@ class Stage:
         self.name = name
         #: Whether the stage, not the task of the core, decides whether an episode is a success.
         self.decides_success = self._success is not None
+
+    @property
+    def takes_clicks(self) -> bool:
+        """Whether a task in Python takes clicks on the floor."""
+        return self.task is not None and type(self.task).click is not Task.click
+
+    def click(self, point: FloatArray) -> None:
+        """A click on the floor, shape (2,), m, for the robots of the last step."""
+        assert self.task is not None
+        self.task.click(self._present, point)
+
+    def drawing(self) -> FloatArray | None:
+        """Points of a line on the ground for each robot of the last step, m, shape (n, k, 2); None without."""
+        if self.task is None or type(self.task).drawing is Task.drawing:
+            return None
+        label, n = f"{type(self.task).__name__}.drawing", len(self._present)
+        found = real_array(f"{label} returned", self.task.drawing(self._present), "numbers")
+        if found.ndim != 3 or found.shape[::2] != (n, 2) or found.shape[1] == 0:
+            raise InvalidInputError(
+                f"{label} returned shape {found.shape}, expected ({n}, k, 2): points (x, y) of a line"
+            )
+        return found.astype(np.float64)
 
     @property
     def has_memory(self) -> bool:
@@ -231,7 +254,7 @@ class Stage:
         _: npt.NDArray[np.uint32],
     ) -> tuple[Robots, Robots]:
         rest = (commands, steps, indices, self._control_dt)
-        true = Robots(truth, *rest)
+        self._present = true = Robots(truth, *rest)
         return true, true if observed is truth else Robots(observed, *rest)
 
     def _at_rest(self, one: Batch, num_envs: int) -> Robots:

@@ -72,6 +72,17 @@ class Task:
         """Numbers by name, shape (n,) each, whose `summaries` over an episode commands, infos and the page show."""
         return {}
 
+    def drawing(self, robots: Robots) -> npt.ArrayLike:
+        """What the page draws on the ground: points of a line for each robot, shape (n, k, 2), inertial frame, m.
+
+        NaN interrupts the line; k may change. One point is drawn in a ring, as a goal.
+        """
+        raise NotImplementedError
+
+    def click(self, robots: Robots, point: npt.NDArray[np.float64]) -> None:
+        """Called with a click on the floor of the page, shape (2,), inertial frame, m: a goal for these robots."""
+        raise NotImplementedError
+
     def reset(self, robots: Robots, chosen: npt.NDArray[np.intp], rngs: Sequence[np.random.Generator]) -> None:
         """Called when episodes begin: `robots` are the robots that begin one, `chosen` their numbers in the batch.
 

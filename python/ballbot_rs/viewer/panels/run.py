@@ -131,6 +131,8 @@ def help_of(commanding: Commanding) -> str:
             f"**Click on the floor**: the goal. It is at most {commanding.max_distance:g} m from the ball, as the task "
             "draws; a farther click is brought nearer."
         )
+    if commanding.takes_clicks:
+        return "**Click on the floor**: a point for the task."
     return ""
 
 

@@ -168,6 +168,14 @@ class Push:
             self._arrow.points = np.array([[tip - way, tip]], dtype=np.float32)
 
 
+def open_line(points: FloatArray, heights: npt.ArrayLike = 0.0) -> FloatArray:
+    """The segments of a line on the ground, which NaN interrupts, shape (n, 2, 3)."""
+    lifted = np.column_stack([points, np.broadcast_to(np.asarray(heights) + LINE_HEIGHT, len(points))])
+    segments = np.stack([lifted[:-1], lifted[1:]], axis=1)
+    found: FloatArray = segments[np.isfinite(segments).all(axis=(1, 2))]
+    return found
+
+
 class RouteLine:
     """The curve along which the setpoint moves."""
 

@@ -7,6 +7,7 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION
+from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.media.arrows import path_of
 from ballbot_rs.viewer.scene import arrows
 from ballbot_rs.viewer.scene.arrows import Place, on_ground
@@ -140,6 +141,38 @@ class _Push(_Goal):
                 self._push.wxyz = about_z(float(push[1]))
         self._push.visible = bool(np.isfinite(push[0])) and 0.0 <= frame.time - self._since < PUSH_SECONDS
         self._push.position = on_ground(frame, frame.states[index, BALL_POSITION])
+
+
+class _Drawing(_Goal):
+    """The line of a task in Python, or its only point in a ring."""
+
+    def __init__(self, server: viser.ViserServer, name: str, place: Place) -> None:
+        super().__init__(server, name, place)
+        self._curve = self._line("curve", np.zeros((1, 2)), COMMAND_COLOR)
+        self._shown: FloatArray | None = None
+
+    def show(self, frame: Frame, commands: Commands, index: int) -> None:
+        """As `CommandNodes`."""
+        # Robots that have failed to draw keep their last line.
+        if index >= len(commands.drawings):
+            return
+        points = commands.drawings[index]
+        if self._shown is not None and np.array_equal(points, self._shown, equal_nan=True):
+            return
+        self._shown = points
+        is_goal = len(points) == 1
+        self._ring.visible = self._goal.visible = bool(is_goal and np.isfinite(points).all())
+        if self._goal.visible:
+            self._goal.position = self._ring.position = on_ground(frame, points[0])
+        segments = arrows.open_line(points, frame.heights(points))
+        self._curve.visible = len(segments) > 0
+        if self._curve.visible:
+            self._curve.points = np.float32(segments)
+
+
+def kind_of(commands: Commands) -> type[CommandNodes] | None:
+    """How commands are shown; None if they are not."""
+    return KINDS.get(geometry_of(commands.task) or "", _Drawing if commands.drawings else None)
 
 
 #: By the geometry of a command.

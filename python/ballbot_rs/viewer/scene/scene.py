@@ -9,11 +9,10 @@ import numpy.typing as npt
 import viser
 
 from ballbot_rs._state_rows import BALL_POSITION
-from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.viewer.scene.arrows import GHOST_COLOR, TRAIL_COLOR, Forces, Push, RouteLine, Trail, on_ground
 from ballbot_rs.viewer.scene.boundary import BoundaryLine
 from ballbot_rs.viewer.scene.cameras import FREE, Camera
-from ballbot_rs.viewer.scene.commands import KINDS, CommandNodes
+from ballbot_rs.viewer.scene.commands import CommandNodes, kind_of
 from ballbot_rs.viewer.scene.ground import HALF, Ground, ray_meets
 from ballbot_rs.viewer.scene.heading import about_z
 from ballbot_rs.viewer.scene.look import Look
@@ -76,9 +75,11 @@ class Scene:
     def show(self, frame: Frame) -> None:
         """Moves everything to its place in a frame."""
         current = (frame.robot, len(frame.states))
+        kind = None if frame.commands is None else kind_of(frame.commands)
         task = None if frame.commands is None else frame.commands.task
         if (*current, task) != (*self._shown, self._task):
-            self._rebuild_commands(task, len(frame.states))
+            self._task = task
+            self._rebuild_commands(kind, len(frame.states))
         if current != self._shown:
             self._rebuild(*current)
         if frame.commands is not None:
@@ -145,11 +146,9 @@ class Scene:
             self._world.position = -self.camera.rotation.T @ self.camera.middle
             self._ground.move_floor(self.camera)
 
-    def _rebuild_commands(self, task: str | None, num_robots: int) -> None:
+    def _rebuild_commands(self, kind: type[CommandNodes] | None, num_robots: int) -> None:
         for command in self._commands:
             command.remove()
-        self._task = task
-        kind = None if task is None else KINDS.get(geometry_of(task) or "")
         name = f"{WORLD}/command_{self._generation}"
         self._commands = (
             [] if kind is None else [kind(self._server, f"{name}_{i}", at) for i, at in enumerate(places(num_robots))]

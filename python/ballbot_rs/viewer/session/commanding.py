@@ -1,6 +1,7 @@
 """A task other than balance: it samples commands, in whose place a user may give others."""
 
 import math
+import warnings
 from collections.abc import Mapping, Sequence
 from typing import Any
 
@@ -54,7 +55,6 @@ class Commanding:
         self, controller: ResolvedController, params: Params, num_robots: int, task: str, options: Mapping[str, Any]
     ) -> None:
         self.task, self.geometry = task, geometry_of(task)
-        self.takes_clicks = self.geometry == CLICKED
         self.driver: Driver
         if controller.policy is None:
             self.driver = self._law = LawDriver(controller, params, num_robots)
@@ -66,7 +66,13 @@ class Commanding:
         given = {**options, **{name: value for name, value in controller.env_options.items() if name in own}}
         self.task_options: Mapping[str, Any] = {name: value for name, value in given.items() if name not in DECIDED}
         on_ground = {**self.task_options, "robot": params, "terrain": options.get("terrain")}
-        made = new_batch(1, task=task, num_threads=1, options=on_ground).options
+        batch = new_batch(1, task=task, num_threads=1, options=on_ground)
+        made = batch.options
+        #: Whether a task in Python has its own meaning of clicks.
+        self._has_clicks = batch.stage is not None and batch.stage.takes_clicks
+        self.takes_clicks = self.geometry == CLICKED or self._has_clicks
+        # A wrong drawing is an error here, not while robots move.
+        self._draws = batch.stage is not None and batch.stage.drawing() is not None
         #: Largest speed, m/s, and yaw rate, rad/s, that may be commanded: the largest that the task samples.
         bounds = [part["bound"] for part in description_of(task)["command"]] if self.geometry == DRIVEN else [0.0]
         self.max_speed = made.get("speed", made.get("speed_range", bounds[:1])[-1])
@@ -159,6 +165,10 @@ class Commanding:
         goal = np.array([check_bounded(n, v, -MAX_CLICK, MAX_CLICK) for n, v in (("x", x), ("y", y))])
         if not self.takes_clicks:
             raise ValueError(f"a click is not a command of the task {self.task}")
+        if self._has_clicks:
+            for robot in robots:
+                robot.click(goal)
+            return
         self._hand = goal
         self._give(robots, self._goals(robots))
 
@@ -189,11 +199,20 @@ class Commanding:
                 robots[index].set_command(current)
             self._given[index] = current
 
+    def _drawn(self, robots: Robots) -> list[FloatArray]:
+        try:
+            return [robot.drawing for robot in robots] if self._draws else []
+        except Exception as error:  # Whatever a task draws, the robots continue.
+            self._draws = False
+            warnings.warn(f"the task {self.task} is no longer drawn: {error}", stacklevel=2)
+            return []
+
     def shown(self, robots: Robots) -> dict[str, Any]:
         """As `Objective`: the task's commands."""
         points = np.array([parts["position"] for parts in robots.setpoints])
         begins = np.array([robot.begin for robot in robots])
         pushes = np.array([robot.draws.get(TASK_PUSH, np.full(3, np.nan)) for robot in robots])
         by_hand = self._hand is not None
-        commands = Commands(self.task, robots.commands, begins, points, pushes, robots[0].metrics, by_hand)
+        drawn = self._drawn(robots)
+        commands = Commands(self.task, robots.commands, begins, points, pushes, robots[0].metrics, by_hand, drawn)
         return {"commands": commands}

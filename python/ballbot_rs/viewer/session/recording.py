@@ -3,7 +3,7 @@
 import bisect
 import dataclasses
 from collections import deque
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -59,6 +59,8 @@ class Commands:
     metrics: Mapping[str, float]
     #: Whether the command came from the page.
     by_hand: bool
+    #: Points of the line that a task in Python draws for each robot, shape (k, 2) each, m.
+    drawings: Sequence[FloatArray] = ()
 
 
 @dataclasses.dataclass(frozen=True)

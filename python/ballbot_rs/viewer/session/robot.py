@@ -228,6 +228,18 @@ class Robot:
         return self._batch.setpoint(0)
 
     @property
+    def drawing(self) -> FloatArray:
+        """Points of the line that a task in Python draws, shape (k, 2), m."""
+        stage = self._batch.stage
+        found = None if stage is None else stage.drawing()
+        return np.empty((0, 2)) if found is None else found[0]
+
+    def click(self, point: FloatArray) -> None:
+        """Gives a click on the floor to the task in Python, m; a robot that lies ignores it."""
+        if self._lying is None and self._batch.stage is not None:
+            self._batch.stage.click(point)
+
+    @property
     def metrics(self) -> dict[str, float]:
         """The metrics of the task for the episode so far."""
         return dict(zip(metric_names(self._batch.task), task_metrics(self._batch)[0].tolist(), strict=True))
