@@ -75,8 +75,8 @@ class Task:
     def drawing(self, robots: Robots) -> npt.ArrayLike:
         """What the page draws on the ground: points of a line for each robot, shape (n, k, 2), inertial frame, m.
 
-        NaN interrupts the line; k may change. One point is drawn in a ring, as a goal. The commands of a `base` are shown
-        in its place.
+        NaN interrupts the line; k may change. One point is drawn in a ring, as a goal. The commands of a `base` are
+        shown in its place.
         """
         raise NotImplementedError
 
