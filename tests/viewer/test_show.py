@@ -90,7 +90,7 @@ def test_errors_reach_the_program_and_change_nothing(page):
         (lambda: page.push((1.0, 0.0, 0.0)), r"impulse has shape \(3,\), expected \(2,\)"),
         (lambda: page.push((100.0, 0.0)), "impulse = 100.0 is out of range"),
         (lambda: page.choose(model="spherical"), "unknown model 'spherical'"),
-        (lambda: page.set_params({"body_mass": 3.0}), "parameter ball_mass is missing"),
+        (lambda: page.set_params({"body_mass": 3.0}), "parameters ball_mass, .* are missing"),
         (lambda: page.recorded(), "nothing has been recorded: call record before"),
         (lambda: page.wait(-1.0), "seconds = -1.0 is out of range"),
     ):
