@@ -16,7 +16,7 @@ PAGES = ["README.md", "CONTRIBUTING.md", "examples/README.md"]
 PAGES += sorted(page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md"))
 EXTRAS = _toml.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
 #: Of the shell, of git and of others, without names of ours.
-FREE = ("cc", "git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv")
+FREE = ("cc", "git", "cd", "export", "wait", "for", "done", "maturin", "timeit", "venv", "http.server")
 
 
 def commands(page: str) -> Iterator[str]:
@@ -62,7 +62,7 @@ def missing(line: str) -> str | None:
     if program == "python" and words[1] == "-c":
         compile(words[2], line, "exec")
         return None
-    if program in ("python", "pytest"):
+    if program in ("python", "pytest", "node"):
         return None if (ROOT / words[1]).is_file() else words[1]
     return None if program in ("ballbot", ".", "#", *FREE) else program
 

@@ -13,7 +13,7 @@ fn part<'a>(scene: &'a Scene, robot: usize, name: &str) -> &'a [f64] {
 #[test]
 fn a_scene_is_the_closed_loop_of_robot_and_controller_to_the_bit() {
     let mut scene = Scene::new("robot = 'kugle'\ncontroller = 'lqr'\ntilt = 0.05").unwrap();
-    // In pieces that are no multiples of the time between two calls of the controller.
+    // In pieces that end between two calls of the controller.
     (0..300).for_each(|_| scene.advance(7));
 
     let params = Params::preset("kugle").unwrap();
