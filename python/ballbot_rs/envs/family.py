@@ -104,8 +104,10 @@ def check_room(params: Any, num_envs: int) -> None:
     Raises:
         ValueError: it has not, or as `number_of`.
     """
-    if is_list(params) and any(str(one).endswith(".urdf") for one in params if isinstance(one, (str, PathLike))):
-        raise InvalidInputError(f"robot = {params!r}: of two URDFs write Params.from_urdf(bot_path, ball_path)")
+    if isinstance(params, (list, tuple)) and len(params) == 2:
+        paths = [one for one in params if isinstance(one, (str, PathLike))]
+        if any(str(path).endswith(".urdf") for path in paths):
+            raise InvalidInputError(f"robot = {params!r}: of two URDFs write Params.from_urdf(bot_path, ball_path)")
     robots, most = number_of(params), room(num_envs)
     if robots > most:
         raise InvalidInputError(
