@@ -21,7 +21,9 @@ def build(site: Path, rust: Path) -> int:
     work = site.with_name(f"{site.name}-build")
     shutil.rmtree(site, ignore_errors=True)
     has_rust = (rust / "ballbot_core").is_dir()
-    stage.write(work / "source", work / "cache", has_rust)
+    web = ROOT / "target" / "web" / "page"
+    has_web = (web / "index.html").is_file()
+    stage.write(work / "source", work / "cache", has_rust, has_web)
     conf = ROOT / "tools" / "website"
     static = work / "static"
     font.write(static / "mathematics.css")
@@ -44,6 +46,10 @@ def build(site: Path, rust: Path) -> int:
         shutil.copytree(rust, site / "rust", ignore=shutil.ignore_patterns(".lock"))
     else:
         print(f"no documentation of the core in {rust}: `make docs` writes it", file=sys.stderr)
+    if has_web:
+        shutil.copytree(web, site / "web")
+    else:
+        print(f"no page in {web}: `make web` builds it, and scenes are left out", file=sys.stderr)
     complaints = list(links.broken(site))
     print("\n".join(complaints), file=sys.stderr)
     return 1 if complaints else 0

@@ -1,5 +1,7 @@
 """The folder that Sphinx reads: the pages of docs/, a few other pages, generated pages, and the menu."""
 
+import functools
+import html
 import re
 import shutil
 from pathlib import Path
@@ -11,8 +13,12 @@ from website.paths import DOCS, ROOT, staged
 SECTION = re.compile(r"^## (.+)$", flags=re.MULTILINE)
 
 
-def write(folder: Path, cache: Path, has_rust: bool) -> None:
-    """Writes everything from scratch; `has_rust`: the core's documentation will be next to it."""
+#: A scene of the page in the browser, invisible elsewhere, with the choices of its link.
+SCENE = re.compile(r"^<!-- scene: (\S+) -->$", flags=re.MULTILINE)
+
+
+def write(folder: Path, cache: Path, has_rust: bool, has_web: bool = False) -> None:
+    """Writes everything from scratch; the core's documentation and the page in the browser will be next to it."""
     shutil.rmtree(folder, ignore_errors=True)
     shutil.copytree(DOCS, folder, ignore=shutil.ignore_patterns("*.md"))
     pages = staged()
@@ -23,6 +29,7 @@ def write(folder: Path, cache: Path, has_rust: bool) -> None:
         if origin.endswith(".ipynb"):
             text = notebooks.page(text)
         text = rewritten(text, origin, pages)
+        text = SCENE.sub(functools.partial(_scene, depth=place.count("/")) if has_web else "", text)
         if "```mermaid" in text:
             # The drawing packages are installed only for the site.
             from website import diagrams
@@ -41,6 +48,14 @@ def write(folder: Path, cache: Path, has_rust: bool) -> None:
     ):
         with (folder / name).open("a", encoding="utf-8") as page:
             page.write(_toctree(None, entries))
+
+
+def _scene(found: re.Match[str], depth: int) -> str:
+    """A frame with the page in the browser."""
+    address = f"{'../' * depth}web/index.html#panel=false&{html.escape(found[1])}"
+    title = "A ballbot: click on the floor to send it, on the robot to push it"
+    frame = f'<iframe class="scene" src="{address}" title="{title}" loading="lazy"></iframe>'
+    return f"```{{raw}} html\n{frame}\n```"
 
 
 def _write_all(folder: Path, pages: dict[str, str]) -> None:

@@ -7,7 +7,7 @@ import { View } from "./view.js";
 
 const DEFAULTS = {
   robot: "paper", controller: "lqr", compare: "none", terrain: "level", model: "contact", robots: 1, speed: 1,
-  follow: false, sliders: {}, camera: [0, 0, 0],
+  follow: false, panel: true, sliders: {}, camera: [0, 0, 0],
 };
 
 /** Sliders: factors on parameters, or metres added to one of their numbers. */
@@ -43,6 +43,9 @@ class Page {
   constructor(simulator, looks) {
     Object.assign(this, { simulator, keys: new Set(), paused: false, debt: 0, driven: "" });
     this.choices = link.read(location.hash, DEFAULTS);
+    // A scene within a page has no controls, but a link to the whole.
+    document.body.classList.toggle("bare", !this.choices.panel);
+    if (!this.choices.panel) find("whole").href = location.pathname + link.write({ ...this.choices, panel: true }, DEFAULTS);
     this.view = new View(find("scene"), looks);
     this.fill();
     this.listen();

@@ -29,6 +29,8 @@ class DifferentiableJaxBatch(DifferentiableRobots[jax.Array]):
     print(jax.grad(lambda torques: robots.step(states, torques)[0][:, 0].sum())(jnp.zeros((4, 3))))
     ```
 
+    The gradient of a policy's cost over 32 steps, compiled::
+
         jax.config.update("jax_enable_x64", True)
         robots = DifferentiableJaxBatch(Batch(64))
 
