@@ -58,7 +58,8 @@ def fitted(arm: str, seed: int) -> PPO:
 
 def evaluated(path: Path, params: Any, episodes: int) -> bb.Result:
     """A policy on robots that it has not been fitted on."""
-    return bb.evaluate(path, episodes=episodes, seed=1000, num_threads=1, robot=params, events=None)
+    # From tilts that every robot recovers from.
+    return bb.evaluate(path, episodes=episodes, seed=1000, num_threads=1, robot=params, events=None, reset_tilt=0.1)
 
 
 def main() -> int:
