@@ -161,7 +161,9 @@ def random_states(params, rng, count):
     states = []
     for i in range(count):
         size = (0.02, 0.3, 1.0)[i % 3]
-        upright = bb.State.at_equilibrium(params, tilt=rng.normal(0.0, size, 2), yaw=rng.uniform(-np.pi, np.pi))
+        # More than half a turn is an error.
+        tilt = np.clip(rng.normal(0.0, size, 2), -np.pi, np.pi)
+        upright = bb.State.at_equilibrium(params, tilt=tilt, yaw=rng.uniform(-np.pi, np.pi))
         quaternion = upright.body_quaternion if i % 10 else unit(rng.normal(size=4))
         state = bb.State.rolling(params, rng.normal(0.0, size, 2), quaternion, rng.normal(0.0, size, 3), size)
         slip = (0.0, 0.0, 0.3)[i // 3 % 3]

@@ -37,7 +37,7 @@ class DifferentiableBatch(DifferentiableRobots[torch.Tensor]):
     transit, newest first, and the torques of the lag, three each, N·m. The gradients are exact with the modes that the
     contacts took, as `Batch.jacobians`, along changes that leave quaternions of unit length. A robot whose episode ends
     starts another, and its new state has no gradient; neither has the state of a robot whose bot touches the floor. A
-    step takes about 200 times as long as `Batch.step`, and twice as long with a lag (docs/gradients.md).
+    step takes about 260 times as long as `Batch.step`, and twice as long with a lag (docs/gradients.md).
 
     `torch.utils.checkpoint` of a policy works; of `step` it is an error in the backward pass, because the robots cannot
     repeat a step.
