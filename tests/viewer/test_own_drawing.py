@@ -105,9 +105,12 @@ def test_a_drawing_that_fails_is_hidden_and_the_robots_continue(registered):
 
 def test_a_line_is_interrupted_by_nan():
     nan = [np.nan, np.nan]
-    segments = open_line(np.array([[0.0, 0.0], [1.0, 0.0], nan, [2.0, 0.0], [2.0, 1.0], [2.0, 2.0]]))
+    ground = bb.Terrain.generate("wave")
+    points = np.array([[0.0, 0.0], [1.0, 0.0], nan, [2.0, 0.0], [2.0, 1.0], [2.0, 2.0]])
+    segments = open_line(points, lambda places: ground.height(*places.T))
     assert segments[:, :, :2].tolist() == [[[0, 0], [1, 0]], [[2, 0], [2, 1]], [[2, 1], [2, 2]]]
-    assert open_line(np.array([[1.0, 2.0]])).shape == (0, 2, 3)
+    assert segments[0, 1, 2] == pytest.approx(ground.height(1.0, 0.0), abs=0.01)
+    assert open_line(np.array([[1.0, 2.0]]), lambda places: np.zeros(len(places))).shape == (0, 2, 3)
 
 
 @pytest.mark.slow("real time")

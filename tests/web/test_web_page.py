@@ -160,12 +160,41 @@ def test_a_link_restores_the_choices_and_a_wrong_one_is_named(page, url):
         "camera=1,2",
         "model=rigid",
         "x.y.z=1",
+        "__proto__.offset=1",
     ):
         open_page(page, f"{url}#{wrong}")
         assert page.evaluate("ballbot.choices.robot") == "paper"
         assert page.evaluate("ballbot.choices.robots") == 1
-    open_page(page, f"{url}#robot=nobody")
-    assert "robot = nobody" in page.evaluate("document.getElementById('message').textContent")
+        assert page.evaluate("({}).offset") is None
+        # spatial simulates only planes, and the model rigid is not in the page.
+        message = page.evaluate("document.getElementById('message').textContent")
+        assert wrong.partition("=")[0] in message
+
+
+def test_choices_that_do_not_fit_together_leave_page_and_robots_as_they_were(page):
+    choose(page, "robot", "rezero")
+    choose(page, "terrain", "bumps")
+    choose(page, "model", "spatial")
+    assert "planes" in page.evaluate("document.getElementById('message').textContent")
+    chosen = page.evaluate("[ballbot.choices.model, document.getElementById('model').value, ballbot.choices.terrain]")
+    assert chosen == ["contact", "contact", "bumps"]
+    patch = page.evaluate("ballbot.view.patch.uuid")
+    choose(page, "terrain", "wave")
+    page.wait_for(f"ballbot.view.patch && ballbot.view.patch.uuid !== {json.dumps(patch)}")
+    page.evaluate("ballbot.each('go_to', 100, 0)")
+    page.evaluate("ballbot.scene.advance(40000)")
+    assert 2.0 < part(page, "ball_position")[0] < 10.0
+    choose(page, "controller", "pid")
+    page.evaluate("ballbot.each('go_to', 1, 0)")
+    assert "holds the tilt" in page.evaluate("document.getElementById('message').textContent")
+
+
+def test_the_plots_begin_again_with_the_robots(page):
+    page.evaluate(
+        "ballbot.pause(true); ballbot.scene.advance(30000); ballbot.plots.forEach(p => p.add(ballbot.scene.time))"
+    )
+    page.evaluate("ballbot.reset(); ballbot.plots.forEach(plot => plot.add(ballbot.scene.time))")
+    assert page.evaluate("ballbot.plots.map(plot => plot.times.length)") == [1] * 4
 
 
 def test_settings_that_do_not_fit_are_errors_and_the_robots_stay(page):
@@ -184,7 +213,15 @@ def test_settings_that_do_not_fit_are_errors_and_the_robots_stay(page):
             "catch (error) { return error.message; } })()"
         )
         assert words in error
-    assert "steps" in page.evaluate("(() => { try { ballbot.scene.advance(-1); } catch (e) { return e.message; } })()")
+    for call in (
+        "advance(-1)",
+        "advance(1.5)",
+        "advance(1e9)",
+        "part(7, 'tilt')",
+        "part(0, 'nothing')",
+        "heights(0, 0, 1, 1e9)",
+    ):
+        assert page.evaluate(f"(() => {{ try {{ ballbot.scene.{call}; }} catch (e) {{ return e.message; }} }})()")
     before = page.evaluate("ballbot.scene.time")
     wait_until(lambda: page.evaluate("ballbot.scene.time") > before)
 

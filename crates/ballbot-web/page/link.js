@@ -1,22 +1,30 @@
 // The page's choices in its address.
 
-/** Choices from an address; what it does not have, or has wrongly, is as in `defaults`. */
+/** Choices from an address, as in `defaults` where it has none, and what it has that is not a choice. */
 export function read(hash, defaults) {
-  const given = new URLSearchParams(hash.replace(/^#/, ""));
   const choices = structuredClone(defaults);
-  for (const [name, text] of given) {
+  const unknown = [];
+  for (const [name, text] of new URLSearchParams(hash.replace(/^#/, ""))) {
     const [first, second] = name.split(".");
-    if (second !== undefined && typeof choices[first] === "object" && !Array.isArray(choices[first])) {
-      if (Number.isFinite(Number(text))) choices[first][second] = Number(text);
-    } else if (Array.isArray(choices[name])) {
-      const numbers = text.split(",").map(Number);
-      if (numbers.length === choices[name].length && numbers.every(Number.isFinite)) choices[name] = numbers;
-    } else if (typeof choices[name] === "number") {
-      if (Number.isFinite(Number(text))) choices[name] = Number(text);
-    } else if (typeof choices[name] === "boolean") choices[name] = text === "true";
-    else if (typeof choices[name] === "string") choices[name] = text.slice(0, 100);
+    const [owner, key] = second === undefined ? [choices, first] : [choices[first], second];
+    const known = Object.hasOwn(choices, first) && Object.hasOwn(owner, key);
+    const value = known ? parsed(text, owner[key]) : undefined;
+    if (value === undefined) unknown.push(`${name}=${text}`.slice(0, 60));
+    else owner[key] = value;
   }
-  return choices;
+  return { choices, unknown };
+}
+
+/** A text as a value of the kind of another, or undefined. */
+function parsed(text, like) {
+  const number = (part) => (part.trim() === "" ? NaN : Number(part));
+  if (Array.isArray(like)) {
+    const numbers = text.split(",").map(number);
+    return numbers.length === like.length && numbers.every(Number.isFinite) ? numbers : undefined;
+  }
+  if (typeof like === "number") return Number.isFinite(number(text)) ? number(text) : undefined;
+  if (typeof like === "boolean") return { true: true, false: false }[text];
+  return typeof like === "string" ? text.slice(0, 100) : undefined;
 }
 
 /** The address of choices, without those that are as in `defaults`. */
@@ -31,5 +39,5 @@ export function write(choices, defaults) {
       }
     } else if (value !== defaults[name]) out.set(name, value);
   }
-  return out.size ? `#${out}` : "";
+  return `${out}` ? `#${out}` : "";
 }

@@ -21,9 +21,12 @@ const SLIDERS = {
 };
 for (const [name, { neutral }] of Object.entries(SLIDERS)) DEFAULTS.sliders[name] = neutral;
 
+const SIZE = { size_x: 20, size_y: 20 };
 const TERRAINS = {
-  level: null, plane: { slope: 0.08 }, wave: { slope: 0.12 }, noise: { slope: 0.12 }, bumps: { slope: 0.12 }, cobbles: {},
+  level: null, plane: { slope: 0.08 }, wave: { slope: 0.12, ...SIZE }, noise: { slope: 0.12, ...SIZE },
+  bumps: { slope: 0.12, ...SIZE }, cobbles: {},
 };
+const SELECTS = ["robot", "controller", "compare", "terrain", "model", "robots"];
 const COUNTS = [1, 4, 16, 64];
 const SPEEDS = [0.05, 0.1, 0.25, 0.5, 1, 2];
 const KEYS = {
@@ -42,7 +45,9 @@ const find = (id) => document.getElementById(id);
 class Page {
   constructor(simulator, looks) {
     Object.assign(this, { simulator, keys: new Set(), paused: false, debt: 0, driven: "" });
-    this.choices = link.read(location.hash, DEFAULTS);
+    const { choices, unknown } = link.read(location.hash, DEFAULTS);
+    this.choices = choices;
+    this.unknown = unknown;
     // A scene within a page has no controls, but a link to the whole.
     document.body.classList.toggle("bare", !this.choices.panel);
     if (!this.choices.panel) find("whole").href = location.pathname + link.write({ ...this.choices, panel: true }, DEFAULTS);
@@ -58,17 +63,19 @@ class Page {
       ]),
       new Plot(parent, "Wheel torques, N·m", ["1", "2", "3"], three("wheel_torques")),
       new Plot(parent, "Wheel loads, N", ["1", "2", "3"], three("wheel_normal_forces")),
-      new Plot(parent, "Traction of the limit", ["1", "2", "3"], () => {
+      new Plot(parent, "Traction / friction limit", ["1", "2", "3"], () => {
         const loads = this.scene.part(0, "wheel_normal_forces");
         return [...this.scene.part(0, "wheel_tractions")].map((t, i) => Math.abs(t) / Math.max(1e-9, this.friction * loads[i]));
       }),
     ];
     this.open();
-    if (this.unknown) this.complain(this.unknown);
+    if (this.unknown.length) this.complain(`The link has ${this.unknown.join(", ")}, which is no choice here.`);
     if (this.choices.camera.some((x) => x !== 0)) this.view.camera.position.fromArray(this.choices.camera);
     this.last = performance.now();
     this.view.renderer.setAnimationLoop((now) => this.picture(now));
-    find("scene").focus({ preventScroll: true });
+    // A scene within a page leaves the keys and the wheel to the page.
+    if (this.choices.panel) find("scene").focus({ preventScroll: true });
+    else this.view.controls.enableZoom = false;
   }
 
   /** Options of the controls, as the simulator has them. */
@@ -77,11 +84,9 @@ class Page {
     const options = (id, items) => {
       find(id).replaceChildren(...items.map(([value, text]) => new Option(text, value)));
       const known = items.some(([value]) => `${value}` === `${this.choices[id]}`);
-      if (!known) {
-        this.unknown = `The link has ${id} = ${this.choices[id]}, which does not exist.`;
-        this.choices[id] = DEFAULTS[id];
-      }
-      find(id).value = this.choices[id];
+      if (known) return;
+      this.unknown.push(`${id} = ${this.choices[id]}`);
+      this.choices[id] = DEFAULTS[id];
     };
     const laws = controllers.map((law) => [law.name, law.label]);
     options("robot", Object.keys(robots).map((name) => [name, name]));
@@ -91,15 +96,15 @@ class Page {
     options("model", [["contact", "contact and slip"], ["spatial", "without slip"]]);
     options("robots", COUNTS.map((count) => [count, count]));
     options("speed", SPEEDS.map((speed) => [speed, `${speed} ×`]));
-    find("follow").checked = this.choices.follow;
-    for (const [name, { label, low, high }] of Object.entries(SLIDERS)) {
-      const value = Math.min(high, Math.max(low, this.choices.sliders[name]));
-      this.choices.sliders[name] = value;
+    for (const [name, { label, low, high, neutral }] of Object.entries(SLIDERS)) {
+      const value = this.choices.sliders[name];
+      if (!(value >= low && value <= high)) {
+        this.unknown.push(`sliders.${name} = ${value} (${low} to ${high})`);
+        this.choices.sliders[name] = neutral;
+      }
       const row = document.createElement("label");
       const slider = Object.assign(document.createElement("input"), { type: "range", min: low, max: high, step: "any", id: name });
       const output = document.createElement("output");
-      slider.value = value;
-      output.value = (+value).toPrecision(3);
       slider.addEventListener("input", () => {
         this.choices.sliders[name] = Number(Number(slider.value).toPrecision(3));
         output.value = this.choices.sliders[name].toPrecision(3);
@@ -108,22 +113,38 @@ class Page {
       row.append(label, slider, output);
       find("sliders").append(row);
     }
+    this.showChoices();
+  }
+
+  /** Sets the controls to the choices. */
+  showChoices() {
+    for (const id of SELECTS) find(id).value = this.choices[id];
+    find("speed").value = this.choices.speed;
+    find("follow").checked = this.choices.follow;
+    for (const [name, value] of Object.entries(this.choices.sliders)) {
+      find(name).value = value;
+      find(name).nextElementSibling.value = value.toPrecision(3);
+    }
   }
 
   listen() {
-    for (const id of ["robot", "controller", "compare", "terrain", "model", "robots"]) {
+    const focus = () => find("scene").focus({ preventScroll: true });
+    addEventListener("hashchange", () => location.reload());
+    for (const id of SELECTS) {
       find(id).addEventListener("change", (event) => {
         this.choices[id] = typeof DEFAULTS[id] === "number" ? Number(event.target.value) : event.target.value;
         this.open();
       });
+      // Letters choose in a list that has the focus; they are to drive.
+      find(id).addEventListener("pointerdown", () => find(id).addEventListener("change", focus, { once: true }));
     }
     find("speed").addEventListener("change", (event) => (this.choices.speed = Number(event.target.value)));
     find("follow").addEventListener("change", (event) => (this.choices.follow = event.target.checked));
     find("push").addEventListener("click", () => this.push());
     find("pause").addEventListener("click", () => this.pause(!this.paused));
-    find("reset").addEventListener("click", () => this.attempt(() => this.scenes().forEach((scene) => scene.call("reset"))));
+    find("reset").addEventListener("click", () => this.reset());
     find("share").addEventListener("click", async () => {
-      this.choices.camera = this.view.camera.position.toArray();
+      this.choices.camera = this.view.place;
       history.replaceState(null, "", location.pathname + link.write(this.choices, DEFAULTS));
       try {
         await navigator.clipboard.writeText(location.href);
@@ -136,6 +157,8 @@ class Page {
     const typing = (event) => event.target.matches?.("input, select");
     addEventListener("keydown", (event) => {
       if (typing(event) || event.ctrlKey || event.metaKey || event.altKey) return;
+      // In the panel arrows scroll.
+      if (event.code.startsWith("Arrow") && find("panel").contains(event.target)) return;
       if (event.code in KEYS) this.keys.add(event.code);
       else if (event.code === "Space" && !event.target.matches("button")) this.attempt(() => this.stop());
       else if (event.code === "KeyP") this.push();
@@ -148,12 +171,32 @@ class Page {
     canvas.addEventListener("pointerdown", (event) => this.press(event), { capture: true });
     canvas.addEventListener("pointermove", (event) => this.move(event));
     canvas.addEventListener("pointerup", (event) => this.release(event));
-    canvas.addEventListener("pointercancel", () => this.letGo());
+    canvas.addEventListener("pointercancel", (event) => this.isOf(event) && this.letGo());
     canvas.addEventListener("webglcontextlost", (event) => {
       event.preventDefault();
-      this.complain("The browser took the 3D view away; the robots move on.");
+      this.complain("The browser lost the 3D view; the simulation continues.");
     });
     canvas.addEventListener("webglcontextrestored", () => this.complain(""));
+  }
+
+  /** Calls a function of all scenes; shows the first error after the last of them. */
+  each(name, ...values) {
+    this.attempt(() => {
+      const errors = [];
+      for (const scene of this.scenes()) {
+        try {
+          scene.call(name, ...values);
+        } catch (error) {
+          errors.push(`${scene === this.scene ? this.choices.controller : this.choices.compare}: ${error.message}`);
+        }
+      }
+      if (errors.length) throw new Error(errors[0]);
+    });
+  }
+
+  reset() {
+    this.each("reset");
+    this.driven = "";
   }
 
   /** Runs what may fail, and shows its error. */
@@ -200,15 +243,18 @@ class Page {
       this.view.show(robot, robots, ghost ? 1 : 0, radius);
       if (isOther) this.view.frame();
       this.shown = `${robot} ${robots}`;
+      this.opened = structuredClone(this.choices);
       this.plots.forEach((plot) => plot.clear());
       find("summary").textContent = this.simulator.catalog.controllers.find(({ name }) => name === controller).summary;
       this.friction = this.simulator.catalog.robots[robot].wheel_static_friction[0] * this.choices.sliders.wheels;
     });
-    if (!this.scene) {
-      // Nothing to show: the choices of the link do not fit together.
+    const shown = this.opened ?? { ...DEFAULTS, panel: this.choices.panel };
+    if (shown !== this.opened || SELECTS.some((id) => this.choices[id] !== shown[id])) {
+      // The choices do not fit together: as before, or as at first.
       const reason = find("message").textContent;
-      this.choices = structuredClone(DEFAULTS);
-      this.open();
+      this.choices = structuredClone(shown);
+      this.showChoices();
+      if (!this.scene) this.open();
       this.complain(reason);
     }
   }
@@ -261,13 +307,14 @@ class Page {
 
   stop() {
     this.keys.clear();
-    this.scenes().forEach((scene) => scene.call("drive", 0, 0, 0));
+    this.each("drive", 0, 0, 0);
   }
 
   press(event) {
-    if (event.button !== 0) return;
+    // A second finger turns the camera.
+    if (event.button !== 0 || this.pressed) return;
     const hit = this.view.robotAt(event);
-    this.pressed = { x: event.clientX, y: event.clientY, hit, moved: false };
+    this.pressed = { pointer: event.pointerId, x: event.clientX, y: event.clientY, hit, moved: false };
     if (hit) {
       event.stopImmediatePropagation();
       event.target.setPointerCapture(event.pointerId);
@@ -276,7 +323,7 @@ class Page {
 
   move(event) {
     const { pressed } = this;
-    if (!pressed) return;
+    if (!this.isOf(event)) return;
     pressed.moved ||= Math.hypot(event.clientX - pressed.x, event.clientY - pressed.y) > 6;
     if (!pressed.hit || !pressed.moved) return;
     const body = this.scene.part(pressed.hit.index, "body_position");
@@ -294,16 +341,25 @@ class Page {
 
   release(event) {
     const { pressed } = this;
+    if (!this.isOf(event)) return;
     this.letGo();
-    if (!pressed || pressed.moved) return;
+    if (pressed.moved) return;
     if (pressed.hit) {
       // Away from the camera.
       const { x, y } = pressed.hit.point.clone().sub(this.view.camera.position);
       this.push([x, y], pressed.hit.index);
     } else {
       const place = this.view.floorAt(event);
-      if (place) this.attempt(() => this.scenes().forEach((scene) => scene.call("go_to", place.x, place.y)));
+      if (!place) return;
+      this.each("go_to", place.x, place.y);
+      // A key that is let go later does not stop it.
+      this.driven = "sent";
     }
+  }
+
+  /** Whether an event is of the pointer that is pressed. */
+  isOf(event) {
+    return this.pressed?.pointer === event.pointerId;
   }
 
   letGo() {
@@ -326,9 +382,10 @@ class Page {
       if (axes.some((value) => value !== 0)) wanted = axes.map((value) => Math.min(1, Math.max(-1, value)));
     }
     const now = `${wanted}`;
-    if (now === this.driven || (this.driven === "" && wanted.every((part) => part === 0))) return;
-    this.driven = now;
-    this.scenes().forEach((scene) => scene.call("drive", ...wanted));
+    const isIdle = wanted.every((part) => part === 0);
+    if (now === this.driven || (["", "sent"].includes(this.driven) && (isIdle || now === this.held))) return;
+    this.held = this.driven = now;
+    this.each("drive", ...wanted);
   }
 
   picture(now) {
@@ -378,12 +435,17 @@ class Page {
 }
 
 try {
+  const get = async (name) => {
+    const answer = await fetch(name);
+    if (!answer.ok) throw new Error(`${answer.url}: ${answer.status} ${answer.statusText}`);
+    return answer;
+  };
   const [simulator, looks] = await Promise.all([
-    Simulator.load(await fetch("ballbot.wasm")),
-    fetch("looks.json").then((answer) => answer.json()),
+    get("ballbot.wasm").then(Simulator.load),
+    get("looks.json").then((answer) => answer.json()),
   ]);
   globalThis.ballbot = new Page(simulator, looks);
 } catch (error) {
   find("message").hidden = false;
-  find("message").textContent = `The simulator does not run in this browser: ${error.message}`;
+  find("message").textContent = `The simulator does not start: ${error.message}`;
 }

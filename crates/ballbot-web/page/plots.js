@@ -29,6 +29,8 @@ export class Plot {
   }
 
   add(time) {
+    // The robots have begun again.
+    if (time < this.times.at(-1)) this.clear();
     this.times.push(time);
     this.values.push(this.sample());
     const first = this.times.findIndex((t) => t > time - SECONDS);

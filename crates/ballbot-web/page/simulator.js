@@ -3,19 +3,22 @@
 const encoder = new TextEncoder();
 const decoder = new TextDecoder();
 
+/** Most steps of a call, which nothing interrupts. */
+const MOST_STEPS = 100_000;
+
 export class Simulator {
   /** Instantiates the module of a response or of bytes. */
   static async load(source) {
-    const { instance } = source instanceof Response
-      ? await WebAssembly.instantiateStreaming(source, {})
-      : await WebAssembly.instantiate(source, {});
+    // Some servers have no type for WebAssembly, so it is not compiled while it streams.
+    const bytes = source instanceof Response ? await source.arrayBuffer() : source;
+    const { instance } = await WebAssembly.instantiate(bytes, {});
     return new Simulator(instance.exports);
   }
 
   constructor(exports) {
     this.exports = exports;
     this.check(exports.describe());
-    this.catalog = { controllers: [], terrains: [], parameters: [], robots: {}, row: {}, width: 0 };
+    this.catalog = { controllers: [], terrains: [], robots: {}, row: {}, width: 0 };
     for (const line of this.output().trim().split("\n")) {
       const [kind, name, ...rest] = line.split("\t");
       if (kind === "row") {
@@ -23,7 +26,6 @@ export class Simulator {
         this.catalog.width += Number(rest[0]);
       } else if (kind === "controller") this.catalog.controllers.push({ name, label: rest[0], summary: rest[1] });
       else if (kind === "terrain") this.catalog.terrains.push({ name, summary: rest[0] });
-      else if (kind === "parameter") this.catalog.parameters.push({ name, unit: rest[0], limit: rest[1], summary: rest[2] });
       else if (kind === "robot") {
         this.catalog.robots[name] = Object.fromEntries(
           rest[0].split(" ").map((item) => item.split("=")).map(([key, values]) => [key, values.split(",").map(Number)]),
@@ -65,7 +67,11 @@ export class Scene {
     return this.simulator.check(this.simulator.exports[name](this.number, ...values));
   }
 
+  /** Advances by steps of 1 ms. */
   advance(steps) {
+    if (!Number.isInteger(steps) || steps < 0 || steps > MOST_STEPS) {
+      throw new Error(`steps = ${steps}: must be a whole number from 0 to ${MOST_STEPS}`);
+    }
     this.call("advance", steps);
   }
 
@@ -76,16 +82,25 @@ export class Scene {
   /** A part of a robot's row. The memory of the module may have moved since the last call. */
   part(robot, name) {
     const { row, width } = this.simulator.catalog;
+    if (!row[name]) throw new Error(`a row has no part ${name}: it has ${Object.keys(row).join(", ")}`);
+    if (!(robot >= 0 && robot < this.robots)) throw new Error(`robot = ${robot}: must be below ${this.robots}`);
     const [from, to] = row[name];
     const { rows, memory } = this.simulator.exports;
-    return new Float64Array(memory.buffer, rows(this.number) + 8 * (robot * width + from), to - from);
+    return new Float64Array(memory.buffer, this.opened(rows(this.number)) + 8 * (robot * width + from), to - from);
   }
 
   /** Heights of the ground at the nodes of a square grid. */
   heights(x, y, half, count) {
-    const { heights, memory } = this.simulator.exports;
-    const place = heights(this.number, x, y, half, count);
-    return new Float64Array(memory.buffer, place, count * count);
+    if (!(count >= 2 && count <= 1000)) throw new Error(`count = ${count}: must be from 2 to 1000`);
+    const { heights } = this.simulator.exports;
+    const place = this.opened(heights(this.number, x, y, half, count));
+    return new Float64Array(this.simulator.exports.memory.buffer, place, count * count);
+  }
+
+  /** A place in memory, unless it is null. */
+  opened(place) {
+    if (place === 0) throw new Error("the scene is closed");
+    return place;
   }
 
   setParams(changes) {
@@ -95,6 +110,8 @@ export class Scene {
 
   close() {
     this.simulator.exports.close_scene(this.number);
+    // Another scene may get its number.
+    this.number = 2 ** 31 - 1;
   }
 }
 

@@ -70,6 +70,7 @@ export class View {
   /** Shows other robots; `size` is the radius of the ball, `height` of a robot, m. */
   show(robot, count, ghosts, size) {
     for (const old of [...this.robots, ...this.ghosts]) old.removeFromParent();
+    this.dropPatch();
     const look = this.looks[robot];
     this.robots = Array.from({ length: count }, () => new RobotMesh(look, false));
     this.ghosts = Array.from({ length: ghosts }, () => new RobotMesh(look, true));
@@ -94,15 +95,11 @@ export class View {
   /** Shows uneven ground about the first robot, or the level floor. */
   showGround(scene, isUneven) {
     this.floor.visible = !isUneven;
-    if (!isUneven) {
-      this.patch?.removeFromParent();
-      this.patch = undefined;
-      return;
-    }
+    if (!isUneven) return this.dropPatch();
     const [x, y] = [...scene.part(0, "ball_position")].map(snapped);
     const half = Math.ceil(Math.max(8, 0.8 * this.reach));
     if (this.patch && Math.hypot(x - this.patch.position.x, y - this.patch.position.y) < 0.3 * half) return;
-    this.patch?.removeFromParent();
+    this.dropPatch();
     const geometry = plane(2 * half, PATCH - 1);
     const heights = scene.heights(x, y, half, PATCH);
     const places = geometry.attributes.position;
@@ -116,6 +113,19 @@ export class View {
     this.patch.position.set(x, y, 0);
     this.patch.receiveShadow = true;
     this.world.add(this.patch);
+  }
+
+  dropPatch() {
+    this.patch?.removeFromParent();
+    this.patch?.geometry.dispose();
+    this.patch = undefined;
+  }
+
+  /** Where the camera is from the ball. */
+  get place() {
+    const { x, y } = this.last ?? { x: 0, y: 0 };
+    const [cameraX, cameraY, z] = this.camera.position.toArray();
+    return [cameraX - x, cameraY - y, z];
   }
 
   /** Moves the robots to the rows of scenes. */
@@ -144,7 +154,7 @@ export class View {
     this.sun.position.set(x + 1.2 * this.reach, y - 1.5 * this.reach, 4 * this.reach);
     this.floor.position.set(snapped(x), snapped(y), 0);
     const now = performance.now();
-    this.arrows = this.arrows.filter((arrow) => (arrow.userData.until > now ? true : (arrow.removeFromParent(), false)));
+    this.arrows = this.arrows.filter((arrow) => (arrow.userData.until > now ? true : (arrow.removeFromParent(), arrow.dispose(), false)));
     this.controls.update();
     this.renderer.render(this.world, this.camera);
   }
@@ -274,10 +284,13 @@ function mesh(piece, smooth, isGhost) {
     if (smooth) geometry.computeVertexNormals();
     piece.geometry = geometry;
   }
-  const color = new THREE.Color(`rgb(${piece.color})`);
-  const material = new THREE.MeshStandardMaterial({ color, roughness: 0.6, metalness: 0.1, flatShading: !smooth });
-  if (isGhost) Object.assign(material, { transparent: true, opacity: GHOST_OPACITY, depthWrite: false });
-  const out = new THREE.Mesh(piece.geometry, material);
+  const kind = isGhost ? "ghost" : "solid";
+  if (!piece[kind]) {
+    const color = new THREE.Color(`rgb(${piece.color})`);
+    piece[kind] = new THREE.MeshStandardMaterial({ color, roughness: 0.6, metalness: 0.1, flatShading: !smooth });
+    if (isGhost) Object.assign(piece[kind], { transparent: true, opacity: GHOST_OPACITY, depthWrite: false });
+  }
+  const out = new THREE.Mesh(piece.geometry, piece[kind]);
   out.castShadow = !isGhost;
   out.receiveShadow = !isGhost;
   return out;

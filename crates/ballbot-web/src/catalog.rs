@@ -2,7 +2,6 @@
 
 use crate::scene::ROW;
 use ballbot_core::control::controller_kinds;
-use ballbot_core::fields::describe_options;
 use ballbot_core::terrain::TerrainKind;
 use ballbot_core::{Params, Result};
 use std::fmt::Write;
@@ -12,7 +11,6 @@ use std::fmt::Write;
 /// - `row`: name and length of a part of a robot's row;
 /// - `controller`: name, label, summary;
 /// - `terrain`: name, description;
-/// - `parameter`: name, unit, limit, description;
 /// - `robot`: name; then its parameters as `name=numbers`, separated by spaces.
 ///
 /// # Errors
@@ -33,9 +31,6 @@ pub fn catalog() -> Result<String> {
     }
     for kind in TerrainKind::ALL {
         line(&["terrain", kind.name, kind.doc]);
-    }
-    for option in describe_options::<Params>() {
-        line(&["parameter", option.name, option.unit, &option.limit, &option.doc]);
     }
     for name in Params::preset_names() {
         let params = Params::preset(name)?;

@@ -5,7 +5,7 @@
 #![allow(unsafe_code)]
 
 use crate::catalog::catalog;
-use crate::scene::{Scene, row_width};
+use crate::scene::Scene;
 use ballbot_core::{Error, Result};
 use std::cell::RefCell;
 
@@ -138,12 +138,6 @@ pub extern "C" fn heights(scene: usize, x: f64, y: f64, half: f64, count: usize)
         Some(Some(scene)) if count <= 1000 => scene.heights([x, y], half, count).as_ptr(),
         _ => std::ptr::null(),
     })
-}
-
-/// Numbers in a row.
-#[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
-pub extern "C" fn row_len() -> usize {
-    row_width()
 }
 
 /// [`Scene::time`]; NaN for a scene that is not open.

@@ -37,6 +37,10 @@ const LIES: f64 = 2.0;
 /// Distance of neighbors, in radii of the ball.
 const SPACING: f64 = 8.0;
 
+/// Distance of a target from the edge of the ground, in radii of the ball, and largest distance from the ball, m.
+const MARGIN: f64 = 4.0;
+const FARTHEST: f64 = 5.0;
+
 /// Largest force of a pull, in weights of a robot.
 const PULL: f64 = 0.2;
 
@@ -96,21 +100,14 @@ impl Scene {
             })
             .collect::<Result<Vec<_>>>()?;
         let rows = vec![0.0; robots.len() * row_width()];
-        let target = Target::new(&nominal);
+        let margin = MARGIN * params.ball_radius;
+        let extent = robots.iter().map(|robot| robot.place.amax()).fold(margin, |most, place| most.max(place + margin));
+        let half = terrain.as_ref().map_or([f64::INFINITY; 2], |terrain| terrain.half_size());
+        let target = Target::new(&nominal, half.map(|half| (half - extent).max(0.0)));
         let mut scene =
             Self { robots, controller, nominal, target, steps_per_control, steps: 0, rows, heights: Vec::new() };
         scene.write_rows();
         Ok(scene)
-    }
-
-    /// Number of robots.
-    pub fn len(&self) -> usize {
-        self.robots.len()
-    }
-
-    /// Always false.
-    pub fn is_empty(&self) -> bool {
-        self.robots.is_empty()
     }
 
     /// Simulated time, s.
@@ -128,9 +125,12 @@ impl Scene {
             }
             let some = left.min(self.steps_per_control - since);
             for robot in &mut self.robots {
-                // A robot that has diverged starts again.
+                // A robot that has diverged, or left the ground, starts again.
                 if robot.body.step(robot.torques, some).is_err() {
                     robot.restart();
+                    if robot.place == Vector2::zeros() {
+                        self.target.rest_at(Vector2::zeros());
+                    }
                 }
             }
             self.steps += some as u64;
@@ -196,8 +196,9 @@ impl Scene {
     /// Drives by fractions of the largest velocity, heading frame, and of the largest yaw rate.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a fraction beyond ±1.
+    /// [`Error::OutOfRange`] for a fraction beyond ±1; [`Error::Inconsistent`] for a controller that follows no motion.
     pub fn drive(&mut self, fractions: [f64; 3]) -> Result<()> {
+        self.require_motion()?;
         for (name, value) in ["forward", "left", "turn"].into_iter().zip(fractions) {
             if !(-1.0..=1.0).contains(&value) {
                 return Err(Error::OutOfRange { name: name.into(), value, limit: "within ±1".into() });
@@ -207,14 +208,27 @@ impl Scene {
         Ok(())
     }
 
-    /// Moves the target to a place on the floor, m; a place beyond 5 m is brought nearer.
+    /// Moves the target to a place on the floor, m. A place beyond 5 m from the first robot, or near the edge of the
+    /// ground, is brought nearer.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for a number that is not finite.
+    /// [`Error::OutOfRange`] for a number that is not finite; [`Error::Inconsistent`] for a controller that follows no
+    /// motion.
     pub fn go_to(&mut self, place: [f64; 2]) -> Result<()> {
         check_finite("place", &place)?;
-        self.target.go_to(place.map(|coordinate| coordinate.clamp(-5.0, 5.0)).into());
+        self.require_motion()?;
+        let ball = self.robots[0].body.state().ball_position.xy() - self.robots[0].place;
+        let way = Vector2::from(place) - ball;
+        self.target.go_to(ball + way * (FARTHEST / way.norm().max(FARTHEST)));
         Ok(())
+    }
+
+    fn require_motion(&self) -> Result<()> {
+        let parts = self.controller.parts();
+        if parts.contains(&"position") || parts.contains(&"velocity") {
+            return Ok(());
+        }
+        Err(Error::Inconsistent("this controller follows neither position nor velocity: it holds the tilt".into()))
     }
 
     /// Changes the robots, from TOML, by the parameters of the nominal robot; the controller stays.

@@ -85,11 +85,19 @@ fn terrain(mut table: Table) -> Result<Option<Arc<Terrain>>> {
         Some(Value::Integer(seed)) if seed >= 0 => seed as u64,
         Some(other) => return Err(wrong("seed", &other, "a whole number from 0")),
     };
-    let parameters = numbers(&table)?;
     if kind == "level" {
-        return Ok(None);
+        return match table.keys().next() {
+            Some(name) => Err(Error::Inconsistent(format!("level ground has no parameter '{name}': give the kind"))),
+            None => Ok(None),
+        };
     }
-    let parameters: Vec<_> = parameters.iter().map(|(name, values)| (name.as_str(), values[0])).collect();
+    let parameters = numbers(&table)?;
+    let one = |(name, values): &'_ (String, Vec<f64>)| match values[..] {
+        [value] => Ok((name.clone(), value)),
+        _ => Err(Error::Length { name: name.clone(), found: values.len(), expected: 1 }),
+    };
+    let parameters = parameters.iter().map(one).collect::<Result<Vec<_>>>()?;
+    let parameters: Vec<_> = parameters.iter().map(|(name, value)| (name.as_str(), *value)).collect();
     Terrain::generate(&kind, seed, &parameters).map(|terrain| Some(Arc::new(terrain)))
 }
 
@@ -127,7 +135,6 @@ fn number(value: &Value) -> Option<f64> {
     match value {
         Value::Integer(number) => Some(*number as f64),
         Value::Float(number) => Some(*number),
-        Value::Boolean(on) => Some(f64::from(u8::from(*on))),
         _ => None,
     }
 }

@@ -22,10 +22,13 @@ pub(crate) struct Target {
     speed: f64,
     acceleration: f64,
     ahead: f64,
+    /// Largest coordinates, m.
+    bounds: [f64; 2],
 }
 
 impl Target {
-    pub(crate) fn new(params: &Params) -> Self {
+    /// For robots of a kind; `bounds` are the largest coordinates, m.
+    pub(crate) fn new(params: &Params, bounds: [f64; 2]) -> Self {
         let scale = Scale::of(params);
         let factor = |unit| scale.factor(unit).unwrap_or(1.0);
         Self {
@@ -35,6 +38,7 @@ impl Target {
             speed: SPEED * factor("m/s"),
             acceleration: ACCELERATION * factor("m/s²"),
             ahead: AHEAD * factor("m"),
+            bounds,
         }
     }
 
@@ -46,10 +50,15 @@ impl Target {
         self.drive = Some([forward * share, left * share, turn]);
     }
 
-    /// Moves to a goal.
+    /// Moves to a goal, or to the nearest place within the bounds.
     pub(crate) fn go_to(&mut self, goal: Vector2<f64>) {
         self.drive = None;
-        self.goal = goal;
+        self.goal = self.within(goal);
+    }
+
+    fn within(&self, place: Vector2<f64>) -> Vector2<f64> {
+        let [x, y] = self.bounds;
+        Vector2::new(place.x.clamp(-x, x), place.y.clamp(-y, y))
     }
 
     /// A control step later; `ball` is the place of the ball of the first robot, which is never left far behind.
@@ -72,7 +81,7 @@ impl Target {
         let yaw_rate = yaw_rate + (turn - yaw_rate).clamp(-YAW_ACCELERATION * dt, YAW_ACCELERATION * dt);
         let next = position + velocity * dt;
         let lead = next - ball;
-        let held = lead.norm() > self.ahead && lead.dot(&velocity) > 0.0;
+        let held = (lead.norm() > self.ahead && lead.dot(&velocity) > 0.0) || self.within(next) != next;
         self.setpoint.velocity = if held { Vector2::zeros() } else { velocity };
         self.setpoint.position = if held { position } else { next };
         self.setpoint.yaw_rate = yaw_rate;

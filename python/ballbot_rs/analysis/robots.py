@@ -88,7 +88,7 @@ class Rollout:
     def settling_times(self, tilt: float = SETTLED_TILT) -> Array:
         """Time from which the tilt of each robot stays within a limit, s, shape (n,); infinite where it does not.
 
-        Only the rows count: with `every=10` the time is the first of every tenth control step.
+        A time is exact to a row: with `every=10`, to ten control steps.
 
         Args:
             tilt: the limit, rad.

@@ -107,7 +107,7 @@ def check_room(params: Any, num_envs: int) -> None:
     if isinstance(params, (list, tuple)) and len(params) == 2:
         paths = [one for one in params if isinstance(one, (str, PathLike))]
         if any(str(path).endswith(".urdf") for path in paths):
-            raise InvalidInputError(f"robot = {params!r}: of two URDFs write Params.from_urdf(bot_path, ball_path)")
+            raise InvalidInputError(f"robot = {params!r}: for two URDFs write Params.from_urdf(bot_path, ball_path)")
     robots, most = number_of(params), room(num_envs)
     if robots > most:
         raise InvalidInputError(

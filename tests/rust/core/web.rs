@@ -47,6 +47,36 @@ fn robots_go_where_they_are_sent_and_all_at_once() {
 }
 
 #[test]
+fn nobody_is_sent_over_the_edge_of_the_ground() {
+    let settings = "robots = 4\n[terrain]\nkind = 'bumps'\nslope = 0.05";
+    let mut scene = Scene::new(settings).unwrap();
+    for place in [[100.0, 0.0], [100.0, -100.0]] {
+        for _ in 0..6 {
+            scene.go_to(place).unwrap();
+            scene.advance(4000);
+        }
+        let at = part(&scene, 0, "ball_position");
+        assert!(at[0] > 1.0 && at[0].abs() < 4.0 && at[1].abs() < 4.0, "{at:?}");
+    }
+    // On level ground there is no edge, and a goal is at most 5 m away.
+    let mut scene = Scene::new("").unwrap();
+    for _ in 0..2 {
+        scene.go_to([100.0, 0.0]).unwrap();
+        scene.advance(20_000);
+    }
+    let at = part(&scene, 0, "ball_position")[0];
+    assert!((9.0..10.1).contains(&at), "{at}");
+}
+
+#[test]
+fn a_controller_that_follows_no_motion_names_it() {
+    let mut scene = Scene::new("controller = 'pid'").unwrap();
+    for error in [scene.go_to([1.0, 0.0]), scene.drive([1.0, 0.0, 0.0])] {
+        assert!(error.unwrap_err().to_string().contains("holds the tilt"));
+    }
+}
+
+#[test]
 fn no_drive_however_wild_topples_a_robot() {
     for robot in Params::preset_names() {
         let mut scene = Scene::new(&format!("robot = '{robot}'")).unwrap();
@@ -80,6 +110,8 @@ fn what_does_not_fit_is_an_error_and_changes_nothing() {
         ("[params]\nbody_mass = -1", "body_mass"),
         ("[options]\ntorque = 'much'", "torque"),
         ("[terrain]\nkind = 'bumps'\nslope = 9", "slope"),
+        ("[terrain]\nkind = 'bumps'\nslope = [0.1, 9]", "slope"),
+        ("[terrain]\nslope = 0.1", "level ground"),
         ("speed = 1", "unknown setting"),
     ] {
         let error = Scene::new(settings).err().expect(settings).to_string();

@@ -2,6 +2,7 @@
 
 import math
 from collections import deque
+from collections.abc import Callable
 
 import numpy as np
 import numpy.typing as npt
@@ -168,9 +169,11 @@ class Push:
             self._arrow.points = np.array([[tip - way, tip]], dtype=np.float32)
 
 
-def open_line(points: FloatArray, heights: npt.ArrayLike = 0.0) -> FloatArray:
-    """The segments of a line on the ground, which NaN interrupts, shape (n, 2, 3)."""
-    lifted = np.column_stack([points, np.broadcast_to(np.asarray(heights) + LINE_HEIGHT, len(points))])
+def open_line(points: FloatArray, heights: Callable[[FloatArray], FloatArray]) -> FloatArray:
+    """The segments of a line on the ground, which NaN interrupts, shape (n, 2, 3); `heights` gets the others."""
+    is_there = np.isfinite(points).all(axis=1)
+    lifted = np.full((len(points), 3), np.nan)
+    lifted[is_there] = np.column_stack([points[is_there], heights(points[is_there]) + LINE_HEIGHT])
     segments = np.stack([lifted[:-1], lifted[1:]], axis=1)
     found: FloatArray = segments[np.isfinite(segments).all(axis=(1, 2))]
     return found

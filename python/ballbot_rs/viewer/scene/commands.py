@@ -164,7 +164,7 @@ class _Drawing(_Goal):
         self._ring.visible = self._goal.visible = bool(is_goal and np.isfinite(points).all())
         if self._goal.visible:
             self._goal.position = self._ring.position = on_ground(frame, points[0])
-        segments = arrows.open_line(points, frame.heights(points))
+        segments = arrows.open_line(points, frame.heights)
         self._curve.visible = len(segments) > 0
         if self._curve.visible:
             self._curve.points = np.float32(segments)
