@@ -44,7 +44,7 @@ def compiled() -> Path:
     arguments = ["rustc", "--locked", "--release", "--package", "ballbot-web", "--target", TARGET]
     rest = ["--crate-type", "cdylib"]
     environment = {**os.environ, "CARGO_TARGET_DIR": str(WORK / "cargo")}
-    if has_target("rustc"):
+    if has_target():
         run(["cargo", *arguments, *rest], environment)
     elif has_sources():
         environment |= {
@@ -59,11 +59,11 @@ def compiled() -> Path:
     return WORK / "cargo" / TARGET / "release" / "ballbot_web.wasm"
 
 
-def has_target(rustc: str) -> bool:
-    """Whether a compiler has the standard library for WebAssembly."""
-    if shutil.which(rustc) is None:
+def has_target() -> bool:
+    """Whether rustup's compiler has the standard library for WebAssembly."""
+    if shutil.which("rustc") is None:
         return False
-    root = subprocess.run([rustc, "--print", "sysroot"], capture_output=True, text=True, check=False).stdout.strip()
+    root = subprocess.run(["rustc", "--print", "sysroot"], capture_output=True, text=True, check=False).stdout.strip()
     return (Path(root) / "lib" / "rustlib" / TARGET).is_dir()
 
 

@@ -11,8 +11,6 @@ from website.links import FENCE, LINK, rewritten
 from website.paths import DOCS, ROOT, staged
 
 SECTION = re.compile(r"^## (.+)$", flags=re.MULTILINE)
-
-
 #: A scene of the page in the browser, invisible elsewhere, with the choices of its link.
 SCENE = re.compile(r"^<!-- scene: (\S+) -->$", flags=re.MULTILINE)
 

@@ -33,8 +33,7 @@ impl Settings {
     /// From TOML: `robot`, `model`, `controller`, `robots`, `tilt`, and the tables `params`, `options` of the controller
     /// and `terrain`. Omitted settings have their defaults.
     pub(crate) fn parse(text: &str) -> Result<Self> {
-        let mut table: Table =
-            text.parse().map_err(|error: toml::de::Error| Error::Inconsistent(format!("the settings: {error}")))?;
+        let mut table = read("settings", text)?;
         let robot = take_text(&mut table, "robot", "paper")?;
         let nominal = Params::preset(&robot)?;
         let params = changed(&nominal, &take_table(&mut table, "params")?)?;
@@ -66,16 +65,18 @@ impl Settings {
 }
 
 /// Parameters with changes from a table.
-pub(crate) fn changed(params: &Params, table: &Table) -> Result<Params> {
+fn changed(params: &Params, table: &Table) -> Result<Params> {
     let changes = numbers(table)?;
     params.replace(changes.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
 }
 
 /// Parameters with changes from TOML.
 pub(crate) fn changed_by(params: &Params, text: &str) -> Result<Params> {
-    let table: Table =
-        text.parse().map_err(|error: toml::de::Error| Error::Inconsistent(format!("the parameters: {error}")))?;
-    changed(params, &table)
+    changed(params, &read("parameters", text)?)
+}
+
+fn read(what: &str, text: &str) -> Result<Table> {
+    text.parse().map_err(|error: toml::de::Error| Error::Inconsistent(format!("the {what}: {error}")))
 }
 
 fn terrain(mut table: Table) -> Result<Option<Arc<Terrain>>> {
