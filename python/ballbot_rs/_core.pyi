@@ -1212,6 +1212,28 @@ def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, ste
 def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
     """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
 
+def _policy_controller(
+    name: str,
+    task: str,
+    layers: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]],
+    history: int | Sequence[int],
+    options: Mapping[str, float],
+    robot: _Robot | None = None,
+) -> Controller:
+    """A policy as a controller; `OnnxPolicy.controller` makes it from a file.
+
+    Args:
+        name: its name.
+        task: the task that it was trained in: "balance", "push", "goal" or "velocity".
+        layers: weights (1, outputs, inputs) and biases (1, outputs) of each layer.
+        history: ages of the observations that it is given together, control steps.
+        options: options of the environment that are numbers, by name.
+        robot: the robot; None is the paper's.
+
+    Raises:
+        ValueError: another task, layers that do not fit the observation, or a number out of range.
+    """
+
 def _toml_table(text: str) -> dict[str, Any]:
     """The table of a TOML text. The parser limits how deep it nests."""
 

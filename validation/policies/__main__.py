@@ -27,6 +27,21 @@ robot](#all-tasks-on-all-robots), and [one policy](#one-policy-for-any-robot) ba
 
 {better}
 
+`OnnxPolicy(file).controller(robot)` is a policy as a [controller](controllers.md): in Rust, for one robot or for all
+robots of a `Batch`, and following setpoints. A policy of `balance` or `push` observes the robot in a frame that moves,
+accelerates and turns with the setpoint; policies of `goal` and `velocity` follow a place, and a velocity. Commands use a
+policy in this way in another task than its own:
+
+```python
+import ballbot_rs as bb
+
+law = bb.OnnxPolicy("assets/policies/balance-any.onnx").controller("kugle")
+circle = bb.Reference.circle(radius=0.5, period=12.0, robot="kugle")
+print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().position_error_rms)
+```
+
+<!-- scene: controller=balance-any&robot=kugle&course=circle -->
+
 `make policies` trains three seeds per policy with the configurations in `python/ballbot_rs/training/configs/`, ships
 the policy of seed 0, writes everything on this page except the text, and fails if a claim does not hold. An evaluation
 has 200 episodes (50 in MuJoCo), with the starts and commands of seeds 1000 and up, which no training uses. Policies are

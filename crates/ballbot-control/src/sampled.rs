@@ -139,6 +139,19 @@ impl<T: Law> Sampled<T> {
         Ok(Self::of(law, control_dt, limits, friction))
     }
 
+    /// A law whose torques are limited to `max_torque` (N·m) alone, without compensation of the friction of the joints, as
+    /// a policy that has learned to use its motors.
+    ///
+    /// # Errors
+    /// Invalid parameters or sampling time; a largest torque beyond the motors' limit.
+    pub fn uncompensated(law: T, params: &Params, control_dt: f64, max_torque: f64) -> Result<Self> {
+        params.validate()?;
+        check_control_dt(control_dt)?;
+        let limits = TorqueLimits::new(params, control_dt, &LimitOptions::capped(max_torque))?;
+        let (_, without_friction) = JointFriction::of(params);
+        Ok(Self::of(law, control_dt, limits, JointFriction::of(&without_friction).0))
+    }
+
     fn of(law: T, control_dt: f64, limits: TorqueLimits, friction: JointFriction) -> Self {
         static NEXT: AtomicU64 = AtomicU64::new(1);
         let memory = vec![0.0; law.kept()];

@@ -180,6 +180,17 @@ impl PyController {
         Self { name: name.to_owned(), class, params, law: Exclusive::new("controller", Box::new(law)), design }
     }
 
+    /// The controller that `design` makes for a robot.
+    pub(crate) fn designed(
+        name: &str,
+        class: &'static str,
+        params: Params,
+        design: impl Fn(&Params, f64) -> Result<Box<dyn Controller>> + Send + Sync + 'static,
+    ) -> PyResult<Self> {
+        let law = Exclusive::new("controller", call(|| design(&params, 0.0))?);
+        Ok(Self { name: name.to_owned(), class, params, law, design: Box::new(design) })
+    }
+
     pub(crate) fn check_part(&self, law: &dyn Controller, name: &str) -> PyResult<()> {
         if law.parts().contains(&name) {
             return Ok(());
@@ -264,8 +275,7 @@ impl PyController {
             let options: Vec<_> = borrowed(&options).into_iter().chain(predicted).collect();
             (kind.make)(params, control_dt, &limits, &options)
         };
-        let law = Exclusive::new("controller", call(|| design(&params, 0.0))?);
-        Ok(Self { name: name.to_owned(), class: "Controller", params, law, design: Box::new(design) })
+        Self::designed(name, "Controller", params, design)
     }
 
     /// Wheel torques for the next `control_dt`, shape (3,), N·m.

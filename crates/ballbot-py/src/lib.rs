@@ -76,6 +76,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
     module.add("MOST_HEIGHTS", ballbot_core::terrain::MOST_NODES)?;
     module.add_function(wrap_pyfunction!(params::_params_of, module)?)?;
+    module.add_function(wrap_pyfunction!(networks::_policy_controller, module)?)?;
     module.add_function(wrap_pyfunction!(toml_table::_toml_table, module)?)?;
     module.add_function(wrap_pyfunction!(terrain::_terrain_of, module)?)?;
     module.add_function(wrap_pyfunction!(state::_contacts_of, module)?)?;

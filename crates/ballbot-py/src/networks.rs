@@ -1,31 +1,93 @@
 //! Networks of robots from arrays.
 
+use crate::control::PyController;
 use crate::convert::{ANY_COUNT, objects, read_elements};
 use crate::errors::to_python;
+use crate::numbers::one_or_more;
+use crate::params::Robot;
 use ballbot_core::batch::{Layer, Networks};
 use numpy::PyUntypedArrayMethods;
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
+use pyo3::types::PyDict;
 
 /// Most layers of a network.
 const MAX_LAYERS: usize = 64;
 
-/// The networks of `n` robots from (weights, biases) of each layer.
-pub(crate) fn networks(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Networks> {
+/// Numbers of a layer: outputs and inputs, weights and biases.
+struct Numbers {
+    shape: [usize; 2],
+    weights: Vec<f64>,
+    biases: Vec<f64>,
+}
+
+/// The layers of `n` networks from pairs of weights and biases.
+fn read(of: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Numbers>> {
     let mut read = Vec::new();
-    for (k, layer) in objects("policies", value, MAX_LAYERS)?.iter().enumerate() {
-        let name = format!("policies[{k}]");
+    for (k, layer) in objects(of, value, MAX_LAYERS)?.iter().enumerate() {
+        let name = format!("{of}[{k}]");
         let [weights, biases] = <[_; 2]>::try_from(objects(&name, layer, 2)?)
             .map_err(|_| PyTypeError::new_err(format!("{name} must be a pair: weights and biases")))?;
-        let mut numbers = (Vec::new(), Vec::new());
-        let array = read_elements(&format!("{name}[0]"), &weights, &[Some(n), None, None], ANY_COUNT, &mut numbers.0)?;
-        let [outputs, inputs] = [array.shape()[1], array.shape()[2]];
-        read_elements(&format!("{name}[1]"), &biases, &[Some(n), Some(outputs)], ANY_COUNT, &mut numbers.1)?;
-        read.push((outputs, inputs, numbers));
+        let mut numbers = Numbers { shape: [0; 2], weights: Vec::new(), biases: Vec::new() };
+        let shape = [Some(n), None, None];
+        let array = read_elements(&format!("{name}[0]"), &weights, &shape, ANY_COUNT, &mut numbers.weights)?;
+        numbers.shape = [array.shape()[1], array.shape()[2]];
+        let shape = [Some(n), Some(numbers.shape[0])];
+        read_elements(&format!("{name}[1]"), &biases, &shape, ANY_COUNT, &mut numbers.biases)?;
+        read.push(numbers);
     }
-    let layers: Vec<_> = read
+    Ok(read)
+}
+
+fn layers(numbers: &[Numbers]) -> Vec<Layer<'_>> {
+    numbers
         .iter()
-        .map(|(outputs, inputs, (weights, biases))| Layer { inputs: *inputs, outputs: *outputs, weights, biases })
-        .collect();
-    Networks::new(n, &layers).map_err(to_python)
+        .map(|Numbers { shape: [outputs, inputs], weights, biases }| Layer {
+            inputs: *inputs,
+            outputs: *outputs,
+            weights,
+            biases,
+        })
+        .collect()
+}
+
+/// The networks of `n` robots from (weights, biases) of each layer.
+pub(crate) fn networks(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Networks> {
+    Networks::new(n, &layers(&read("policies", value, n)?)).map_err(to_python)
+}
+
+/// A policy as a controller; `OnnxPolicy.controller` makes it from a file.
+///
+/// Args:
+///     name: its name.
+///     task: the task that it was trained in: "balance", "push", "goal" or "velocity".
+///     layers: weights (1, outputs, inputs) and biases (1, outputs) of each layer.
+///     history: ages of the observations that it is given together, control steps.
+///     options: options of the environment that are numbers, by name.
+///     robot: the robot; None is the paper's.
+///
+/// Raises:
+///     ValueError: another task, layers that do not fit the observation, or a number out of range.
+#[pyfunction]
+#[pyo3(signature = (name, task, layers, history, options, robot=None))]
+pub(crate) fn _policy_controller(
+    name: &str,
+    task: &str,
+    layers: &Bound<'_, PyAny>,
+    history: &Bound<'_, PyAny>,
+    options: &Bound<'_, PyDict>,
+    robot: Option<Robot>,
+) -> PyResult<PyController> {
+    let numbers = read("layers", layers, 1)?;
+    let history = crate::options::history(history)?;
+    let mut values = Vec::new();
+    for (name, value) in options {
+        let name: String = name.extract()?;
+        values.push((name.clone(), one_or_more(&name, &value)?));
+    }
+    let task = task.to_owned();
+    PyController::designed(name, "Controller", Robot::or_paper(robot), move |params, _| {
+        let options: Vec<_> = values.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
+        ballbot_core::batch::policy_controller(&task, params, &options, &history, &self::layers(&numbers))
+    })
 }

@@ -82,7 +82,7 @@ pub(crate) fn configure(
 }
 
 /// Which of the last observations are given together: their count, or their ages.
-fn history(value: &Bound<'_, PyAny>) -> PyResult<History> {
+pub(crate) fn history(value: &Bound<'_, PyAny>) -> PyResult<History> {
     let numbers = one_or_more("history", value)?;
     // Arrays without dimensions have no length.
     match (numbers.as_slice(), value.len()) {

@@ -145,6 +145,12 @@ impl<L: Lane> WriteRows<'_, L> {
     /// Writes one row; `scaling` is the value at rest and the gain.
     #[inline(always)]
     pub fn write(row: Row, value: L, scaling: Option<(f64, f64)>, cell: &mut L::Cell) {
+        Self::scaled(row, value, scaling).store(cell);
+    }
+
+    /// The value of a row as [`WriteRows::write`] writes it.
+    #[inline(always)]
+    pub fn scaled(row: Row, value: L, scaling: Option<(f64, f64)>) -> L {
         let zero = value.zero();
         let bound = value.splat(f64::from(row.bound));
         let number = value.le(value);
@@ -153,7 +159,7 @@ impl<L: Lane> WriteRows<'_, L> {
             let bound = value.splat(f64::from(SCALED_BOUND));
             value = ((value - rest) * gain).min(bound).max(-bound);
         }
-        value.store(cell);
+        value
     }
 }
 

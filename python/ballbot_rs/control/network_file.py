@@ -1,4 +1,4 @@
-"""Small networks as ONNX policies, written without torch."""
+"""Small networks in ONNX policies, read and written without torch."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -59,3 +59,33 @@ def write(path: Path, network: Network, metadata: Mapping[str, Any]) -> None:
     for field, one in metadata.items():
         model.metadata_props.add(key=PREFIX + field, value=json.dumps(one))
     _files.write(path, model.SerializeToString(deterministic=True))
+
+
+def read(path: Path) -> Network:
+    """The layers of a policy, from the observation to the action.
+
+    Raises:
+        ValueError: its network has others than dense layers with tanh between them, and actions limited to ±1.
+        ModuleNotFoundError: onnx is not installed.
+    """
+    with require("the layers of a policy", "evolution"):
+        import onnx
+    graph = onnx.load(path).graph
+    constants = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
+    layers = [node for node in graph.node if node.op_type == "Gemm"]
+    kinds = [node.op_type for node in graph.node if node.op_type != "Constant"]
+    if not layers or kinds != ["Gemm", *["Tanh", "Gemm"] * (len(layers) - 1), "Clip"]:
+        raise ValueError(
+            f"{path} has the operators {', '.join(kinds)}: a policy that is a controller has dense layers with tanh "
+            "between them, and actions limited to ±1"
+        )
+    return [_dense(node, constants) for node in layers]
+
+
+def _dense(node: Any, constants: Mapping[str, npt.NDArray[Any]]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
+    import onnx
+
+    given = {one.name: onnx.helper.get_attribute_value(one) for one in node.attribute}
+    weights = constants[node.input[1]] * given.get("alpha", 1.0)
+    biases = constants[node.input[2]] * given.get("beta", 1.0)
+    return weights if given.get("transB", 0) else weights.T, biases

@@ -10,8 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._checks import real_array
+from ballbot_rs._core import Controller, _policy_controller
 from ballbot_rs._extras import require
 from ballbot_rs._keywords import named
+from ballbot_rs._robot import Robot, params_of
 from ballbot_rs.control import deadline, policy_file
 from ballbot_rs.envs.spaces import observation_width
 
@@ -26,6 +28,12 @@ FIELDS: Final[Mapping[str, type | tuple[type, ...]]] = {
     "versions": dict,
 }
 PREFIX = "ballbot."
+
+#: Options of an environment, all numbers, on which the actions of its policies depend.
+ACTING: Final = ("control_dt", "sim_dt", "max_wheel_torque", "scale_observations", "scale_by_robot")
+
+#: Tasks whose policies can follow setpoints.
+FOLLOWING: Final = ("balance", "push", "goal", "velocity")
 
 #: Longest time that a policy may take for actions, s: per call, plus per observation in it.
 CALL_LIMIT = 1.0
@@ -104,6 +112,35 @@ class OnnxPolicy:
         except TimeoutError as error:
             raise TimeoutError(f"{self._file} has been ended: {error}") from error
         return actions if rows.ndim == 2 else actions[0]
+
+    def controller(self, robot: Robot | None = None) -> Controller:
+        """The policy as a controller of a robot, in Rust: it follows setpoints, and runs on all robots of a `Batch`.
+
+        A policy of the tasks balance and push follows the motion of a setpoint: it observes the robot in a frame that
+        moves, accelerates and turns with it. A policy of goal follows a position, a
+        policy of velocity a velocity and a rate of the heading. Motors, sensors and events of its training are not part
+        of it.
+
+        ```python
+        law = bb.OnnxPolicy("assets/policies/balance-any.onnx").controller("kugle")
+        circle = bb.Reference.circle(radius=0.5, period=10.0, robot="kugle")
+        print(bb.simulate(law, robot="kugle", seconds=5.0, reference=circle).metrics().position_error_rms)
+        ```
+
+        Args:
+            robot: as in `Controller`; the scale of actions and observations follows from it if it did in training.
+
+        Raises:
+            ValueError: a policy of another task, or another network than dense layers with tanh between them.
+            ModuleNotFoundError: onnx is not installed.
+        """
+        from ballbot_rs.control import network_file
+
+        options = self.env_options
+        scalars = {name: float(options[name]) for name in ACTING if options.get(name) is not None}
+        layers = [(weights[np.newaxis], biases[np.newaxis]) for weights, biases in network_file.read(self._file)]
+        history = options.get("history", 1)
+        return _policy_controller(self._file.stem, self.task, layers, history, scalars, params_of(robot))
 
     def interrupt(self) -> None:
         """Ends a call of `act` in another thread, which then raises: a file may hold a loop that does not end."""

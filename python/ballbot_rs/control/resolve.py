@@ -19,7 +19,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._modules import module_of
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
-from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.control.onnx_policy import FOLLOWING, OnnxPolicy
 from ballbot_rs.envs._batch_env import decided, without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 
@@ -137,7 +137,7 @@ def find(
             they take them. Attributes `name` and `control_dt` (s) and the method `reset` are optional, and so is
             `env_options` of an object, the options of the environment that it is made for.
         task: the task; None is the task that a policy file names. A file that does not name its task needs `task` or
-            `env_options`.
+            `env_options`. In another task an ONNX policy follows the setpoints, as `OnnxPolicy.controller`.
         env_options: options of the environment that such a policy file was trained with.
         trusted: whether files with code may be loaded; ONNX files have none.
 
@@ -171,7 +171,12 @@ def find(
     if path.suffix == ".onnx":
         if not trusted:
             _check_size(path)
-        onnx = OnnxPolicy(path, task)
+        onnx = OnnxPolicy(path)
+        if task not in (None, onnx.task):
+            if onnx.task not in FOLLOWING:
+                OnnxPolicy(path, task)
+            own_dt = onnx.env_options["control_dt"]
+            return ResolvedController(name, make_law=lambda params, _: onnx.controller(params), control_dt=own_dt)
         options, events = _without_events(onnx.env_options)
         return ResolvedController(name, options, onnx.act, onnx.task, interrupt=onnx.interrupt, events=events)
     if not trusted:

@@ -17,6 +17,7 @@ mod newton_euler;
 mod params;
 mod perception;
 mod planar;
+mod policy;
 mod presets;
 mod properties;
 mod randomization;

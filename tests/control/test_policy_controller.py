@@ -1,0 +1,88 @@
+"""Policies as controllers in Rust: they act as in ONNX Runtime, and follow setpoints."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.control import network_file
+from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
+from ballbot_rs.control.resolve import find
+from ballbot_rs.envs._batch_env import new_batch
+
+POLICIES = Path("assets/policies")
+NAMES = sorted(path.stem for path in POLICIES.glob("*.onnx") if bb.OnnxPolicy(path).task in FOLLOWING)
+
+
+@pytest.mark.parametrize(("name", "robot"), [*((name, "paper") for name in NAMES), ("balance-any", "rezero")])
+def test_a_controller_acts_as_onnx_runtime(name: str, robot: str) -> None:
+    policy = bb.OnnxPolicy(POLICIES / f"{name}.onnx")
+    law = policy.controller(robot)
+    # The task push pushes.
+    task = "balance" if policy.task == "push" else policy.task
+    alike = {option: policy.env_options[option] for option in (*ACTING, "history") if option in policy.env_options}
+    batch = new_batch(1, task=task, num_threads=1, options={**alike, "robot": robot, "sim_dt": 0.002})
+    observations = batch.reset(seeds=[3])
+    # Beyond the oldest observation of the history.
+    for _ in range(40):
+        state = bb.State.from_array(batch.states()[0])
+        setpoint = {part: value for part, value in batch.setpoint(0).items() if part in law.setpoint_parts}
+        if policy.task == "velocity":
+            forward, left, rate = batch.command(0)
+            cos, sin = np.cos(state.yaw), np.sin(state.yaw)
+            setpoint = {"velocity": (cos * forward - sin * left, sin * forward + cos * left), "yaw_rate": rate}
+        if "yaw" in law.setpoint_parts:
+            setpoint["yaw"] = state.yaw
+        action = policy.act(observations)
+        np.testing.assert_allclose(law(state, **setpoint), action[0] * batch.max_wheel_torque, atol=1e-5)
+        observations = batch.step(action)[0]
+
+
+def test_robots_follow_a_circle_together_and_alone() -> None:
+    policy = bb.OnnxPolicy(POLICIES / "balance-any.onnx")
+    for robot, limit in (("paper", 0.03), ("kugle", 0.06), ("rezero", 0.06)):
+        law = policy.controller(robot)
+        circle = bb.Reference.circle(radius=0.5, period=12.0, robot=robot)
+        alone = bb.simulate(law, robot=robot, seconds=12.0, reference=circle)
+        assert alone.fell_at is None
+        assert alone.metrics().position_error_rms < limit
+        batch = bb.Batch(3, robot=robot, reset_tilt=0.02)
+        batch.reset()
+        found = batch.rollout(policy.controller(robot), 900, circle, record=("states", "terminated"))
+        assert not found["terminated"].any()
+        error = found["states"][-1, :, :2] - circle(9.0)["position"]
+        assert np.linalg.norm(error, axis=1).max() < 3.0 * limit
+
+
+def test_in_another_task_a_policy_follows_the_setpoints_of_the_task() -> None:
+    source = str(POLICIES / "balance-any.onnx")
+    assert find(source, task="balance").policy is not None
+    result = bb.evaluate(source, task="velocity", episodes=10, yaw_rate=0.0, speed=0.2)
+    assert result.survival_rate == 1.0
+    assert result.metrics["velocity_error"] < 0.04
+
+
+def test_what_is_not_a_controller_is_named(tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="task of a policy that follows setpoints 'path'"):
+        bb.OnnxPolicy(POLICIES / "path.onnx").controller()
+    with pytest.raises(ValueError, match="trained for another environment"):
+        find(str(POLICIES / "path.onnx"), task="balance")
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(POLICIES / "balance.onnx")
+    for node in model.graph.node:
+        node.op_type = "Relu" if node.op_type == "Tanh" else node.op_type
+    onnx.save(model, tmp_path / "relu.onnx")
+    with pytest.raises(ValueError, match=r"operators Gemm, Relu, .* dense layers with tanh"):
+        bb.OnnxPolicy(tmp_path / "relu.onnx").controller()
+
+
+def test_layers_are_read_as_they_were_written(tmp_path: Path) -> None:
+    rng = np.random.default_rng(0)
+    layers = [(rng.normal(size=(5, 16)).astype(np.float32), rng.normal(size=5).astype(np.float32))]
+    layers.append((rng.normal(size=(3, 5)).astype(np.float32), rng.normal(size=3).astype(np.float32)))
+    network_file.write(tmp_path / "p.onnx", layers, bb.OnnxPolicy(POLICIES / "balance.onnx").metadata)
+    for written, found in zip(layers, network_file.read(tmp_path / "p.onnx"), strict=True):
+        for one, other in zip(written, found, strict=True):
+            np.testing.assert_array_equal(one, other)
+    assert bb.OnnxPolicy(tmp_path / "p.onnx").controller("kugle").name == "p"

@@ -1,0 +1,173 @@
+//! Policies as controllers.
+
+use ballbot_core::batch::{
+    Autoreset, Batch, EnvConfig, History, Layer, Networks, StepResults, TaskConfig, policy_controller,
+};
+use ballbot_core::control::{LaneSetpoint, Setpoint};
+use ballbot_core::kinematics::Omniwheels;
+use ballbot_core::lanes::{EIGHT, Eight, Heading};
+use ballbot_core::nalgebra::{Vector2, Vector3};
+use ballbot_core::task::{ACTION_LEN, Balance, Goal, Push, Task, Velocity};
+use ballbot_core::{LaneState, Params, State};
+
+/// A network with small numbers of all signs.
+struct Network {
+    widths: Vec<usize>,
+    /// Weights and biases of each layer.
+    numbers: Vec<[Vec<f64>; 2]>,
+}
+
+impl Network {
+    fn new(widths: &[usize]) -> Self {
+        let numbers = |count: usize, size: f64| (0..count).map(|i| size * ((i * i) as f64).sin()).collect();
+        let layer = |pair: &[usize]| [numbers(pair[0] * pair[1], 0.5 / (pair[0] as f64).sqrt()), numbers(pair[1], 0.1)];
+        Self { widths: widths.into(), numbers: widths.windows(2).map(layer).collect() }
+    }
+
+    fn layers(&self) -> Vec<Layer<'_>> {
+        let pairs = self.widths.windows(2).zip(&self.numbers);
+        pairs.map(|(w, [weights, biases])| Layer { inputs: w[0], outputs: w[1], weights, biases }).collect()
+    }
+}
+
+/// The setpoint that a robot of the batch has.
+type SetpointOf = fn(&mut Batch, usize) -> Setpoint;
+
+/// A network chooses the same actions as a controller, for one robot and for eight, as in the environment of its task.
+fn acts_as_in<T: Task>(robot: &str, options: &[(&str, &[f64])], ages: &[f64], setpoint_of: SetpointOf) {
+    const N: usize = EIGHT;
+    let history = History::of_ages(ages).unwrap();
+    let params = Params::preset(robot).unwrap();
+    let mut config = EnvConfig::<T> { params: params.clone(), history: history.clone(), ..EnvConfig::default() };
+    for (name, values) in options {
+        TaskConfig::set(&mut config, name, values).unwrap();
+    }
+    let mut batch = Batch::new(&config, N, Autoreset::Disabled, Some(1), 3).unwrap();
+    let inputs = batch.observation_len();
+    let network = Network::new(&[inputs, 12, ACTION_LEN]);
+    let networks = Networks::new(1, &network.layers()).unwrap();
+    let policy = policy_controller(T::NAME, &params, options, &history, &network.layers()).unwrap();
+    let torque = config.action_torque();
+
+    let mut results = StepResults::new(&batch);
+    batch.reset(None, &mut results.observations).unwrap();
+    let mut own = vec![vec![0.0; policy.memory_len()]; N];
+    let mut lanes = vec![Eight::default(); policy.memory_len()];
+    for step in 0..20 {
+        let mut actions = [0.0; N * ACTION_LEN];
+        let (mut states, mut setpoints) = (LaneState::<Eight>::default(), LaneSetpoint::<Eight>::default());
+        for i in 0..N {
+            let rows = &results.observations[i * inputs..][..inputs];
+            networks.act(rows, &mut actions[i * ACTION_LEN..][..ACTION_LEN]).unwrap();
+            states.set_lane(i, &LaneState::from(&batch.state(i).unwrap()));
+            setpoints.set_lane(i, &LaneSetpoint::from(&setpoint_of(&mut batch, i)));
+        }
+        let together = policy.torques_eight(&states, &setpoints, f64::INFINITY, &mut lanes);
+        for i in 0..N {
+            let alone = policy.torques_one(&states.lane(i), &setpoints.lane(i), f64::INFINITY, &mut own[i]);
+            for k in 0..ACTION_LEN {
+                let action = f64::from(actions[i * ACTION_LEN + k]);
+                // Observations of environments are rounded to f32.
+                assert!((alone[k] / torque - action).abs() < 2e-6, "{} {step} {i} {k}: {action}", T::NAME);
+                assert!((together[k].0[i] - alone[k]).abs() < 1e-12);
+            }
+        }
+        batch.step(&actions, &mut results.buffers()).unwrap();
+        assert!(!results.terminated.contains(&true), "{} {step}", T::NAME);
+    }
+}
+
+#[test]
+fn a_policy_acts_as_in_its_environment() {
+    let own: SetpointOf = |batch, i| {
+        let yaw = LaneState::from(&batch.state(i).unwrap()).body_quaternion.yaw();
+        Setpoint { yaw, ..batch.setpoint(i).unwrap() }
+    };
+    let velocity: SetpointOf = |batch, i| {
+        let mut command = [0.0; 3];
+        batch.command(i, &mut command).unwrap();
+        let heading = Heading::new(LaneState::from(&batch.state(i).unwrap()).body_quaternion);
+        let [x, y] = heading.to_inertial(command[0], command[1]);
+        Setpoint { velocity: Vector2::new(x, y), yaw_rate: command[2], ..Setpoint::default() }
+    };
+    acts_as_in::<Balance>("paper", &[], &[0.0], own);
+    acts_as_in::<Balance>("kugle", &[("scale_by_robot", &[1.0])], &[0.0, 1.0, 4.0], own);
+    acts_as_in::<Balance>("paper", &[("scale_observations", &[0.0]), ("max_wheel_torque", &[0.3])], &[0.0, 1.0], own);
+    acts_as_in::<Push>("asroballet", &[], &[0.0], own);
+    acts_as_in::<Goal>("paper", &[], &[0.0, 2.0], own);
+    acts_as_in::<Velocity>("rezero", &[], &[0.0], velocity);
+}
+
+/// A state that moves with a velocity, and turns at a rate about the vertical.
+fn moving(params: &Params, state: &State, place: Vector3<f64>, velocity: Vector3<f64>, rate: f64) -> State {
+    let rolling = Vector3::new(-velocity.y, velocity.x, 0.0) / params.ball_radius;
+    let turning = state.body_quaternion.inverse_transform_vector(&(rate * Vector3::z()));
+    let mut state = state.clone();
+    state.ball_position += place;
+    state.body_position += place;
+    state.ball_velocity = velocity;
+    state.body_velocity = velocity;
+    state.ball_angular_velocity = rolling;
+    state.body_angular_velocity = turning;
+    state.wheel_speeds = Omniwheels::new(params).wheel_speeds(&state.body_quaternion, &rolling, &turning);
+    state
+}
+
+#[test]
+fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
+    let params = Params::paper();
+    let network = Network::new(&[16, 12, ACTION_LEN]);
+    let torques = |state: &State, setpoint: &Setpoint| {
+        let layers = network.layers();
+        let mut policy = policy_controller("balance", &params, &[], &History::default(), &layers).unwrap();
+        policy.wheel_torques(state, setpoint).0
+    };
+    let close = |found: [f64; ACTION_LEN], expected: [f64; ACTION_LEN], limit: f64| {
+        let far = found.iter().zip(expected).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        assert!(far < limit, "{found:?}, {expected:?}");
+    };
+    let yaw = 0.7;
+    let upright = State::tilted(&params, Vector2::zeros(), yaw);
+    let leaning = State::tilted(&params, Vector2::new(0.03, -0.02), yaw);
+    let still = Setpoint { yaw, ..Setpoint::default() };
+    let (place, velocity, rate) = (Vector3::new(0.4, -1.0, 0.0), Vector3::new(0.5, 0.3, 0.0), -0.4);
+    let on_the_way = Setpoint { position: place.xy(), velocity: velocity.xy(), yaw, yaw_rate: rate, ..still };
+    close(torques(&moving(&params, &upright, place, velocity, rate), &on_the_way), torques(&upright, &still), 1e-9);
+    // The frame has the wheel speeds of the upright robot, which a lean changes by its square.
+    close(
+        torques(&moving(&params, &leaning, place, velocity, 0.0), &Setpoint { yaw_rate: 0.0, ..on_the_way }),
+        torques(&leaning, &still),
+        0.005,
+    );
+
+    // A robot that accelerates leans by a / g.
+    let acceleration = Vector2::new(0.5, -0.2);
+    let lean = Vector2::new(-acceleration.y, acceleration.x) / params.gravity;
+    let accelerating = Setpoint { acceleration, ..still };
+    let of_lean = State::tilted(&params, lean, yaw);
+    close(torques(&of_lean, &accelerating), torques(&upright, &still), 1e-9);
+
+    // It turns towards the heading of the setpoint, at most as for half a radian.
+    let [ahead, half, behind] = [0.1, 0.5, 2.0].map(|error| torques(&upright, &Setpoint { yaw: yaw + error, ..still }));
+    assert!(ahead != torques(&upright, &still) && half != ahead);
+    close(half, behind, 1e-12);
+}
+
+#[test]
+fn what_does_not_fit_a_policy_is_named() {
+    let error = |task: &str, options: &[(&str, &[f64])], history: &History, widths: &[usize]| {
+        let network = Network::new(widths);
+        policy_controller(task, &Params::paper(), options, history, &network.layers()).err().unwrap().to_string()
+    };
+    let now = History::default();
+    for (found, words) in [
+        (error("path", &[], &now, &[16, 3]), "path"),
+        (error("balance", &[], &now, &[17, 3]), "16 rows of the task balance"),
+        (error("balance", &[], &now, &[16, 4]), "outputs of layer 0: 4, expected 3"),
+        (error("balance", &[("tilt", &[1.0])], &now, &[16, 3]), "tilt"),
+        (error("balance", &[("max_wheel_torque", &[1e6])], &now, &[16, 3]), "max_wheel_torque"),
+        (error("balance", &[], &History::Ages(vec![1]), &[16, 3]), "the first age must be 0"),
+    ] {
+        assert!(found.contains(words), "{found}");
+    }
+}
