@@ -124,6 +124,7 @@ docs:
 	cargo doc --locked --no-deps $(DOCUMENTED)
 
 site: docs $(SITE_INSTALLED)
+	-$(BIN)/python tools/build_web.py
 	$(BIN)/python tools/build_site.py
 	BALLBOT_SITE=target/site $(BIN)/pytest tests/docs/test_built_site.py
 

@@ -11,7 +11,9 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs import Params
+from ballbot_rs import OnnxPolicy, Params
+from ballbot_rs.control import network_file
+from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
 from ballbot_rs.viewer.scene import look, urdf
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -19,6 +21,8 @@ SOURCE = ROOT / "crates" / "ballbot-web" / "page"
 WORK = ROOT / "target" / "web"
 PAGE = WORK / "page"
 TARGET = "wasm32-unknown-unknown"
+
+POLICIES = ROOT / "assets" / "policies"
 
 #: Debian's packages with which the standard library is compiled for WebAssembly.
 PACKAGES = "rustc-web cargo-web rust-web-src lld-22"
@@ -30,10 +34,13 @@ def main() -> None:
     Raises:
         SystemExit: a part of the toolchain is missing, or a command fails.
     """
-    PAGE.mkdir(parents=True, exist_ok=True)
+    # A page of an earlier state of the code is worse than no page.
+    shutil.rmtree(PAGE, ignore_errors=True)
+    PAGE.mkdir(parents=True)
     module = compiled()
     shutil.copyfile(module, PAGE / "ballbot.wasm")
     (PAGE / "looks.json").write_text(json.dumps(looks(), separators=(",", ":")))
+    (PAGE / "policies.json").write_text(json.dumps(policies(), separators=(",", ":")))
     bundle()
     for path in sorted(PAGE.iterdir()):
         print(f"{path.relative_to(ROOT)}: {path.stat().st_size / 1000:.0f} kB")
@@ -92,6 +99,27 @@ def bundle() -> None:
     run([esbuild, str(front / "page.js"), *options, f"--outfile={PAGE / 'page.js'}"])
     for name in ("index.html", "page.css"):
         shutil.copyfile(SOURCE / name, PAGE / name)
+
+
+def policies() -> dict[str, object]:
+    """The shipped policies that follow setpoints, by name, as settings of a scene."""
+    found = {}
+    for path in sorted(POLICIES.glob("*.onnx")):
+        policy = OnnxPolicy(path)
+        if policy.task not in FOLLOWING:
+            continue
+        options = policy.env_options
+        history = options["history"]
+        layers = network_file.read(path)
+        found[path.stem] = {
+            "task": policy.task,
+            **{name: float(options[name]) for name in ACTING if options.get(name) is not None},
+            "history": list(history) if isinstance(history, (list, tuple)) else list(range(int(history))),
+            "widths": [layers[0][0].shape[1], *(len(biases) for _, biases in layers)],
+            # The shortest decimals that are these numbers in single precision.
+            "numbers": [float(str(x)) for layer in layers for part in layer for x in part.ravel()],
+        }
+    return found
 
 
 def looks() -> dict[str, object]:

@@ -29,6 +29,8 @@ if BROWSER is None:
 #: Width, height and pixels per point: few pixels, since they are rendered in software.
 SIZES = {"wide": (1000, 700, 0.4), "phone": (390, 800, 0.5)}
 
+POLICIES = Path("assets/policies")
+
 #: Time steps of a comparison.
 STEPS = 3000
 
@@ -77,10 +79,13 @@ def choose(page, control, value):
 
 
 @pytest.mark.parametrize("page", ["wide"], indirect=True)
-def test_robots_move_as_in_the_core_under_every_law(page):
+def test_robots_move_as_in_the_core_under_every_law_and_policy(page):
     laws = page.evaluate("ballbot.simulator.catalog.controllers.map(({ name }) => name)")
     assert set(laws) < set(bb.controllers())
+    policies = page.evaluate("Object.keys(ballbot.simulator.policies)")
+    assert set(policies) == {path.stem for path in POLICIES.glob("*.onnx")} - {"path"}
     tried = [(robot, "contact", law) for law in laws for robot in ("paper", "kugle")] + [("rezero", "spatial", "lqr")]
+    tried += [*(("paper", "contact", policy) for policy in policies), ("kugle", "contact", "balance-any")]
     differences = {}
     for robot, model, law in tried:
         settings = {"robot": robot, "model": model, "controller": law, "tilt": 0.05}
@@ -89,7 +94,10 @@ def test_robots_move_as_in_the_core_under_every_law(page):
             "const out = ['ball_position', 'ball_quaternion', 'body_position', 'body_quaternion', 'wheel_angles',"
             "'ball_velocity'].flatMap(name => [...scene.part(0, name)]); scene.close(); return out; })()"
         )
-        controller = bb.make_controller(law, robot)
+        is_policy = law in policies
+        controller = (
+            bb.OnnxPolicy(POLICIES / f"{law}.onnx").controller(robot) if is_policy else bb.make_controller(law, robot)
+        )
         steps = round(1000.0 * controller.control_dt)
         core = bb.Ballbot(robot, model)
         core.reset(bb.State.at_rest(bb.Params.preset(robot), tilt=(0.05, 0.0)))
@@ -103,6 +111,23 @@ def test_robots_move_as_in_the_core_under_every_law(page):
     print(differences)
     # Sines and other functions are of another library, and round differently.
     assert max(differences.values()) < 1e-9
+
+
+@pytest.mark.parametrize("page", ["wide"], indirect=True)
+def test_a_course_is_followed_shared_and_left(page, url):
+    choose(page, "course", "circle")
+    page.evaluate("ballbot.pause(true); ballbot.scene.advance(8000)")
+    assert np.linalg.norm(part(page, "ball_position")[:2] - part(page, "setpoint")) < 0.05
+    assert np.linalg.norm(part(page, "ball_velocity")[:2]) > 0.15
+    page.evaluate("ballbot.stop()")
+    assert page.evaluate("document.getElementById('course').value") == "none"
+    open_page(page, f"{url}#course=eight&controller=balance-any")
+    page.evaluate("ballbot.pause(true); ballbot.scene.advance(8000)")
+    assert np.linalg.norm(part(page, "ball_velocity")[:2]) > 0.1
+    # A robot that drives by its velocity has no place on a course.
+    choose(page, "controller", "velocity")
+    assert page.evaluate("ballbot.choices.course") == "none"
+    assert "drive it" in page.evaluate("document.getElementById('message').textContent")
 
 
 def test_a_robot_is_pushed_driven_and_sent(page):
@@ -241,6 +266,36 @@ def test_after_a_hundred_clicks_anywhere_no_robot_stays_fallen_and_memory_is_bou
     choose(page, "speed", 1)
     wait_until(lambda: page.evaluate("ballbot.scene.part(0, 'fallen')[0]") == 0.0)
     assert page.evaluate("ballbot.simulator.exports.memory.buffer.byteLength") <= memory + (4 << 20)
+
+
+@pytest.mark.parametrize("page", ["wide"], indirect=True)
+def test_pictures_leave_nothing_behind(page):
+    page.call("Emulation.setDeviceMetricsOverride", width=160, height=120, deviceScaleFactor=0.5, mobile=False)
+    choose(page, "compare", "cascade_pid")
+    page.evaluate("ballbot.view.renderer.setAnimationLoop(null)")
+
+    def used_after(pictures):
+        page.evaluate(
+            f"(() => {{ for (let i = 0; i < {pictures}; i++) {{ if (i % 40 === 0) ballbot.push();"
+            "ballbot.picture(ballbot.last + 20); } })()"
+        )
+        page.call("HeapProfiler.collectGarbage")
+        return page.call("Runtime.getHeapUsage")["usedSize"]
+
+    # The plots have 10 s of numbers at most.
+    before = used_after(550)
+    assert used_after(550) < before + 200_000
+
+
+@pytest.mark.parametrize("page", ["wide"], indirect=True)
+def test_a_scene_out_of_sight_rests(page):
+    page.evaluate("document.getElementById('scene').style.display = 'none'")
+    time.sleep(0.3)
+    before = page.evaluate("ballbot.scene.time")
+    time.sleep(0.5)
+    assert page.evaluate("ballbot.scene.time") == before
+    page.evaluate("document.getElementById('scene').style.display = ''")
+    wait_until(lambda: page.evaluate("ballbot.scene.time") > before)
 
 
 def test_a_lost_view_is_named_and_comes_back(page):

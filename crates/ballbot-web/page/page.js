@@ -6,8 +6,8 @@ import { Simulator } from "./simulator.js";
 import { View } from "./view.js";
 
 const DEFAULTS = {
-  robot: "paper", controller: "lqr", compare: "none", terrain: "level", model: "contact", robots: 1, speed: 1,
-  follow: false, panel: true, sliders: {}, camera: [0, 0, 0],
+  robot: "paper", controller: "lqr", compare: "none", terrain: "level", model: "contact", robots: 1, course: "none",
+  speed: 1, follow: false, panel: true, sliders: {}, camera: [0, 0, 0],
 };
 
 /** Sliders: factors on parameters, or metres added to one of their numbers. */
@@ -72,7 +72,11 @@ class Page {
     if (this.unknown.length) this.complain(`The link has ${this.unknown.join(", ")}, which is no choice here.`);
     if (this.choices.camera.some((x) => x !== 0)) this.view.camera.position.fromArray(this.choices.camera);
     this.last = performance.now();
-    this.view.renderer.setAnimationLoop((now) => this.picture(now));
+    // A scene that is scrolled out of sight rests.
+    new IntersectionObserver(([{ isIntersecting }]) => {
+      this.last = performance.now();
+      this.view.renderer.setAnimationLoop(isIntersecting ? (now) => this.picture(now) : null);
+    }).observe(find("scene"));
     // A scene within a page leaves the keys and the wheel to the page.
     if (this.choices.panel) find("scene").focus({ preventScroll: true });
     else this.view.controls.enableZoom = false;
@@ -80,7 +84,7 @@ class Page {
 
   /** Options of the controls, as the simulator has them. */
   fill() {
-    const { controllers, robots, terrains } = this.simulator.catalog;
+    const { controllers: laws, robots, terrains } = this.simulator.catalog;
     const options = (id, items) => {
       find(id).replaceChildren(...items.map(([value, text]) => new Option(text, value)));
       const known = items.some(([value]) => `${value}` === `${this.choices[id]}`);
@@ -88,10 +92,11 @@ class Page {
       this.unknown.push(`${id} = ${this.choices[id]}`);
       this.choices[id] = DEFAULTS[id];
     };
-    const laws = controllers.map((law) => [law.name, law.label]);
     options("robot", Object.keys(robots).map((name) => [name, name]));
-    options("controller", laws);
-    options("compare", [["none", "nothing"], ...laws]);
+    const controllers = [...laws.map(({ name, label }) => [name, label]), ...Object.keys(this.simulator.policies).map((name) => [name, `policy ${name}`])];
+    options("controller", controllers);
+    options("compare", [["none", "nothing"], ...controllers]);
+    options("course", [["none", "by hand"], ...this.simulator.catalog.curves.map((name) => [name, name])]);
     options("terrain", [["level", "level"], ...terrains.filter(({ name }) => TERRAINS[name]).map(({ name }) => [name, name])]);
     options("model", [["contact", "contact and slip"], ["spatial", "without slip"]]);
     options("robots", COUNTS.map((count) => [count, count]));
@@ -118,7 +123,7 @@ class Page {
 
   /** Sets the controls to the choices. */
   showChoices() {
-    for (const id of SELECTS) find(id).value = this.choices[id];
+    for (const id of [...SELECTS, "course"]) find(id).value = this.choices[id];
     find("speed").value = this.choices.speed;
     find("follow").checked = this.choices.follow;
     for (const [name, value] of Object.entries(this.choices.sliders)) {
@@ -138,6 +143,10 @@ class Page {
       // Letters choose in a list that has the focus; they are to drive.
       find(id).addEventListener("pointerdown", () => find(id).addEventListener("change", focus, { once: true }));
     }
+    find("course").addEventListener("change", (event) => {
+      if (event.target.value === "none") this.stop();
+      else this.follow(event.target.value);
+    });
     find("speed").addEventListener("change", (event) => (this.choices.speed = Number(event.target.value)));
     find("follow").addEventListener("change", (event) => (this.choices.follow = event.target.checked));
     find("push").addEventListener("click", () => this.push());
@@ -179,23 +188,39 @@ class Page {
     canvas.addEventListener("webglcontextrestored", () => this.complain(""));
   }
 
-  /** Calls a function of all scenes; shows the first error after the last of them. */
+  /** Calls a function of all scenes; shows the first error after the last of them. Returns whether there is none. */
   each(name, ...values) {
-    this.attempt(() => {
+    return this.every((scene) => scene.call(name, ...values));
+  }
+
+  every(act) {
+    return this.attempt(() => {
       const errors = [];
       for (const scene of this.scenes()) {
         try {
-          scene.call(name, ...values);
+          act(scene);
         } catch (error) {
           errors.push(`${scene === this.scene ? this.choices.controller : this.choices.compare}: ${error.message}`);
         }
       }
       if (errors.length) throw new Error(errors[0]);
+      return true;
     });
+  }
+
+  /** Sends the robots along a curve. */
+  follow(curve) {
+    this.setCourse(this.every((scene) => scene.follow(curve)) ? curve : "none");
+    this.driven = "sent";
+  }
+
+  setCourse(course) {
+    find("course").value = this.choices.course = course;
   }
 
   reset() {
     this.each("reset");
+    this.setCourse("none");
     this.driven = "";
   }
 
@@ -245,7 +270,7 @@ class Page {
       this.shown = `${robot} ${robots}`;
       this.opened = structuredClone(this.choices);
       this.plots.forEach((plot) => plot.clear());
-      find("summary").textContent = this.simulator.catalog.controllers.find(({ name }) => name === controller).summary;
+      find("summary").textContent = this.summary(controller);
       this.friction = this.simulator.catalog.robots[robot].wheel_static_friction[0] * this.choices.sliders.wheels;
     });
     const shown = this.opened ?? { ...DEFAULTS, panel: this.choices.panel };
@@ -256,7 +281,14 @@ class Page {
       this.showChoices();
       if (!this.scene) this.open();
       this.complain(reason);
-    }
+    } else if (this.choices.course !== "none") this.follow(this.choices.course);
+  }
+
+  summary(controller) {
+    const law = this.simulator.catalog.controllers.find(({ name }) => name === controller);
+    if (law) return law.summary;
+    const { task, scale_by_robot: any } = this.simulator.policies[controller];
+    return `A network trained in the task ${task}, ${any ? "for any robot" : "on the robot paper"}.`;
   }
 
   /** Parameters that the sliders change. */
@@ -307,6 +339,7 @@ class Page {
 
   stop() {
     this.keys.clear();
+    this.setCourse("none");
     this.each("drive", 0, 0, 0);
   }
 
@@ -352,6 +385,7 @@ class Page {
       const place = this.view.floorAt(event);
       if (!place) return;
       this.each("go_to", place.x, place.y);
+      this.setCourse("none");
       // A key that is let go later does not stop it.
       this.driven = "sent";
     }
@@ -385,6 +419,7 @@ class Page {
     const isIdle = wanted.every((part) => part === 0);
     if (now === this.driven || (["", "sent"].includes(this.driven) && (isIdle || now === this.held))) return;
     this.held = this.driven = now;
+    this.setCourse("none");
     this.each("drive", ...wanted);
   }
 
@@ -440,10 +475,9 @@ try {
     if (!answer.ok) throw new Error(`${answer.url}: ${answer.status} ${answer.statusText}`);
     return answer;
   };
-  const [simulator, looks] = await Promise.all([
-    get("ballbot.wasm").then(Simulator.load),
-    get("looks.json").then((answer) => answer.json()),
-  ]);
+  const json = (name) => get(name).then((answer) => answer.json());
+  const [module, policies, looks] = await Promise.all([get("ballbot.wasm"), json("policies.json"), json("looks.json")]);
+  const simulator = await Simulator.load(module, policies);
   globalThis.ballbot = new Page(simulator, looks);
 } catch (error) {
   find("message").hidden = false;

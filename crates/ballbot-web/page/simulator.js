@@ -8,23 +8,25 @@ const MOST_STEPS = 100_000;
 
 export class Simulator {
   /** Instantiates the module of a response or of bytes. */
-  static async load(source) {
+  static async load(source, policies = {}) {
     // Some servers have no type for WebAssembly, so it is not compiled while it streams.
     const bytes = source instanceof Response ? await source.arrayBuffer() : source;
     const { instance } = await WebAssembly.instantiate(bytes, {});
-    return new Simulator(instance.exports);
+    return new Simulator(instance.exports, policies);
   }
 
-  constructor(exports) {
-    this.exports = exports;
+  /** `policies`: settings of policies by name, which are then controllers. */
+  constructor(exports, policies) {
+    Object.assign(this, { exports, policies });
     this.check(exports.describe());
-    this.catalog = { controllers: [], terrains: [], robots: {}, row: {}, width: 0 };
+    this.catalog = { controllers: [], terrains: [], curves: [], robots: {}, row: {}, width: 0 };
     for (const line of this.output().trim().split("\n")) {
       const [kind, name, ...rest] = line.split("\t");
       if (kind === "row") {
         this.catalog.row[name] = [this.catalog.width, this.catalog.width + Number(rest[0])];
         this.catalog.width += Number(rest[0]);
       } else if (kind === "controller") this.catalog.controllers.push({ name, label: rest[0], summary: rest[1] });
+      else if (kind === "curve") this.catalog.curves.push(name);
       else if (kind === "terrain") this.catalog.terrains.push({ name, summary: rest[0] });
       else if (kind === "robot") {
         this.catalog.robots[name] = Object.fromEntries(
@@ -53,7 +55,8 @@ export class Simulator {
 
   /** Opens a scene; the tables of the settings become tables of TOML. */
   open(settings) {
-    this.give(toml(settings));
+    const { controller, ...rest } = settings;
+    this.give(toml(Object.hasOwn(this.policies, controller) ? { ...rest, policy: this.policies[controller] } : settings));
     return new Scene(this, this.check(this.exports.open_scene()), settings.robots ?? 1);
   }
 }
@@ -101,6 +104,12 @@ export class Scene {
   opened(place) {
     if (place === 0) throw new Error("the scene is closed");
     return place;
+  }
+
+  /** Moves the target along a curve. */
+  follow(curve) {
+    this.simulator.give(curve);
+    this.call("follow");
   }
 
   setParams(changes) {

@@ -1,6 +1,7 @@
 //! What the page offers: lines of names and numbers.
 
 use crate::scene::ROW;
+use crate::target::CURVES;
 use ballbot_core::control::controller_kinds;
 use ballbot_core::terrain::TerrainKind;
 use ballbot_core::{Params, Result};
@@ -11,6 +12,7 @@ use std::fmt::Write;
 /// - `row`: name and length of a part of a robot's row;
 /// - `controller`: name, label, summary;
 /// - `terrain`: name, description;
+/// - `curve`: name, along which the target moves;
 /// - `robot`: name; then its parameters as `name=numbers`, separated by spaces.
 ///
 /// # Errors
@@ -31,6 +33,9 @@ pub fn catalog() -> Result<String> {
     }
     for kind in TerrainKind::ALL {
         line(&["terrain", kind.name, kind.doc]);
+    }
+    for name in CURVES {
+        line(&["curve", name]);
     }
     for name in Params::preset_names() {
         let params = Params::preset(name)?;

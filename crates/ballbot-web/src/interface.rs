@@ -170,6 +170,12 @@ pub extern "C" fn go_to(scene: usize, x: f64, y: f64) -> i32 {
     with(scene, |scene| scene.go_to([x, y]))
 }
 
+/// [`Scene::follow`] with the input.
+#[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
+pub extern "C" fn follow(scene: usize) -> i32 {
+    with(scene, |scene| scene.follow(&text()))
+}
+
 /// [`Scene::set_params`] with the input.
 #[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
 pub extern "C" fn set_params(scene: usize) -> i32 {

@@ -143,7 +143,11 @@ impl Scene {
         let dt = self.steps_per_control as f64 * SIM_DT;
         let time = self.time();
         let first = &self.robots[0];
-        self.target.advance(dt, first.body.state().ball_position.xy() - first.place);
+        let ball = first.body.state().ball_position.xy() - first.place;
+        if !self.follows("position") {
+            self.target.stay_with(ball);
+        }
+        self.target.advance(dt, ball);
         for robot in &mut self.robots {
             let state = robot.body.state();
             let fallen = state.tilt() > FALLEN || robot.body.bot_on_floor();
@@ -216,19 +220,40 @@ impl Scene {
     /// motion.
     pub fn go_to(&mut self, place: [f64; 2]) -> Result<()> {
         check_finite("place", &place)?;
-        self.require_motion()?;
+        self.require_position()?;
         let ball = self.robots[0].body.state().ball_position.xy() - self.robots[0].place;
         let way = Vector2::from(place) - ball;
         self.target.go_to(ball + way * (FARTHEST / way.norm().max(FARTHEST)));
         Ok(())
     }
 
+    /// Moves the target along a curve, `circle` or `eight`, from where it comes to rest.
+    ///
+    /// # Errors
+    /// [`Error::UnknownName`] for another curve; [`Error::Inconsistent`] for a controller that follows no position, or a
+    /// curve that would leave the ground.
+    pub fn follow(&mut self, curve: &str) -> Result<()> {
+        self.require_position()?;
+        self.target.follow(curve)
+    }
+
+    fn follows(&self, part: &str) -> bool {
+        self.controller.parts().contains(&part)
+    }
+
     fn require_motion(&self) -> Result<()> {
-        let parts = self.controller.parts();
-        if parts.contains(&"position") || parts.contains(&"velocity") {
+        if self.follows("position") || self.follows("velocity") {
             return Ok(());
         }
         Err(Error::Inconsistent("this controller follows neither position nor velocity: it holds the tilt".into()))
+    }
+
+    fn require_position(&self) -> Result<()> {
+        self.require_motion()?;
+        if self.follows("position") {
+            return Ok(());
+        }
+        Err(Error::Inconsistent("this controller follows a velocity, not a position: drive it".into()))
     }
 
     /// Changes the robots, from TOML, by the parameters of the nominal robot; the controller stays.

@@ -1,5 +1,6 @@
 //! What a scene is made of, from TOML.
 
+use ballbot_core::batch::{History, Layer, policy_controller};
 use ballbot_core::control::{Controller, controller_kind};
 use ballbot_core::terrain::Terrain;
 use ballbot_core::{Error, ModelKind, Params, Result};
@@ -30,19 +31,28 @@ pub(crate) struct Settings {
 }
 
 impl Settings {
-    /// From TOML: `robot`, `model`, `controller`, `robots`, `tilt`, and the tables `params`, `options` of the controller
-    /// and `terrain`. Omitted settings have their defaults.
+    /// From TOML: `robot`, `model`, `controller`, `robots`, `tilt`, and the tables `params`, `options` of the controller,
+    /// `terrain`, and `policy` in place of a controller. Omitted settings have their defaults.
     pub(crate) fn parse(text: &str) -> Result<Self> {
         let mut table = read("settings", text)?;
         let robot = take_text(&mut table, "robot", "paper")?;
         let nominal = Params::preset(&robot)?;
         let params = changed(&nominal, &take_table(&mut table, "params")?)?;
         let model: ModelKind = take_text(&mut table, "model", "contact")?.parse()?;
-        let kind = controller_kind(&take_text(&mut table, "controller", "lqr")?)?;
-        let options = numbers(&take_table(&mut table, "options")?)?;
-        let options: Vec<_> = options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        let control_dt = kind.control_dt.unwrap_or(SIM_DT * STEPS_PER_CONTROL as f64);
-        let controller = (kind.make)(&nominal, control_dt, &kind.limits, &options)?;
+        let controller = match table.remove("policy") {
+            None => law(&nominal, &mut table)?,
+            Some(Value::Table(policy)) => {
+                match ["controller", "options"].iter().find(|name| table.contains_key(**name)) {
+                    None => network(&nominal, policy)?,
+                    Some(name) => {
+                        return Err(Error::Inconsistent(format!(
+                            "a policy is in place of a controller: omit '{name}'"
+                        )));
+                    }
+                }
+            }
+            Some(other) => return Err(wrong("policy", &other, "a table")),
+        };
         let robots = match table.remove("robots") {
             None => 1,
             Some(Value::Integer(robots)) if (1..=MOST_ROBOTS).contains(&robots) => robots as usize,
@@ -57,17 +67,61 @@ impl Settings {
         };
         let terrain = terrain(take_table(&mut table, "terrain")?)?;
         if let Some(name) = table.keys().next() {
-            let known = ["robot", "model", "controller", "robots", "tilt", "params", "options", "terrain"];
+            let known = ["robot", "model", "controller", "robots", "tilt", "params", "options", "terrain", "policy"];
             return Err(Error::unknown("setting", name, &known));
         }
         Ok(Self { nominal, params, model, controller, terrain, robots, tilt })
     }
 }
 
+/// A controller by its name, with its options.
+fn law(params: &Params, table: &mut Table) -> Result<Box<dyn Controller>> {
+    let kind = controller_kind(&take_text(table, "controller", "lqr")?)?;
+    let options = numbers(&take_table(table, "options")?)?;
+    let control_dt = kind.control_dt.unwrap_or(SIM_DT * STEPS_PER_CONTROL as f64);
+    (kind.make)(params, control_dt, &kind.limits, &named(&options))
+}
+
+/// A policy: its `task`, the `widths` of its observation and layers, the `numbers` of each layer, weights then biases, the
+/// ages of its `history`, and options of its environment.
+fn network(params: &Params, mut table: Table) -> Result<Box<dyn Controller>> {
+    let task = take_text(&mut table, "task", "balance")?;
+    let mut options = numbers(&table)?;
+    let mut take = |name: &str| {
+        let place = options.iter().position(|(option, _)| option == name);
+        place.map(|place| options.swap_remove(place).1)
+    };
+    let missing = |name: &str| Error::Inconsistent(format!("the policy has no {name}"));
+    let widths = take("widths").ok_or_else(|| missing("widths"))?;
+    let numbers = take("numbers").ok_or_else(|| missing("numbers"))?;
+    let history = take("history").map_or(Ok(History::default()), |ages| History::of_ages(&ages))?;
+    let widths: Vec<_> = widths.iter().map(|width| width.clamp(0.0, 1e6) as usize).collect();
+    let expected = widths.windows(2).map(|pair| pair[1] * (pair[0] + 1)).sum();
+    if numbers.len() != expected {
+        return Err(Error::Length { name: "numbers of the policy".into(), found: numbers.len(), expected });
+    }
+    let mut rest = &numbers[..];
+    let layers: Vec<_> = widths
+        .windows(2)
+        .map(|pair| {
+            let (inputs, outputs) = (pair[0], pair[1]);
+            let (weights, others) = rest.split_at(inputs * outputs);
+            let (biases, others) = others.split_at(outputs);
+            rest = others;
+            Layer { inputs, outputs, weights, biases }
+        })
+        .collect();
+    policy_controller(&task, params, &named(&options), &history, &layers)
+}
+
+fn named(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {
+    options.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect()
+}
+
 /// Parameters with changes from a table.
 fn changed(params: &Params, table: &Table) -> Result<Params> {
     let changes = numbers(table)?;
-    params.replace(changes.iter().map(|(name, values)| (name.as_str(), values.as_slice())))
+    params.replace(named(&changes))
 }
 
 /// Parameters with changes from TOML.
