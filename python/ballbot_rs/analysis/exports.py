@@ -1,4 +1,4 @@
-"""Files and tables of a trajectory: CSV, NPZ, MCAP, Parquet and pandas, with the columns of `columns`.
+"""Files and tables of a trajectory: CSV, NPZ, MCAP, Parquet and pandas, with the columns of `columns`, and a replay.
 
 Quaternions are (w, x, y, z), except in the transforms of an MCAP file, whose format names the components.
 """
@@ -101,12 +101,32 @@ def to_mcap(trajectory: "Trajectory", path: str | PathLike[str]) -> None:
     _files.write(file, packed.getvalue())
 
 
+def to_html(
+    trajectory: "Trajectory",
+    path: str | PathLike[str],
+    *,
+    frame_rate: float = 60.0,
+    forces: bool = False,
+    dark: bool = False,
+) -> None:
+    """Writes a replay in 3D; arguments as of `Trajectory.to_html`.
+
+    Raises:
+        ModuleNotFoundError: viser is not installed.
+    """
+    file = _path(path, ".html")
+    with require("a replay", "view"):
+        from ballbot_rs.viewer.replay.file import write
+    write(trajectory, file, frame_rate=frame_rate, forces=forces, dark=dark)
+
+
 #: Writers by the suffixes of their files.
 FORMATS: Final[Mapping[str, Callable[["Trajectory", Path], None]]] = {
     ".csv": to_csv,
     ".npz": to_npz,
     ".mcap": to_mcap,
     ".parquet": to_parquet,
+    ".html": to_html,
 }
 
 

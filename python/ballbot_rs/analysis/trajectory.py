@@ -105,9 +105,9 @@ class Trajectory:
         return f" as it began at {begun:.3g} rad, beyond the option fall_tilt = {self.fall_tilt:.3g} rad"
 
     def _repr_html_(self) -> str:
-        from ballbot_rs.media.notebook import to_html
+        from ballbot_rs.media.notebook import shown
 
-        return to_html(self)
+        return shown(self)
 
     def of_states(self, name: str) -> Array:
         """An attribute of all states, for example `tilt`."""
@@ -145,7 +145,7 @@ class Trajectory:
         return exports.to_dataframe(self)
 
     def write(self, path: str | PathLike[str]) -> None:
-        """Writes the file that its suffix names: as `to_csv`, `to_npz`, `to_mcap` or `to_parquet`.
+        """Writes the file that its suffix names: as `to_csv`, `to_npz`, `to_mcap`, `to_parquet` or `to_html`.
 
         Raises:
             ValueError: another suffix.
@@ -193,6 +193,28 @@ class Trajectory:
             OSError: as `to_csv`.
         """
         exports.to_parquet(self, path)
+
+    def to_html(
+        self, path: str | PathLike[str], *, frame_rate: float = 60.0, forces: bool = False, dark: bool = False
+    ) -> None:
+        """Writes one HTML file that replays the motion in 3D, as on the page of `ballbot view`, over its curves.
+
+        The file loads nothing from elsewhere and needs a browser with WebGL. It has pushes, forces and the task's
+        command, a mark at the present time in the curves, if matplotlib is installed, the numbers of `metrics` and all
+        parameters. Each of its frames is the nearest row.
+
+        Args:
+            path: the file.
+            frame_rate: frames per second, 1 to 240.
+            forces: whether arrows show the forces at the contacts.
+            dark: whether the colors are dark.
+
+        Raises:
+            ModuleNotFoundError: viser is not installed.
+            ValueError: another suffix than .html, or a frame rate out of range.
+            OSError: as `to_csv`.
+        """
+        exports.to_html(self, path, frame_rate=frame_rate, forces=forces, dark=dark)
 
     def plot(self, path: str | PathLike[str] | None = None, *, width: float | None = None) -> Any:
         """The matplotlib figure of tilt, position, torques, loads and friction over time.

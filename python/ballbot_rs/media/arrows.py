@@ -29,7 +29,7 @@ HEIGHT = 0.012
 
 def arrows(trajectory: Trajectory, row: int) -> Array:
     """From tails to tips, inertial frame, m, shape (n, 2, 3), as `Renderer.render` takes them."""
-    found = [*_loads(trajectory, row), *_command(trajectory, row)]
+    found = [*loads(trajectory, row), *_command(trajectory, row)]
     return np.array(found).reshape(-1, 2, 3)
 
 
@@ -47,7 +47,8 @@ def pulled(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | Non
     return [(np.array(force.force), None if force.point is None else np.array(force.point)) for force in shown]
 
 
-def _loads(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
+def loads(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:
+    """Tails and tips of the pushes and forces on the body."""
     time, radius = float(trajectory.times[row]), trajectory.params.ball_radius
     state = trajectory.states[row]
     axes = body_axes_of(state.to_array())

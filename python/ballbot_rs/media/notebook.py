@@ -39,7 +39,7 @@ class Animation:
 
         with _files.scratch_folder() as folder:
             write_video(trajectory, folder / "animation.mp4", **options)
-            return cls(_title(trajectory), (folder / "animation.mp4").read_bytes())
+            return cls(title(trajectory), (folder / "animation.mp4").read_bytes())
 
     def __repr__(self) -> str:
         return f"<Animation of {self.title}: {len(self.mp4) / 1e3:.0f} kB>"
@@ -51,23 +51,29 @@ class Animation:
         return f'<video controls loop autoplay muted aria-label="{label}" src="data:video/mp4;base64,{data}"></video>'
 
 
-def to_html(trajectory: Trajectory) -> str:
+def shown(trajectory: Trajectory) -> str:
     """An HTML fragment without scripts."""
-    return f"<div><b>{html.escape(_title(trajectory))}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
+    return f"<div><b>{html.escape(title(trajectory))}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
 
 
-def _title(trajectory: Trajectory) -> str:
+def title(trajectory: Trajectory) -> str:
+    """Controller, model, duration and ending."""
     ending = "upright to the end" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
     return f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
 
 
 def table_of(metrics: Metrics) -> str:
     """The numbers of a trajectory with their units."""
+    return _short.table(rows_of(metrics))
+
+
+def rows_of(metrics: Metrics) -> list[tuple[str, str]]:
+    """Names and texts of the numbers of a trajectory."""
     rows = []
     for name, value in dataclasses.asdict(metrics).items():
         label, unit, factor = _LABELS[name]
         rows.append((label, f"{factor * value:.4g} {unit}"))
-    return _short.table(rows)
+    return rows
 
 
 def _figure(trajectory: Trajectory) -> str:
@@ -79,4 +85,4 @@ def _figure(trajectory: Trajectory) -> str:
     trajectories.draw([trajectory]).savefig(drawn, format="svg", metadata={"Date": None, "Creator": None})
     # As an image: otherwise ids of several figures in one page would collide.
     data = base64.b64encode(drawn.getvalue()).decode("ascii")
-    return f'<img alt="tilt, position, torques and loads over time" src="data:image/svg+xml;base64,{data}">'
+    return f'<img alt="{trajectories.DESCRIPTION}" src="data:image/svg+xml;base64,{data}">'

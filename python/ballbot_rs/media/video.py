@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from ballbot_rs import _assets, _files
+from ballbot_rs._checks import check_bounded
 from ballbot_rs._core import Params, Renderer
 from ballbot_rs._extras import require
 from ballbot_rs._progress import Progress, no_progress
@@ -41,7 +42,7 @@ def renderer_for(trajectory: Trajectory, *, schematic: bool = False, **options: 
     given = {"terrain": trajectory.terrain, **options}
     if given.get("urdf") is None:
         given.pop("urdf", None)
-        if not schematic and _has_meshes(trajectory.params):
+        if not schematic and has_meshes(trajectory.params):
             given["urdf"] = (_assets.path("bot.urdf"), _assets.path("ball.urdf"))
         elif not schematic and published(trajectory.params) is not None:
             return _of_shapes(trajectory.params, given)
@@ -56,7 +57,7 @@ def _of_shapes(params: Params, options: dict[str, Any]) -> Renderer:
         return Renderer(urdf=(bot, ball), **options)
 
 
-def _has_meshes(params: Params) -> bool:
+def has_meshes(params: Params) -> bool:
     """Whether the meshes that come with the package fit a robot."""
     paper = Params.paper()
     return all(np.allclose(getattr(params, name), getattr(paper, name), rtol=1e-3) for name in GEOMETRY)
@@ -191,9 +192,7 @@ def write_video(
         OSError: the video cannot be encoded or written; an earlier file stays as it is.
     """
     check_suffix(path)
-    lowest, highest = FRAME_RATES
-    if not lowest <= frame_rate <= highest:
-        raise ValueError(f"frame_rate = {frame_rate} is out of range: it must be from {lowest:g} to {highest:g}")
+    check_bounded("frame_rate", frame_rate, *FRAME_RATES)
     if path.suffix == ".gif" and frame_rate > FASTEST_GIF:
         raise ValueError(f"frame_rate = {frame_rate:g} is out of range for a GIF: it must be at most {FASTEST_GIF:g}")
     shown = _several(trajectory)

@@ -12,6 +12,9 @@ from ballbot_rs.media.figures.marks import mark_events, mark_limit
 from ballbot_rs.media.figures.panels import LINES, letter, look
 from ballbot_rs.media.figures.style import COLORS, INK, columns, legends
 
+#: For readers who do not see it.
+DESCRIPTION = "Tilt, position, torques, loads and friction over time"
+
 #: From top to bottom.
 QUANTITIES = (
     "tilt about x, y\n(deg)",
@@ -55,13 +58,14 @@ def draw(trajectories: Sequence[Trajectory], width: float | None = None) -> Figu
 def _draw_column(axes: Sequence[Any], trajectory: Trajectory) -> None:
     tilt, position, torque, load, friction = axes
     times = trajectory.times
+    setpoint = trajectory.setpoints.get("position")
     tilts, positions = trajectory.of_states("tilt_components"), trajectory.of_states("ball_position")
     for i, axis in enumerate("xy"):
         tilt.plot(times, np.degrees(tilts[:, i]), label=axis, **look(i))
         position.plot(times, positions[:, i], label=axis, **look(i))
-        if trajectory.setpoints["position"].any():
+        if setpoint is not None and setpoint.any():
             dotted = {"color": COLORS[i], "linestyle": ":", "linewidth": 1.0, "label": f"{axis}, setpoint"}
-            position.plot(times, trajectory.setpoints["position"][:, i], **dotted)
+            position.plot(times, setpoint[:, i], **dotted)
     # Models with contacts have no forces before their first step.
     loads = trajectory.of_contacts("wheel_normal_forces")[1:]
     shares = 100.0 * trajectory.of_contacts("friction_utilization")[1:]

@@ -1,4 +1,4 @@
-"""A self-contained HTML file: pictures and videos are in it, and it makes no requests."""
+"""A self-contained HTML file: pictures, videos and replays are in it, and it makes no requests."""
 
 import base64
 import html
@@ -8,10 +8,8 @@ from pathlib import Path
 from typing import Any
 
 _STYLE = """
-:root { color-scheme: light dark; --ink: #212529; --paper: #fff; --line: #dee2e6; --card: #f1f3f5; --soft: #495057; }
-@media (prefers-color-scheme: dark) {
-  :root { --ink: #e6e9ed; --paper: #16191d; --line: #3a414b; --card: #23272e; --soft: #b3bac4; }
-}
+:root { --ink: light-dark(#212529, #e6e9ed); --paper: light-dark(#fff, #16191d); --line: light-dark(#dee2e6, #3a414b); }
+:root { --card: light-dark(#f1f3f5, #23272e); --soft: light-dark(#495057, #b3bac4); }
 body { font: 15px/1.5 system-ui, sans-serif; color: var(--ink); background: var(--paper); }
 body { max-width: 62rem; margin: 2rem auto; padding: 0 1rem; }
 h1 { font-size: 1.6rem; margin-bottom: 0; }
@@ -22,13 +20,29 @@ th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(
 th:first-child, td:first-child, .pairs td { text-align: left; }
 pre { background: var(--card); padding: .8rem; overflow-x: auto; font-size: .85rem; }
 .note { color: var(--soft); font-size: .9rem; } .wide { overflow-x: auto; }
+iframe { width: 100%; aspect-ratio: 8 / 5; border: 1px solid var(--line); border-radius: 4px; margin-top: 1rem; }
+.timed { position: relative; width: fit-content; } .timed i { position: absolute; pointer-events: none; }
+.timed i::after { content: ""; position: absolute; height: 100%; border-left: 1.5px solid #212529; }
+.timed i::after { left: calc(100% * clamp(0, (var(--time, 0) - var(--begin)) / var(--seconds), 1)); }
+"""
+
+#: Nothing comes from elsewhere; the player of a replay compiles its own code.
+_POLICY = "default-src 'unsafe-inline' 'unsafe-eval' data: blob:"
+
+#: Takes the time of a replay to the marks in `timed_figure`.
+_CLOCK = """
+addEventListener("message", ({ source, data }) => {
+  if (source === document.querySelector("iframe").contentWindow && Number.isFinite(data))
+    document.documentElement.style.setProperty("--time", data);
+});
 """
 
 
-def page(title: str, parts: Sequence[str]) -> str:
-    """A whole document."""
+def page(title: str, parts: Sequence[str], scheme: str = "light dark") -> str:
+    """A whole document, in light or dark colors or, with both, in the system's."""
     return (
-        f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{html.escape(title)}</title>\n'
+        f'<!DOCTYPE html>\n<html lang="en" style="color-scheme: {scheme}">\n<head>\n<meta charset="utf-8">\n'
+        f'<title>{html.escape(title)}</title>\n<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
         f'<meta name="viewport" content="width=device-width, initial-scale=1">\n<style>{_STYLE}</style>\n</head>\n'
         f"<body>\n<h1>{html.escape(title)}</h1>\n" + "\n".join(parts) + "\n</body>\n</html>\n"
     )
@@ -69,6 +83,33 @@ def figure(drawn: Any, description: str) -> str:
     buffer = io.BytesIO()
     drawn.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None})
     return f'<img alt="{html.escape(description)}" src="{_data("image/svg+xml", buffer.getvalue())}">'
+
+
+def timed_figure(drawn: Any, description: str, spans: Sequence[tuple[float, float]]) -> str:
+    """The same with a line in each of its axes at the time of the replay in this document.
+
+    Args:
+        drawn: the figure, whose axes have time to the right.
+        description: for readers who do not see it.
+        spans: of each of its axes: the times between which the line moves, s.
+    """
+    image = figure(drawn, description)
+    to_figure = drawn.transFigure.inverted()
+    lines = []
+    for ax, (begin, end) in zip(drawn.axes, spans, strict=True):
+        left, right = (to_figure.transform(ax.transData.transform((time, 0.0)))[0] for time in (begin, end))
+        box = ax.get_position()
+        place = {"left": left, "width": right - left, "top": 1.0 - box.y1, "height": box.height}
+        style = "; ".join(f"{name}: {100.0 * value:.3f}%" for name, value in place.items())
+        lines.append(f'<i style="{style}; --begin: {begin:g}; --seconds: {end - begin:g}"></i>')
+    return f'<div class="timed">{image}{"".join(lines)}</div>'
+
+
+def replay(document: str) -> str:
+    """A document that sends its time, s, in a frame of its own; a page has one."""
+    # Without the right of its origin it reads nothing of the page around it.
+    shown = f'<iframe title="replay in 3D" sandbox="allow-scripts" srcdoc="{html.escape(document)}"></iframe>'
+    return f"{shown}<script>{_CLOCK}</script>"
 
 
 def video(path: Path) -> str:

@@ -101,7 +101,7 @@ def write(
     parts.append(
         page.section(
             "After a push",
-            page.figure(trajectories.draw(shown), "Tilt, position, torques, loads and friction over time"),
+            page.figure(trajectories.draw(shown), trajectories.DESCRIPTION),
             page.note(f"Released at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."),
         )
     )

@@ -91,11 +91,17 @@ def distance_for(radius: float, fov: float, aspect: float) -> float:
 
 def frame_robots(client: viser.ClientHandle, reach: float, height: float, *, behind: bool) -> None:
     """Places the camera of a client so that it sees robots of a height, m, within a distance from the middle, m."""
-    middle = np.array([0.0, 0.0, 0.5 * height])
-    aspect = client.camera.aspect
-    distance = distance_for(math.hypot(reach, 0.5 * height), FOV, aspect)
     with client.atomic():
-        client.camera.fov = FOV
-        # The look-at point moves along with the camera, so it comes last.
-        client.camera.position = tuple(middle + distance * (BEHIND if behind else DIRECTION))
-        client.camera.look_at = tuple(middle)
+        place_camera(client.camera, client.camera.aspect, reach, height, behind=behind)
+
+
+def place_camera(
+    camera: viser.CameraHandle | viser.InitialCameraConfig, aspect: float, reach: float, height: float, *, behind: bool
+) -> None:
+    """As `frame_robots`, in a picture of a width over height."""
+    middle = np.array([0.0, 0.0, 0.5 * height])
+    distance = distance_for(math.hypot(reach, 0.5 * height), FOV, aspect)
+    camera.fov = FOV
+    # The look-at point moves along with the camera, so it comes last.
+    camera.position = tuple(middle + distance * (BEHIND if behind else DIRECTION))
+    camera.look_at = tuple(middle)
