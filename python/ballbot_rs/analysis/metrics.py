@@ -28,7 +28,8 @@ class Metrics:
     #: Tilt from the equilibrium, rad.
     tilt_rms: float
     tilt_max: float
-    #: Horizontal distance of the ball from the position of the setpoint, m.
+    #: Horizontal distance of the ball from the position of the setpoint, m; NaN without one, as in a recording of the
+    #: page in other tasks than balance.
     position_error_rms: float
     position_error_max: float
     position_error_final: float
@@ -54,7 +55,8 @@ def metrics(trajectory: Trajectory) -> Metrics:
         end = min(int(np.searchsorted(trajectory.times, trajectory.fell_at - 1e-9)) + 1, end)
     states = trajectory.to_array()[:end]
     tilts = tilt_of(states, trajectory.params.body_com)
-    errors = np.linalg.norm(states[:, BALL_POSITION][:, :2] - trajectory.setpoints["position"][:end], axis=1)
+    places = trajectory.setpoints.get("position", np.full((end, 2), np.nan))
+    errors = np.linalg.norm(states[:, BALL_POSITION][:, :2] - places[:end], axis=1)
     # The last row repeats the torques of the row before.
     torques = trajectory.torques[: max(end - 1, 1)]
     utilization = trajectory.of_contacts("friction_utilization")[:end, :3]

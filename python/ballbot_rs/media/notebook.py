@@ -4,6 +4,7 @@ import base64
 import dataclasses
 import html
 import io
+import math
 from typing import Any
 
 from ballbot_rs import _files, _short
@@ -68,11 +69,12 @@ def table_of(metrics: Metrics) -> str:
 
 
 def rows_of(metrics: Metrics) -> list[tuple[str, str]]:
-    """Names and texts of the numbers of a trajectory."""
+    """Names and texts of the numbers that a trajectory has."""
     rows = []
     for name, value in dataclasses.asdict(metrics).items():
         label, unit, factor = _LABELS[name]
-        rows.append((label, f"{factor * value:.4g} {unit}"))
+        if not math.isnan(value):
+            rows.append((label, f"{factor * value:.4g} {unit}"))
     return rows
 
 

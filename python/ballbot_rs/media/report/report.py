@@ -15,8 +15,10 @@ from ballbot_rs.analysis.episodes import compare
 from ballbot_rs.analysis.pushes import Push
 from ballbot_rs.analysis.result import Result
 from ballbot_rs.analysis.simulate import simulate
+from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import ResolvedController, find, options_of
 from ballbot_rs.envs.registration import description_of, task_of
+from ballbot_rs.media.figures.labels import short
 from ballbot_rs.media.report import origin, page
 from ballbot_rs.media.video import renderer_for, write_video
 from ballbot_rs.training import config as config_module
@@ -26,6 +28,8 @@ from ballbot_rs.training import curve, run_folder
 TILT, PUSH = (0.08, 0.05), Push((0.3, 0.1, 0.0), 1.5)
 #: Length of the trajectories, s.
 SECONDS = 4.0
+#: Meaning of the arrows of the contact forces.
+ARROWS = "Arrows: loads (blue) and tractions (green) of the wheels, the force along the ground (red)."
 
 
 def write(
@@ -54,8 +58,7 @@ def write(
         ModuleNotFoundError: matplotlib or moviepy is not installed.
     """
     with require("a report", "plot", "video"):
-        from ballbot_rs.media.figures import learning_curve, trajectories
-        from ballbot_rs.media.figures.labels import short
+        from ballbot_rs.media.figures import learning_curve
     # Not `< 0`, which is false for NaN; the simulation checks the length itself.
     if not video_seconds >= 0.0:
         raise ValueError(f"video_seconds = {video_seconds} is out of range: it must be at least 0")
@@ -98,13 +101,7 @@ def write(
         )
         for one in (policy, *map(find, baselines(task)))
     ]
-    parts.append(
-        page.section(
-            "After a push",
-            page.figure(trajectories.draw(shown), trajectories.DESCRIPTION),
-            page.note(f"Released at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."),
-        )
-    )
+    parts.append(page.section("After a push", *_push(shown)))
     if not description_of(task)["command"]:
         parts.append(_recovery(policy, task, show))
     parts += [
@@ -115,6 +112,26 @@ def write(
     target = target or folder / "report.html"
     _files.write(target, page.page("Balancing on a ball: a training run", parts))
     return target
+
+
+def _push(shown: Sequence[Trajectory]) -> tuple[str, ...]:
+    """The replay of the first trajectory above the curves of all; without viser, the curves."""
+    from ballbot_rs.media.figures import trajectories
+
+    released = f"Released at a tilt of {TILT} rad, pushed by {PUSH.impulse} N·s at {PUSH.time} s."
+    drawn = trajectories.draw(shown)
+    try:
+        from ballbot_rs.viewer.replay.recorder import record
+    except ModuleNotFoundError:
+        # Without the command that installs it, which would name a folder of this machine.
+        return page.figure(drawn, trajectories.DESCRIPTION), page.note(f"{released} A replay needs the extra view.")
+    # The axes of a figure are in rows, with a column for each trajectory.
+    spans = [(0.0, float(one.times[-1])) for one in shown] * (len(drawn.axes) // len(shown))
+    return (
+        page.replay(record(shown[0], forces=True)),
+        page.timed_figure(drawn, trajectories.DESCRIPTION, spans),
+        page.note(f"{released} The line in the curves is at the time of the replay, of the policy. {ARROWS}"),
+    )
 
 
 def _recovery(policy: ResolvedController, task: str, show: Callable[[str], Progress]) -> str:
@@ -155,5 +172,4 @@ def _video(policy: Any, seconds: float, progress: Progress) -> tuple[str, str]:
         write_video(shown, path, renderer=renderer, frame_rate=25.0, forces=True, progress=progress)
         playing = page.video(path)
     pushed = "" if push is None else f", pushed by {push.impulse} N·s at {push.time} s"
-    text = f"Released at a tilt of {TILT} rad{pushed}. Arrows: loads (blue) and tractions (green) of the wheels, "
-    return playing, page.note(text + f"the force along the ground (red). Model {shown.model}.")
+    return playing, page.note(f"Released at a tilt of {TILT} rad{pushed}. {ARROWS} Model {shown.model}.")

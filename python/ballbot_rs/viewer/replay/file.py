@@ -7,13 +7,11 @@ import numpy as np
 
 from ballbot_rs import _files
 from ballbot_rs._core import __version__
-from ballbot_rs._extras import install_hint
 from ballbot_rs._short import number
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media import notebook
 from ballbot_rs.media.report import origin, page
 from ballbot_rs.viewer.replay.recorder import record
-
 
 #: Width of the figure, inches.
 WIDTH: Final = 9.6
@@ -39,7 +37,7 @@ def _figure(trajectory: Trajectory) -> str:
     try:
         from ballbot_rs.media.figures import trajectories
     except ModuleNotFoundError:
-        return page.note(f"A figure needs matplotlib: {install_hint('plot')}")
+        return page.note("Curves need the extra plot.")
     drawn = trajectories.draw([trajectory], WIDTH)
     span = (float(trajectory.times[0]), float(trajectory.times[-1]))
     return page.timed_figure(drawn, trajectories.DESCRIPTION, [span] * len(drawn.axes))

@@ -59,15 +59,19 @@ def reference_of(trajectory: Trajectory) -> Array | None:
 
 def _commands(trajectory: Trajectory, row: int) -> Commands | None:
     """The task's command at a row; after a fall, the last one."""
+    count, geometry = len(trajectory.commands), geometry_of(trajectory.task)
+    if not count or geometry is None:
+        return None
+    values = trajectory.commands[min(row, count - 1)]
     places = trajectory.setpoints.get("position")
-    count = len(trajectory.commands)
-    if places is None or not count or geometry_of(trajectory.task) is None:
+    # A recording of the page has no setpoints in this task.
+    if places is None and geometry not in ("velocity", "point"):
         return None
     return Commands(
         task=trajectory.task,
-        values=trajectory.commands[min(row, count - 1)][np.newaxis],
+        values=values[np.newaxis],
         begins=trajectory.states[0].ball_position[np.newaxis, :2],
-        points=places[row][np.newaxis],
+        points=(values[:2] if places is None else places[row])[np.newaxis],
         # The arrows of a replay have all pushes.
         pushes=np.full((1, 3), np.nan),
         metrics={},

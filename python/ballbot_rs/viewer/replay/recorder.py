@@ -55,7 +55,7 @@ class Recorder(viser.ViserServer):
         self._websock_server.queue_message(_messages.RunJavascriptMessage(source))
 
 
-def record(trajectory: Trajectory, *, frame_rate: float, forces: bool, dark: bool) -> str:
+def record(trajectory: Trajectory, *, frame_rate: float = 60.0, forces: bool = False, dark: bool = False) -> str:
     """The document of a replay, which sends the time of each frame, s, to the page around it as a message.
 
     Every frame is a row of the trajectory at its time. The player begins at 0 s; a trajectory of one row is a picture.
