@@ -16,7 +16,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs._machine import processor
 from ballbot_rs.cli import main
-from ballbot_rs.media.report import origin, page
+from ballbot_rs.media.report import origin, page, report
 from ballbot_rs.training import origin as run_origin
 from tests.support.paths import ROOT
 
@@ -27,11 +27,12 @@ class Page(HTMLParser):
     def __init__(self, text):
         super().__init__()
         self.sources, self.links, self.headings, self.text, self.tags = [], [], [], "", set()
-        self._heading = False
+        self._heading, self.marks = False, 0
         self.feed(text)
 
     def handle_starttag(self, tag, attributes):
         self.tags.add(tag)
+        self.marks += tag == "i"
         self._heading = tag == "h2"
         self.sources += [value for name, value in attributes if name in ("src", "srcset", "data", "poster")]
         self.links += [value for name, value in attributes if name in ("href", "action", "background")]
@@ -139,6 +140,19 @@ def test_figures_and_video_are_whole(shown, tmp_path):
     with VideoFileClip(str(tmp_path / "v.mp4")) as clip:
         # 0.4 s at 25 frames a second, less what is missing when this hardly trained policy falls before.
         assert 7 <= len(list(clip.iter_frames())) <= 10
+
+
+def test_the_replay_is_above_the_curves_of_all_controllers(shown):
+    assert "iframe" in shown.tags
+    # The policy and two laws, five axes each.
+    assert shown.marks == 15
+
+
+def test_a_report_without_viser_has_curves_alone(monkeypatch):
+    monkeypatch.setitem(sys.modules, "ballbot_rs.viewer.replay.recorder", None)
+    figure, note = report._push([bb.simulate("lqr", seconds=0.1)])
+    assert figure.startswith("<img")
+    assert "A replay needs the extra view." in note
 
 
 def test_names_do_not_become_markup():

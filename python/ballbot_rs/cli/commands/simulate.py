@@ -1,4 +1,4 @@
-"""`ballbot simulate`: one robot under one controller, as a table or a log."""
+"""`ballbot simulate`: one robot under one controller, as a table, a log or a replay."""
 
 import argparse
 import json
@@ -17,6 +17,7 @@ from ballbot_rs.control.resolve import TRAINED
 EXAMPLES: Final = (
     ("simulate --controller lqi --seconds 10 -o run.csv", "a motion as a table"),
     ("simulate --controller lqr --tilt 5deg,0 --push 0.3,0,0 --push-at 500ms -o push.npz", "from a tilt, with a push"),
+    ("simulate path --controller lqr --seconds 10 -o run.html", "a replay in 3D for any browser"),
     (
         "simulate --controller lqr --reference position=[0.5,0] --robot kugle --json",
         "a step of the setpoint, with its metrics",
@@ -27,7 +28,7 @@ EXAMPLES: Final = (
 def add_to(commands: Any) -> None:
     """Adds the command to the parser."""
     command = commands.add_parser(
-        "simulate", help="simulate a robot and write its motion as a table or a log", examples=EXAMPLES
+        "simulate", help="simulate a robot and write its motion as a table, a log or a replay", examples=EXAMPLES
     )
     shared.add_task_or_policy(command)
     shared.add_controller(command)
@@ -36,7 +37,9 @@ def add_to(commands: Any) -> None:
     shared.add_urdf(command)
     shared.add_seed(command, "seed of the events and sensors (default 0)", 0, MAX_SEED)
     names = "|".join(f"FILE{suffix}" for suffix in FORMATS)
-    shared.add_output(command, names, "the motion, its columns in docs/simulate.md (default CONTROLLER.csv)")
+    shared.add_output(
+        command, names, "the motion: columns of docs/simulate.md, or a replay in 3D (default CONTROLLER.csv)"
+    )
     scenario.add_to(command, duration=5.0)
     command.add_argument(
         "--position", type=meters(), nargs=2, metavar=("X", "Y"), help="initial position of the ball, m (default 0 0)"

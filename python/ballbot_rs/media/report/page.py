@@ -20,7 +20,8 @@ th, td { padding: .25rem .6rem; text-align: right; border-bottom: 1px solid var(
 th:first-child, td:first-child, .pairs td { text-align: left; }
 pre { background: var(--card); padding: .8rem; overflow-x: auto; font-size: .85rem; }
 .note { color: var(--soft); font-size: .9rem; } .wide { overflow-x: auto; }
-iframe { width: 100%; aspect-ratio: 8 / 5; border: 1px solid var(--line); border-radius: 4px; margin-top: 1rem; }
+iframe { width: 100%; aspect-ratio: 8 / 5; min-height: 21rem; margin-top: 1rem; }
+iframe { border: 1px solid var(--line); border-radius: 4px; }
 .timed { position: relative; width: fit-content; } .timed i { position: absolute; pointer-events: none; }
 .timed i::after { content: ""; position: absolute; height: 100%; border-left: 1.5px solid #212529; }
 .timed i::after { left: calc(100% * clamp(0, (var(--time, 0) - var(--begin)) / var(--seconds), 1)); }
@@ -106,7 +107,7 @@ def timed_figure(drawn: Any, description: str, spans: Sequence[tuple[float, floa
 
 
 def replay(document: str) -> str:
-    """A document that sends its time, s, in a frame of its own; a page has one."""
+    """A document that sends its time, s, in an iframe; a page has at most one."""
     # Without the right of its origin it reads nothing of the page around it.
     shown = f'<iframe title="replay in 3D" sandbox="allow-scripts" srcdoc="{html.escape(document)}"></iframe>'
     return f"{shown}<script>{_CLOCK}</script>"
