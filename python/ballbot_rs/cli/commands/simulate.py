@@ -36,7 +36,7 @@ def add_to(commands: Any) -> None:
     shared.add_events(command, TRAINED)
     shared.add_urdf(command)
     shared.add_seed(command, "seed of the events and sensors (default 0)", 0, MAX_SEED)
-    names = "|".join(f"FILE{suffix}" for suffix in FORMATS)
+    names = f"FILE{'|'.join(FORMATS)}"
     shared.add_output(
         command, names, "the motion: columns of docs/simulate.md, or a replay in 3D (default CONTROLLER.csv)"
     )
