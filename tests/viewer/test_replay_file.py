@@ -278,6 +278,12 @@ def test_a_browser_without_a_network_plays_it(done, tmp_path):
         stopped = page.evaluate(clock)
         time.sleep(0.3)
         assert page.evaluate(clock) == stopped
+        # Requests in a frame are not reported: its document by itself makes none, also without the policy of the page.
+        (tmp_path / "document.html").write_text(document_of(tmp_path / "a.html"), encoding="utf-8")
+        page.call("Page.navigate", url=(tmp_path / "document.html").as_uri())
+        page.wait_for("document.querySelector('canvas')")
+        time.sleep(1.0)
+        assert page.evaluate("performance.getEntriesByType('resource').map(entry => entry.name)") == []
         assert page.errors == []
     finally:
         page.close()

@@ -3,8 +3,6 @@
 from pathlib import Path
 from typing import Final
 
-import numpy as np
-
 from ballbot_rs import _files
 from ballbot_rs._core import __version__
 from ballbot_rs._short import number
@@ -61,7 +59,7 @@ def _simulation(trajectory: Trajectory) -> list[tuple[str, str]]:
 
 
 def _vector(values: tuple[float, float, float]) -> str:
-    return f"({', '.join(number(float(value)) for value in np.asarray(values))})"
+    return f"({', '.join(number(float(value)) for value in values)})"
 
 
 def _unit(value: float | None, unit: str) -> str | None:

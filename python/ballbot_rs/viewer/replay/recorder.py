@@ -130,4 +130,4 @@ def _look_of(trajectory: Trajectory) -> Look:
 
 
 def _ignore(_: Any) -> None:
-    """Takes the events of nodes, which a document has not."""
+    """Takes events of nodes: a document sends none."""
