@@ -96,7 +96,7 @@ def test_a_replay_has_title_numbers_and_curves(done, tmp_path):
     path.write_text("old", encoding="utf-8")
     done.write(path)
     text = re.sub('srcdoc="[^"]*"', "", path.read_text(encoding="utf-8"))
-    assert "<h1>lqr on contact, 1.00 s, upright to the end</h1>" in text
+    assert "<h1>LQR on contact, 1.00 s, upright to the end</h1>" in text
     assert f"{np.degrees(done.metrics().tilt_max):.4g} deg" in text
     assert "(0.3, 0.1, 0) N·s at 0.4 s" in text
     assert "Robot paper." in text
@@ -105,6 +105,14 @@ def test_a_replay_has_title_numbers_and_curves(done, tmp_path):
     # A line in each of the five axes.
     assert text.count("--seconds: 1") == text.count("<i ") == 5
     assert [file.name for file in tmp_path.iterdir()] == ["a.html"]
+
+
+def test_a_replay_names_no_folder_of_the_machine(done, tmp_path):
+    dataclasses.replace(cut(done, 2), controller="/home/me/mine/best_model.zip").to_html(tmp_path / "a.html")
+    text = (tmp_path / "a.html").read_text(encoding="utf-8")
+    assert "<h1>mine on contact" in text
+    assert "/home" not in text
+    assert str(tmp_path) not in text
 
 
 def test_the_same_trajectory_gives_the_same_file_in_any_thread(done):

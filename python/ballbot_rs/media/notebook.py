@@ -40,7 +40,7 @@ class Animation:
 
         with _files.scratch_folder() as folder:
             write_video(trajectory, folder / "animation.mp4", **options)
-            return cls(title(trajectory), (folder / "animation.mp4").read_bytes())
+            return cls(title(trajectory, trajectory.controller), (folder / "animation.mp4").read_bytes())
 
     def __repr__(self) -> str:
         return f"<Animation of {self.title}: {len(self.mp4) / 1e3:.0f} kB>"
@@ -54,13 +54,14 @@ class Animation:
 
 def shown(trajectory: Trajectory) -> str:
     """An HTML fragment without scripts."""
-    return f"<div><b>{html.escape(title(trajectory))}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
+    name = html.escape(title(trajectory, trajectory.controller))
+    return f"<div><b>{name}</b>{table_of(trajectory.metrics())}{_figure(trajectory)}</div>"
 
 
-def title(trajectory: Trajectory) -> str:
-    """Controller, model, duration and ending."""
+def title(trajectory: Trajectory, controller: str) -> str:
+    """Name of the controller, model, duration and ending."""
     ending = "upright to the end" if trajectory.fell_at is None else f"fell at {trajectory.fell_at:.2f} s"
-    return f"{trajectory.controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
+    return f"{controller} on {trajectory.model}, {trajectory.times[-1]:.2f} s, {ending}"
 
 
 def table_of(metrics: Metrics) -> str:

@@ -8,6 +8,7 @@ from ballbot_rs._core import __version__
 from ballbot_rs._short import number
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media import notebook
+from ballbot_rs.media.figures.labels import short
 from ballbot_rs.media.report import origin, page
 from ballbot_rs.viewer.replay.recorder import record
 
@@ -21,14 +22,16 @@ def write(trajectory: Trajectory, path: Path, *, frame_rate: float, forces: bool
     Raises:
         OSError: the file cannot be written; an earlier one stays as it is.
     """
+    # A policy's path names folders of this machine.
+    controller = short(trajectory.controller)
     parts = [
         page.replay(record(trajectory, frame_rate=frame_rate, forces=forces, dark=dark)),
         page.section("Over time", _figure(trajectory)),
         page.section("In numbers", page.pairs(notebook.rows_of(trajectory.metrics()))),
-        page.section("Simulation", page.pairs(_simulation(trajectory))),
+        page.section("Simulation", page.pairs([("controller", controller), *_simulation(trajectory)])),
         page.section("Robot", *origin.robot(trajectory.params, {})),
     ]
-    _files.write(path, page.page(notebook.title(trajectory), parts, "dark" if dark else "light"))
+    _files.write(path, page.page(notebook.title(trajectory, controller), parts, "dark" if dark else "light"))
 
 
 def _figure(trajectory: Trajectory) -> str:
@@ -42,9 +45,8 @@ def _figure(trajectory: Trajectory) -> str:
 
 
 def _simulation(trajectory: Trajectory) -> list[tuple[str, str]]:
-    """Names and texts of what made the trajectory."""
+    """Names and texts of what else made the trajectory."""
     known = [
-        ("controller", trajectory.controller),
         ("model", trajectory.model),
         ("task", trajectory.task),
         ("period of the controller", _milliseconds(trajectory.control_dt)),

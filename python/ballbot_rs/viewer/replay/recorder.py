@@ -75,7 +75,8 @@ def record(trajectory: Trajectory, *, frame_rate: float = 60.0, forces: bool = F
     scene.shows_forces = forces
     scene.set_dark(dark)
     place_camera(recorder.initial_camera, ASPECT, *scene.extent(ROBOT, 1), behind=False)
-    _add_reference(recorder, trajectory)
+    rows = rows_at(trajectory.times, frame_rate)
+    _add_reference(recorder, trajectory, rows)
     shown = _Loads(recorder)
 
     def show(row: int) -> None:
@@ -83,7 +84,7 @@ def record(trajectory: Trajectory, *, frame_rate: float = 60.0, forces: bool = F
         shown.show(trajectory, row)
         recorder.post(float(trajectory.times[row]))
 
-    first, *others = rows_at(trajectory.times, frame_rate)
+    first, *others = rows
     show(first)
     serializer = recorder.get_scene_serializer()
     for before, row in zip((first, *others), others, strict=False):
@@ -116,10 +117,10 @@ class _Loads:
             self._arrows.points = found
 
 
-def _add_reference(server: viser.ViserServer, trajectory: Trajectory) -> None:
+def _add_reference(server: viser.ViserServer, trajectory: Trajectory, rows: list[int]) -> None:
     curve = reference_of(trajectory)
-    if curve is not None:
-        points = open_line(curve, frame_of(trajectory, 0).heights)
+    if curve is not None and len(rows) > 1:
+        points = open_line(curve[rows], frame_of(trajectory, 0).heights)
         server.scene.add_line_segments(f"{WORLD}/reference", points, ROUTE_COLOR, thickness=THICKNESS)
 
 
