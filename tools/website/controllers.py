@@ -1,6 +1,11 @@
 """A page for each controller of the core, from its table of options."""
 
+from typing import Final
+
 from ballbot_rs import ControllerInfo, controllers
+
+#: They simulate, which the page in the browser does not do in real time.
+SIMULATING: Final = ("mppi", "nmpc")
 
 
 def pages() -> dict[str, str]:
@@ -38,6 +43,13 @@ def _traction(info: ControllerInfo) -> str:
     return f"Its torques are scaled down to {info.traction:g} of the friction limit."
 
 
+def _scene(name: str) -> str:
+    """A scene under the controller, with `lqr` to compare with."""
+    return f"""
+<!-- scene: controller={name}{"" if name == "lqr" else "&compare=lqr"} -->
+"""
+
+
 def _page(info: ControllerInfo) -> str:
     name = info.name
     rows = [_row(f"`{option}`", of.unit, of.shown_default, of.limit, of.doc) for option, of in info.options.items()]
@@ -48,7 +60,7 @@ def _page(info: ControllerInfo) -> str:
 {info.summary}
 
 It follows {parts}. {_traction(info)} Its control step is {_rate(info)}.
-
+{"" if name in SIMULATING else _scene(name)}
 [Its law](../laws.md#{name}) has the equations, the block diagram and the responses,
 [Controllers](../controllers.md) its disturbance limits.
 

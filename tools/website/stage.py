@@ -27,7 +27,7 @@ def write(folder: Path, cache: Path, has_rust: bool, has_web: bool = False) -> N
         if origin.endswith(".ipynb"):
             text = notebooks.page(text)
         text = rewritten(text, origin, pages)
-        text = SCENE.sub(functools.partial(_scene, depth=place.count("/")) if has_web else "", text)
+        text = _with_scenes(text, place, has_web)
         if "```mermaid" in text:
             # The drawing packages are installed only for the site.
             from website import diagrams
@@ -37,7 +37,8 @@ def write(folder: Path, cache: Path, has_rust: bool, has_web: bool = False) -> N
             text = gallery.animated(text, file.parent, cache)
         file.write_text(shell.wrapped(text), encoding="utf-8")
     _write_all(folder / "api", api.pages(has_rust))
-    _write_all(folder / "controllers", controllers.pages())
+    laws = {place: _with_scenes(text, f"controllers/{place}", has_web) for place, text in controllers.pages().items()}
+    _write_all(folder / "controllers", laws)
     with (folder / "index.md").open("a", encoding="utf-8") as index:
         index.write(menu((DOCS / "index.md").read_text(encoding="utf-8"), list(api.pages(has_rust))))
     for name, entries in (
@@ -46,6 +47,10 @@ def write(folder: Path, cache: Path, has_rust: bool, has_web: bool = False) -> N
     ):
         with (folder / name).open("a", encoding="utf-8") as page:
             page.write(_toctree(None, entries))
+
+
+def _with_scenes(text: str, place: str, has_web: bool) -> str:
+    return SCENE.sub(functools.partial(_scene, depth=place.count("/")) if has_web else "", text)
 
 
 def _scene(found: re.Match[str], depth: int) -> str:
