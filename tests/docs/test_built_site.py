@@ -1,4 +1,4 @@
-"""The site as a browser has it, from its files: nothing fails to load, nothing is wider than the window.
+"""The site as a browser has it: nothing fails to load, nothing is wider than the window.
 
 BALLBOT_SITE names a built site; without it a site is built, in two minutes. Skipped without the extra `site`.
 """
@@ -12,6 +12,7 @@ from pathlib import Path
 import pytest
 
 from tests.support.chromium import Chromium, find_browser
+from tests.support.serving import serving
 
 BROWSER = find_browser()
 if BROWSER is None:
@@ -57,23 +58,30 @@ def browser(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Chromium]:
     chromium.close()
 
 
-def opened(browser: Chromium, page: Path, size: tuple[int, int] = WIDE) -> None:
+@pytest.fixture(scope="module")
+def root(site: Path) -> Iterator[str]:
+    # From files, browsers do not load the modules of scenes.
+    with serving(site) as address:
+        yield address
+
+
+def opened(browser: Chromium, address: str, size: tuple[int, int] = WIDE) -> None:
     """Opens a page and clears earlier messages."""
     browser.call(
         "Emulation.setDeviceMetricsOverride", width=size[0], height=size[1], deviceScaleFactor=1, mobile=size == NARROW
     )
     browser.errors.clear()
-    address = page.as_uri()
     browser.call("Page.navigate", url=address)
     browser.wait_for(f"location.href == {json.dumps(address)} && document.readyState == 'complete'")
 
 
 @pytest.mark.parametrize("size", [WIDE, NARROW], ids=["wide", "narrow"])
-def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, browser: Chromium) -> None:
-    pages = [page for page in sorted(site.rglob("*.html")) if page.relative_to(site).parts[0] not in ELSEWHERE]
-    assert len(pages) > 60
-    for page in [*pages, site / "source/crates/ballbot-base/src/state.rs.html"]:
-        opened(browser, page, size)
+def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, root: str, browser: Chromium) -> None:
+    pages = [page.relative_to(site) for page in sorted(site.rglob("*.html"))]
+    shown = [page.as_posix() for page in pages if page.parts[0] not in ELSEWHERE]
+    assert len(shown) > 60
+    for page in [*shown, "source/crates/ballbot-base/src/state.rs.html"]:
+        opened(browser, root + page, size)
         # Pictures below the window would be loaded later.
         browser.evaluate("document.querySelectorAll('img').forEach(image => { image.loading = 'eager'; })")
         browser.wait_for("[...document.images].every(image => image.complete)")
@@ -83,12 +91,12 @@ def test_every_page_loads_whole_and_fits(size: tuple[int, int], site: Path, brow
         assert browser.evaluate(TOO_WIDE) == [], page
         assert browser.evaluate("document.documentElement.scrollWidth") <= size[0], page
         assert browser.errors == [], page
-        assert [name for name in requests if not name.startswith(("file:", "data:"))] == [], page
+        assert [name for name in requests if not name.startswith((root, "data:"))] == [], page
 
 
 @pytest.mark.parametrize("page", ["derivations.html", "laws.html", "references.html", "verification.html"])
-def test_formulas_are_rendered_and_none_is_left_as_text(page: str, site: Path, browser: Chromium) -> None:
-    opened(browser, site / page)
+def test_formulas_are_rendered_and_none_is_left_as_text(page: str, root: str, browser: Chromium) -> None:
+    opened(browser, root + page)
     assert browser.evaluate("document.querySelectorAll('math').length") > 10
     heights = "[...document.querySelectorAll('.formula math')].map(m => m.getBoundingClientRect().height)"
     assert min(browser.evaluate(heights)) > 10
@@ -102,8 +110,8 @@ def test_formulas_are_rendered_and_none_is_left_as_text(page: str, site: Path, b
 @pytest.mark.parametrize(
     ("word", "page"), [("gyroscope", "sensors"), ("Riccati", "laws"), ("holdable", "api/analysis")]
 )
-def test_the_search_finds(word: str, page: str, site: Path, browser: Chromium) -> None:
-    opened(browser, site / "index.html")
+def test_the_search_finds(word: str, page: str, root: str, browser: Chromium) -> None:
+    opened(browser, f"{root}index.html")
     browser.evaluate("document.querySelector('.sidebar-search').focus()")
     browser.type_text(word)
     browser.evaluate("document.querySelector('.sidebar-search').form.requestSubmit()")
@@ -113,9 +121,9 @@ def test_the_search_finds(word: str, page: str, site: Path, browser: Chromium) -
     assert browser.errors == []
 
 
-def test_dark_mode_is_dark_and_stays(site: Path, browser: Chromium) -> None:
+def test_dark_mode_is_dark_and_stays(root: str, browser: Chromium) -> None:
     background = "getComputedStyle(document.body).backgroundColor.match(/[0-9]+/g).slice(0, 3).map(Number)"
-    opened(browser, site / "index.html")
+    opened(browser, f"{root}index.html")
     seen = set()
     for _ in range(3):
         browser.evaluate("document.querySelector('.theme-toggle').click()")
@@ -123,7 +131,7 @@ def test_dark_mode_is_dark_and_stays(site: Path, browser: Chromium) -> None:
         seen.add(theme)
         if theme == "dark":
             assert max(browser.evaluate(background)) < 64
-            opened(browser, site / "derivations.html")
+            opened(browser, f"{root}derivations.html")
             assert browser.evaluate("document.body.dataset.theme") == "dark"
             assert max(browser.evaluate(background)) < 64
     assert seen == {"dark", "light", "auto"}

@@ -3,12 +3,9 @@
 BALLBOT_WEB names the folder of a built page.
 """
 
-import functools
 import gzip
-import http.server
 import json
 import os
-import threading
 import time
 from pathlib import Path
 
@@ -17,6 +14,7 @@ import pytest
 
 import ballbot_rs as bb
 from tests.support.chromium import Chromium, find_browser
+from tests.support.serving import serving
 from tests.support.waiting import wait_until
 
 FOLDER = os.environ.get("BALLBOT_WEB")
@@ -37,14 +35,8 @@ STEPS = 3000
 
 @pytest.fixture(scope="module")
 def url():
-    class Quiet(http.server.SimpleHTTPRequestHandler):
-        def log_message(self, *_):
-            pass
-
-    server = http.server.ThreadingHTTPServer(("127.0.0.1", 0), functools.partial(Quiet, directory=FOLDER))
-    threading.Thread(target=server.serve_forever, daemon=True).start()
-    yield f"http://127.0.0.1:{server.server_port}/"
-    server.shutdown()
+    with serving(Path(FOLDER)) as address:
+        yield address
 
 
 @pytest.fixture(params=SIZES)

@@ -17,7 +17,8 @@ the state estimate of the [estimator](estimator.md). [Laws](laws.md) has the equ
 diagram, responses and a basin of attraction.
 
 A ballbot that is sent to a place first rolls away from it, `lqr` by 9 mm for 0.4 s: only then does it lean towards the
-place (the motion is non-minimum phase). A click on the floor of [the page in the browser](web.md) shows it in slow motion.
+place (the motion is non-minimum phase). A click on the floor of [the page in the browser](web.md) shows it in slow
+motion.
 
 <!-- scene: speed=0.1&compare=cascade_pid -->
 

@@ -42,6 +42,13 @@ const PULL = 0.6;
 
 const find = (id) => document.getElementById(id);
 
+function complain(text) {
+  const message = find("message");
+  message.classList.remove("waiting");
+  message.textContent = text;
+  message.hidden = !text;
+}
+
 class Page {
   constructor(simulator, looks) {
     Object.assign(this, { simulator, keys: new Set(), paused: false, debt: 0, driven: "" });
@@ -237,8 +244,7 @@ class Page {
   }
 
   complain(text) {
-    find("message").textContent = text;
-    find("message").hidden = !text;
+    complain(text);
   }
 
   scenes() {
@@ -470,6 +476,7 @@ class Page {
 }
 
 try {
+  complain("");
   const get = async (name) => {
     const answer = await fetch(name);
     if (!answer.ok) throw new Error(`${answer.url}: ${answer.status} ${answer.statusText}`);
@@ -480,6 +487,5 @@ try {
   const simulator = await Simulator.load(module, policies);
   globalThis.ballbot = new Page(simulator, looks);
 } catch (error) {
-  find("message").hidden = false;
-  find("message").textContent = `The simulator does not start: ${error.message}`;
+  complain(`The simulator does not start: ${error.message}`);
 }

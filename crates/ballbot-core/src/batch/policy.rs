@@ -335,6 +335,7 @@ impl<T: Follow> Law for Policy<T> {
         self.len
     }
 
+    #[inline(always)]
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         self.observe(sample);
         let action = self.act(&mut sample.memory);
