@@ -38,6 +38,10 @@ def find_browser() -> str | None:
     return next((path for path in paths if not str(Path(path).resolve()).startswith("/snap")), None)
 
 
+class CallError(AssertionError):
+    """The browser answered a call with an error."""
+
+
 class Chromium:
     """One page. Keeps console messages and uncaught exceptions in `errors`."""
 
@@ -82,7 +86,8 @@ class Chromium:
         while True:
             message = json.loads(self._connection.recv(timeout=LIMIT))
             if message.get("id") == number:
-                assert "error" not in message, message
+                if "error" in message:
+                    raise CallError(message["error"]["message"])
                 return message["result"]
             self._note(message)
 
@@ -105,9 +110,18 @@ class Chromium:
     def wait_for(self, expression: str) -> None:
         """Returns when a JavaScript expression is true."""
         ends = time.monotonic() + LIMIT
-        while not self.evaluate(f"Boolean({expression})"):
+        while not self._is_true(expression):
             assert time.monotonic() < ends, f"waited {LIMIT} s for {expression}"
             time.sleep(0.05)
+
+    def _is_true(self, expression: str) -> bool:
+        try:
+            return self.evaluate(f"Boolean({expression})")
+        except CallError as error:
+            # Another page loads.
+            if "navigated" in str(error):
+                return False
+            raise
 
     def place_of(self, expression: str, seconds: float = LIMIT) -> tuple[float, float]:
         """The center of an element, scrolled into view, when it is clickable and no longer moves."""
