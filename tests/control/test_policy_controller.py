@@ -1,6 +1,8 @@
 """Policies as controllers in Rust: they act as in ONNX Runtime, and follow setpoints."""
 
+from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -75,6 +77,45 @@ def test_what_is_not_a_controller_is_named(tmp_path: Path) -> None:
     onnx.save(model, tmp_path / "relu.onnx")
     with pytest.raises(ValueError, match=r"operators Gemm, Relu, .* dense layers with tanh"):
         bb.OnnxPolicy(tmp_path / "relu.onnx").controller()
+
+
+def test_a_network_that_is_not_a_chain_is_no_controller(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+
+    def changed(change: Callable[[Any], None]) -> bb.OnnxPolicy:
+        model = onnx.load(POLICIES / "balance.onnx")
+        change(model.graph)
+        onnx.save(model, tmp_path / "changed.onnx")
+        return bb.OnnxPolicy(tmp_path / "changed.onnx")
+
+    def narrow(graph: Any) -> None:
+        names = graph.node[-1].input
+        for constant in graph.initializer:
+            if constant.name in names[1:]:
+                constant.CopyFrom(
+                    onnx.numpy_helper.from_array(np.float32(0.1 * (1 - 2 * (constant.name == names[1]))), constant.name)
+                )
+
+    def skipping(graph: Any) -> None:
+        graph.node[4].input[0] = graph.node[1].output[0]
+
+    def unbiased(graph: Any) -> None:
+        del graph.node[0].input[2]
+
+    for change in (narrow, skipping, unbiased):
+        policy = changed(change)
+        assert np.abs(policy.act(np.ones(16, np.float32))).max() <= 1.0
+        with pytest.raises(ValueError, match="chain of dense layers"):
+            policy.controller()
+
+
+def test_weaker_motors_give_their_most() -> None:
+    policy = bb.OnnxPolicy(POLICIES / "balance-recover.onnx")
+    weak = bb.Params.paper().replace(max_wheel_torque=0.2)
+    leaning = bb.State.at_rest("paper", tilt=(0.2, 0.0))
+    strong, limited = policy.controller("paper")(leaning), policy.controller(weak)(leaning)
+    assert np.abs(strong).max() > 0.25
+    np.testing.assert_allclose(limited, strong * (0.2 / np.abs(strong).max()), rtol=1e-9)
 
 
 def test_layers_are_read_as_they_were_written(tmp_path: Path) -> None:

@@ -80,7 +80,8 @@ class Page {
     if (this.choices.camera.some((x) => x !== 0)) this.view.camera.position.fromArray(this.choices.camera);
     this.last = performance.now();
     // A scene that is scrolled out of sight rests.
-    new IntersectionObserver(([{ isIntersecting }]) => {
+    new IntersectionObserver((entries) => {
+      const { isIntersecting } = entries.at(-1);
       this.last = performance.now();
       this.view.renderer.setAnimationLoop(isIntersecting ? (now) => this.picture(now) : null);
     }).observe(find("scene"));
@@ -217,7 +218,12 @@ class Page {
 
   /** Sends the robots along a curve. */
   follow(curve) {
-    this.setCourse(this.every((scene) => scene.follow(curve)) ? curve : "none");
+    let follows = false;
+    this.every((scene) => {
+      scene.follow(curve);
+      if (scene === this.scene) follows = true;
+    });
+    this.setCourse(follows ? curve : "none");
     this.driven = "sent";
   }
 
@@ -283,7 +289,7 @@ class Page {
     if (shown !== this.opened || SELECTS.some((id) => this.choices[id] !== shown[id])) {
       // The choices do not fit together: as before, or as at first.
       const reason = find("message").textContent;
-      this.choices = structuredClone(shown);
+      this.choices = { ...structuredClone(shown), course: this.choices.course };
       this.showChoices();
       if (!this.scene) this.open();
       this.complain(reason);

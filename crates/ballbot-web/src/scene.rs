@@ -75,7 +75,12 @@ impl Scene {
     /// Settings that are unknown or out of range, or a controller without a design for the robot.
     pub fn new(settings: &str) -> Result<Self> {
         let Settings { nominal, params, model, controller, terrain, robots, tilt } = Settings::parse(settings)?;
-        let steps_per_control = ((controller.control_dt() / SIM_DT).round() as usize).max(1);
+        let ratio = controller.control_dt() / SIM_DT;
+        let steps_per_control = ratio.round() as usize;
+        if steps_per_control == 0 || (ratio - ratio.round()).abs() > 1e-6 * ratio {
+            let limit = format!("a multiple of {SIM_DT} s");
+            return Err(Error::OutOfRange { name: "control_dt".into(), value: controller.control_dt(), limit });
+        }
         let side = (robots as f64).sqrt().ceil() as usize;
         let spacing = SPACING * params.ball_radius;
         let robots = (0..robots)
@@ -144,6 +149,10 @@ impl Scene {
         let time = self.time();
         let first = &self.robots[0];
         let ball = first.body.state().ball_position.xy() - first.place;
+        let yaw = LaneState::from(&first.body.state()).body_quaternion.yaw();
+        if !self.follows("yaw") {
+            self.target.head(yaw);
+        }
         if !self.follows("position") {
             self.target.stay_with(ball);
         }

@@ -95,7 +95,13 @@ fn network(params: &Params, mut table: Table) -> Result<Box<dyn Controller>> {
     let widths = take("widths").ok_or_else(|| missing("widths"))?;
     let numbers = take("numbers").ok_or_else(|| missing("numbers"))?;
     let history = take("history").map_or(Ok(History::default()), |ages| History::of_ages(&ages))?;
-    let widths: Vec<_> = widths.iter().map(|width| width.clamp(0.0, 1e6) as usize).collect();
+    let whole = |width: &f64| match *width {
+        width if (1.0..=1e4).contains(&width) && width.fract() == 0.0 => Ok(width as usize),
+        value => {
+            Err(Error::OutOfRange { name: "widths".into(), value, limit: "a whole number from 1 to 10000".into() })
+        }
+    };
+    let widths = widths.iter().map(whole).collect::<Result<Vec<_>>>()?;
     let expected = widths.windows(2).map(|pair| pair[1] * (pair[0] + 1)).sum();
     if numbers.len() != expected {
         return Err(Error::Length { name: "numbers of the policy".into(), found: numbers.len(), expected });

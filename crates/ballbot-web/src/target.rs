@@ -105,7 +105,10 @@ impl Target {
         let reach = 2.0 * (radius.max(size) + self.speed * self.speed / self.acceleration);
         let corner = self.setpoint.position.abs().add_scalar(reach);
         if self.within(corner) != corner {
-            return Err(Error::Inconsistent(format!("the {curve} would leave the ground: go to its middle first")));
+            let [x, y] = self.bounds;
+            let reason =
+                format!("the {curve} may take {reach:.1} m on each side of the target, within {x:.1}, {y:.1} m");
+            return Err(Error::Inconsistent(format!("{reason}: it would leave the ground")));
         }
         self.course = Course::Curve(Box::new(reference), None);
         Ok(())
@@ -157,6 +160,11 @@ impl Target {
             yaw_rate,
             ..Setpoint::default()
         };
+    }
+
+    /// Has the heading of the robot, for a controller that follows no heading: it drives in the robot's directions.
+    pub(crate) fn head(&mut self, yaw: f64) {
+        self.setpoint.yaw = yaw;
     }
 
     /// Is where the ball is, without a goal, for a controller that follows no position.

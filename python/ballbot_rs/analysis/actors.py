@@ -97,7 +97,7 @@ class PolicyActor:
         if setpoint is not None:
             raise TypeError(
                 f"{self._name} is a policy: its only setpoint is its task's, the option 'setpoint' of "
-                "env_options where the task has one"
+                "env_options where the task has one; OnnxPolicy(file).controller(robot) follows any setpoint"
             )
         return _limited(real_array(f"{self._name} gave", self._policy(observations), "actions"))
 

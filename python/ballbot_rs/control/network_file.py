@@ -65,27 +65,45 @@ def read(path: Path) -> Network:
     """The layers of a policy, from the observation to the action.
 
     Raises:
-        ValueError: its network has others than dense layers with tanh between them, and actions limited to ±1.
+        ValueError: its network is not a chain of dense layers with tanh between them, and actions limited to ±1.
         ModuleNotFoundError: onnx is not installed.
     """
-    with require("the layers of a policy", "evolution"):
+    with require("a policy as a controller", "export"):
         import onnx
+    to_array, attribute = onnx.numpy_helper.to_array, onnx.helper.get_attribute_value
     graph = onnx.load(path).graph
-    constants = {tensor.name: onnx.numpy_helper.to_array(tensor) for tensor in graph.initializer}
-    layers = [node for node in graph.node if node.op_type == "Gemm"]
-    kinds = [node.op_type for node in graph.node if node.op_type != "Constant"]
-    if not layers or kinds != ["Gemm", *["Tanh", "Gemm"] * (len(layers) - 1), "Clip"]:
-        raise ValueError(
-            f"{path} has the operators {', '.join(kinds)}: a policy that is a controller has dense layers with tanh "
-            "between them, and actions limited to ±1"
-        )
-    return [_dense(node, constants) for node in layers]
+    constants = {tensor.name: to_array(tensor) for tensor in graph.initializer}
+    for node in graph.node:
+        if node.op_type == "Constant" and node.attribute[0].name == "value":
+            constants[node.output[0]] = to_array(attribute(node.attribute[0]))
+    nodes = [node for node in graph.node if node.op_type != "Constant"]
+    kinds = [node.op_type for node in nodes]
+    # Each operator takes what the one before makes.
+    values = [graph.input[0].name, *(node.output[0] for node in nodes)]
+    is_chain = [node.input[0] for node in nodes] == values[:-1] and graph.output[0].name == values[-1]
+    is_known = kinds == ["Gemm", *["Tanh", "Gemm"] * (kinds.count("Gemm") - 1), "Clip"]
+    if is_chain and is_known and _numbers(nodes[-1], constants) == [-1.0, 1.0]:
+        layers = [
+            _dense(node, {one.name: attribute(one) for one in node.attribute}, constants) for node in nodes[:-1:2]
+        ]
+        if all(layer is not None for layer in layers):
+            return [layer for layer in layers if layer is not None]
+    raise ValueError(
+        f"{path} has the operators {', '.join(kinds)}: a policy that is a controller is a chain of dense layers with "
+        "tanh between them, and actions limited to ±1"
+    )
 
 
-def _dense(node: Any, constants: Mapping[str, npt.NDArray[Any]]) -> tuple[npt.NDArray[Any], npt.NDArray[Any]]:
-    import onnx
+def _numbers(node: Any, constants: Mapping[str, npt.NDArray[Any]]) -> list[float]:
+    return [float(constants[name]) for name in node.input[1:] if name in constants and constants[name].size == 1]
 
-    given = {one.name: onnx.helper.get_attribute_value(one) for one in node.attribute}
-    weights = constants[node.input[1]] * given.get("alpha", 1.0)
-    biases = constants[node.input[2]] * given.get("beta", 1.0)
-    return weights if given.get("transB", 0) else weights.T, biases
+
+def _dense(
+    node: Any, given: Mapping[str, Any], constants: Mapping[str, npt.NDArray[Any]]
+) -> tuple[npt.NDArray[Any], npt.NDArray[Any]] | None:
+    """Weights and biases of a layer; None if they are not constants of the file."""
+    names = list(node.input[1:])
+    if given.get("transA", 0) or len(names) != 2 or not set(names) <= set(constants):
+        return None
+    weights = constants[names[0]] * given.get("alpha", 1.0)
+    return weights if given.get("transB", 0) else weights.T, constants[names[1]] * given.get("beta", 1.0)

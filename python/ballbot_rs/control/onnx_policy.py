@@ -64,7 +64,7 @@ class OnnxPolicy:
         file = Path(fspath(path))
         if not file.is_file():
             raise FileNotFoundError(f"no policy at {file}")
-        self._file = file
+        self._file = file.absolute()
         self._session, self._new_options = _session(file)
         self.metadata = _metadata(file, self._session.get_modelmeta().custom_metadata_map)
         #: Name of the task.

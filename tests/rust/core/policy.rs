@@ -162,10 +162,10 @@ fn what_does_not_fit_a_policy_is_named() {
     let now = History::default();
     for (found, words) in [
         (error("path", &[], &now, &[16, 3]), "path"),
-        (error("balance", &[], &now, &[17, 3]), "16 rows of the task balance"),
+        (error("balance", &[], &now, &[17, 3]), "16 rows of the task balance for each of 1 ages"),
         (error("balance", &[], &now, &[16, 4]), "outputs of layer 0: 4, expected 3"),
         (error("balance", &[("tilt", &[1.0])], &now, &[16, 3]), "tilt"),
-        (error("balance", &[("max_wheel_torque", &[1e6])], &now, &[16, 3]), "max_wheel_torque"),
+        (error("balance", &[("max_wheel_torque", &[-1.0])], &now, &[16, 3]), "max_wheel_torque"),
         (error("balance", &[], &History::Ages(vec![1]), &[16, 3]), "the first age must be 0"),
     ] {
         assert!(found.contains(words), "{found}");

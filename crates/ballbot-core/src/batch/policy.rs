@@ -58,6 +58,10 @@ fn of_task<T: Follow>(
 ) -> Result<Box<dyn Controller>> {
     let mut config = EnvConfig::<T> { params: params.clone(), history: history.clone(), ..EnvConfig::default() };
     options.iter().try_for_each(|(name, values)| TaskConfig::set(&mut config, name, values))?;
+    let torque = config.resolved()?.action_torque();
+    // Weaker motors give their most.
+    let largest = torque.min(params.max_wheel_torque);
+    config.max_wheel_torque = Some(largest);
     let config = config.resolved()?;
     config.validate_resolved()?;
     let description = TaskDescription::of::<T>();
@@ -66,14 +70,14 @@ fn of_task<T: Follow>(
     // Checks that the layers fit each other and the action.
     let inputs = Networks::new(1, layers)?.inputs();
     if inputs != rows * ages.len() {
-        let seen = format!("{rows} rows of the task {} at {} ages", T::NAME, ages.len());
+        let seen = format!("{rows} rows of the task {} for each of {} ages", T::NAME, ages.len());
         return Err(Error::Inconsistent(format!("inputs of layer 0: {inputs}, expected {seen}")));
     }
     let kept = T::MEMORY + ACTION_LEN + 1;
     let hidden = kept + (oldest + 1) * rows;
     let policy = Policy {
         scaling: config.row_scaling(&description),
-        torque: config.action_torque(),
+        torque,
         frame: Frame::new(params),
         rows,
         oldest,
@@ -84,7 +88,7 @@ fn of_task<T: Follow>(
         len: hidden + layers.iter().map(|layer| layer.outputs).sum::<usize>(),
         task: config.task.clone(),
     };
-    Ok(Box::new(Sampled::uncompensated(policy, params, config.control_dt, config.action_torque())?))
+    Ok(Box::new(Sampled::uncompensated(policy, params, config.control_dt, largest)?))
 }
 
 /// What moves with a setpoint.
@@ -144,27 +148,13 @@ impl Frame {
     }
 }
 
-/// A task that takes a setpoint.
+/// A task that takes a setpoint, by the frame of its state unless it has a command.
 trait Follow: Task {
     /// The parts of a setpoint that its policies follow.
-    const PARTS: &'static [&'static str];
+    const PARTS: &'static [&'static str] = &["position", "velocity", "acceleration", "yaw", "yaw_rate"];
 
-    /// Gives the task a setpoint, by its command, which is first in the memory, or by the frame of the state, which it
+    /// Gives the task a setpoint: by its command, which is first in the memory, or by the frame of the state, which it
     /// returns.
-    fn follow<L: Lane>(
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        frame: &Frame,
-        memory: &mut Memory<'_, L>,
-    ) -> LaneState<L>;
-}
-
-/// The parts that move the frame.
-const OF_FRAME: &[&str] = &["position", "velocity", "acceleration", "yaw", "yaw_rate"];
-
-impl Follow for Balance {
-    const PARTS: &'static [&'static str] = OF_FRAME;
-
     #[inline(always)]
     fn follow<L: Lane>(
         state: &LaneState<L>,
@@ -176,19 +166,9 @@ impl Follow for Balance {
     }
 }
 
-impl Follow for Push {
-    const PARTS: &'static [&'static str] = OF_FRAME;
+impl Follow for Balance {}
 
-    #[inline(always)]
-    fn follow<L: Lane>(
-        state: &LaneState<L>,
-        setpoint: &LaneSetpoint<L>,
-        frame: &Frame,
-        _: &mut Memory<'_, L>,
-    ) -> LaneState<L> {
-        frame.of(state, setpoint)
-    }
-}
+impl Follow for Push {}
 
 impl Follow for Goal {
     const PARTS: &'static [&'static str] = &["position"];

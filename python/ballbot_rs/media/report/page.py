@@ -22,7 +22,8 @@ pre { background: var(--card); padding: .8rem; overflow-x: auto; font-size: .85r
 .note { color: var(--soft); font-size: .9rem; } .wide { overflow-x: auto; }
 iframe { width: 100%; aspect-ratio: 8 / 5; min-height: 21rem; margin-top: 1rem; }
 iframe { border: 1px solid var(--line); border-radius: 4px; }
-.timed { position: relative; width: fit-content; } .timed i { position: absolute; pointer-events: none; }
+.timed { position: relative; width: fit-content; } .timed img { display: block; }
+.timed i { position: absolute; pointer-events: none; }
 .timed i::after { content: ""; position: absolute; height: 100%; border-left: 1.5px solid #212529; }
 .timed i::after { left: calc(100% * clamp(0, (var(--time, 0) - var(--begin)) / var(--seconds), 1)); }
 """

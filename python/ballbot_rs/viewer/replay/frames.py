@@ -23,7 +23,8 @@ def rows_at(times: Array, frame_rate: float) -> list[int]:
         frame_rate: frames per second.
     """
     moments = np.arange(times[0], times[-1], 1.0 / frame_rate)
-    after = np.searchsorted(times, moments)
+    # Rounding may place a moment behind the last row.
+    after = np.minimum(np.searchsorted(times, moments), len(times) - 1)
     before = np.maximum(after - 1, 0)
     nearest = np.where(moments - times[before] < times[after] - moments, before, after)
     return sorted({*nearest.tolist(), len(times) - 1})

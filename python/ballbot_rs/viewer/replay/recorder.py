@@ -12,6 +12,7 @@ from viser.infra import WebsockServer
 from viser.infra._async_message_buffer import AsyncMessageBuffer
 
 from ballbot_rs._checks import check_bounded
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.arrows import loads
 from ballbot_rs.media.video import FRAME_RATES, has_meshes
@@ -67,9 +68,14 @@ def record(trajectory: Trajectory, *, frame_rate: float = 60.0, forces: bool = F
         dark: whether the colors are dark.
 
     Raises:
-        ValueError: a frame rate out of range.
+        ValueError: a frame rate out of range, or a trajectory without contacts.
     """
     check_bounded("frame_rate", frame_rate, *FRAME_RATES)
+    if len(trajectory.contacts) < len(trajectory.times):
+        raise InvalidInputError(
+            f"a replay needs the contacts of all rows: the trajectory has {len(trajectory.contacts)} of "
+            f"{len(trajectory.times)}"
+        )
     recorder = Recorder()
     scene = Scene(recorder, lambda _: _look_of(trajectory), _ignore, _ignore)
     scene.shows_forces = forces
