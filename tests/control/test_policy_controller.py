@@ -79,7 +79,7 @@ def test_what_is_not_a_controller_is_named(tmp_path: Path) -> None:
         bb.OnnxPolicy(tmp_path / "relu.onnx").controller()
 
 
-def test_a_network_that_is_not_a_chain_is_no_controller(tmp_path: Path) -> None:
+def test_a_network_that_is_not_a_chain_makes_no_controller(tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
 
     def changed(change: Callable[[Any], None]) -> bb.OnnxPolicy:
