@@ -51,6 +51,7 @@ __all__ = [
     "__version__",
     "_contacts_of",
     "_params_of",
+    "_policy_controller",
     "_terrain_of",
     "_toml_table",
     "estimator_constants",
