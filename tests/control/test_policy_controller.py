@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._core import _policy_controller
 from ballbot_rs.control import network_file
 from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
 from ballbot_rs.control.resolve import find
@@ -77,6 +78,31 @@ def test_what_is_not_a_controller_is_named(tmp_path: Path) -> None:
     onnx.save(model, tmp_path / "relu.onnx")
     with pytest.raises(ValueError, match=r"operators Gemm, Relu, .* dense layers with tanh"):
         bb.OnnxPolicy(tmp_path / "relu.onnx").controller()
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"task": "path"}, "'path'"),
+        ({"layers": []}, "no layer"),
+        ({"layers": [(np.zeros((1, 3, 16)),)]}, "pair"),
+        ({"layers": [(np.zeros((3, 16)), np.zeros(3))]}, "layers"),
+        ({"layers": [(np.full((1, 3, 16), np.nan), np.zeros((1, 3)))]}, "NaN"),
+        ({"layers": [(np.zeros((1, 3, 17)), np.zeros((1, 3)))]}, "17, expected 16 rows"),
+        ({"layers": [(np.zeros((1, 2, 16)), np.zeros((1, 2)))]}, "2, expected 3"),
+        ({"history": [0, 10**9]}, "at most 1000"),
+        ({"history": []}, "history"),
+        ({"options": {"control_dt": -1.0}}, "control_dt"),
+        ({"options": {"speed": 1.0}}, "speed"),
+        ({"robot": "nobody"}, "nobody"),
+    ],
+)
+def test_numbers_that_do_not_fit_are_named(changes: dict[str, Any], words: str) -> None:
+    layers = [(np.zeros((1, 3, 16)), np.zeros((1, 3)))]
+    right: dict[str, Any] = {"name": "p", "task": "balance", "layers": layers, "history": 1, "options": {}}
+    assert _policy_controller(**right)(bb.State.at_rest("paper")).tolist() == [0.0] * 3
+    with pytest.raises((TypeError, ValueError), match=words):
+        _policy_controller(**{**right, **changes})
 
 
 def test_a_network_that_is_not_a_chain_makes_no_controller(tmp_path: Path) -> None:

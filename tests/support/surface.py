@@ -69,6 +69,7 @@ LEFT_OUT = {
     "write_urdf": "as write_terrain",
     "_contacts_of": "what pickle calls",
     "_terrain_of": "what pickle calls",
+    "_policy_controller": "behind OnnxPolicy.controller; tests/control has its bad input",
     "_params_of": "behind every argument `robot`, which is called with anything",
     "_toml_table": "the parser behind load_scenarios; tests/scenarios has its bad input",
     "show": "serves a page; tests/viewer has its bad input",
