@@ -19,7 +19,7 @@ from ballbot_rs._extras import require
 from ballbot_rs._modules import module_of
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
-from ballbot_rs.control.onnx_policy import FOLLOWING, OnnxPolicy
+from ballbot_rs.control.onnx_policy import OnnxPolicy
 from ballbot_rs.envs._batch_env import decided, without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 
@@ -173,9 +173,12 @@ def find(
             _check_size(path)
         onnx = OnnxPolicy(path)
         if task not in (None, onnx.task):
-            if onnx.task not in FOLLOWING:
+            try:
+                own_dt = onnx.controller().control_dt
+            except ValueError:
+                # A policy that follows no setpoints is for another environment, which this error names.
                 OnnxPolicy(path, task)
-            own_dt = onnx.env_options["control_dt"]
+                raise
             return ResolvedController(name, make_law=lambda params, _: onnx.controller(params), control_dt=own_dt)
         options, events = _without_events(onnx.env_options)
         return ResolvedController(name, options, onnx.act, onnx.task, interrupt=onnx.interrupt, events=events)
