@@ -17,7 +17,7 @@ from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media.arrows import loads
 from ballbot_rs.media.video import FRAME_RATES, has_meshes
 from ballbot_rs.viewer.replay.frames import ROBOT, frame_of, reference_of, rows_at
-from ballbot_rs.viewer.scene.arrows import PUSH_COLOR, ROUTE_COLOR, THICKNESS, open_line
+from ballbot_rs.viewer.scene.arrows import ROUTE_COLOR, THICKNESS, open_line, push_arrows
 from ballbot_rs.viewer.scene.cameras import place_camera
 from ballbot_rs.viewer.scene.look import Look, from_params
 from ballbot_rs.viewer.scene.scene import WORLD, Scene
@@ -105,15 +105,7 @@ class _Loads:
     """Arrows of pushes and forces on the body, as in videos."""
 
     def __init__(self, server: viser.ViserServer) -> None:
-        self._arrows = server.scene.add_arrows(
-            f"{WORLD}/loads",
-            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
-            PUSH_COLOR,
-            shaft_radius=0.012,
-            head_radius=0.03,
-            head_length=0.06,
-            visible=False,
-        )
+        self._arrows = push_arrows(server, f"{WORLD}/loads")
 
     def show(self, trajectory: Trajectory, row: int) -> None:
         """Draws the arrows of a row."""

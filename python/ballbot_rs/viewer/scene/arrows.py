@@ -142,19 +142,24 @@ class Forces:
             self._arrows.points = np.float32(force_arrows(frame))
 
 
+def push_arrows(server: viser.ViserServer, name: str) -> viser.ArrowsHandle:
+    """Arrows as of pushes, which are not shown yet."""
+    return server.scene.add_arrows(
+        name,
+        np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
+        PUSH_COLOR,
+        shaft_radius=0.012,
+        head_radius=0.03,
+        head_length=0.06,
+        visible=False,
+    )
+
+
 class Push:
     """An arrow at the body, for a while after a push."""
 
     def __init__(self, server: viser.ViserServer, name: str) -> None:
-        self._arrow = server.scene.add_arrows(
-            name,
-            np.array([[[0.0, 0.0, 0.0], [0.0, 0.0, 1.0]]]),
-            PUSH_COLOR,
-            shaft_radius=0.012,
-            head_radius=0.03,
-            head_length=0.06,
-            visible=False,
-        )
+        self._arrow = push_arrows(server, name)
 
     def show(self, frame: Frame) -> None:
         """Draws the push of a frame."""
