@@ -193,6 +193,7 @@ class _ParamFields(TypedDict, total=False):
     roller_ripple: float
     roller_count: float
     roller_phases: npt.ArrayLike
+    wheel_preload: float
     floor_tilt: npt.ArrayLike
 
 # End of the generated part.
@@ -249,6 +250,7 @@ class Params:
         roller_ripple: float = 0.0,  # Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only. (m, >= 0 and <= 1000)
         roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number. (>= 3 and <= 1000)
         roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)
+        wheel_preload: float = 0.0,  # Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)
         floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)
     ) -> Self: ...
     # End of the generated part.
@@ -346,6 +348,9 @@ class Params:
     @property
     def roller_phases(self) -> tuple[float, float, float]:
         """Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)"""
+    @property
+    def wheel_preload(self) -> float:
+        """Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)"""
     @property
     def floor_tilt(self) -> tuple[float, float]:
         """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)"""

@@ -178,9 +178,13 @@ def test_a_long_motion_has_the_product_of_the_derivatives_of_its_parts():
 PARAMETERS = ("ball_mass", "ball_inertia", "body_mass", "wheel_inertia", "gravity", "ball_viscous_friction")
 
 
-@pytest.mark.parametrize("name", [*PARAMETERS, "body_inertia", "wheel_viscous_friction", "wheel_zenith"])
+@pytest.mark.parametrize(
+    "name", [*PARAMETERS, "body_inertia", "wheel_viscous_friction", "wheel_zenith", "wheel_preload"]
+)
 def test_derivatives_by_parameters_equal_differences(name):
     params = bb.Params.preset("kugle").replace(ball_viscous_friction=2.0, wheel_viscous_friction=0.01)
+    if name == "wheel_preload":
+        params = params.replace(wheel_preload=80.0)
     robot = bb.Ballbot(params)
     # Above the floor by less than it falls in a step, so that no difference changes a mode.
     change = np.zeros(30)
@@ -208,8 +212,40 @@ def test_derivatives_by_parameters_equal_differences(name):
             assert np.abs(found[rows] - exact[rows, column]).max() <= 1e-6 * scale + 1e-9
 
 
+@pytest.mark.parametrize("preload", [0.0, 20.0])
+def test_a_preload_has_derivatives_where_wheels_slip(preload):
+    def after(change):
+        robot = bb.Ballbot(bb.Params.paper().replace(wheel_preload=preload + change))
+        robot.reset(bb.State.at_rest(robot.params, (0.03, -0.02)))
+        robot.step(np.array([2.0, 1.9, 2.1]), 2)
+        return robot
+
+    robot = bb.Ballbot(bb.Params.paper().replace(wheel_preload=preload))
+    robot.reset(bb.State.at_rest(robot.params, (0.03, -0.02)))
+    jacobian = robot.jacobian(np.array([2.0, 1.9, 2.1]), 2, ["wheel_preload"])
+    assert np.abs(after(0.0).contacts.wheel_slip_speeds).min() > 0.1
+
+    def change(step):
+        robot = after(step)
+        return np.concatenate([difference(robot.state, jacobian.state), forces(robot)])
+
+    # Of second order, and ahead, since a preload is not negative.
+    found = (4 * change(1e-3) - change(2e-3) - 3 * change(0.0)) / 2e-3
+    exact = np.concatenate([jacobian.P[:30, 0], jacobian.Q[:, 0]])
+    for rows in KINDS:
+        assert np.abs(found[rows] - exact[rows]).max() <= 1e-5 * np.abs(exact[rows]).max() + 1e-10
+        assert np.abs(exact[rows]).max() > 1e-6
+
+
 @pytest.mark.parametrize(
-    "name", ["wheel_coulomb_friction", "floor_rolling_friction", "floor_spinning_friction", "roller_friction"]
+    "name",
+    [
+        "wheel_coulomb_friction",
+        "floor_rolling_friction",
+        "floor_spinning_friction",
+        "roller_friction",
+        "wheel_preload",
+    ],
 )
 def test_a_friction_of_zero_has_the_derivatives_of_a_small_one(name):
     params = bb.Params.paper()

@@ -5,10 +5,13 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs.engines.engine_batch import EngineBatch
+from ballbot_rs.engines.robot_geometry import robot_geometry
 from ballbot_rs.envs._batch_env import new_batch
 from tests.support import commands
 
-mujoco = pytest.importorskip("mujoco")
+pytest.importorskip("mujoco")
+
+from ballbot_rs.engines.mujoco_robot import MujocoRobot, accurate
 
 
 @pytest.mark.parametrize("task", ["balance", "velocity", "goal", "path", "push"])
@@ -65,6 +68,40 @@ def test_parameters_that_are_set_change_the_motion():
         batch.set_params(0, params.replace(**{name: 0.001}))
         with pytest.raises(ValueError, match=rf"{name} = 0.001: it must be 0"):
             batch.step(np.zeros((1, 3)))
+
+
+def pressed(weights):
+    params = bb.Params.paper()
+    return params.replace(wheel_preload=weights * params.body_mass * params.gravity)
+
+
+def test_a_preload_adds_the_same_loads_in_both_engines():
+    for weights in (0.0, 1.0):
+        params = pressed(weights)
+        there = MujocoRobot(robot_geometry(params), accurate())
+        here = bb.Ballbot(params, sim_dt=1e-3)
+        start = bb.State.at_rest(params, (0.03, -0.02))
+        for robot in (there, here):
+            robot.reset(start)
+            robot.step(np.array([0.05, -0.03, 0.02]), 200)
+        # Its contacts are soft.
+        np.testing.assert_allclose(there.wheel_loads(), here.contacts.wheel_normal_forces, rtol=5e-3)
+        assert abs(there.state().tilt - here.state.tilt) <= 5e-3 * here.state.tilt
+
+
+def test_a_preload_holds_wheels_that_slip_without_it_in_both_engines():
+    speeds = {}
+    for engine in (None, "mujoco"):
+        for weights in (0.0, 1.0):
+            params = pressed(weights).replace(wheel_static_friction=0.3, wheel_dynamic_friction=0.3)
+            batch = new_batch(1, autoreset="disabled", options={"robot": params, "max_wheel_torque": 0.3})
+            batch = batch if engine is None else EngineBatch(batch, engine)
+            batch.reset(starts=[bb.State.at_rest(params)])
+            for _ in range(3):
+                batch.step(np.ones((1, 3)))
+            speeds[engine, weights] = batch.state(0).wheel_speeds[0]
+    assert speeds["mujoco", 1.0] == pytest.approx(speeds[None, 1.0], rel=0.02)
+    assert all(speeds[engine, 0.0] > 2.0 * speeds[engine, 1.0] for engine in (None, "mujoco"))
 
 
 def test_motors_weakened_by_an_event_are_weak_in_the_engine():

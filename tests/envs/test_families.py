@@ -41,6 +41,17 @@ def test_a_family_may_have_other_ranges():
     assert [batch.nominal_params(i) for i in (0, 8)] == robots[:2]
 
 
+def test_a_family_may_have_preloads():
+    robots, usual = sample_robots(20, 3, {"wheel_preload / weight of the body": (0.5, 2.0)}), sample_robots(20, 3)
+    weights = [robot.wheel_preload / (robot.body_mass * robot.gravity) for robot in robots]
+    assert 0.5 <= min(weights) < 0.8
+    assert 1.7 < max(weights) <= 2.0
+    assert all(robot.wheel_preload == 0.0 for robot in usual)
+    assert [robot.body_com_offset for robot in robots] == [robot.body_com_offset for robot in usual]
+    # Torques are relative to what the robot needs.
+    assert robots[0].max_wheel_torque == pytest.approx(usual[0].max_wheel_torque, rel=1e-12)
+
+
 @pytest.mark.parametrize("robots", [["paper", "kugle"], range(10**12), {"family": 2}])
 def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
     """The others would not be simulated."""

@@ -74,6 +74,9 @@ class PybulletRobot(ExternalRobot):
 
     def __init__(self, robot: RobotGeometry, sim_dt: float = SIM_DT, iterations: int = SOLVER_ITERATIONS) -> None:
         p = robot.params
+        if p.wheel_preload != 0.0:
+            # Forces of PyBullet act for one step, not along a body that turns in substeps.
+            raise bb.InvalidInputError(f"PyBullet does not simulate wheel_preload = {p.wheel_preload}: it must be 0")
         self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]

@@ -5,6 +5,7 @@ from validation.robots import (
     delay,
     friction,
     lag,
+    preload,
     products_of_inertia,
     ripple,
     rollers,
@@ -18,6 +19,6 @@ from validation.topic import Topic
 
 BODY = [
     Topic.of(module)
-    for module in (com_offset, products_of_inertia, uneven_wheels, friction, rolling, rollers, ripple, slope)
+    for module in (com_offset, products_of_inertia, uneven_wheels, friction, preload, rolling, rollers, ripple, slope)
 ]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]

@@ -3,6 +3,7 @@
 mod floor;
 mod geometry;
 mod losses;
+mod preload;
 mod presets;
 pub mod robot_file;
 mod rollers;
@@ -119,6 +120,9 @@ fields! {
         /// Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below
         /// `wheel_radius`.
         pub roller_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
+        /// Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as
+        /// springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other.
+        pub wheel_preload: f64 = 0.0, "N", Limit::from(0.0).to(1e6);
         /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the
         /// slope, is at most 0.5. Gravity is `gravity_vector`.
         pub floor_tilt: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
@@ -180,6 +184,7 @@ impl Params {
         self.validate_geometry()?;
         self.validate_friction()?;
         self.validate_rollers()?;
+        self.validate_preload()?;
         self.validate_slope()
     }
 
@@ -276,13 +281,17 @@ impl Params {
             |volume| volume >= LEAST_DRIVE_VOLUME,
         )?;
         let weight = self.body_mass * self.gravity;
+        let line = if self.has_preload() {
+            "the sum of the body's weight, towards its CoM, and of wheel_preload, along the mast,"
+        } else {
+            "the line from the ball's center to the body's CoM"
+        };
         for (i, &load) in self.equilibrium_wheel_loads().iter().enumerate() {
             check(
                 format_args!("the load of wheel {i} in equilibrium"),
                 load,
                 format_args!(
-                    "at least {} N, {LEAST_LOAD_SHARE} of the body's weight: the line from the ball's center to the \
-                     body's CoM must pass between the wheels",
+                    "at least {} N, {LEAST_LOAD_SHARE} of the body's weight: {line} must pass between the wheels",
                     LEAST_LOAD_SHARE * weight
                 ),
                 |load| load >= LEAST_LOAD_SHARE * weight,
@@ -313,8 +322,9 @@ impl Params {
         self.ball_radius / self.wheel_radius
     }
 
-    /// Load of one wheel of a symmetric robot upright at rest on a level floor, M_b g / (3 cos α), N.
+    /// Load of one wheel of a symmetric robot upright at rest on a level floor, (M_b g + P) / (3 cos α) with the preload
+    /// P, N.
     pub fn static_wheel_load(&self) -> f64 {
-        self.body_mass * self.gravity / (3.0 * self.wheel_zenith.cos())
+        (self.body_mass * self.gravity + self.wheel_preload) / (3.0 * self.wheel_zenith.cos())
     }
 }

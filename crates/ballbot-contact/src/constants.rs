@@ -108,6 +108,10 @@ lane_struct! {
         pub roller_friction_slope: T,
         /// 1 for a robot with losses or with a ripple, else 0.
         pub has_losses_or_ripple: T,
+        /// 1 for a robot with a preload of the wheels, else 0.
+        pub has_preload: T,
+        /// Impulse of the preload on the ball in a step, along the mast.
+        pub preload_impulse: T,
         /// Half the ripple of the wheels' rims.
         pub ripple_amplitude: T,
         /// Ripples per turn of a wheel.
@@ -197,6 +201,8 @@ impl Constants<f64> {
             roller_friction: params.roller_friction,
             roller_friction_slope: params.roller_friction_slope,
             has_losses_or_ripple: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
+            has_preload: if params.has_preload() { 1.0 } else { 0.0 },
+            preload_impulse: params.wheel_preload * sim_dt,
             ripple_amplitude: 0.5 * params.roller_ripple,
             roller_count: params.roller_count,
             roller_phases: Wheels(params.roller_phases),

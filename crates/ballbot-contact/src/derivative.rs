@@ -12,6 +12,7 @@ use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
+use super::preload::press;
 use super::rows::Rows;
 use super::state::ContactState;
 use super::step::count_searches;
@@ -77,11 +78,12 @@ impl SolvedStep {
         ground: Option<&Arc<Ground>>,
         torques: Wheels<f64>,
     ) -> Option<Self> {
-        let mut actions = Actions::level(c.gravity_dt, torques);
+        let mut actions = Actions::new(c.gravity_dt, torques);
         let mut footing = ground.map(Footing::new);
         if let Some(footing) = &mut footing {
-            footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
+            footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions);
         }
+        press::<f64, f64>(c, Scalar, &mut state, &mut actions);
         brake::<f64, f64>(c, Scalar, &mut state);
         let start = Start::<f64>::new::<ALL, f64>(c, Scalar, &state);
         let near = Near::new(c, &start, Scalar, &state, footing.as_ref()).mask;
@@ -159,12 +161,14 @@ impl SolvedStep {
         mut footing: Option<&mut Footing<DualCell<D::Cell>>>,
         torques: &Wheels<DualCell<D::Cell>>,
     ) {
-        let mut actions = Actions { torques: *torques, gravity_dt: [DualCell::default(); 3] };
         let like = Dual::<D>::from_f64(token, 0.0);
-        Vec3::from(super::constants::at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
+        let mut gravity_dt = [DualCell::default(); 3];
+        Vec3::from(super::constants::at3(c.gravity_dt, like)).store(&mut gravity_dt);
+        let mut actions = Actions::new(gravity_dt, *torques);
         if let Some(footing) = &mut footing {
-            footing.enter(c, token, state, &mut actions.gravity_dt);
+            footing.enter(c, token, state, &mut actions);
         }
+        press(c, token, state, &mut actions);
         brake(c, token, state);
         let start = Start::new::<ALL, V>(c, token, state);
         let mut friction = self.friction.map(

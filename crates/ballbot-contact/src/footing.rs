@@ -2,6 +2,7 @@
 
 use super::constants::{Constants, at3};
 use super::state::ContactState;
+use super::types::Actions;
 use ballbot_base::lanes::{Cell, Lane, Quat, Rotation, Value, Vec3};
 use ballbot_base::terrain::{Frame, Ground, Patch};
 use std::sync::Arc;
@@ -30,15 +31,15 @@ impl<T: Cell> Footing<T> {
         }
     }
 
-    /// Transforms robots to the frame of the ground, whose origin is on the tangent plane below the ball; `gravity_dt`
-    /// is gravity in this frame.
+    /// Transforms robots to the frame of the ground, whose origin is on the tangent plane below the ball, and gravity for
+    /// `actions`.
     #[inline(always)]
     pub fn enter<L: Lane<Cell = T>, V: Value<L>>(
         &mut self,
         c: &Constants<V>,
         token: L::Token,
         state: &mut ContactState<T>,
-        gravity_dt: &mut [T; 3],
+        actions: &mut Actions<T>,
     ) {
         let ball = Vec3::<L>::load(token, &state.ball_position);
         let like = ball.x;
@@ -54,7 +55,8 @@ impl<T: Cell> Footing<T> {
         center.store(&mut state.ball_position);
         (body + center).store(&mut state.body_position);
         turn(token, state, &frame.quaternion(), &frame.rotation);
-        frame.rotation.apply(Vec3::from(at3(c.gravity_dt, like))).store(gravity_dt);
+        frame.rotation.apply(Vec3::from(at3(c.gravity_dt, like))).store(&mut actions.gravity_dt);
+        (actions.ball_fall, actions.body_fall) = (actions.gravity_dt, actions.gravity_dt);
         let [px, py, pz, ax, ay, az] = &mut state.push;
         for [x, y, z] in [[px, py, pz], [ax, ay, az]] {
             let pushed = frame.rotation.apply(Vec3::<L>::load_parts(token, [x, y, z]));

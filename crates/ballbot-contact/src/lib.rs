@@ -22,6 +22,7 @@ mod losses;
 #[warn(missing_docs)]
 mod motion;
 mod phases;
+mod preload;
 mod principal;
 mod readout;
 mod ripple;

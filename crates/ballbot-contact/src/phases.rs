@@ -82,13 +82,14 @@ pub fn free_velocities<L: Lane, V: Value<L>>(
     let body_angular_impulse =
         start.rotation.apply_transposed(angular_impulse).plus(reaction + midpoint, c.sim_dt.at(like));
 
-    let (drag, fall) = (c.ball_drag.at(like), Vec3::load(token, &actions.gravity_dt));
+    let drag = c.ball_drag.at(like);
     let body = before.body.plus(impulse, c.body_mass_inverse.at(like));
     let spin = c.wheel_dt_inverse_inertia.at(like);
     Velocities {
-        ball: Vec3::new(before.ball.x * drag, before.ball.y * drag, before.ball.z) - fall,
+        ball: Vec3::new(before.ball.x * drag, before.ball.y * drag, before.ball.z)
+            - Vec3::load(token, &actions.ball_fall),
         ball_rate: before.ball_rate,
-        body: body - fall,
+        body: body - Vec3::load(token, &actions.body_fall),
         body_rate: before.body_rate + body_angular_impulse.scaled_by(at3(c.body_inertia_inverse, like)),
         spins: before.spins.plus(torques, spin),
     }

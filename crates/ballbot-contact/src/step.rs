@@ -2,6 +2,7 @@
 //!
 //! ```text
 //! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
+//! forces    += preload                    of the wheels, between body and ball                (Preload)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
 //! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
@@ -25,6 +26,7 @@ use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
+use super::preload::press;
 use super::state::ContactState;
 use super::types::{Actions, Velocities};
 use ballbot_base::lanes::{Eight, Lane, Own, Registers, Scalar, Value, Vec3, Wide, run_one};
@@ -71,17 +73,27 @@ fn several<L: Lane, V: Value<L>>(
     torques: &Wheels<L::Cell>,
     steps: usize,
 ) {
-    let mut actions = Actions { torques: *torques, gravity_dt: [L::Cell::default(); 3] };
     let like = L::load(token, &state.steps);
-    Vec3::from(at3(c.gravity_dt, like)).store(&mut actions.gravity_dt);
-    let has_losses_or_ripple = L::any(like.zero().lt(c.has_losses_or_ripple.at(like)));
+    let mut gravity_dt = [L::Cell::default(); 3];
+    Vec3::from(at3(c.gravity_dt, like)).store(&mut gravity_dt);
+    let mut actions = Actions::new(gravity_dt, *torques);
+    let zero = like.zero();
+    let is_pressed = L::any(zero.lt(c.has_preload.at(like)));
+    let has_losses_or_ripple = L::any(zero.lt(c.has_losses_or_ripple.at(like)));
     for _ in 0..steps {
         // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
             L::rarely(
                 token,
                 #[inline(always)]
-                || footing.enter(c, token, state, &mut actions.gravity_dt),
+                || footing.enter(c, token, state, &mut actions),
+            );
+        }
+        if is_pressed {
+            L::rarely(
+                token,
+                #[inline(always)]
+                || press(c, token, state, &mut actions),
             );
         }
         let on_rollers = has_losses_or_ripple

@@ -9,12 +9,16 @@ pub struct Actions<T> {
     pub torques: Wheels<T>,
     /// Decrease of a velocity by gravity in a step, in the floor frame.
     pub gravity_dt: [T; 3],
+    /// Decrease of the velocity of the ball by gravity and preload in a step, in the floor frame.
+    pub ball_fall: [T; 3],
+    /// Decrease of the velocity of the body's CoM.
+    pub body_fall: [T; 3],
 }
 
-impl Actions<f64> {
-    /// Torques on level ground.
-    pub fn level(gravity_dt: [f64; 3], torques: Wheels<f64>) -> Self {
-        Self { torques, gravity_dt }
+impl<T: Copy> Actions<T> {
+    /// Torques and gravity, without preload.
+    pub fn new(gravity_dt: [T; 3], torques: Wheels<T>) -> Self {
+        Self { torques, gravity_dt, ball_fall: gravity_dt, body_fall: gravity_dt }
     }
 }
 

@@ -380,7 +380,10 @@ fn pass<D: Slopes, const PARAMETERS: bool, const ALL: bool>(
         }
     }
     // Bodies of all kinds have the same derivatives.
-    let constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
+    let mut constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
+    if problem.slopes.iter().any(|slopes| slopes.preload_impulse != 0.0) {
+        constants.has_preload = 1.0;
+    }
     if !PARAMETERS {
         return moved::<D, f64, ALL>(&constants, token, problem, (seeds, state, torques));
     }

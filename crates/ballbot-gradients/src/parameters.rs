@@ -73,7 +73,8 @@ impl Parameter {
             difference(step, |amount| Constants::in_axes(&self.changed(params, amount), sim_dt, &axes))
         };
         // What a parameter turns on or off.
-        for switch in [&mut slopes.general, &mut slopes.loss_share, &mut slopes.has_losses_or_ripple] {
+        let Constants { general, loss_share, has_losses_or_ripple, has_preload, .. } = &mut slopes;
+        for switch in [general, loss_share, has_losses_or_ripple, has_preload] {
             *switch = 0.0;
         }
         Ok(slopes)

@@ -75,8 +75,8 @@ struct Motion {
     rollers: Wheels<f64>,
 }
 
-/// Contact forces: wheel loads from Rᵀ M_b (a_b − g) = Σ N_i p_i − Σ f_i d_i + Σ h_i u_i, floor force from the momentum of ball
-/// and body.
+/// Contact forces: wheel loads from Rᵀ M_b (a_b − g) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i u_i with the preload P, floor force
+/// from the momentum of ball and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
     let weight = params.up() * params.gravity;
     let mut balance =
@@ -84,6 +84,7 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
     for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions) {
         balance += direction * traction;
     }
+    balance.z += params.wheel_preload;
     if motion.rollers != Wheels::default() {
         balance -= wheels.u.transpose() * motion.rollers.column();
     }

@@ -14,7 +14,7 @@ const TILT_STEP: f64 = 1e-4;
 /// quadratic in the tilt rate.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct WheelLoad {
-    /// In equilibrium without torque, N.
+    /// In equilibrium without torque, N; of a load with the preload.
     pub at_rest: f64,
     /// Per tilt about the x and y axes of the heading frame, N/rad.
     pub per_tilt: [f64; 2],

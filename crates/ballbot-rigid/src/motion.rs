@@ -353,6 +353,7 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
         wheel_coulomb_friction: b.wheel_coulomb_friction,
         wheel_static_friction: b.wheel_static_friction,
         wheel_dynamic_friction: b.wheel_dynamic_friction,
+        wheel_preload: b.wheel_preload,
         roller_ripple: b.roller_ripple,
         roller_count: b.roller_count,
         roller_phases: b.roller_phases,

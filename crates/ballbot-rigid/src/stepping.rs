@@ -44,7 +44,7 @@ struct Plan {
     limits: Limits,
     /// Acceleration of the bot without contacts.
     acceleration: Coordinates,
-    /// Force, N, and torque, N·m, of drag and losses on the ball, inertial frame.
+    /// Force, N, and torque, N·m, of drag, losses and preload on the ball, inertial frame.
     drag: [Vector3<f64>; 2],
     /// Velocities at the end of the step without contacts.
     free: Velocities,
@@ -166,10 +166,15 @@ impl RigidMotion {
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
         let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
         let losses = if p.has_losses() { self.losses(&motion, &contacts) } else { Losses::none() };
-        let applied = self.bot.weight(&down) + join(&[force, torque, wheel_torques.column()]) + losses.on_bot / dt;
-        let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
+        let mut applied = self.bot.weight(&down) + join(&[force, torque, wheel_torques.column()]) + losses.on_bot / dt;
         let [push, turn] = losses.on_ball.map(|impulse| impulse / dt);
-        let drag = drag + motion.to_body.transpose() * push;
+        let mut drag = drag + motion.to_body.transpose() * push;
+        if p.has_preload() {
+            let pull = self.preload(&motion);
+            applied -= join(&[pull, motion.ball.cross(&pull), Vector3::zeros()]);
+            drag += motion.to_body.transpose() * pull;
+        }
+        let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
         let of_ball = down + motion.to_body * drag / p.ball_mass;
         let free = Velocities { bot: acceleration, ball: [of_ball, turn / p.ball_inertia] };
         let erp = self.settings.contact_softness.erp_inv_dt(dt);
@@ -186,6 +191,13 @@ impl RigidMotion {
             motion,
             acceleration,
         }
+    }
+
+    /// Force of the preload on the ball, body axes, N; the opposite force acts on the body at the ball's center.
+    fn preload(&self, motion: &Motion) -> Vector3<f64> {
+        // Farther away the ball has left whatever pressed it on the wheels.
+        let held = (motion.ball + self.root).norm() <= self.params.ball_radius;
+        if held { Vector3::z() * self.params.wheel_preload } else { Vector3::zeros() }
     }
 
     /// Contacts of the wheels and the ball.

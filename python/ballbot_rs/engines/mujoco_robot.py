@@ -77,7 +77,7 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
 def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> str:
     """MJCF of the robot on a floor, minimal: four contact pairs, three motors, no other collision.
 
-    A moving floor is a mocap body.
+    A moving floor is a mocap body. A preload of the wheels is a fourth actuator, without control.
     """
     p = robot.params
     stiffness = setup.stiffness
@@ -96,6 +96,14 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
             f'<pair geom1="wheel{i}" geom2="ball" condim="3" friction="{_numbers([*slots, 0, 0, 0])}" {stiffness}/>'
         )
         motors += f'<motor joint="wheel{i}"/>'
+    ball_site, body_site = "", ""
+    if p.wheel_preload > 0.0:
+        # A constant force along the body's z axis between the ball's center and the origin of the body frame.
+        ball_site, body_site = '<site name="ball"/>', '<site name="body"/>'
+        motors += (
+            '<general site="ball" refsite="body" gear="0 0 1 0 0 0" gainprm="0" biastype="affine" '
+            f'biasprm="{p.wheel_preload:.17g}"/>'
+        )
     floor = _numbers([p.floor_dynamic_friction, p.floor_dynamic_friction, 0, 0, 0])
     plane = '<geom name="floor" type="plane" size="0 0 1"/>'
     if moving_floor:
@@ -108,8 +116,8 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
   <worldbody>
     {plane}
     <body {at}><freejoint/>{_inertial(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3))}
-      <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/></body>
-    <body {at}><freejoint/>{_inertial(robot.body.mass, robot.body.com, robot.body.inertia)}{wheels}</body>
+      <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/>{ball_site}</body>
+    <body {at}><freejoint/>{_inertial(robot.body.mass, robot.body.com, robot.body.inertia)}{body_site}{wheels}</body>
   </worldbody>
   <contact><pair geom1="floor" geom2="ball" condim="3" friction="{floor}" {stiffness}/>{pairs}</contact>
   <actuator>{motors}</actuator>
@@ -192,7 +200,7 @@ class MujocoRobot:
 
     def step(self, torques: Array, steps: int) -> None:
         """Advances by `steps` time steps under wheel torques (3, N·m)."""
-        self.data.ctrl[:] = torques
+        self.data.ctrl[:3] = torques
         if steps > 1 and self.data.qfrc_applied.any():
             self._advance(1)
             steps -= 1

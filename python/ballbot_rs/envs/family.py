@@ -50,6 +50,9 @@ LINEAR: Final[Ranges] = {
     "body_com_offset / body_com_height": (-0.015, 0.015),
 }
 
+#: Ranges that are sampled uniformly and last, so that without them robots stay what they are.
+LAST: Final[Ranges] = {"wheel_preload / weight of the body": (0.0, 0.0)}
+
 
 #: Most robots of a family: as many as a batch has environments.
 MOST_ROBOTS: Final = 2**20
@@ -67,7 +70,7 @@ def sample_robots(count: int, seed: int = 0, ranges: Ranges | None = None) -> li
     Args:
         count: number of robots.
         seed: of the random numbers.
-        ranges: least and most of what `RANGES` and `LINEAR` name, in place of theirs.
+        ranges: least and most of what `RANGES`, `LINEAR` and `LAST` name, in place of theirs.
 
     Raises:
         ValueError: a number out of range, or ranges in which hardly any robot is valid.
@@ -76,8 +79,9 @@ def sample_robots(count: int, seed: int = 0, ranges: Ranges | None = None) -> li
     given = {} if ranges is None else ranges
     if not isinstance(given, Mapping):
         raise TypeError(f"robot.ranges = {given!r} is not a table of ranges")
-    check_options("robot.ranges", given, (*RANGES, *LINEAR))
-    checked = {name: _range(name, given.get(name, usual)) for name, usual in (*RANGES.items(), *LINEAR.items())}
+    usual = {**RANGES, **LINEAR, **LAST}
+    check_options("robot.ranges", given, tuple(usual))
+    checked = {name: _range(name, given.get(name, bounds)) for name, bounds in usual.items()}
     return [_robot(np.random.default_rng([check_seed(seed), i]), checked) for i in range(count)]
 
 
@@ -172,7 +176,7 @@ def has_several_robots(batch: Batch) -> bool:
 
 
 def _range(name: str, bounds: Any) -> tuple[float, float]:
-    """A range of a name in `RANGES` or `LINEAR`.
+    """A range of a name in `RANGES`, `LINEAR` or `LAST`.
 
     Raises:
         ValueError: not two numbers in ascending order, or not positive where they are sampled log-uniformly.
@@ -231,6 +235,9 @@ def _attempt(rng: np.random.Generator, ranges: Ranges) -> Params:
         floor_static_friction=friction,
         floor_dynamic_friction=friction,
     )
+    if any(ranges[name] != bounds for name, bounds in LAST.items()):
+        weights = float(rng.uniform(*ranges["wheel_preload / weight of the body"]))
+        robot = robot.replace(wheel_preload=weights * mass * robot.gravity)
     torque = robot.scale("N·m")
     return robot.replace(
         max_wheel_torque=torque * r["max_wheel_torque"],

@@ -204,6 +204,7 @@ def _scale(base: Robot, field: str, value: float) -> float:
         "floor_spinning_friction": 0.02 * params.ball_radius,
         "roller_friction": 0.05,
         "roller_friction_slope": 0.05,
+        "wheel_preload": 0.1 * params.body_mass * params.gravity,
         "wheel_zenith_offsets": 0.05,
         "wheel_azimuths": 0.1,
         **{name: typical for name, (_, typical) in BIASES.items()},

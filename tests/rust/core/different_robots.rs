@@ -79,6 +79,9 @@ fn general_robots(model: ModelKind) -> Vec<Params> {
         if rippled && i % 4 == 3 {
             (params.roller_ripple, params.roller_phases) = (3e-4 * share, [0.3, share, -1.0]);
         }
+        if i % 4 == 1 {
+            params.wheel_preload = 40.0 * share;
+        }
         // A robot with only its CoM off the mast, and a robot whose only asymmetry is its principal axes.
         if i != 3 {
             params.body_products_of_inertia = [1e-3, -2e-3 * share, 1.5e-3];

@@ -104,6 +104,7 @@ fn negative_friction_is_rejected() {
         "roller_friction",
         "roller_friction_slope",
         "roller_ripple",
+        "wheel_preload",
     ] {
         assert_rejected(&[(name, &[-0.1], [&format!("{name} = -0.1 "), ">= 0"])]);
         let changed = Params::paper().replace([(name, &[0.0][..])]).unwrap();
@@ -134,6 +135,19 @@ fn invalid_rollers_are_rejected() {
         let fields = [("roller_count", &[count][..]), ("roller_ripple", &[ripple])];
         assert!(Params::paper().replace(fields).unwrap().has_ripple());
     }
+}
+
+#[test]
+fn a_preload_is_at_most_a_thousand_weights() {
+    let weight = 2.228 * 9.81;
+    let words = format!("at most {} N, 1000 times the body's weight", 1e3 * weight);
+    assert_rejected(&[("wheel_preload", &[3e4], ["wheel_preload = 30000 ", &words])]);
+    // A mast that does not pass between the wheels: the preload lifts one of them.
+    let azimuths = [0.0, 1.5, 3.0];
+    let fields = [("wheel_azimuths", &azimuths[..]), ("body_com_offset", &[0.0, 0.05])];
+    let leaning = Params::paper().replace(fields).unwrap();
+    let error = leaning.replace([("wheel_preload", &[1e3][..])]).unwrap_err().to_string();
+    assert!(error.contains("wheel_preload, along the mast, must pass between the wheels"), "{error}");
 }
 
 #[test]

@@ -36,14 +36,14 @@ struct Step {
 
 impl Step {
     fn new(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3]) -> Self {
-        Self::under(c, state, &Actions::level(c.gravity_dt, Wheels(*torques)))
+        Self::under(c, state, &Actions::new(c.gravity_dt, Wheels(*torques)))
     }
 
     /// The step in the frame of the ground under the ball.
     fn on(c: &Constants<f64>, state: &ContactState<f64>, torques: &[f64; 3], ground: &Arc<Ground>) -> Self {
         let (mut footing, mut state) = (Footing::new(ground), state.clone());
-        let mut actions = Actions::level(c.gravity_dt, Wheels(*torques));
-        footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions.gravity_dt);
+        let mut actions = Actions::new(c.gravity_dt, Wheels(*torques));
+        footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions);
         Self::under(c, &state, &actions)
     }
 

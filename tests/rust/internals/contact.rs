@@ -60,6 +60,7 @@ fn params_of(i: usize, kind: Kind) -> Params {
             (params.wheel_viscous_friction, params.wheel_coulomb_friction) = (1e-3, 5e-3);
             (params.floor_rolling_friction, params.floor_spinning_friction) = (1e-3, 2e-3);
             (params.roller_friction, params.roller_friction_slope) = (0.02, 0.1);
+            params.wheel_preload = 15.0;
         }
         // Without the law of static friction, next to lanes with it.
         DIVERGING => params.wheel_static_friction = params.wheel_dynamic_friction,

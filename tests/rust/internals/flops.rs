@@ -182,7 +182,7 @@ fn operations(params: &Params) -> Operations {
     motion.advance(Wheels(TORQUES), 1);
     DONE.set(Operations::default());
     let c = motion.constants();
-    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::level(c.gravity_dt, Wheels(TORQUES)));
+    step::<Counted, f64, false>(c, Scalar, &mut memory, None, &Actions::new(c.gravity_dt, Wheels(TORQUES)));
     assert_eq!(&memory, motion.memory());
     DONE.take()
 }
@@ -207,7 +207,7 @@ fn operations_of_a_sweep_are_as_counted_by_hand() {
     let start = Start::<Counted>::new::<false, f64>(c, Scalar, memory);
     let friction = Friction::new(c, &start.rows, &start.velocities);
     let joint_friction = JointFriction::new(c, start.rows.floor_gap);
-    let free = free_velocities(c, Scalar, memory, &start, &Actions::level(c.gravity_dt, Wheels(TORQUES)));
+    let free = free_velocities(c, Scalar, memory, &start, &Actions::new(c.gravity_dt, Wheels(TORQUES)));
     let mut residuals = start.rows.residuals::<false, f64>(c, &free);
     let mut impulses = memory.impulses(Scalar);
     let delassus = Delassus::new::<false, false>(c, &start.rows);

@@ -103,13 +103,15 @@ impl Params {
         com / com.norm()
     }
 
-    /// Load of each wheel on the ball in equilibrium on a level floor, without motor torques, N.
+    /// Load of each wheel on the ball in equilibrium on a level floor, without motor torques, N: by the weight of the body
+    /// and the preload.
     pub fn equilibrium_wheel_loads(&self) -> Wheels<f64> {
         if self.is_symmetric() {
             return Wheels::all(self.static_wheel_load());
         }
         let directions = Matrix3::from_columns(&self.contact_directions().0);
-        let weight = self.com_direction() * (self.body_mass * self.gravity);
+        let mut weight = self.com_direction() * (self.body_mass * self.gravity);
+        weight.z += self.wheel_preload;
         // Coplanar directions do not carry load; validation rejects them.
         Wheels::of_column(directions.lu().solve(&weight).unwrap_or_else(Vector3::zeros))
     }

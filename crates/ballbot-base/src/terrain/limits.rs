@@ -52,13 +52,28 @@ impl Params {
         let gains = Matrix3::from_columns(&wheels.contact_directions.0).try_inverse().expect(spans) * reaction;
         let friction = self.wheel_static_friction;
         let (mut traction, mut motor) = (self.floor_static_friction.atan().sin(), f64::INFINITY);
+        let preloads = self.preload_wheel_loads();
         for (i, load) in self.equilibrium_wheel_loads().into_iter().enumerate() {
             let (pull, gain) = (tractions.fixed_view::<1, 2>(i, 0), gains.fixed_view::<1, 2>(i, 0) * friction);
-            // sin γ (±pull - gain)·h = μ N cos(lean), for the worst direction of h.
+            // sin γ (±pull - gain)·h = μ (N cos(lean) + N_P), for the worst direction of h, with the load N_P by the preload.
             let worst = (pull - gain).norm().max((pull + gain).norm());
-            traction = traction.min(friction * load / worst.hypot(lean * friction * load));
+            traction = traction.min(slipping_sine(worst, friction, [load - preloads[i], preloads[i]], lean));
             motor = motor.min(self.max_wheel_torque / (self.wheel_radius * pull.norm()));
         }
         Ok(SlopeLimits { fall: angle(fall_tilt.sin() / lean), traction: angle(traction), motor: angle(motor) })
     }
+}
+
+/// Sine s of the slope at which a wheel slips, s `pull` = μ (N cos(lean) + N_P) with sin(lean) = s `lean`, for the loads
+/// [N, N_P] by weight and preload; infinite if it never does.
+fn slipping_sine(pull: f64, friction: f64, [weight, preload]: [f64; 2], lean: f64) -> f64 {
+    if preload == 0.0 {
+        return friction * weight / pull.hypot(lean * friction * weight);
+    }
+    let (grip, rest) = (friction * weight, friction * preload);
+    if pull <= lean * rest {
+        return f64::INFINITY;
+    }
+    let root = (pull * pull + lean * lean * (grip * grip - rest * rest)).sqrt();
+    (pull * rest + grip * root) / pull.hypot(lean * grip).powi(2)
 }

@@ -108,9 +108,11 @@ proptest! {
     #[test]
     fn slope_limits_match_the_worst_heading(
         params in any_general_robot(), torque in 0.02..1.0_f64, fall_tilt in 0.1..1.5,
+        weights in prop_oneof![Just(0.0), 0.0..3.0],
     ) {
         let weight = (params.ball_mass + params.body_mass) * params.gravity;
-        let params = Params { max_wheel_torque: torque * weight * params.wheel_radius, ..params };
+        let wheel_preload = weights * params.body_mass * params.gravity;
+        let params = Params { max_wheel_torque: torque * weight * params.wheel_radius, wheel_preload, ..params };
         let limits = params.slope_limits(fall_tilt).unwrap();
         // Whether a robot on a slope exceeds the limits of its lean, traction and motors in some heading; `None` where
         // no lean holds it.

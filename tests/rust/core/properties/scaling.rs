@@ -48,6 +48,7 @@ impl Units {
             floor_spinning_friction: p.floor_spinning_friction * self.length,
             roller_friction_slope: p.roller_friction_slope / self.speed(),
             roller_ripple: p.roller_ripple * self.length,
+            wheel_preload: p.wheel_preload * self.torque() / self.length,
             ..p.clone()
         }
     }
@@ -120,12 +121,13 @@ proptest! {
         prop_assert!(off <= 1e-11, "off by {off:e}");
     }
 
-    /// And with losses, whose solver ends at a tolerance.
+    /// And with losses, whose solver ends at a tolerance, and a preload.
     #[test]
     fn contact_with_losses_is_scale_invariant(
-        motion in any_motion(0.1, 0.3, 1.5), losses in any_losses(), units in any_units(0..=2),
+        motion in any_motion(0.1, 0.3, 1.5), losses in any_losses(), weights in 0.0..2.0_f64, units in any_units(0..=2),
     ) {
         let (params, start, drive) = motion;
+        let params = Params { wheel_preload: weights * params.body_mass * params.gravity, ..params };
         let off = off(ModelKind::Contact, run_upright, &(losses.of(&params), start, drive), units, COARSE);
         prop_assert!(off <= 1e-8, "off by {off:e}");
     }

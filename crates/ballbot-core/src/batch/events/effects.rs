@@ -6,7 +6,8 @@ use ballbot_base::error::Result;
 use ballbot_base::params::Params;
 
 /// Parameters of slip.
-const SLIP: [&str; 5] = [
+const SLIP: [&str; 6] = [
+    "wheel_preload",
     "wheel_static_friction",
     "wheel_dynamic_friction",
     "floor_static_friction",
@@ -25,7 +26,10 @@ pub fn check_effects(events: &[Event], model: ModelKind, params: &Params) -> Res
         acts("roller_friction", params.roller_friction) || acts("roller_friction_slope", params.roller_friction_slope);
     for (place, event) in events.iter().enumerate().filter(|(_, event)| !event.optional) {
         let term = event.term.as_str();
-        if without_slip && SLIP.contains(&term) && !(rollers && term == "wheel_dynamic_friction") {
+        if without_slip
+            && SLIP.contains(&term)
+            && !(rollers && matches!(term, "wheel_dynamic_friction" | "wheel_preload"))
+        {
             let reason = format!(
                 "the model '{model}' has no slip, so it changes nothing; 'contact' and 'rigid' have slip, and optional = true \
                  accepts the event on every model"

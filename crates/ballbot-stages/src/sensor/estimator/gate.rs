@@ -9,8 +9,9 @@ use ballbot_base::wheels::Wheels;
 /// Largest change of a wheel rate in a step that friction allows without slip.
 ///
 /// With the robot upright at rest, wheel i presses on the ball with the load N_i and drives it with at most μ_s N_i.
-/// About the ball's lowest point the forces have at most the torque r_k Σ N_i (sin α_i + 2 μ_s cos(α_i / 2)), which
-/// turns the rolling ball with the inertia J_k + M_k r_k²; about the vertical at most r_k Σ μ_s N_i sin α_i, with J_k.
+/// About the ball's lowest point the forces have at most the torque r_k Σ N_i (sin α_i + 2 μ_s cos(α_i / 2)), less r_k
+/// N_P sin α_i for the loads N_P by a preload, whose moment the preload cancels. It turns the rolling ball with the inertia
+/// J_k + M_k r_k²; about the vertical at most r_k Σ μ_s N_i sin α_i, with J_k.
 /// Without the body's own rotation, a wheel rate follows the ball by k cos α_i and k sin α_i.
 ///
 /// A rate is the difference of two angles over dt, and its change the difference of two rates that share an angle: with
@@ -27,8 +28,9 @@ impl JumpLimit {
     pub fn new(params: &Params, options: &EstimatorOptions, dt: f64) -> Self {
         let friction = params.wheel_static_friction.max(params.wheel_dynamic_friction);
         let (mut rolling, mut spinning) = (0.0, 0.0);
-        for (load, zenith) in params.equilibrium_wheel_loads().into_iter().zip(params.wheel_zeniths()) {
-            rolling += load * (zenith.sin() + 2.0 * friction * (0.5 * zenith).cos());
+        let (loads, preloads) = (params.equilibrium_wheel_loads(), params.preload_wheel_loads());
+        for ((load, preload), zenith) in loads.into_iter().zip(preloads).zip(params.wheel_zeniths()) {
+            rolling += load * (zenith.sin() + 2.0 * friction * (0.5 * zenith).cos()) - preload * zenith.sin();
             spinning += load * friction * zenith.sin();
         }
         let radius = params.ball_radius;
