@@ -39,7 +39,7 @@ ROBOTS = ("paper", "kugle", "rezero", "asroballet")
 #: Tilts of the paper's robot: least and step, deg. They end at the floor.
 TILTS = (12.0, 1.0)
 #: Its pushes: least, most and step, N·s.
-PUSHES = (1.0, 4.5, 0.1)
+PUSHES = (0.2, 3.8, 0.1)
 DIRECTIONS = 24
 #: Models, and the errors of their loads.
 _MODELS = {"spatial": 1e-12, "contact": 1e-9, "rigid": 1e-6}
