@@ -130,11 +130,11 @@ def measured(robot: str, weights: float) -> Row:
     least, size = (one.holdable_lean / paper.holdable_lean for one in (own, scale))
     first, step = (least / size * tilt for tilt in TILTS)
     tilts = (first, first + step * int((floor_tilt(robot) / size - first) / step), step)
-    pushes = tuple(own.capture_impulse / scale.capture_impulse * push for push in PUSHES)
+    gentle, hard, by = (own.capture_impulse / scale.capture_impulse * push for push in PUSHES)
     known = bb.load_scenarios()
     scenarios = [
         dataclasses.replace(known["S2-rest"], tilt=tilts),
-        dataclasses.replace(known["S3-at-once"], push=pushes),
+        dataclasses.replace(known["S3-at-once"], push=(gentle, hard, by)),
     ]
     recovered, withstood = (outcome.score for outcome in bb.run_scenarios("lqr", scenarios, robot=params))
     return Row(recovered, withstood, math.degrees(scale.holdable_lean), scale.capture_impulse)

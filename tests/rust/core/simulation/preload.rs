@@ -53,7 +53,7 @@ fn apart(a: &State, b: &State) -> f64 {
 fn rolled(robot: &mut dyn Model, start: &State) -> Vec<(State, Contacts, f64)> {
     robot.reset(start).unwrap();
     let mut found = Vec::new();
-    for _ in 0..300 {
+    for _ in 0..100 {
         robot.step(SMALL);
         found.push((robot.state(), robot.contacts(), robot.energy()));
     }
@@ -65,26 +65,28 @@ fn it_moves_no_robot_that_rolls(simulation: Simulation) {
     for plain in [Params::paper(), on_slope] {
         let params = pressed(&plain, 1.0);
         let start = State::tilted(&plain, Vector2::new(0.03, -0.02), 0.4);
-        let limit = simulation.pick(1e-8, 1e-12);
         let simulated = [&plain, &params].map(|params| rolled(simulation.robot(params, 1e-3).as_mut(), &start));
         let exact = [&plain, &params].map(|params| rolled(&mut SpatialMotion::new(params, 1e-3), &start));
-        for ([without, with], limit) in [(simulated, limit), (exact, 1e-15)] {
-            let (mut moved, mut gained, mut forced) = (0.0_f64, 0.0_f64, 0.0_f64);
+        // The ball of a simulation is off its place by a micrometer, and so are the directions of the loads.
+        for ([without, with], [motion, forces, loads]) in [(simulated, [1e-12, 1e-9, 1e-3]), (exact, [0.0, 0.0, 1e-12])]
+        {
+            let mut off = [0.0_f64; 4];
             let expected = preloads(&params);
             for ((a, before, energy), (b, after, same)) in without.iter().zip(&with) {
-                moved = moved.max(apart(a, b));
-                gained = gained.max((energy - same).abs());
-                let loads = after.wheel_normal_forces - before.wheel_normal_forces - expected;
-                let forces = [
-                    loads.column(),
-                    (after.wheel_tractions - before.wheel_tractions).column(),
-                    after.floor_force - before.floor_force,
+                let added = after.wheel_normal_forces - before.wheel_normal_forces - expected;
+                let pulled = after.wheel_tractions - before.wheel_tractions;
+                let found = [
+                    apart(a, b),
+                    (energy - same).abs(),
+                    pulled.column().amax().max((after.floor_force - before.floor_force).amax()),
+                    added.column().amax(),
                 ];
-                forced = forces.iter().map(Vector3::amax).fold(forced, f64::max);
+                off = [0, 1, 2, 3].map(|i| off[i].max(found[i]));
             }
-            close("motion", moved, 0.0, limit);
-            close("energy", gained, 0.0, 10.0 * limit);
-            close("forces but for the loads of the wheels", forced, 0.0, 1e4 * limit);
+            close("motion", off[0], 0.0, motion);
+            close("energy", off[1], 0.0, motion);
+            close("tractions and force of the floor", off[2], 0.0, forces);
+            close("loads", off[3], 0.0, loads);
         }
     }
 }
@@ -140,17 +142,14 @@ fn it_is_an_internal_force(simulation: Simulation) {
         - params.drive_matrix().transpose() * spins * params.wheel_inertia;
     let turning = state.body_quaternion * own;
     let com = state.body_position + state.body_quaternion * params.body_com();
-    let about = (com - state.ball_position).cross(&body);
-    // Gravity adds momentum, and none about the common CoM; the common CoM moves with half of it.
     let total = ball + body;
     let fall = Vector3::z() * (-(params.ball_mass + params.body_mass) * params.gravity * 0.05);
-    println!("{ball} {body} {turning} {about}");
+    println!("{ball} {body} {turning}");
     assert!(ball.norm() > 1e-4 && turning.norm() > 1e-6, "{ball} {turning}");
     assert!((total - fall).norm() < 1e-9 * ball.norm() + 1e-12, "{total}");
     let shares =
         (com - state.ball_position).cross(&(body - total * (params.body_mass / (params.ball_mass + params.body_mass))));
-    let limit = simulation.pick(1e-3, 1e-4) * turning.norm();
-    assert!((turning + shares).norm() < limit, "{turning} and {shares}");
+    assert!((turning + shares).norm() < 1e-6 * turning.norm(), "{turning} and {shares}");
 }
 
 /// A robot that has lost its ball is not pulled to it from afar.
