@@ -1225,6 +1225,7 @@ def _policy_controller(
     history: int | Sequence[int],
     options: Mapping[str, float],
     robot: _Robot | None = None,
+    cells: Sequence[tuple[npt.ArrayLike, npt.ArrayLike]] | None = None,
 ) -> Controller:
     """A policy as a controller; `OnnxPolicy.controller` makes it from a file.
 
@@ -1235,9 +1236,11 @@ def _policy_controller(
         history: ages of the observations that it is given together, control steps.
         options: options of the environment that are numbers, by name.
         robot: the robot; None is the paper's.
+        cells: weights (1, 4u, inputs + u) and biases (1, 4u) of each LSTM cell of u units before the layers: input,
+            forget, cell and output gates of inputs and own outputs.
 
     Raises:
-        ValueError: another task, layers that do not fit the observation, or a number out of range.
+        ValueError: another task, cells or layers that do not fit the observation, or a number out of range.
     """
 
 def _toml_table(text: str) -> dict[str, Any]:

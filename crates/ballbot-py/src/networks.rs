@@ -65,11 +65,13 @@ pub(crate) fn networks(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Networks>
 ///     history: ages of the observations that it is given together, control steps.
 ///     options: options of the environment that are numbers, by name.
 ///     robot: the robot; None is the paper's.
+///     cells: weights (1, 4u, inputs + u) and biases (1, 4u) of each LSTM cell of u units before the layers: input,
+///         forget, cell and output gates of inputs and own outputs.
 ///
 /// Raises:
-///     ValueError: another task, layers that do not fit the observation, or a number out of range.
+///     ValueError: another task, cells or layers that do not fit the observation, or a number out of range.
 #[pyfunction]
-#[pyo3(signature = (name, task, layers, history, options, robot=None))]
+#[pyo3(signature = (name, task, layers, history, options, robot=None, cells=None))]
 pub(crate) fn _policy_controller(
     name: &str,
     task: &str,
@@ -77,8 +79,10 @@ pub(crate) fn _policy_controller(
     history: &Bound<'_, PyAny>,
     options: &Bound<'_, PyDict>,
     robot: Option<Robot>,
+    cells: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<PyController> {
     let numbers = read("layers", layers, 1)?;
+    let cells = cells.map_or_else(|| Ok(Vec::new()), |cells| read("cells", cells, 1))?;
     let history = crate::options::history(history)?;
     let mut values = Vec::new();
     for (name, value) in options {
@@ -88,6 +92,7 @@ pub(crate) fn _policy_controller(
     let task = task.to_owned();
     PyController::designed(name, "Controller", Robot::or_paper(robot), move |params, _| {
         let options: Vec<_> = values.iter().map(|(name, values)| (name.as_str(), values.as_slice())).collect();
-        ballbot_core::batch::policy_controller(&task, params, &options, &history, &self::layers(&numbers))
+        let (cells, layers) = (self::layers(&cells), self::layers(&numbers));
+        ballbot_core::batch::policy_controller(&task, params, &options, &history, &cells, &layers)
     })
 }

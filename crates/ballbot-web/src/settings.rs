@@ -82,8 +82,8 @@ fn law(params: &Params, table: &mut Table) -> Result<Box<dyn Controller>> {
     (kind.make)(params, control_dt, &kind.limits, &named(&options))
 }
 
-/// A policy: its `task`, the `widths` of its observation and layers, the `numbers` of each layer, weights then biases, the
-/// ages of its `history`, and options of its environment.
+/// A policy: its `task`, the `widths` of its observation and layers, how many of these are LSTM `cells`, which come first,
+/// the `numbers` of each layer, weights then biases, the ages of its `history`, and options of its environment.
 fn network(params: &Params, mut table: Table) -> Result<Box<dyn Controller>> {
     let task = take_text(&mut table, "task", "balance")?;
     let mut options = numbers(&table)?;
@@ -102,22 +102,36 @@ fn network(params: &Params, mut table: Table) -> Result<Box<dyn Controller>> {
         }
     };
     let widths = widths.iter().map(whole).collect::<Result<Vec<_>>>()?;
-    let expected = widths.windows(2).map(|pair| pair[1] * (pair[0] + 1)).sum();
+    let most = widths.len().saturating_sub(1);
+    let cells = match take("cells").as_deref() {
+        None => 0,
+        Some([count]) if (0.0..=most as f64).contains(count) && count.fract() == 0.0 => *count as usize,
+        Some(_) => {
+            return Err(Error::Inconsistent(format!("cells of the policy: expected a whole number up to {most}")));
+        }
+    };
+    // Inputs and outputs of each layer; of a cell they include its own outputs, and four gates.
+    let shapes: Vec<_> = widths
+        .windows(2)
+        .enumerate()
+        .map(|(k, pair)| if k < cells { (pair[0] + pair[1], 4 * pair[1]) } else { (pair[0], pair[1]) })
+        .collect();
+    let expected = shapes.iter().map(|(inputs, outputs)| outputs * (inputs + 1)).sum();
     if numbers.len() != expected {
         return Err(Error::Length { name: "numbers of the policy".into(), found: numbers.len(), expected });
     }
     let mut rest = &numbers[..];
-    let layers: Vec<_> = widths
-        .windows(2)
-        .map(|pair| {
-            let (inputs, outputs) = (pair[0], pair[1]);
+    let layers: Vec<_> = shapes
+        .into_iter()
+        .map(|(inputs, outputs)| {
             let (weights, others) = rest.split_at(inputs * outputs);
             let (biases, others) = others.split_at(outputs);
             rest = others;
             Layer { inputs, outputs, weights, biases }
         })
         .collect();
-    policy_controller(&task, params, &named(&options), &history, &layers)
+    let (cells, layers) = layers.split_at(cells);
+    policy_controller(&task, params, &named(&options), &history, cells, layers)
 }
 
 fn named(options: &[(String, Vec<f64>)]) -> Vec<(&str, &[f64])> {

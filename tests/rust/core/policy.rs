@@ -46,7 +46,7 @@ fn acts_as_in<T: Task>(robot: &str, options: &[(&str, &[f64])], ages: &[f64], se
     let inputs = batch.observation_len();
     let network = Network::new(&[inputs, 12, ACTION_LEN]);
     let networks = Networks::new(1, &network.layers()).unwrap();
-    let policy = policy_controller(T::NAME, &params, options, &history, &network.layers()).unwrap();
+    let policy = policy_controller(T::NAME, &params, options, &history, &[], &network.layers()).unwrap();
     let torque = config.action_torque();
 
     let mut results = StepResults::new(&batch);
@@ -98,6 +98,115 @@ fn a_policy_acts_as_in_its_environment() {
     acts_as_in::<Velocity>("rezero", &[], &[0.0], velocity);
 }
 
+/// The textbook form of an LSTM cell, from the outputs and states of the last step; returns the outputs.
+fn lstm(cell: &Layer<'_>, inputs: &[f64], outputs: &mut Vec<f64>, states: &mut [f64]) -> Vec<f64> {
+    let (units, given) = (states.len(), [inputs, &outputs[..]].concat());
+    let sum = |row: usize| {
+        let weights = &cell.weights[row * cell.inputs..][..cell.inputs];
+        let products = weights.iter().zip(&given).map(|(weight, value)| f64::from(*weight as f32) * value);
+        f64::from(cell.biases[row] as f32) + products.sum::<f64>()
+    };
+    let sigmoid = |x: f64| 1.0 / (1.0 + (-x).exp());
+    *outputs = (0..units)
+        .map(|j| {
+            states[j] = sigmoid(sum(units + j)) * states[j] + sigmoid(sum(j)) * sum(2 * units + j).tanh();
+            sigmoid(sum(3 * units + j)) * states[j].tanh()
+        })
+        .collect();
+    outputs.clone()
+}
+
+#[test]
+fn cells_keep_their_state_in_the_memory_of_each_robot() {
+    let params = Params::paper();
+    let history = History::of_ages(&[0.0, 2.0]).unwrap();
+    let config = EnvConfig::<Balance> { history: history.clone(), ..EnvConfig::default() };
+    let mut batch = Batch::new(&config, EIGHT, Autoreset::Disabled, Some(1), 3).unwrap();
+    let inputs = batch.observation_len();
+    // As layers, cells of 5 and 4 units, and then dense layers.
+    let [first, second] = [(inputs + 5, 4 * 5), (5 + 4, 4 * 4)].map(|(from, to)| Network::new(&[from, to]));
+    let cells = [first.layers()[0], second.layers()[0]];
+    let dense = Network::new(&[4, 6, ACTION_LEN]);
+    let networks = Networks::new(1, &dense.layers()).unwrap();
+    let policy = policy_controller("balance", &params, &[], &history, &cells, &dense.layers()).unwrap();
+    let plain =
+        policy_controller("balance", &params, &[], &history, &[], &Network::new(&[inputs, 3]).layers()).unwrap();
+    assert_eq!(policy.memory_len(), plain.memory_len() - 3 + 6 * 5 + 6 * 4 + 6 + 3);
+
+    let mut results = StepResults::new(&batch);
+    batch.reset(None, &mut results.observations).unwrap();
+    let mut own = vec![vec![0.0; policy.memory_len()]; EIGHT];
+    let mut lanes = vec![Eight::default(); policy.memory_len()];
+    let mut state = vec![[(vec![0.0; 5], vec![0.0; 5]), (vec![0.0; 4], vec![0.0; 4])]; EIGHT];
+    let mut is_kept = false;
+    for step in 0..30 {
+        // The episode of one robot begins again, the others continue.
+        if step == 12 {
+            state[3] = [(vec![0.0; 5], vec![0.0; 5]), (vec![0.0; 4], vec![0.0; 4])];
+            own[3].fill(0.0);
+            lanes.iter_mut().for_each(|number| number.0[3] = 0.0);
+            batch.reset(Some(&std::array::from_fn::<_, EIGHT, _>(|i| i == 3)), &mut results.observations).unwrap();
+        }
+        let mut actions = [0.0; EIGHT * ACTION_LEN];
+        let (mut states, mut setpoints) = (LaneState::<Eight>::default(), LaneSetpoint::<Eight>::default());
+        for i in 0..EIGHT {
+            let rows: Vec<f64> =
+                results.observations[i * inputs..][..inputs].iter().map(|row| f64::from(*row)).collect();
+            let [one, two] = &mut state[i];
+            let between = lstm(&cells[0], &rows, &mut one.0, &mut one.1);
+            let last: Vec<f32> =
+                lstm(&cells[1], &between, &mut two.0, &mut two.1).iter().map(|value| *value as f32).collect();
+            networks.act(&last, &mut actions[i * ACTION_LEN..][..ACTION_LEN]).unwrap();
+            let seen = batch.state(i).unwrap();
+            let yaw = LaneState::from(&seen).body_quaternion.yaw();
+            let setpoint = Setpoint { yaw, ..batch.setpoint(i).unwrap() };
+            states.set_lane(i, &LaneState::from(&seen));
+            setpoints.set_lane(i, &LaneSetpoint::from(&setpoint));
+        }
+        let together = policy.torques_eight(&states, &setpoints, f64::INFINITY, &mut lanes);
+        for i in 0..EIGHT {
+            let alone = policy.torques_one(&states.lane(i), &setpoints.lane(i), f64::INFINITY, &mut own[i]);
+            let fresh =
+                policy.torques_one(&states.lane(i), &setpoints.lane(i), f64::INFINITY, &mut vec![0.0; own[i].len()]);
+            is_kept |= (0..ACTION_LEN).any(|k| (fresh[k] - alone[k]).abs() > 1e-3);
+            for k in 0..ACTION_LEN {
+                let action = f64::from(actions[i * ACTION_LEN + k]);
+                assert!((alone[k] / config.action_torque() - action).abs() < 2e-6, "{step} {i} {k}: {action}");
+                assert!((together[k].0[i] - alone[k]).abs() < 1e-12);
+            }
+        }
+        batch.step(&actions, &mut results.buffers()).unwrap();
+    }
+    assert!(is_kept);
+}
+
+#[test]
+fn cells_that_do_not_fit_are_named() {
+    let error = |cells: &[[usize; 2]], widths: &[usize]| {
+        let made: Vec<_> = cells.iter().map(|shape| Network::new(shape)).collect();
+        let cells: Vec<_> = made.iter().map(|network| network.layers()[0]).collect();
+        let layers = Network::new(widths);
+        policy_controller("balance", &Params::paper(), &[], &History::default(), &cells, &layers.layers())
+            .err()
+            .unwrap()
+            .to_string()
+    };
+    for (found, words) in [
+        (error(&[[20, 15]], &[4, 3]), "outputs of cell 0: 15, expected 4 for each unit"),
+        (error(&[[20, 0]], &[4, 3]), "outputs of cell 0: 0, expected 4 for each unit"),
+        (error(&[[21, 16]], &[4, 3]), "inputs of cell 0: 21, expected 16 rows of the task balance"),
+        (error(&[[20, 16], [5, 8]], &[2, 3]), "inputs of cell 1: 5, expected 4 units of cell 0 and 2 units"),
+        (error(&[[20, 16]], &[5, 3]), "inputs of layer 0: 5, expected 4 units of the last cell"),
+    ] {
+        assert!(found.contains(words), "{found}");
+    }
+    let (short, network) = ([0.0; 7], Network::new(&[4, 3]));
+    let cell = Layer { inputs: 20, outputs: 16, weights: &short, biases: &short };
+    let made = policy_controller("balance", &Params::paper(), &[], &History::default(), &[cell], &network.layers());
+    let found = made.err().unwrap().to_string();
+    assert!(found.contains("weights of cell 0") && found.contains("320"), "{found}");
+}
+
 /// A state that moves with a velocity, and turns at a rate about the vertical.
 fn moving(params: &Params, state: &State, place: Vector3<f64>, velocity: Vector3<f64>, rate: f64) -> State {
     let rolling = Vector3::new(-velocity.y, velocity.x, 0.0) / params.ball_radius;
@@ -119,7 +228,7 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
     let network = Network::new(&[16, 12, ACTION_LEN]);
     let torques = |state: &State, setpoint: &Setpoint| {
         let layers = network.layers();
-        let mut policy = policy_controller("balance", &params, &[], &History::default(), &layers).unwrap();
+        let mut policy = policy_controller("balance", &params, &[], &History::default(), &[], &layers).unwrap();
         policy.wheel_torques(state, setpoint).0
     };
     let close = |found: [f64; ACTION_LEN], expected: [f64; ACTION_LEN], limit: f64| {
@@ -157,7 +266,7 @@ fn a_balancing_policy_acts_in_the_frame_of_its_setpoint() {
 fn what_does_not_fit_a_policy_is_named() {
     let error = |task: &str, options: &[(&str, &[f64])], history: &History, widths: &[usize]| {
         let network = Network::new(widths);
-        policy_controller(task, &Params::paper(), options, history, &network.layers()).err().unwrap().to_string()
+        policy_controller(task, &Params::paper(), options, history, &[], &network.layers()).err().unwrap().to_string()
     };
     let now = History::default();
     for (found, words) in [

@@ -8,7 +8,7 @@ use crate::control::{Controller, LaneSetpoint, Law, Sample, Sampled};
 use crate::task::{
     ACTION_LEN, Balance, Goal, Push, Row, RowScaling, Rows, Sensed, Task, TaskDescription, Velocity, WriteRows,
 };
-use ballbot_base::error::{Error, Result};
+use ballbot_base::error::{Error, Result, bounded};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Heading, Lane, Memory, Vec3, tanh, wrapped_angle};
@@ -20,9 +20,17 @@ use nalgebra::{UnitQuaternion, Vector3};
 /// Most rows of an observation.
 const MOST_ROWS: usize = 32;
 
+/// Gates of a unit of an LSTM cell.
+const GATES: usize = 4;
+
 /// A policy that was trained in a task, as a controller of robots with `params`. Its layers have tanh between them, and
 /// its actions are limited to ±1. `options` are options of the environment in which it was trained, by name: its time
 /// steps, its torque, the scaling of its observations.
+///
+/// A recurrent policy has `cells` before its layers: LSTM cells (Hochreiter and Schmidhuber 1997, with a forget gate). A
+/// cell of u units has u outputs; as a [`Layer`] it has 4u outputs, which are the input, forget, cell and output gates of
+/// all units in this order, and its own inputs and then its u outputs of the last step as inputs. Its state is zero at
+/// first. Other policies have no cell.
 ///
 /// Policies of the tasks `balance` and `push` follow the motion of a setpoint: they observe the robot in a frame that moves,
 /// accelerates and turns with it. Policies of `goal` follow a position, policies of `velocity` a velocity and a rate of the
@@ -30,19 +38,20 @@ const MOST_ROWS: usize = 32;
 ///
 /// # Errors
 /// [`Error::UnknownName`] for another task, or for an option that does not exist; errors of [`EnvConfig::validate`] and
-/// of [`Networks::new`]; [`Error::Inconsistent`] if the layers do not fit the observation.
+/// of [`Networks::new`]; [`Error::Inconsistent`] if the cells and layers do not fit the observation or each other.
 pub fn policy_controller(
     task: &str,
     params: &Params,
     options: &[(&str, &[f64])],
     history: &History,
+    cells: &[Layer<'_>],
     layers: &[Layer<'_>],
 ) -> Result<Box<dyn Controller>> {
     match task {
-        Balance::NAME => of_task::<Balance>(params, options, history, layers),
-        Push::NAME => of_task::<Push>(params, options, history, layers),
-        Goal::NAME => of_task::<Goal>(params, options, history, layers),
-        Velocity::NAME => of_task::<Velocity>(params, options, history, layers),
+        Balance::NAME => of_task::<Balance>(params, options, history, cells, layers),
+        Push::NAME => of_task::<Push>(params, options, history, cells, layers),
+        Goal::NAME => of_task::<Goal>(params, options, history, cells, layers),
+        Velocity::NAME => of_task::<Velocity>(params, options, history, cells, layers),
         other => {
             let known = [Balance::NAME, Push::NAME, Goal::NAME, Velocity::NAME];
             Err(Error::unknown("task of a policy that follows setpoints", other, &known))
@@ -54,6 +63,7 @@ fn of_task<T: Follow>(
     params: &Params,
     options: &[(&str, &[f64])],
     history: &History,
+    cells: &[Layer<'_>],
     layers: &[Layer<'_>],
 ) -> Result<Box<dyn Controller>> {
     let mut config = EnvConfig::<T> { params: params.clone(), history: history.clone(), ..EnvConfig::default() };
@@ -67,11 +77,13 @@ fn of_task<T: Follow>(
     let description = TaskDescription::of::<T>();
     let ages = history.ages();
     let (rows, oldest) = (description.rows.len(), ages.last().copied().unwrap_or(0));
+    let seen = format!("{rows} rows of the task {} for each of {} ages", T::NAME, ages.len());
+    let width = width_of_cells(cells, rows * ages.len(), &seen)?;
     // Checks that the layers fit each other and the action.
     let inputs = Networks::new(1, layers)?.inputs();
-    if inputs != rows * ages.len() {
-        let seen = format!("{rows} rows of the task {} for each of {} ages", T::NAME, ages.len());
-        return Err(Error::Inconsistent(format!("inputs of layer 0: {inputs}, expected {seen}")));
+    if inputs != width {
+        let expected = if cells.is_empty() { seen } else { format!("{width} units of the last cell") };
+        return Err(Error::Inconsistent(format!("inputs of layer 0: {inputs}, expected {expected}")));
     }
     let kept = T::MEMORY + ACTION_LEN + 1;
     let hidden = kept + (oldest + 1) * rows;
@@ -84,11 +96,45 @@ fn of_task<T: Follow>(
         // Oldest first.
         inputs: ages.iter().rev().flat_map(|age| (0..rows).map(move |row| kept + age * rows + row)).collect(),
         hidden,
-        layers: layers.iter().map(Dense::of).collect(),
-        len: hidden + layers.iter().map(|layer| layer.outputs).sum::<usize>(),
+        cells: cells.iter().map(Dense::cell).collect(),
+        layers: layers.iter().map(Dense::layer).collect(),
+        len: hidden
+            + cells.iter().map(|cell| cell.outputs + 2 * units_of(cell)).sum::<usize>()
+            + layers.iter().map(|layer| layer.outputs).sum::<usize>(),
         task: config.task.clone(),
     };
     Ok(Box::new(Sampled::uncompensated(policy, params, config.control_dt, largest)?))
+}
+
+fn units_of(cell: &Layer<'_>) -> usize {
+    cell.outputs / GATES
+}
+
+/// The number of outputs of the last cell, or `width` inputs without a cell; `seen` describes the inputs in messages.
+fn width_of_cells(cells: &[Layer<'_>], width: usize, seen: &str) -> Result<usize> {
+    let mut given = (width, seen.to_owned());
+    for (k, cell) in cells.iter().enumerate() {
+        let units = units_of(cell);
+        if units == 0 || cell.outputs != GATES * units {
+            let found = cell.outputs;
+            return Err(Error::Inconsistent(format!("outputs of cell {k}: {found}, expected {GATES} for each unit")));
+        }
+        if cell.inputs != given.0 + units {
+            let (found, (_, seen)) = (cell.inputs, &given);
+            return Err(Error::Inconsistent(format!("inputs of cell {k}: {found}, expected {seen} and {units} units")));
+        }
+        for (what, found, expected) in
+            [("weights", cell.weights, cell.outputs * cell.inputs), ("biases", cell.biases, cell.outputs)]
+        {
+            let name = format!("{what} of cell {k}");
+            if found.len() != expected {
+                return Err(Error::Length { name, found: found.len(), expected });
+            }
+            bounded(&name, found)?;
+        }
+        given = (units, format!("{units} units of cell {k}"));
+    }
+    Ok(given.0)
 }
 
 /// What moves with a setpoint.
@@ -205,7 +251,8 @@ impl Follow for Velocity {
 }
 
 /// A network of one task's observations. Its memory is the memory of the task, the last action, whether there is an
-/// observation, the observations from the newest to the oldest, and the values of the layers.
+/// observation, the observations from the newest to the oldest, of each cell its gates, outputs and state, and the values
+/// of the layers.
 struct Policy<T> {
     task: T,
     scaling: Option<RowScaling>,
@@ -217,8 +264,9 @@ struct Policy<T> {
     oldest: usize,
     /// Places of the network's inputs in the memory.
     inputs: Vec<usize>,
-    /// Place of the values of the first layer.
+    /// Place of the gates of the first cell, or of the values of the first layer.
     hidden: usize,
+    cells: Vec<Dense>,
     layers: Vec<Dense>,
     len: usize,
 }
@@ -227,12 +275,18 @@ struct Policy<T> {
 struct Dense {
     weights: Vec<f64>,
     biases: Vec<f64>,
+    /// How many of the inputs, the last ones, are own outputs of the last step.
+    own: usize,
 }
 
 impl Dense {
-    fn of(layer: &Layer<'_>) -> Self {
+    fn layer(layer: &Layer<'_>) -> Self {
         let rounded = |numbers: &[f64]| numbers.iter().map(|number| f64::from(*number as f32)).collect();
-        Self { weights: rounded(layer.weights), biases: rounded(layer.biases) }
+        Self { weights: rounded(layer.weights), biases: rounded(layer.biases), own: 0 }
+    }
+
+    fn cell(cell: &Layer<'_>) -> Self {
+        Self { own: units_of(cell), ..Self::layer(cell) }
     }
 }
 
@@ -282,29 +336,76 @@ impl<T: Follow> Policy<T> {
         }
     }
 
-    /// The values of the last layer.
+    /// The actions; cells keep their outputs and states.
     #[inline(always)]
     fn act<L: Lane>(&self, memory: &mut Memory<'_, L>) -> Wheels<L> {
+        let one = memory.get(0).splat(1.0);
+        let half = one.splat(0.5);
         let mut place = self.hidden;
+        // The place of the inputs of the next layer, unless they are the observations.
+        let mut from = None;
+        for cell in &self.cells {
+            let gates = cell.biases.len();
+            let units = gates / GATES;
+            let (outputs, states) = (place + gates, place + gates + units);
+            for gate in 0..gates {
+                let sum = self.sum(cell, gate, from, outputs, memory);
+                let is_cell_gate = gate / units == 2;
+                let squashed = if is_cell_gate { tanh(sum) } else { half * tanh(half * sum) + half };
+                memory.set(place + gate, squashed);
+            }
+            for unit in 0..units {
+                let [input, forget, new, output] = [0, 1, 2, 3].map(
+                    #[inline(always)]
+                    |gate| memory.get(place + gate * units + unit),
+                );
+                let state = forget * memory.get(states + unit) + input * new;
+                memory.set(states + unit, state);
+                memory.set(outputs + unit, output * tanh(state));
+            }
+            from = Some(outputs);
+            place = states + units;
+        }
         for (k, layer) in self.layers.iter().enumerate() {
-            let inputs = layer.weights.len() / layer.biases.len();
-            for (output, bias) in layer.biases.iter().enumerate() {
-                let weights = &layer.weights[output * inputs..][..inputs];
-                let zero = memory.get(place).zero();
-                let mut sum = zero.splat(*bias);
-                for (i, weight) in weights.iter().enumerate() {
-                    let input = if k == 0 { self.inputs[i] } else { place - inputs + i };
-                    // Not fused, which WebAssembly does in software.
-                    sum += memory.get(input) * *weight;
-                }
-                let is_last = k + 1 == self.layers.len();
+            let is_last = k + 1 == self.layers.len();
+            for output in 0..layer.biases.len() {
+                let sum = self.sum(layer, output, from, place, memory);
                 memory.set(place + output, if is_last { sum } else { tanh(sum) });
             }
+            from = Some(place);
             place += layer.biases.len();
         }
-        let one = memory.get(0).splat(1.0);
         let Wheels([a, b, c]) = memory.wheels(place - ACTION_LEN);
         Wheels([a.min(one).max(-one), b.min(one).max(-one), c.min(one).max(-one)])
+    }
+
+    /// An output before its nonlinearity. The inputs of the layer are from the place `from`, or the observations; further
+    /// inputs of a cell are its own `outputs`.
+    #[inline(always)]
+    fn sum<L: Lane>(
+        &self,
+        layer: &Dense,
+        output: usize,
+        from: Option<usize>,
+        outputs: usize,
+        memory: &Memory<'_, L>,
+    ) -> L {
+        let inputs = layer.weights.len() / layer.biases.len();
+        let weights = &layer.weights[output * inputs..][..inputs];
+        let given = inputs - layer.own;
+        let mut sum = memory.get(outputs).splat(layer.biases[output]);
+        for (i, weight) in weights[..given].iter().enumerate() {
+            let place = match from {
+                Some(place) => place + i,
+                None => self.inputs[i],
+            };
+            // Not fused, which WebAssembly does in software.
+            sum += memory.get(place) * *weight;
+        }
+        for (i, weight) in weights[given..].iter().enumerate() {
+            sum += memory.get(outputs + i) * *weight;
+        }
+        sum
     }
 }
 
