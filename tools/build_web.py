@@ -110,14 +110,18 @@ def policies() -> dict[str, object]:
             continue
         options = policy.env_options
         history = options["history"]
-        layers = network_file.read(path)
+        cells, layers = network_file.read_parts(path)
+        # Four gates of each unit.
+        units = [len(biases) // 4 for _, biases in cells]
+        inputs = cells[0][0].shape[1] - units[0] if cells else layers[0][0].shape[1]
         found[path.stem] = {
             "task": policy.task,
             **{name: float(options[name]) for name in ACTING if options.get(name) is not None},
             "history": list(history) if isinstance(history, (list, tuple)) else list(range(int(history))),
-            "widths": [layers[0][0].shape[1], *(len(biases) for _, biases in layers)],
+            "widths": [inputs, *units, *(len(biases) for _, biases in layers)],
+            **({"cells": len(cells)} if cells else {}),
             # The shortest decimals that are these numbers in single precision.
-            "numbers": [float(str(x)) for layer in layers for part in layer for x in part.ravel()],
+            "numbers": [float(str(x)) for layer in (*cells, *layers) for part in layer for x in part.ravel()],
         }
     return found
 

@@ -144,6 +144,7 @@ ARGUMENTS: dict[str, dict[str, Any]] = {
     "Trajectory.of_estimates": {"name": "body_quaternion"},
     "Trajectory.of_contacts": {"name": "wheel_normal_forces"},
     "OnnxPolicy.act": {"observation": np.zeros((2, 16), np.float32)},
+    "OnnxPolicy.step": {"observation": np.zeros((2, 16), np.float32), "state": np.zeros((2, 0), np.float32)},
     "BallbotVecEnv.step": {"actions": np.full((2, 3), 0.1, np.float32)},
     "BallbotVecEnv.env_method": {"method_name": "metrics"},
     "BallbotVecEnv.get_attr": {"attr_name": "state"},

@@ -131,6 +131,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {},
         {"position": (0.1, 0.0), "velocity": (0.1, 0.0), "yaw": 0.1},
     ),
+    "OnnxPolicy.initial_state": (
+        lambda **given: bb.OnnxPolicy("assets/policies/balance.onnx").initial_state(**given),
+        {},
+        {"count": 3},
+    ),
     "OnnxPolicy.controller": (
         lambda **given: bb.OnnxPolicy("assets/policies/balance-any.onnx").controller(**given)(START),
         {},

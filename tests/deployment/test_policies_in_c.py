@@ -13,7 +13,7 @@ from ballbot_rs.control.onnx_policy import PREFIX, OnnxPolicy
 from ballbot_rs.deployment import policy_header
 from ballbot_rs.envs.spaces import history_ages
 from tests.support.c_code import CPolicy
-from tests.support.onnx_policies import SHIPPED
+from tests.support.onnx_policies import SHIPPED, recurrent_policy
 from tests.support.paths import ROOT
 
 TOLERANCE = 1e-6
@@ -83,6 +83,17 @@ LAST = helper.make_node("Gemm", ["hidden", "v", "c"], ["action"], alpha=0.5, bet
         [helper.make_node("Clip", ["layer", "half"], ["hidden"])],
         [helper.make_node("Add", ["layer", "b"], ["sum"]), helper.make_node("Sub", ["half", "sum"], ["hidden"])],
         [helper.make_node("Mul", ["layer", "b"], ["part"]), helper.make_node("Div", ["part", "half"], ["hidden"])],
+        [
+            helper.make_node("Split", ["layer"], ["one", "two", "three"], axis=1, num_outputs=3),
+            helper.make_node("Tanh", ["two"], ["tanh"]),
+            helper.make_node("Concat", ["three", "tanh", "one"], ["hidden"], axis=-1),
+        ],
+        [
+            helper.make_node("Constant", [], ["sizes"], value_ints=[1, 4]),
+            helper.make_node("Split", ["layer", "sizes"], ["one", "four"], axis=1),
+            helper.make_node("Mul", ["four", "one"], ["scaled"]),
+            helper.make_node("Concat", ["scaled", "one"], ["hidden"], axis=1),
+        ],
         # SiLU, and a constant within the graph.
         [
             helper.make_node("Sigmoid", ["layer"], ["gate"]),
@@ -118,6 +129,54 @@ def test_an_unknown_operator_is_named(tmp_path):
     message = f"{file}: the operator Sin cannot be written as C: expected one of Tanh, Relu"
     with pytest.raises(ValueError, match=re.escape(message)):
         policy_header(file)
+
+
+def test_parts_along_the_rows_of_a_batch_are_named(tmp_path):
+    nodes = [LAYER, helper.make_node("Concat", ["layer", "layer"], ["hidden"], axis=0), LAST]
+    constants = {"w": np.ones((16, 5)), "v": np.ones((5, 3)), "c": np.zeros(3)}
+    file = policy_of(tmp_path / "p.onnx", nodes, constants)
+    with pytest.raises(ValueError, match="the operator Concat along another axis than the numbers"):
+        policy_header(file)
+
+
+@pytest.mark.parametrize("real", ["double", "float"])
+@pytest.mark.parametrize(("units", "cells", "hidden"), [(6, 1, ()), (5, 3, (4,))])
+def test_a_recurrent_policy_in_c_acts_as_onnxruntime(units, cells, hidden, real, tmp_path):
+    file = recurrent_policy(tmp_path / "p.onnx", units, cells, hidden)
+    policy, header = OnnxPolicy(file), policy_header(file)
+    assert f"#define BALLBOT_POLICY_STATE {2 * units * cells}\n" in header
+    in_c = CPolicy(tmp_path, header, real)
+    expected, rows = [], observations(16, 400)
+    state = policy.initial_state()
+    for seen in rows:
+        action, state = policy.step(seen, state)
+        expected.append(action)
+    found = in_c.act(rows)
+    print(f"{cells} cells of {units} units in {real}: largest difference {np.abs(found - expected).max():.1e}")
+    assert np.abs(found - expected).max() < TOLERANCE
+    assert np.std(expected) > 0.1
+    # Reset, it acts as at first; without a reset the state continues.
+    assert np.abs(in_c.act(rows[:1]) - expected[0]).max() > 1e-3
+    in_c.reset()
+    assert np.abs(in_c.act(rows[:1]) - expected[0]).max() < TOLERANCE
+
+
+def test_steps_of_a_recurrent_policy_in_c_match_the_environment(tmp_path):
+    file = recurrent_policy(tmp_path / "p.onnx", cells=2, history=[0, 2], max_wheel_torque=0.3)
+    policy, in_c = OnnxPolicy(file), CPolicy(tmp_path, policy_header(file))
+    scaled = bb.BalanceEnv(history=[0, 2], max_wheel_torque=0.3)
+    plain = bb.BalanceEnv(scale_observations=False, max_wheel_torque=0.3)
+    steps = 0
+    for seed in range(6):
+        seen, rows, over = scaled.reset(seed=seed)[0], plain.reset(seed=seed)[0], False
+        state = policy.initial_state()
+        in_c.reset()
+        while not over:
+            action, state = policy.step(seen, state)
+            np.testing.assert_allclose(in_c.step(rows), 0.3 * action, atol=2.0 * TOLERANCE)
+            seen, rows, over = scaled.step(action)[0], *plain.step(action)[:3:2]
+            steps += 1
+    assert steps > 100
 
 
 @pytest.mark.parametrize("history", [1, 3, [0, 1, 4, 9]])

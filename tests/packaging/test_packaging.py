@@ -19,6 +19,7 @@ MODULES = sorted(path.relative_to(PACKAGE).as_posix() for path in PACKAGE.rglob(
 LEARNING = {
     "control/sb3_archive.py",
     "control/sb3_policy.py",
+    "control/sb3_recurrent.py",
     "envs/_sb3_functions.py",
     "optimal/differentiable_torch.py",
     "envs/sb3.py",
@@ -32,6 +33,7 @@ LEARNING = {
     "training/run_state.py",
     "training/scaled_rewards.py",
     "training/teacher.py",
+    "training/teacher_sequences.py",
     "training/train.py",
 }
 

@@ -246,7 +246,11 @@ void act(int count, const double *observations, double *actions)
         for (i = 0; i < SIZE; i++) {{
             observation[i] = (ballbot_real)observations[SIZE * k + i];
         }}
+#ifdef BALLBOT_POLICY_STATE
+        ballbot_policy_act(observation, policy.state, action);
+#else
         ballbot_policy_act(observation, action);
+#endif
         for (i = 0; i < 3; i++) {{
             actions[3 * k + i] = (double)action[i];
         }}
@@ -302,7 +306,7 @@ class CPolicy:
         self._library.reset()
 
     def act(self, observations):
-        """Actions (n, 3) for observations from the environment."""
+        """Actions (n, 3) for observations from the environment; of a recurrent policy one after the other."""
         rows = np.ascontiguousarray(observations, dtype=float)
         actions = np.zeros((len(rows), 3))
         self._library.act(len(rows), pointer(rows), pointer(actions))

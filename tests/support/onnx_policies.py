@@ -4,7 +4,7 @@ import json
 
 import numpy as np
 import onnx
-from onnx import TensorProto, helper
+from onnx import TensorProto, helper, numpy_helper
 
 from ballbot_rs.control.onnx_policy import PREFIX
 from ballbot_rs.control.policy_file import observation_layout
@@ -49,6 +49,58 @@ def looping_policy(target, trips=2**62):
     return target
 
 
+def recurrent_policy(target, units=5, cells=1, hidden=(), task="balance", seed=0, **options):
+    """A random policy of a task with LSTM cells and then dense layers, in their elementary operators."""
+    batch = new_batch(1, task=task, num_threads=1, options=options)
+    rng, value, width = np.random.default_rng(seed), "observation", batch.observation_len
+    nodes, constants, outputs, states, made = [], [], [], [], 0
+
+    def node(kind, given, **attributes):
+        nonlocal made
+        made += 1
+        nodes.append(helper.make_node(kind, given, [f"v{made}"], **attributes))
+        return f"v{made}"
+
+    def split(of, count):
+        nodes.append(helper.make_node("Split", [of], [f"{of}_{i}" for i in range(count)], axis=1, num_outputs=count))
+        return nodes[-1].output
+
+    def layer(of, inputs, count, size):
+        for name, shape in ((f"w{made}", (count, inputs)), (f"b{made}", (count,))):
+            numbers = size * rng.standard_normal(shape) / (np.sqrt(inputs) if len(shape) == 2 else 1.0)
+            constants.append(numpy_helper.from_array(numbers.astype(np.float32), name))
+        return node("Gemm", [of, f"w{made}", f"b{made}"], transB=1)
+
+    parts = split("state", 2 * cells)
+    for k in range(cells):
+        joined = node("Concat", [value, parts[k]], axis=1)
+        gates = split(layer(joined, width + units, 4 * units, 1.5), 4)
+        kept = node("Mul", [node("Sigmoid", [gates[1]]), parts[cells + k]])
+        added = node("Mul", [node("Sigmoid", [gates[0]]), node("Tanh", [gates[2]])])
+        states.append(node("Add", [kept, added]))
+        value = node("Mul", [node("Sigmoid", [gates[3]]), node("Tanh", [states[-1]])])
+        outputs.append(value)
+        width = units
+    for count in hidden:
+        value, width = node("Tanh", [layer(value, width, count, 1.5)]), count
+    last = layer(value, width, 3, 0.6)
+    constants += [numpy_helper.from_array(np.float32(limit), name) for limit, name in ((-1.0, "low"), (1.0, "high"))]
+    nodes.append(helper.make_node("Clip", [last, "low", "high"], ["action"]))
+    nodes.append(helper.make_node("Concat", [*outputs, *states], ["next_state"], axis=1))
+    ends = {
+        "observation": batch.observation_len,
+        "state": 2 * cells * units,
+        "action": 3,
+        "next_state": 2 * cells * units,
+    }
+    made_ends = [helper.make_tensor_value_info(name, TensorProto.FLOAT, ["n", size]) for name, size in ends.items()]
+    graph = helper.make_graph(nodes, "recurrent", made_ends[:2], made_ends[2:], constants)
+    model = helper.make_model(graph, ir_version=10, opset_imports=[helper.make_opsetid("", 20)])
+    helper.set_model_props(model, _metadata(batch, task, options))
+    onnx.save(model, target)
+    return target
+
+
 def tiny_policy(target, task, gain=0.0, **options):
     """A random linear policy of a task; `gain` scales its weights, 0 disables them."""
     batch = new_batch(1, task=task, num_threads=1, options=options)
@@ -66,6 +118,12 @@ def tiny_policy(target, task, gain=0.0, **options):
     )
     opset = [helper.make_opsetid("", 17)]
     model = helper.make_model(graph, ir_version=8, opset_imports=opset)
+    helper.set_model_props(model, _metadata(batch, task, options))
+    onnx.save(model, target)
+    return target
+
+
+def _metadata(batch, task, options):
     known = {
         "env_id": env_id_of(task),
         "env_options": resolved_options(batch, options),
@@ -75,6 +133,4 @@ def tiny_policy(target, task, gain=0.0, **options):
         "algorithm": "none",
         "versions": {},
     }
-    helper.set_model_props(model, {PREFIX + name: json.dumps(value) for name, value in known.items()})
-    onnx.save(model, target)
-    return target
+    return {PREFIX + name: json.dumps(value) for name, value in known.items()}

@@ -10,6 +10,7 @@ import numpy.typing as npt
 import ballbot_rs as bb
 from ballbot_rs._core import Batch
 from ballbot_rs.analysis.intervals import of_share
+from ballbot_rs.control.recurrent import Recurrent
 from ballbot_rs.control.resolve import find
 from ballbot_rs.engines.engine_batch import EngineBatch
 from ballbot_rs.envs._batch_env import new_batch
@@ -144,11 +145,13 @@ def of_law(given: Conditions, law: str, *, is_given: bool) -> Shares:
 
 def _run(policy: str) -> Findings:
     found = find(policy)
-    assert found.policy is not None
+    act = found.policy
+    assert act is not None
+    assert not isinstance(act, Recurrent)
     options = {name: found.env_options[name] for name in ("history", "scale_by_robot")}
     claims, lines = [], []
     for one in conditions():
-        ours = judged(one, lambda _, rows: np.asarray(found.policy(rows)), options)  # type: ignore[misc]
+        ours = judged(one, lambda _, rows: np.asarray(act(rows)), options)
         given = {law: of_law(one, law, is_given=True) for law in LAWS} if one.engine is None else {}
         is_random = not are_several(one.options["robot"]) and "events" in one.options
         nominal = {law: of_law(one, law, is_given=False) for law in LAWS} if is_random else {}

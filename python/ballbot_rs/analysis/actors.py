@@ -1,6 +1,6 @@
 """One interface to all that can drive the robots of a batch: a law of the core, a law in Python or a policy."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 import numpy as np
@@ -10,6 +10,7 @@ from ballbot_rs._checks import real_array
 from ballbot_rs._core import Batch, Controller
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.control.laws import Laws, parts_for
+from ballbot_rs.control.recurrent import Policy, PolicyMemory
 from ballbot_rs.control.resolve import ResolvedController
 from ballbot_rs.control.setpoints import Setpoint
 from ballbot_rs.envs.family import has_several_robots
@@ -85,8 +86,8 @@ class CoreActor:
 class PolicyActor:
     """A policy, which observes the setpoint of its task."""
 
-    def __init__(self, name: str, policy: Callable[[npt.NDArray[np.float32]], npt.ArrayLike]) -> None:
-        self._name, self._policy = name, policy
+    def __init__(self, name: str, policy: Policy) -> None:
+        self._name, self._memory = name, PolicyMemory(policy)
 
     def __call__(self, observations: npt.NDArray[np.float32], setpoint: Mapping[str, Any] | None = None) -> Actions:
         """As `Actor`.
@@ -99,10 +100,11 @@ class PolicyActor:
                 f"{self._name} is a policy: its only setpoint is its task's, the option 'setpoint' of "
                 "env_options where the task has one; OnnxPolicy(file).controller(robot) follows any setpoint"
             )
-        return _limited(real_array(f"{self._name} gave", self._policy(observations), "actions"))
+        return _limited(real_array(f"{self._name} gave", self._memory.act(observations), "actions"))
 
     def ended(self, mask: npt.NDArray[np.bool_]) -> None:
         """As `Actor`."""
+        self._memory.reset(mask)
 
 
 class LawActor:

@@ -62,36 +62,124 @@ def write(path: Path, network: Network, metadata: Mapping[str, Any]) -> None:
 
 
 def read(path: Path) -> Network:
-    """The layers of a policy, from the observation to the action.
+    """The layers of a policy that is not recurrent, as `read_parts`.
 
     Raises:
-        ValueError: its network is not a chain of dense layers with tanh between them, and actions limited to ±1.
+        ValueError: a recurrent policy, and as `read_parts`.
+        ModuleNotFoundError: onnx is not installed.
+    """
+    cells, layers = read_parts(path)
+    if cells:
+        raise ValueError(f"{path} is a recurrent policy, of {len(cells)} LSTM cells")
+    return layers
+
+
+def read_parts(path: Path) -> tuple[Network, Network]:
+    """The LSTM cells of a policy, and its layers from them, or from the observation without cells, to the action.
+
+    A cell of u units has weights (4u, inputs + u) and biases (4u,): input, forget, cell and output gates.
+
+    Raises:
+        ValueError: its network is not LSTM cells and then a chain of dense layers with tanh between them, and actions
+            limited to ±1.
         ModuleNotFoundError: onnx is not installed.
     """
     with require("a policy as a controller", "export"):
         import onnx
-    to_array, attribute = onnx.numpy_helper.to_array, onnx.helper.get_attribute_value
     graph = onnx.load(path).graph
-    constants = {tensor.name: to_array(tensor) for tensor in graph.initializer}
-    for node in graph.node:
-        if node.op_type == "Constant" and node.attribute[0].name == "value":
-            constants[node.output[0]] = to_array(attribute(node.attribute[0]))
-    nodes = [node for node in graph.node if node.op_type != "Constant"]
-    kinds = [node.op_type for node in nodes]
-    # Each operator takes what the one before makes.
-    values = [graph.input[0].name, *(node.output[0] for node in nodes)]
-    is_chain = [node.input[0] for node in nodes] == values[:-1] and graph.output[0].name == values[-1]
-    is_known = kinds == ["Gemm", *["Tanh", "Gemm"] * (kinds.count("Gemm") - 1), "Clip"]
-    if is_chain and is_known and _numbers(nodes[-1], constants) == [-1.0, 1.0]:
-        layers = [
-            _dense(node, {one.name: attribute(one) for one in node.attribute}, constants) for node in nodes[:-1:2]
-        ]
-        if all(layer is not None for layer in layers):
-            return [layer for layer in layers if layer is not None]
+    found = _Terms(onnx)
+    found.read(graph)
+    ends = [found.named.get(end.name) for end in graph.output]
+    cells = found.cells
+    if found.layers and ends == found.expected(len(found.layers) - cells):
+        return found.layers[:cells], found.layers[cells:]
+    kinds = ", ".join(node.op_type for node in graph.node if node.op_type != "Constant")
     raise ValueError(
-        f"{path} has the operators {', '.join(kinds)}: a policy that is a controller is a chain of dense layers with "
-        "tanh between them, and actions limited to ±1"
+        f"{path} has the operators {kinds}: a policy that is a controller is a chain of dense layers with tanh between "
+        "them, and actions limited to ±1, after LSTM cells if it is recurrent"
     )
+
+
+class _Terms:
+    """What the values of a graph are: equal terms have the same number, whatever they are named."""
+
+    def __init__(self, onnx: Any) -> None:
+        self._to_array, self._attribute = onnx.numpy_helper.to_array, onnx.helper.get_attribute_value
+        self._numbers: dict[tuple[Any, ...], int] = {}
+        self.named: dict[str, int] = {}
+        self.layers: list[tuple[npt.NDArray[Any], npt.NDArray[Any]]] = []
+        #: Number of LSTM cells, by the parts of the state.
+        self.cells = 0
+
+    def _term(self, *parts: Any) -> int:
+        return self._numbers.setdefault(parts, len(self._numbers))
+
+    def read(self, graph: Any) -> None:
+        """Reads the nodes in order; what is unknown has no term."""
+        constants = {tensor.name: self._to_array(tensor) for tensor in graph.initializer}
+        for end in graph.input:
+            self.named[end.name] = self._term(end.name)
+        for node in graph.node:
+            given = {one.name: self._attribute(one) for one in node.attribute}
+            if node.op_type == "Constant" and "value" in given:
+                constants[node.output[0]] = self._to_array(given["value"])
+                continue
+            terms = [self.named[name] for name in node.input if name in self.named]
+            for i, name in enumerate(node.output):
+                term = self._of(node, i, given, constants, terms)
+                if term is not None:
+                    self.named[name] = term
+
+    def _of(
+        self, node: Any, output: int, given: Mapping[str, Any], constants: Mapping[str, Any], terms: list[int]
+    ) -> int | None:
+        kind, count = node.op_type, len(node.output)
+        rows = given.get("axis") in (1, -1)
+        if kind == "Gemm" and len(terms) == 1:
+            layer = _dense(node, given, constants)
+            if layer is None:
+                return None
+            self.layers.append(layer)
+            return self._term("layer", len(self.layers) - 1, *terms)
+        if kind == "Split" and len(terms) == 1 and rows and _is_even(node, given, constants):
+            if node.input[0] == "state":
+                self.cells = count // 2
+            return self._term("part", output, count, *terms)
+        if kind == "Clip" and len(terms) == 1 and _numbers(node, constants) == [-1.0, 1.0]:
+            return self._term("limited", *terms)
+        if kind == "Concat" and len(terms) == len(node.input) and rows:
+            return self._term("joined", *terms)
+        if kind in ("Mul", "Add") and len(terms) == 2:
+            return self._term(kind, *sorted(terms))
+        if kind in ("Tanh", "Sigmoid") and len(terms) == 1:
+            return self._term(kind, *terms)
+        return None
+
+    def expected(self, dense: int) -> list[int]:
+        """The terms of the outputs: of LSTM cells and then dense layers."""
+        term, count, cells = self._term, self.cells, []
+        value, state = term("observation"), term("state")
+        for k in range(count):
+            own, before = (term("part", part, 2 * count, state) for part in (k, count + k))
+            gates = term("layer", k, term("joined", value, own))
+            taken, forget, new, output = (term("part", gate, 4, gates) for gate in range(4))
+            kept = term("Mul", *sorted([term("Sigmoid", forget), before]))
+            added = term("Mul", *sorted([term("Sigmoid", taken), term("Tanh", new)]))
+            after = term("Add", *sorted([kept, added]))
+            value = term("Mul", *sorted([term("Sigmoid", output), term("Tanh", after)]))
+            cells.append((value, after))
+        for k in range(dense):
+            value = term("layer", count + k, term("Tanh", value) if k else value)
+        action = term("limited", value)
+        return (
+            [action, term("joined", *(cell[0] for cell in cells), *(cell[1] for cell in cells))] if count else [action]
+        )
+
+
+def _is_even(node: Any, given: Mapping[str, Any], constants: Mapping[str, npt.NDArray[Any]]) -> bool:
+    """Whether a Split has parts of one size: by their number, or by equal sizes."""
+    sizes = constants.get(node.input[1]) if len(node.input) > 1 else None
+    return "num_outputs" in given if sizes is None else len(set(sizes.tolist())) == 1
 
 
 def _numbers(node: Any, constants: Mapping[str, npt.NDArray[Any]]) -> list[float]:

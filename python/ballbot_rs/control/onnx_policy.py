@@ -9,12 +9,12 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import real_array
+from ballbot_rs._checks import check_count, real_array
 from ballbot_rs._core import Controller, _policy_controller
 from ballbot_rs._extras import require
 from ballbot_rs._keywords import named
 from ballbot_rs._robot import Robot, params_of
-from ballbot_rs.control import deadline, policy_file
+from ballbot_rs.control import deadline, policy_file, policy_size
 from ballbot_rs.envs.spaces import observation_width
 
 #: Metadata of an exported policy, each a JSON text; the keys in its file begin with `PREFIX`.
@@ -28,6 +28,9 @@ FIELDS: Final[Mapping[str, type | tuple[type, ...]]] = {
     "versions": dict,
 }
 PREFIX = "ballbot."
+
+#: Metadata that only recurrent policies have.
+OF_STATE: Final = "state"
 
 #: Options of an environment, all numbers, on which the actions of its policies depend.
 ACTING: Final = ("control_dt", "sim_dt", "max_wheel_torque", "scale_observations", "scale_by_robot")
@@ -74,8 +77,14 @@ class OnnxPolicy:
         shapes = [(end.name, end.shape[1:]) for end in ends]
         self._env_options = policy_file.completed(self.task, self.metadata["env_options"])
         self._rows = observation_width(self.task, self._env_options)
-        if shapes != [("observation", [self._rows]), ("action", [3])]:
-            raise ValueError(f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3")
+        self._state_len = _state_len(shapes)
+        if shapes != _expected(self._rows, self._state_len):
+            raise ValueError(
+                f"{file} maps {shapes}, expected an observation of {self._rows} to an action of 3, or an observation "
+                "and a state to an action and a next_state"
+            )
+        if self._state_len > policy_size.MAX_STATE:
+            raise ValueError(f"{file} has a state of {self._state_len} numbers, more than {policy_size.MAX_STATE}")
         self._run: Any = None
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -90,28 +99,82 @@ class OnnxPolicy:
         """
         return dict(self._env_options)
 
+    @property
+    def state_len(self) -> int:
+        """Numbers in the state of a recurrent policy; 0 for another policy."""
+        return self._state_len
+
+    def initial_state(self, count: int | None = None) -> npt.NDArray[np.float32]:
+        """The state where an episode begins, zeros: shape (`state_len`,), or (count, `state_len`) for a batch.
+
+        Raises:
+            ValueError: a count below 1.
+            TypeError: not a whole number.
+        """
+        shape = () if count is None else (check_count("count", count),)
+        return np.zeros((*shape, self._state_len), dtype=np.float32)
+
     def act(self, observation: npt.ArrayLike) -> npt.NDArray[np.float32]:
         """Actions in [-1, 1]: shape (3,) for an observation (m,), shape (n, 3) for a batch (n, m).
 
         Raises:
-            ValueError: another shape.
+            ValueError: another shape, or a recurrent policy: `step` takes its state.
             TypeError: not numbers.
             TimeoutError: the model runs for more than `CALL_LIMIT` and `ROW_LIMIT` allow; it has been ended.
         """
-        rows = real_array("observation is", observation, "numbers").astype(np.float32, copy=False)
-        if rows.ndim not in (1, 2) or rows.shape[-1] != self._rows:
-            raise ValueError(f"observation has shape {rows.shape}, expected ({self._rows},) or (n, {self._rows})")
-        given = {"observation": np.ascontiguousarray(np.atleast_2d(rows))}
+        if self._state_len:
+            raise ValueError(f"{self._file} is a recurrent policy: step(observation, state) takes and gives its state")
+        rows = self._numbers("observation", observation, self._rows)
+        (actions,) = self._infer({"observation": rows}, ["action"])
+        return actions if rows.ndim == 2 else actions[0]
+
+    def step(
+        self, observation: npt.ArrayLike, state: npt.ArrayLike
+    ) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32]]:
+        """Actions in [-1, 1], shape (3,), and the next state, (k,); shapes (n, 3) and (n, k) for a batch.
+
+        ```python
+        state = policy.initial_state()      # where an episode begins
+        action, state = policy.step(observation, state)
+        ```
+
+        Args:
+            observation: of one robot, shape (m,), or of n robots, shape (n, m).
+            state: of the same robots, shape (k,) or (n, k); k is `state_len`, 0 for a policy that is not recurrent.
+
+        Raises:
+            ValueError: another shape.
+            TypeError: not numbers.
+            TimeoutError: as `act`.
+        """
+        rows = self._numbers("observation", observation, self._rows)
+        states = self._numbers("state", state, self._state_len)
+        if states.shape[:-1] != rows.shape[:-1]:
+            raise ValueError(f"state has shape {states.shape} for an observation of shape {rows.shape}")
+        if not self._state_len:
+            return self.act(rows), states
+        actions, after = self._infer({"observation": rows, "state": states}, ["action", "next_state"])
+        return (actions, after) if rows.ndim == 2 else (actions[0], after[0])
+
+    def _numbers(self, name: str, values: npt.ArrayLike, width: int) -> npt.NDArray[np.float32]:
+        rows: npt.NDArray[np.float32] = real_array(f"{name} is", values, "numbers").astype(np.float32, copy=False)
+        if rows.ndim not in (1, 2) or rows.shape[-1] != width:
+            raise ValueError(f"{name} has shape {rows.shape}, expected ({width},) or (n, {width})")
+        return rows
+
+    def _infer(self, rows: Mapping[str, npt.NDArray[np.float32]], names: list[str]) -> list[npt.NDArray[np.float32]]:
+        """The outputs of the network, of at least one row each."""
+        given = {name: np.ascontiguousarray(np.atleast_2d(values)) for name, values in rows.items()}
         limit = CALL_LIMIT + ROW_LIMIT * len(given["observation"])
-        actions: npt.NDArray[np.float32]
         self._run = self._new_options()
         # The exception has its message on an ended run.
         self._run.log_severity_level = 4
+        found: list[npt.NDArray[np.float32]]
         try:
-            (actions,) = deadline.run(limit, self._run, lambda options: self._session.run(["action"], given, options))
+            found = deadline.run(limit, self._run, lambda options: self._session.run(names, given, options))
         except TimeoutError as error:
             raise TimeoutError(f"{self._file} has been ended: {error}") from error
-        return actions if rows.ndim == 2 else actions[0]
+        return found
 
     def controller(self, robot: Robot | None = None) -> Controller:
         """The policy as a controller of a robot, in Rust: it follows setpoints, and runs on all robots of a `Batch`.
@@ -131,16 +194,20 @@ class OnnxPolicy:
             robot: as in `Controller`; the scale of actions and observations follows from it if it did in training.
 
         Raises:
-            ValueError: a policy of another task, or another network than dense layers with tanh between them.
+            ValueError: a policy of another task, or another network than LSTM cells and dense layers with tanh between
+                them.
             ModuleNotFoundError: onnx is not installed.
         """
         from ballbot_rs.control import network_file
 
         options = self.env_options
         scalars = {name: float(options[name]) for name in ACTING if options.get(name) is not None}
-        layers = [(weights[np.newaxis], biases[np.newaxis]) for weights, biases in network_file.read(self._file)]
+        cells, layers = (
+            [(weights[np.newaxis], biases[np.newaxis]) for weights, biases in part]
+            for part in network_file.read_parts(self._file)
+        )
         history = options.get("history", 1)
-        return _policy_controller(self._file.stem, self.task, layers, history, scalars, params_of(robot))
+        return _policy_controller(self._file.stem, self.task, layers, history, scalars, params_of(robot), cells=cells)
 
     def interrupt(self) -> None:
         """Ends a call of `act` in another thread, which then raises: a file may hold a loop that does not end."""
@@ -164,9 +231,23 @@ def _session(file: Path) -> tuple[Any, Any]:
     return session, onnxruntime.RunOptions
 
 
+def _state_len(shapes: list[tuple[str, list[Any]]]) -> int:
+    """Length of the state that a network takes; 0 without a state."""
+    (length,) = dict(shapes).get("state", [0])[:1] or [0]
+    return length if isinstance(length, int) else 0
+
+
+def _expected(rows: int, state_len: int) -> list[tuple[str, list[Any]]]:
+    """Names and lengths of the inputs and outputs of a network."""
+    if not state_len:
+        return [("observation", [rows]), ("action", [3])]
+    return [("observation", [rows]), ("state", [state_len]), ("action", [3]), ("next_state", [state_len])]
+
+
 def _metadata(file: Path, found: dict[str, str]) -> dict[str, Any]:
     read: dict[str, Any] = {}
-    for field, kind in FIELDS.items():
+    fields = {**FIELDS, **({OF_STATE: dict} if PREFIX + OF_STATE in found else {})}
+    for field, kind in fields.items():
         try:
             read[field] = json.loads(found[PREFIX + field])
         except (KeyError, ValueError, RecursionError):

@@ -20,6 +20,7 @@ from ballbot_rs._modules import module_of
 from ballbot_rs.control import policy_file
 from ballbot_rs.control.laws import Law, Laws, failed, is_batched
 from ballbot_rs.control.onnx_policy import OnnxPolicy
+from ballbot_rs.control.recurrent import Policy
 from ballbot_rs.envs._batch_env import decided, without_curriculum
 from ballbot_rs.envs.registration import DEFAULT_TASK, name_of, task_of
 
@@ -38,9 +39,6 @@ TRAINED: Final = "trained"
 
 #: Largest file that is read from an untrusted source; exported policies have some 30 kB.
 MAX_FILE_SIZE: Final = 64 * 2**20
-
-#: Actions in [-1, 1], shape (n, 3), for observations, shape (n, m).
-Policy: TypeAlias = Callable[[npt.NDArray[np.float32]], npt.ArrayLike]
 
 #: A name, a path, a law or a class of laws in Python (`laws` has their forms), or the result of `find` for one of them.
 Source: TypeAlias = "str | PathLike[str] | Law | Callable[..., Law] | ResolvedController"
@@ -181,7 +179,8 @@ def find(
                 raise
             return ResolvedController(name, make_law=lambda params, _: onnx.controller(params), control_dt=own_dt)
         options, events = _without_events(onnx.env_options)
-        return ResolvedController(name, options, onnx.act, onnx.task, interrupt=onnx.interrupt, events=events)
+        policy: Policy = onnx if onnx.state_len else onnx.act
+        return ResolvedController(name, options, policy, onnx.task, interrupt=onnx.interrupt, events=events)
     if not trusted:
         raise ValueError(
             f"unknown controller '{name}': expected {', '.join(NAMES)} or a policy file that ends in .onnx"
@@ -195,14 +194,13 @@ def find(
     if path.suffix in (".py", ".py:"):
         raise ValueError(f"{name} is not a policy file: a law in Python is named by FILE.py:NAME")
     with require("a policy file", "train"):
-        from ballbot_rs.control import sb3_policy
+        from ballbot_rs.control import sb3_policy, sb3_recurrent
     given = None if task is None and not env_options else _without_events(env_options or {})[0]
     model, found = sb3_policy.load(path, task, given)
     options, events = _without_events(found["env_options"])
     own_task = task_of(found["env_id"])
-    return ResolvedController(
-        name, options, lambda observations: sb3_policy.act(model, observations), own_task, events=events
-    )
+    own = sb3_recurrent.of(model) or (lambda observations: sb3_policy.act(model, observations))
+    return ResolvedController(name, options, own, own_task, events=events)
 
 
 def _without_motion(_params: Params, _control_dt: float) -> Law:

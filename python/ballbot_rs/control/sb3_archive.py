@@ -103,7 +103,8 @@ def _policy_class(value: Mapping[str, Any], kind: type[BaseAlgorithm]) -> type |
     if not known:
         return None
     # Classes of one module are distinguished by their docstrings; all but one of them expect other observations.
-    return next((found for found in known if found.__doc__ == value.get("__doc__")), kind.policy_aliases["MlpPolicy"])
+    usual = next(iter(kind.policy_aliases.values()))
+    return next((found for found in known if found.__doc__ == value.get("__doc__")), usual)
 
 
 def _plain(text: Any) -> Any:

@@ -18,14 +18,14 @@ from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs._keywords import named
-from ballbot_rs.control import policy_file, policy_size, sb3_archive
+from ballbot_rs.control import policy_file, policy_size, sb3_archive, sb3_recurrent
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, history_ages, observation_space, observation_width
 
-#: Modules with algorithms for continuous actions, and their names; recurrent policies are omitted.
+#: Modules with algorithms for continuous actions, and their names.
 ALGORITHMS: Final = {
     "stable_baselines3": ("PPO", "A2C", "SAC", "TD3", "DDPG"),
-    "sb3_contrib": ("TQC", "TRPO", "CrossQ", "ARS"),
+    "sb3_contrib": ("TQC", "TRPO", "CrossQ", "ARS", sb3_recurrent.ALGORITHM),
 }
 
 #: The attribute of a saved model that holds its metadata.
@@ -211,7 +211,7 @@ def load(
         if "policy_class" in unknown:
             _check_class(path, data["policy_class"], found["algorithm"])
         _warn_of_code(path, f"custom {' and '.join(unknown)}")
-    _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task, options)
+    _check_size(path, replaced.get("policy_kwargs", data.get("policy_kwargs")), task, options, found["algorithm"])
     return _unpacked(path, found["algorithm"], replaced), {**found, "env_options": options}
 
 
@@ -229,9 +229,9 @@ def _load_unnamed(
             raise ValueError(
                 f"{path} was trained for another environment: it has a space of shape {shape}, expected {expected}"
             )
-    _check_size(path, data.get("policy_kwargs"), task, env_options)
-    _warn_of_code(path, "no metadata of ballbot_rs")
     name = _algorithm_of(data)
+    _check_size(path, data.get("policy_kwargs"), task, env_options, name)
+    _warn_of_code(path, "no metadata of ballbot_rs")
     model = _unpacked(path, name, {})
     found_spaces = model.observation_space, model.action_space
     scaled = next((scaled for scaled, those in known.items() if found_spaces == those), None)
@@ -261,10 +261,10 @@ def _check_class(path: Path, described: Mapping[str, Any], algorithm: str) -> No
             raise ValueError(f"{path} holds no {algorithm} policy: its policy_class is of {module}")
 
 
-def _check_size(path: Path, policy_arguments: Any, task: str, options: Mapping[str, Any]) -> None:
+def _check_size(path: Path, policy_arguments: Any, task: str, options: Mapping[str, Any], algorithm: str) -> None:
     if isinstance(policy_arguments, dict):
         try:
-            policy_size.check_net_arch(policy_arguments, observation_width(task, options))
+            policy_size.check(policy_arguments, observation_width(task, options), algorithm)
         except ValueError as error:
             raise ValueError(f"{path}: {error}") from None
 
@@ -287,6 +287,8 @@ def _algorithm_of(data: Mapping[str, Any]) -> str:
     """The algorithm that wrote a file. Algorithms with the same policy class act alike."""
     kind = data.get("policy_class")
     module = str(kind.get("__module__")) if isinstance(kind, dict) else ""
+    if ".recurrent." in module and sb3_recurrent.ALGORITHM in algorithms():
+        return sb3_recurrent.ALGORITHM
     for name in algorithms():
         if f".{name.lower()}." in module:
             return name

@@ -22,7 +22,7 @@ _OF_ONE: Final[dict[str, tuple[str, float]]] = {
 _OF_TWO: Final = {"Add": "+", "Sub": "-", "Mul": "*", "Div": "/"}
 
 #: The operators that can be written as C.
-OPERATORS: Final = (*_OF_ONE, *_OF_TWO, "Clip", "Constant", "Gemm", "MatMul")
+OPERATORS: Final = (*_OF_ONE, *_OF_TWO, "Clip", "Concat", "Constant", "Gemm", "MatMul", "Split")
 
 
 @dataclasses.dataclass
@@ -55,6 +55,10 @@ class _Writer:
             low, high = (self._scalar(name) for name in (*node.input[1:], "", "")[:2])
             above = "x" if low is None else f"ballbot_max(x, {low})"
             self._each(node, above if high is None else f"ballbot_min({above}, {high})")
+        elif kind == "Concat":
+            self._join(node, attributes)
+        elif kind == "Split":
+            self._split(node, attributes)
         elif kind in _OF_ONE:
             expression, alpha = _OF_ONE[kind]
             self._each(node, expression.format(alpha=f"(ballbot_real){number(attributes.get('alpha', alpha))}"))
@@ -116,6 +120,32 @@ class _Writer:
         out = self._new(node, given.size)
         self.body += _loop(out.size, f"const ballbot_real x = {given.name}[i];", f"{out.name}[i] = {expression};")
 
+    def _join(self, node: Any, attributes: dict[str, Any]) -> None:
+        _check_axis(node, attributes)
+        parts = [self._vector(node, name) for name in node.input]
+        out, first = self._new(node, sum(part.size for part in parts)), 0
+        for part in parts:
+            place = f"{first} + i" if first else "i"
+            self.body += _loop(part.size, f"{out.name}[{place}] = {part.name}[i];")
+            first += part.size
+
+    def _split(self, node: Any, attributes: dict[str, Any]) -> None:
+        _check_axis(node, attributes)
+        given, count = self._vector(node, node.input[0]), len(node.output)
+        if len(node.input) > 1 and node.input[1]:
+            sizes = [int(size) for size in self.constants[node.input[1]].reshape(-1)]
+        else:
+            # The last part may be smaller.
+            most = -(-given.size // count)
+            sizes = [min(most, given.size - k * most) for k in range(count)]
+        if sum(sizes) != given.size or len(sizes) != count or min(sizes) < 1:
+            raise ValueError(f"the operator Split of {given.size} numbers into {sizes} cannot be written as C")
+        first = 0
+        for name, size in zip(node.output, sizes, strict=True):
+            # A part is a place in the array.
+            self.vectors[name] = _Vector(f"({given.name} + {first})", size)
+            first += size
+
     def _pair(self, node: Any, operator: str) -> None:
         sizes = [self.vectors[name].size if name in self.vectors else self.constants[name].size for name in node.input]
         size = max(sizes)
@@ -135,6 +165,11 @@ class _Writer:
         return f"{vector.name}[{0 if vector.size == 1 else 'i'}]"
 
 
+def _check_axis(node: Any, attributes: dict[str, Any]) -> None:
+    if attributes.get("axis", 0) not in (1, -1):
+        raise ValueError(f"the operator {node.op_type} along another axis than the numbers cannot be written as C")
+
+
 def _loop(size: int, *lines: str) -> str:
     body = "".join(f"        {line}\n" for line in lines)
     return f"    for (i = 0; i < {size}; i++) {{\n{body}    }}\n"
@@ -147,12 +182,13 @@ def _constant(attributes: dict[str, Any]) -> Any:
     raise ValueError(f"the operator Constant with {sorted(attributes)} cannot be written as C")
 
 
-def network(content: bytes, rows: int) -> tuple[str, str]:
+def network(content: bytes, rows: int, state_len: int = 0) -> tuple[str, str]:
     """Arrays of weights, and the function `ballbot_policy_act`, for the network of an ONNX file.
 
     Args:
         content: the file.
         rows: length of an observation.
+        state_len: length of the state of a recurrent policy, which the function replaces by the next state.
 
     Raises:
         ValueError: an operator that cannot be written as C; the message names it.
@@ -164,7 +200,7 @@ def network(content: bytes, rows: int) -> tuple[str, str]:
     to_array: Callable[[Any], npt.NDArray[Any]] = onnx.numpy_helper.to_array
     writer = _Writer(
         constants={tensor.name: to_array(tensor) for tensor in graph.initializer},
-        vectors={graph.input[0].name: _Vector("observation", rows)},
+        vectors={name: _Vector(name, size) for name, size in {"observation": rows, "state": state_len}.items() if size},
     )
     for node in graph.node:
         attributes = {one.name: onnx.helper.get_attribute_value(one) for one in node.attribute}
@@ -174,10 +210,15 @@ def network(content: bytes, rows: int) -> tuple[str, str]:
             writer.node(node, attributes)
         except KeyError as error:
             raise ValueError(f"the operator {node.op_type} reads {error}, which no operator makes") from None
-    action = writer.vectors[graph.output[0].name]
+    action = writer.vectors["action"]
+    takes, keeps = "", []
+    if state_len:
+        takes = "ballbot_real *state, "
+        keeps = _loop(state_len, f"state[i] = {writer.vectors['next_state'].name}[i];").splitlines()
     lines = [
         "/* The network: the action, within [-1, 1], of observations as the environment gives them, oldest first. */",
-        "static inline void ballbot_policy_act(const ballbot_real *observation, ballbot_real action[3])",
+        *(["/* The state of the robot becomes its next state. */"] if state_len else []),
+        f"static inline void ballbot_policy_act(const ballbot_real *observation, {takes}ballbot_real action[3])",
         "{",
         *writer.arrays,
         "    int i;",
@@ -185,6 +226,7 @@ def network(content: bytes, rows: int) -> tuple[str, str]:
         "    for (i = 0; i < 3; i++) {",
         f"        action[i] = ballbot_max(-1, ballbot_min(1, {action.name}[i]));",
         "    }",
+        *keeps,
         "}",
     ]
     return writer.definitions, "\n".join(lines) + "\n"

@@ -74,7 +74,8 @@ def policy_header(
         for row, gain in zip(rows, batch.observation_gains, strict=True):
             row["typical"] = 1.0 / float(gain)
     try:
-        weights, act = network(file.read_bytes(), len(rows) * len(history_ages(options["history"])))
+        ages = history_ages(options["history"])
+        weights, act = network(file.read_bytes(), len(rows) * len(ages), policy.state_len)
     except ValueError as error:
         raise ValueError(f"{file}: {error}") from error
     observe = _observe(rows)
@@ -83,16 +84,31 @@ def policy_header(
     parts = (
         piece("real"),
         *viewed,
-        "/* ---- Constants, SI units. */\n\n" + _scaling(options, rows) + weights,
+        "/* ---- Constants, SI units. */\n\n" + _scaling(options, rows, policy.state_len) + weights,
         piece("policy_sum"),
         act,
-        piece("policy"),
+        _with_state(piece("policy")) if policy.state_len else piece("policy"),
         observe,
     )
     return guarded("policy", "policy", head, "\n".join(part for part in parts if part))
 
 
-def _scaling(options: dict[str, Any], rows: list[dict[str, Any]]) -> str:
+#: What the memory of a policy and its step have for a recurrent policy, too.
+_OF_STATE: Final = {
+    "    int newest; ": f"    {'ballbot_real state[BALLBOT_POLICY_STATE];':<69} /* of the network */\n    int newest; ",
+    "{{0}, {0}, 0, 0, 0}": "{{0}, {0}, {0}, 0, 0, 0}",
+    "ballbot_policy_act(observation, policy->action)": "ballbot_policy_act(observation, policy->state, policy->action)",
+}
+
+
+def _with_state(text: str) -> str:
+    for old, new in _OF_STATE.items():
+        assert text.count(old) == 1
+        text = text.replace(old, new)
+    return text
+
+
+def _scaling(options: dict[str, Any], rows: list[dict[str, Any]], state_len: int) -> str:
     is_scaled = options["scale_observations"]
     numbers = {
         "control_dt": options["control_dt"],
@@ -107,6 +123,7 @@ def _scaling(options: dict[str, Any], rows: list[dict[str, Any]]) -> str:
     ages = history_ages(options["history"])
     text = f"#define BALLBOT_POLICY_ROWS {len(rows)}\n#define BALLBOT_POLICY_HISTORY {len(ages)}\n"
     text += f"#define BALLBOT_POLICY_OLDEST {ages[-1]}\n"
+    text += f"#define BALLBOT_POLICY_STATE {state_len}\n" if state_len else ""
     text += f"static const int BALLBOT_POLICY_AGES[] = {{{', '.join(map(str, ages))}}};\n"
     text += "".join(
         f"#define BALLBOT_POLICY_{name.upper()} ((ballbot_real){number(value)})\n" for name, value in numbers.items()
@@ -160,6 +177,11 @@ def _head(policy: OnnxPolicy, options: dict[str, Any], rows: list[dict[str, Any]
         "",
         f"Torques: the action within [-1, 1] times BALLBOT_POLICY_MAX_TORQUE = {options['max_wheel_torque']:.6g} N m.",
         f"Rows: saturated, then {scaled}; {_seen(options['history'])}",
+        *(
+            [f"The network is recurrent: `ballbot_policy` has its state, {policy.state_len} numbers."]
+            if policy.state_len
+            else []
+        ),
         "Memory: all of it is in `ballbot_policy`; nothing is allocated. Weights are of single precision, sums of",
         "double or of what `#define BALLBOT_REAL float` before the #include chooses.",
         "",

@@ -16,8 +16,11 @@ from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, task_of
 
-#: Of Stable-Baselines3, and CMA-ES (`training.evolution`).
-ALGORITHMS = ("PPO", "SAC", "CMA")
+#: Of Stable-Baselines3, CMA-ES (`training.evolution`), and of sb3-contrib the PPO of recurrent policies.
+ALGORITHMS = ("PPO", "SAC", "CMA", "RecurrentPPO")
+
+#: Algorithms whose policies can be fitted to a teacher first.
+TAUGHT: Final = ("PPO", "RecurrentPPO")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -71,6 +74,8 @@ class Teacher:
     #: Of a round's fit; the learning rate falls linearly over the rounds.
     epochs: int = 6
     batch_size: int = 1024
+    #: Control steps over which the fit of a recurrent policy differentiates; its state comes from all steps before.
+    window: int = 24
     learning_rate: float = 1e-3
     #: Standard deviation of the noise added to the actions of half of the robots.
     noise: float = 0.1
@@ -105,7 +110,7 @@ class Teacher:
         for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
-        least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "value_rollouts": 0}
+        least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "window": 1, "value_rollouts": 0}
         for name, bound in least.items():
             _check_whole(f"teacher.{name}", getattr(self, name), bound)
         _check_number("teacher.learning_rate", self.learning_rate, "1e-9", "1")
@@ -246,8 +251,8 @@ class TrainConfig:
         return fitted
 
     def _check_teacher(self, teacher: Teacher) -> None:
-        if self.algorithm != "PPO":
-            raise ValueError(f"teacher: {self.algorithm} has none, only PPO")
+        if self.algorithm not in TAUGHT:
+            raise ValueError(f"teacher: {self.algorithm} has none, only {' and '.join(TAUGHT)}")
         taught = teacher.rounds * teacher.steps * self.num_envs
         if taught > MAX_TAUGHT:
             raise ValueError(

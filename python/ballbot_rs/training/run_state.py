@@ -17,6 +17,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecMonitor, unwrap_vec_wrapper
 
+from ballbot_rs.control import sb3_recurrent
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 
 #: Name within a checkpoint.
@@ -48,6 +49,8 @@ def taken(model: BaseAlgorithm, is_due: bool) -> bytes | None:
     }
     if model._last_obs is not None:
         state |= {"observations": np.asarray(model._last_obs), "episode_starts": np.asarray(model._last_episode_starts)}
+    if sb3_recurrent.is_recurrent(model):
+        state |= sb3_recurrent.states_of_learner(model)
     content = io.BytesIO()
     np.savez(content, allow_pickle=False, **state)
     return content.getvalue()
@@ -85,6 +88,8 @@ def give(model: BaseAlgorithm, state: State) -> None:
         if "observations" in state:
             model._last_obs = state["observations"].copy()
             model._last_episode_starts = state["episode_starts"].copy()
+        if sb3_recurrent.is_recurrent(model):
+            sb3_recurrent.give_states_to_learner(model, state)
         _set_random_numbers(state)
     except (KeyError, TypeError, IndexError, RuntimeError) as error:
         raise ValueError(str(error)) from error

@@ -22,9 +22,10 @@ from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
+from ballbot_rs.control import sb3_recurrent
 from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
-from ballbot_rs.training import symmetry
+from ballbot_rs.training import symmetry, teacher_sequences
 from ballbot_rs.training.config import Teacher
 
 #: In the first rounds the law drives some robots: a new policy visits little except falls.
@@ -42,16 +43,16 @@ def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str],
     """Fits the actor and the value function of a new model; its steps are not counted.
 
     Args:
-        model: of PPO.
+        model: of PPO, or of RecurrentPPO of sb3-contrib.
         teacher: the law or the laws to fit to, and the settings.
         seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
     """
-    assert isinstance(model, PPO)
+    learner: Any = model
     law = best_law(model, teacher, seed, tell)
-    errors = fit_actor(model, law, teacher, seed)
+    errors = fit_actor(learner, law, teacher, seed)
     tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
-    fit_value(model, teacher.value_rollouts)
+    fit_value(learner, teacher.value_rollouts)
 
 
 def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
@@ -117,6 +118,10 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     alike = _symmetries(batch) if teacher.symmetric else []
     weights = np.sqrt(_weights(batch, teacher))
+    if sb3_recurrent.is_recurrent(model):
+        return teacher_sequences.fit_actor(
+            model, teacher, rng, lambda: _actions_of(law, batch, teacher), alike, weights, LAW_ROUNDS, _actor(model)
+        )
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
     errors = []
@@ -288,7 +293,9 @@ def _actions(model: PPO, observations: torch.Tensor) -> torch.Tensor:
 
 def _actor(model: PPO) -> list[torch.nn.Parameter]:
     """The parameters that determine the most likely action, but not the value."""
-    return [*model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
+    policy: Any = model.policy
+    cells = policy.lstm_actor.parameters() if sb3_recurrent.is_recurrent(model) else ()
+    return [*cells, *model.policy.mlp_extractor.policy_net.parameters(), *model.policy.action_net.parameters()]
 
 
 def _batch(model: BaseAlgorithm) -> Batch:

@@ -1,6 +1,7 @@
 """A training run, from a configuration to a folder with the best policy in it."""
 
 import dataclasses
+import importlib
 import math
 import time
 from collections.abc import Callable
@@ -14,7 +15,8 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv, VecMonitor
 
 from ballbot_rs import _files
-from ballbot_rs.control import policy_size, sb3_policy
+from ballbot_rs._extras import require
+from ballbot_rs.control import policy_size, sb3_policy, sb3_recurrent
 from ballbot_rs.control.sb3_policy import METADATA, algorithms, metadata
 from ballbot_rs.envs._batch_env import without_curriculum
 from ballbot_rs.envs.family import at_most
@@ -255,9 +257,12 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
             arguments[name] = _linear(
                 float(config.algorithm_arguments[name]), config.total_timesteps, config.most_timesteps
             )
-        policy_size.check_net_arch(config.policy, observation_width(task_of(config.env_id), config.env))
+        policy_size.check(config.policy, observation_width(task_of(config.env_id), config.env), config.algorithm)
+        if config.algorithm == sb3_recurrent.ALGORITHM:
+            with require(f"algorithm = {config.algorithm}", "train"):
+                importlib.import_module("sb3_contrib")
         model: BaseAlgorithm = algorithms()[config.algorithm](
-            "MlpPolicy",
+            sb3_recurrent.POLICY if config.algorithm == sb3_recurrent.ALGORITHM else "MlpPolicy",
             environment,
             policy_kwargs=dict(config.policy),
             tensorboard_log=str(folder / "tensorboard"),

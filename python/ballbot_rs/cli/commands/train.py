@@ -114,10 +114,11 @@ def algorithm_name(name: str) -> str:
     if name == known:
         return name
     others = [other for other in config_module.ALGORITHMS if other != evolution.ALGORITHM]
-    if name.upper() in others:
-        raise argparse.ArgumentTypeError(
-            f"'{name}' is of the configuration: --set algorithm={name.upper()}, with a --config that has its arguments"
-        )
+    for other in others:
+        if name.lower() == other.lower():
+            raise argparse.ArgumentTypeError(
+                f"'{name}' is of the configuration: --set algorithm={other}, with a --config that has its arguments"
+            )
     raise argparse.ArgumentTypeError(
         f"invalid choice: '{name}', expected {known}, or --set algorithm= with {' or '.join(others)}"
     )

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import SCALED_BOUND, TASKS, Params, State
+from ballbot_rs.control.recurrent import PolicyMemory
 from ballbot_rs.control.reference import largest_lead
 from ballbot_rs.control.resolve import CONTROL_DT, NAMES, ResolvedController, find
 from ballbot_rs.control.setpoints import Setpoint
@@ -120,7 +121,7 @@ class PolicyDriver:
         assert controller.policy is not None
         self.follows_position = self.is_foreign = True
         self.reads_sensors = False
-        self._policy = controller.policy
+        self._memories = [PolicyMemory(controller.policy) for _ in range(num_robots)]
         # All models observe a state alike, with any motors; `contact` accepts every state, even fallen or slipping.
         fixed = {"robot": params, "model": "contact", "actuators": None, "events": None, "setpoint": (0.0, 0.0)}
         fixed |= {"sensors": None, "observation": "ground_truth", "history": 1}
@@ -150,7 +151,7 @@ class PolicyDriver:
             action = np.zeros(3)
             if observation is not None:
                 rows = self._with_past(i, observation)
-                action = np.squeeze(np.asarray(self._policy(rows[np.newaxis])), axis=0)
+                action = np.squeeze(np.asarray(self._memories[i].act(rows[np.newaxis])), axis=0)
             if action.shape != (3,) or not np.isfinite(action).all():
                 raise ValueError(f"the policy chose {action}: expected three finite numbers")
             self._last[i] = np.clip(action, -1.0, 1.0)
@@ -173,10 +174,11 @@ class PolicyDriver:
         return np.concatenate([past[max(-1 - age, -len(past))] for age in reversed(self._ages)])
 
     def reset(self, robot: int | None = None) -> None:
-        """Clears the last actions and observations of all robots or of one."""
+        """Clears the last actions and observations, and the policy's state, of all robots or of one."""
         self._last[slice(None) if robot is None else robot] = 0.0
         for i in range(len(self._past)) if robot is None else (robot,):
             self._past[i] = []
+            self._memories[i].reset()
 
 
 def lead_of(controller: ResolvedController, params: Params) -> float:
@@ -213,7 +215,8 @@ class TaskPolicy:
         assert controller.policy is not None
         self.is_foreign = True
         self.reads_sensors = False
-        self._policy = controller.policy
+        self._memory = PolicyMemory(controller.policy)
+        self._count = 0
         # The given ground is made already, which takes longest.
         trained = {**controller.env_options, "robot": params, "terrain": options.get("terrain")}
         batch = new_batch(1, task=task, num_threads=1, options=trained)
@@ -226,10 +229,14 @@ class TaskPolicy:
         Raises:
             ValueError: the policy's actions are not three finite numbers each.
         """
-        actions = np.asarray(self._policy(observations), dtype=np.float64)
+        if len(observations) != self._count:
+            self._memory.reset()
+            self._count = len(observations)
+        actions = np.asarray(self._memory.act(observations), dtype=np.float64)
         if actions.shape != (len(observations), 3) or not np.isfinite(actions).all():
             raise ValueError(f"the policy chose {actions}: expected three finite numbers for each robot")
         return np.clip(actions, -1.0, 1.0) * self.max_torque
 
     def reset(self, robot: int | None = None) -> None:
-        """The environments keep the memory of a robot, not the policy."""
+        """Clears the policy's state; the environments keep the other memory of a robot."""
+        self._memory.reset(None if robot is None else np.arange(self._count) == robot)

@@ -1,0 +1,241 @@
+"""The fit of a recurrent policy to a law, over sequences.
+
+As in `training.teacher` the law labels the states that the policy visits. What a recurrent policy chooses depends on
+all steps of an episode, so a robot's steps stay in order, cut into windows. The fit differentiates within a window
+(truncated backpropagation through time: Williams and Peng, "An efficient gradient-based algorithm for on-line training
+of recurrent network trajectories", Neural Computation 2, 1990). The state in which a window begins comes from a pass of
+the present network over all steps before it, once per epoch. Where an episode begins the state is zero.
+"""
+
+import dataclasses
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.vec_env import VecEnv
+
+from ballbot_rs.training.config import Teacher
+
+#: Largest norm of a gradient.
+MAX_GRADIENT = 1.0
+
+#: Outputs and cell states of the LSTM layers, each of shape (layers, n, units).
+State = tuple[torch.Tensor, torch.Tensor]
+
+#: Symmetries on observations and on actions, as pairs of matrices.
+Alike = list[tuple[torch.Tensor, torch.Tensor]]
+
+
+@dataclasses.dataclass(frozen=True)
+class Window:
+    """Consecutive steps of all robots."""
+
+    #: Shape (n, steps, rows).
+    observations: torch.Tensor
+    #: The law's actions, shape (n, steps, 3).
+    labels: torch.Tensor
+    #: Whether an episode begins with the first step, shape (n,).
+    begins: torch.Tensor
+    #: 1 where an episode begins with a later step, shape (n, steps).
+    starts: torch.Tensor
+
+
+@dataclasses.dataclass
+class _Robots:
+    """Where the robots are between two rounds."""
+
+    observations: npt.NDArray[np.float32]
+    starts: npt.NDArray[np.bool_]
+    state: State
+
+
+def fit_actor(
+    model: BaseAlgorithm,
+    teacher: Teacher,
+    rng: np.random.Generator,
+    label: Callable[[], npt.NDArray[np.float32]],
+    alike: Alike,
+    factors: npt.NDArray[np.float32],
+    law_rounds: int,
+    parameters: list[torch.nn.Parameter],
+) -> list[float]:
+    """Fits the most likely actions of a recurrent policy.
+
+    Args:
+        model: of `RecurrentPPO`.
+        teacher: the settings.
+        rng: for the choice of robots that the law drives, and for the noise.
+        label: gives the law's actions in the present states, shape (n, 3).
+        alike: the symmetries that the fit uses; empty for none.
+        factors: of the errors of each robot, shape (n,).
+        law_rounds: in this many rounds the law drives some robots.
+        parameters: what is fitted.
+
+    Returns:
+        The root mean square error of each round, over all states so far.
+    """
+    environment = model.get_env()
+    assert environment is not None
+    optimizer = torch.optim.Adam(parameters, lr=teacher.learning_rate)
+    weights = torch.as_tensor(factors)
+    windows: list[Window] = []
+    errors = []
+    robots = None
+    for done in range(teacher.rounds):
+        if robots is None or not teacher.continues:
+            robots = _reset(model, environment)
+        share = max(1.0 - done / law_rounds, 0.0)
+        seen = _visited(model, environment, robots, label, teacher, rng, share)
+        windows += _cut(*seen, teacher.window)
+        for group in optimizer.param_groups:
+            group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
+        for _ in range(teacher.epochs):
+            error = _epoch(model, optimizer, windows, weights, teacher, alike, parameters)
+        errors.append(error)
+    return errors
+
+
+def _reset(model: BaseAlgorithm, environment: VecEnv) -> _Robots:
+    observations = environment.reset()
+    assert isinstance(observations, np.ndarray)
+    n = len(observations)
+    return _Robots(observations, np.ones(n, dtype=bool), _zeros(model, n))
+
+
+def _zeros(model: BaseAlgorithm, n: int) -> State:
+    lstm: Any = model.policy.lstm_actor
+    zeros = torch.zeros(lstm.num_layers, n, lstm.hidden_size)
+    return zeros, zeros
+
+
+def _visited(
+    model: BaseAlgorithm,
+    environment: VecEnv,
+    robots: _Robots,
+    label: Callable[[], npt.NDArray[np.float32]],
+    teacher: Teacher,
+    rng: np.random.Generator,
+    share: float,
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Observations of a round, the law's actions there, and where episodes begin; the axes are robots and steps.
+
+    The law drives some robots. The robots are then where the round ends.
+    """
+    n, policy = environment.num_envs, _policy_of(model)
+    # Noise on half of the robots shows the law's corrections off its own paths.
+    spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
+    seen = np.empty((n, teacher.steps, *robots.observations.shape[1:]), dtype=np.float32)
+    targets = np.empty((n, teacher.steps, 3), dtype=np.float32)
+    starts = np.empty((n, teacher.steps), dtype=bool)
+    for step in range(teacher.steps):
+        seen[:, step], starts[:, step] = robots.observations, robots.starts
+        targets[:, step] = label()
+        with torch.no_grad():
+            given = (
+                torch.as_tensor(robots.observations),
+                robots.state,
+                torch.as_tensor(robots.starts, dtype=torch.float32),
+            )
+            distribution, robots.state = policy.get_distribution(*given)
+            own = distribution.mode().numpy()
+        driven = np.where(rng.random((n, 1)) < share, targets[:, step], own)
+        noisy = driven + spread * rng.standard_normal((n, 3))
+        found = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))
+        assert isinstance(found[0], np.ndarray)
+        robots.observations, robots.starts = found[0], found[2].astype(bool)
+    return seen, targets, starts
+
+
+def _cut(
+    seen: npt.NDArray[np.float32], targets: npt.NDArray[np.float32], starts: npt.NDArray[np.bool_], length: int
+) -> list[Window]:
+    """The steps of a round as windows of at most `length`."""
+    windows = []
+    for first in range(0, seen.shape[1], length):
+        part = slice(first, first + length)
+        later = torch.as_tensor(starts[:, part], dtype=torch.float32)
+        later[:, 0] = 0.0
+        observations, labels = (torch.as_tensor(np.ascontiguousarray(rows[:, part])) for rows in (seen, targets))
+        windows.append(Window(observations, labels, torch.as_tensor(starts[:, first]), later))
+    return windows
+
+
+def _turned(windows: list[Window], alike: Alike) -> list[Window]:
+    """The windows with each robot in a form that is `alike`, the same over time."""
+    if not alike:
+        return windows
+    chosen = torch.randint(len(alike), (len(windows[0].begins),))
+    of_inputs, of_wanted = (torch.stack(matrices)[chosen] for matrices in zip(*alike, strict=True))
+    return [
+        dataclasses.replace(one, observations=one.observations @ of_inputs, labels=one.labels @ of_wanted)
+        for one in windows
+    ]
+
+
+def states_before(model: BaseAlgorithm, windows: list[Window]) -> list[State]:
+    """The states of all robots where each window begins, by the present network."""
+    policy = _policy_of(model)
+    state = _zeros(model, len(windows[0].begins))
+    states = []
+    with torch.no_grad():
+        for one in windows:
+            goes_on = (~one.begins).float()[:, None]
+            state = state[0] * goes_on, state[1] * goes_on
+            states.append(state)
+            features = policy.extract_features(one.observations.flatten(0, 1), policy.pi_features_extractor)
+            _, state = policy._process_sequence(features, state, one.starts.flatten(), policy.lstm_actor)
+    return states
+
+
+def _epoch(
+    model: BaseAlgorithm,
+    optimizer: torch.optim.Optimizer,
+    windows: list[Window],
+    weights: torch.Tensor,
+    teacher: Teacher,
+    alike: Alike,
+    parameters: list[torch.nn.Parameter],
+) -> float:
+    """An epoch of least squares of weighted errors; returns their root mean square."""
+    turned = _turned(windows, alike)
+    states = states_before(model, turned)
+    batches: list[tuple[Any, ...]] = []
+    for length in sorted({one.starts.shape[1] for one in turned}):
+        of_length = [k for k, one in enumerate(turned) if one.starts.shape[1] == length]
+        observations, labels, starts = (
+            torch.cat([getattr(turned[k], name) for k in of_length]) for name in ("observations", "labels", "starts")
+        )
+        before = [torch.cat([states[k][part] for k in of_length], dim=1) for part in range(2)]
+        factors = weights.repeat(len(of_length))
+        has_starts = starts.any(dim=1)
+        # The library steps through a batch one by one if an episode begins in it, so these are together.
+        for group in (torch.nonzero(~has_starts).flatten(), torch.nonzero(has_starts).flatten()):
+            if len(group):
+                shuffled = group[torch.randperm(len(group))]
+                parts = torch.split(shuffled, max(teacher.batch_size // length, 1))
+                batches.extend((observations, labels, starts, before, factors, chosen) for chosen in parts)
+    total, count = 0.0, 0
+    for i in torch.randperm(len(batches)).tolist():
+        observations, labels, starts, before, factors, chosen = batches[i]
+        state = before[0][:, chosen], before[1][:, chosen]
+        distribution, _ = _policy_of(model).get_distribution(
+            observations[chosen].flatten(0, 1), state, starts[chosen].flatten()
+        )
+        expected = labels[chosen]
+        weight = factors[chosen][:, None, None]
+        found = distribution.mode().reshape(expected.shape)
+        loss = torch.nn.functional.mse_loss(weight * found, weight * expected)
+        optimizer.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        torch.nn.utils.clip_grad_norm_(parameters, MAX_GRADIENT)
+        optimizer.step()
+        total += loss.item() * len(chosen) * expected.shape[1]
+        count += len(chosen) * expected.shape[1]
+    return float(np.sqrt(total / count))
+
+
+def _policy_of(model: BaseAlgorithm) -> Any:
+    return model.policy
