@@ -158,10 +158,7 @@ def run() -> Findings:
             found = (row.recovered, row.held, row.withstood, row.captured)
             rows.append([robot, f"{weights:g}", *(number(value, 3) for value in found)])
     head = ["robot", "P / (M_b g)", "recovers from, deg", "can hold, deg", "withstands, N·s", "capture, N·s"]
-    text = (
-        f"{table(head, rows)}\n\nCommand of a row:\n\n"
-        "```sh\nballbot compare S2-rest S3-at-once --controller lqr --robot paper --sweep wheel_preload=0,21.86\n```"
-    )
+    text = table(head, rows)
 
     def draw(fig: "Figure") -> None:
         from ballbot_rs.media.figures.panels import MARKERS, look
