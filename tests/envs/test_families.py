@@ -175,12 +175,16 @@ def test_scaled_observations_have_gains_of_the_robot():
     plain, scaled = (new_batch(1, options={"robot": "kugle", "scale_by_robot": on}) for on in (False, True))
     robot = bb.Params.preset("kugle")
     factors = plain.observation_gains / scaled.observation_gains
-    np.testing.assert_allclose(factors[:3], 1.0)
-    np.testing.assert_allclose(factors[3:6], robot.scale("rad/s"))
+    # A motion is as large as the lean that starts it.
+    lean = robot.scale("rad")
+    np.testing.assert_allclose(factors[:3], lean)
+    np.testing.assert_allclose(factors[3:6], lean * robot.scale("rad/s"))
     wheels = robot.scale("m/s") * bb.Params.paper().wheel_radius / robot.wheel_radius
-    np.testing.assert_allclose(factors[6:9], wheels)
-    np.testing.assert_allclose(factors[9:11], robot.scale("m"))
-    np.testing.assert_allclose(factors[11:13], robot.scale("m/s"))
+    np.testing.assert_allclose(factors[6:9], lean * wheels)
+    np.testing.assert_allclose(factors[9:11], lean * robot.scale("m"))
+    np.testing.assert_allclose(factors[11:13], lean * robot.scale("m/s"))
     np.testing.assert_allclose(factors[13:], 1.0)
-    assert scaled.max_wheel_torque == pytest.approx(0.2 * robot.scale("N·m"))
+    # The motors limit it.
+    assert 0.45 * robot.scale("N·m") * lean > robot.max_wheel_torque
+    assert scaled.max_wheel_torque == robot.max_wheel_torque
     assert (new_batch(1, options={"scale_observations": False}).observation_gains == 1.0).all()

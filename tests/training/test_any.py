@@ -7,6 +7,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
+from ballbot_rs.envs.family import sample_robots
 from ballbot_rs.training import config
 
 SMALL = {
@@ -40,6 +41,14 @@ def test_a_run_is_of_a_family_and_drives_other_robots(run):
     # Tools for one robot take the first.
     map_of_one = recovery_map.collect(str(run), rings=1, sectors=3, seconds=1.0, env_options={"events": None})
     assert map_of_one is not None
+
+
+@pytest.mark.slow("the maps of a report")
+def test_a_report_shows_the_first_robot(run, tmp_path):
+    path = tmp_path / "report.html"
+    assert main(["report", str(run), "--episodes", "0", "--video-seconds", "0", "-o", str(path), "--quiet"]) == 0
+    first = sample_robots(1, 0, config.parse((run / "config.toml").read_text("utf-8"), "").env["robot"]["ranges"])[0]
+    assert f"{first.body_mass:.6g}" in path.read_text(encoding="utf-8")
 
 
 def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):

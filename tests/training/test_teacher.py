@@ -14,7 +14,7 @@ from stable_baselines3.common.vec_env import VecMonitor
 import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.envs.own import registry
-from ballbot_rs.training import config, teacher, train
+from ballbot_rs.training import config, teacher, teacher_errors, train
 from tests.support.killed_training import weights
 from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
@@ -179,7 +179,12 @@ class TestFit:
             (law,) = teacher.laws_of(model, settings)
             rng, environment = np.random.default_rng(0), model.get_env()
             first = environment.reset()
-            labels = teacher._visited(model, environment, first, teacher._batch(model), law, settings, rng, 1.0)[1]
+            batch = teacher._batch(model)
+
+            def label(batch=batch, law=law, settings=settings):
+                return teacher._actions_of(law, batch, settings), np.ones(32, dtype=np.float32)
+
+            labels = teacher._visited(model, environment, first, label, settings, rng, 1.0)[1]
             batch = teacher._batch(other)
             other.get_env().reset()
             own = np.zeros((32, 3))
@@ -192,16 +197,75 @@ class TestFit:
     def test_of_the_same_observation_of_two_robots_the_weighted_mean_is_learned(self):
         model = new_model(robot=["paper", "rezero"], scale_by_robot=True)
         settings = dataclasses.replace(FIT, epochs=150, drawn=True, weights={"s": 2, "rad": -1})
-        weights = teacher._weights(teacher._batch(model), settings)
-        paper, rezero = weights[[0, 8]]
+        batch = teacher._batch(model)
+        factors = teacher_errors.Weighting(batch, settings).of(batch.states(), np.zeros((32, 3), dtype=np.float32))
+        paper, rezero = factors[[0, 8]] ** 2
         scale = bb.Params.preset("rezero").scale
         assert rezero / paper == pytest.approx(scale("s") ** 2 / scale("rad"), rel=1e-6)
         seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
         labels = np.where(np.arange(32)[:, None] % 16 < 8, 0.5, -0.5).repeat(3, axis=1).astype(np.float32)
         optimizer = torch.optim.Adam(teacher._actor(model), lr=2e-2)
-        teacher._regress(model, optimizer, seen, labels, np.sqrt(weights), settings, [])
+        teacher._regress(model, optimizer, seen, labels, factors, settings, 0, [])
         expected = 0.5 * (paper - rezero) / (paper + rezero)
         np.testing.assert_allclose(model.predict(seen[0], deterministic=True)[0], expected, atol=1e-3)
+
+    def test_large_tilts_do_not_count_and_small_actions_count_more(self):
+        model = new_model(robot=["paper", "rezero"])
+        batch = teacher._batch(model)
+        leans = [batch.params(8 * robot).scale("rad") for robot in range(2)]
+        tilts = np.where(np.arange(32) % 2 == 0, 0.29, 0.31) * np.repeat(leans * 2, 8)
+        batch.reset(starts=[bb.State.at_rest(batch.params(i), tilt=(tilts[i], 0.0)) for i in range(32)])
+        actions = np.tile(np.array([[0.0, 0.1, -0.1]], dtype=np.float32), (32, 1))
+        actions[::4] = [0.2, -0.8, 0.3]
+        weighting = teacher_errors.Weighting(batch, dataclasses.replace(FIT, largest_tilt=0.3, small_action=0.2))
+        expected = np.where(np.arange(32) % 4 == 0, 1.0 / 0.8, 1.0 / 0.2)
+        expected[1::2] = 0.0
+        np.testing.assert_allclose(weighting.of(batch.states(), actions) ** 2, expected, rtol=1e-5)
+
+    @pytest.mark.parametrize("saturates", [True, False])
+    def test_beyond_the_largest_action_there_is_no_error_on_its_side(self, saturates):
+        settings = dataclasses.replace(FIT, epochs=1, saturates=saturates)
+        for label, bias, is_equal in ((1.0, 2.0, True), (1.0, -2.0, False), (0.9, 2.0, False), (1.0, 0.5, False)):
+            model = new_model()
+            seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
+            with torch.no_grad():
+                model.policy.action_net.bias.fill_(bias)
+            before = of_actor(model)
+            optimizer = torch.optim.Adam(teacher._actor(model))
+            labels = np.full((32, 3), label, dtype=np.float32)
+            error = teacher._regress(model, optimizer, seen, labels, np.ones(32, dtype=np.float32), settings, 0, [])
+            assert all(shares(before, of_actor(model))) == (saturates and is_equal)
+            assert (error == 0.0) == (saturates and is_equal)
+
+    def test_the_learning_rate_falls_by_rounds_or_to_zero(self):
+        optimizer = torch.optim.Adam(teacher._actor(new_model()))
+
+        def rate(settings, done, epochs):
+            teacher_errors.set_rate(optimizer, settings, done, epochs)
+            return optimizer.param_groups[0]["lr"]
+
+        usual = dataclasses.replace(FIT, rounds=3, epochs=2)
+        assert [rate(usual, done, epochs) for done in range(3) for epochs in (0, 1.5)] == pytest.approx(
+            [1e-2, 1e-2, 1e-2 * 2 / 3, 1e-2 * 2 / 3, 1e-2 / 3, 1e-2 / 3]
+        )
+        # Epochs of one, two and three rounds of states.
+        longer = dataclasses.replace(usual, last_epochs=5)
+        passed = [0.5, 2 + 2 * 0.5, 2 + 2 * 2 + 3 * 4.5, 2 + 2 * 2 + 3 * 5]
+        found = [rate(longer, *at) for at in ((0, 0.5), (1, 0.5), (2, 4.5), (2, 5))]
+        assert found == pytest.approx([1e-2 * (1.0 - one / 21) for one in passed])
+
+    @pytest.mark.parametrize(
+        ("name", "value", "words"),
+        [
+            ("small_action", 0.0, "from 0.001 to 1"),
+            ("largest_tilt", float("nan"), "from 0.01 to 3"),
+            ("last_epochs", 0, "a whole number of at least 1"),
+            ("saturates", 1, "must be true or false"),
+        ],
+    )
+    def test_values_out_of_range_are_named(self, name, value, words):
+        with pytest.raises(ValueError, match=f"teacher.{name} = {value!r}.*{words}"):
+            dataclasses.replace(FIT, **{name: value})
 
     @pytest.mark.parametrize(("continues", "expected"), [(False, 3), (True, 1)])
     def test_rounds_reset_the_robots_or_continue(self, continues, expected, monkeypatch):

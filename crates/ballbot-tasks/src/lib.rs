@@ -28,7 +28,7 @@ pub use metrics::{Metric, Metrics};
 pub use open_ball_bot::OpenBallBot;
 pub use path::Path;
 pub use push::Push;
-pub use rows::{RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
+pub use rows::{Growth, RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub use rows::{WriteRows, WriteTerms};
 pub use traverse::Traverse;
 pub use velocity::Velocity;

@@ -3,6 +3,17 @@
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 
+/// What a row grows with from robot to robot, beside the lean that starts a motion.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Growth {
+    /// The scale of its unit; pure numbers are alike on all robots.
+    Unit,
+    /// The speed of a wheel, which scales otherwise than the rates of the body.
+    WheelSpeed,
+    /// The lean alone: a component of a direction.
+    Lean,
+}
+
 /// Description of one row of an observation.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Row {
@@ -14,21 +25,27 @@ pub struct Row {
     pub bound: f32,
     /// Its typical magnitude when the task is performed well; the scaled observation is in multiples of it.
     pub typical: f64,
-    /// Whether it is the speed of a wheel, which scales otherwise than the rates of the body.
-    pub is_wheel_speed: bool,
+    /// What it grows with from robot to robot.
+    pub growth: Growth,
 }
 
 impl Row {
     /// A row from its parts.
     #[inline(always)]
     pub const fn new(name: &'static str, unit: &'static str, bound: f32, typical: f64) -> Self {
-        Self { name, unit, bound, typical, is_wheel_speed: false }
+        Self { name, unit, bound, typical, growth: Growth::Unit }
     }
 
     /// The speed of a wheel from its parts, rad/s.
     #[inline(always)]
     pub const fn of_wheel(name: &'static str, bound: f32, typical: f64) -> Self {
-        Self { is_wheel_speed: true, ..Self::new(name, "rad/s", bound, typical) }
+        Self { growth: Growth::WheelSpeed, ..Self::new(name, "rad/s", bound, typical) }
+    }
+
+    /// A component of the vertical from its parts.
+    #[inline(always)]
+    pub const fn of_vertical(name: &'static str, bound: f32, typical: f64) -> Self {
+        Self { growth: Growth::Lean, ..Self::new(name, "", bound, typical) }
     }
 }
 

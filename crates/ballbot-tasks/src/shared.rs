@@ -25,9 +25,9 @@ pub(super) fn body_rows<L: Lane>(sensed: &Sensed<'_, L>, rows: &mut impl Rows<L>
     let up = state.body_quaternion.rotation().rows[2];
     let rate = state.body_angular_velocity;
     let Wheels([w0, w1, w2]) = state.wheel_speeds;
-    rows.row(Row::new("gravity direction, body x", "", 1.0, 0.1), -up.x);
-    rows.row(Row::new("gravity direction, body y", "", 1.0, 0.1), -up.y);
-    rows.row(Row::new("gravity direction, body z", "", 1.0, 0.1), -up.z);
+    rows.row(Row::of_vertical("gravity direction, body x", 1.0, 0.1), -up.x);
+    rows.row(Row::of_vertical("gravity direction, body y", 1.0, 0.1), -up.y);
+    rows.row(Row::of_vertical("gravity direction, body z", 1.0, 0.1), -up.z);
     rows.row(Row::new("body rate about body x", "rad/s", 20.0, 1.0), rate.x);
     rows.row(Row::new("body rate about body y", "rad/s", 20.0, 1.0), rate.y);
     rows.row(Row::new("body rate about body z", "rad/s", 20.0, 1.0), rate.z);

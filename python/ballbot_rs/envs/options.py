@@ -191,12 +191,13 @@ class CommonOptions(TypedDict, total=False):
     max_episode_steps: int | None
     #: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright robot:
     #: an untrained policy then explores torques that balance a robot, not torques that throw it. With `scale_by_robot`
-    #: it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (N·m, >= 1e-9)
+    #: it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that holds its largest
+    #: lean, within the motors' limit. (N·m, >= 1e-9)
     max_wheel_torque: float | None
     #: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
     scale_observations: bool
     #: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
-    #: robot by `Params.scale`: robots of all sizes then look alike to a policy.
+    #: robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a policy.
     scale_by_robot: bool
     #: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4, 8]: oldest
     #: first. docs/sensors.md. (>= 1 and <= 1000; ages: ascending from 0, at most 1000)

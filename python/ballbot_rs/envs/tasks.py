@@ -100,11 +100,13 @@ class BalanceEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -310,11 +312,13 @@ class VelocityEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -528,11 +532,13 @@ class GoalEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -756,11 +762,13 @@ class PathEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 2000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -960,11 +968,13 @@ class PushEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1179,11 +1189,13 @@ class TerrainEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 1000; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
@@ -1379,11 +1391,13 @@ class OpenBallBotEnv(BallbotEnv):
     - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 800; >= 1)
     - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
       the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-      `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot. (default None; >= 1e-9)
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
     - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
       (default True)
     - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
-      robot to this robot by `Params.scale`: robots of all sizes then look alike to a policy. (default False)
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
     - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
       8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
     - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode

@@ -67,12 +67,22 @@ class Teacher:
     symmetric: bool = False
     #: Powers of a robot's scales, by the units of `Params.scale`: their product weights its squared errors.
     weights: dict[str, float] = dataclasses.field(default_factory=dict)
+    #: Least action whose squared errors are divided by it, relative to the largest action; those of larger actions are
+    #: divided by the action itself, so that a robot near rest counts beside a robot that falls. None counts all alike.
+    small_action: float | None = None
+    #: Tilt of the true body beyond which a state does not count, rad; scaled from the paper's robot by the lean that a
+    #: robot can hold. None counts all states.
+    largest_tilt: float | None = None
+    #: Whether an action beyond the largest is as good as the largest where the law commands the largest.
+    saturates: bool = False
     #: Number of rounds: robots are driven and the actor is fitted to all states so far.
     rounds: int = 15
     #: Control steps of all environments in a round.
     steps: int = 200
     #: Of a round's fit; the learning rate falls linearly over the rounds.
     epochs: int = 6
+    #: Of the last round's fit; with it, the learning rate falls linearly over all updates, to zero. None is `epochs`.
+    last_epochs: int | None = None
     batch_size: int = 1024
     #: Control steps over which the fit of a recurrent policy differentiates; its state comes from all steps before.
     window: int = 24
@@ -107,12 +117,18 @@ class Teacher:
             except ValueError as error:
                 raise ValueError(f"teacher.weights: {error}") from error
             _check_number(f"teacher.weights.{unit}", power, "-4", "4")
-        for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric"):
+        for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric", "saturates"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "window": 1, "value_rollouts": 0}
         for name, bound in least.items():
             _check_whole(f"teacher.{name}", getattr(self, name), bound)
+        if self.last_epochs is not None:
+            _check_whole("teacher.last_epochs", self.last_epochs, 1)
+        if self.small_action is not None:
+            _check_number("teacher.small_action", self.small_action, "0.001", "1")
+        if self.largest_tilt is not None:
+            _check_number("teacher.largest_tilt", self.largest_tilt, "0.01", "3")
         _check_number("teacher.learning_rate", self.learning_rate, "1e-9", "1")
         _check_number("teacher.noise", self.noise, "0", "1")
 

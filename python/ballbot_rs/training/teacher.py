@@ -7,7 +7,6 @@ function learns the returns of the fitted policy: with an untrained one the firs
 With `drawn` the law is designed for each robot as events have sampled it, which the policy must infer from its history.
 """
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -27,6 +26,7 @@ from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import symmetry, teacher_sequences
 from ballbot_rs.training.config import Teacher
+from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
 
 #: In the first rounds the law drives some robots: a new policy visits little except falls.
 LAW_ROUNDS = 3
@@ -117,29 +117,28 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
     alike = _symmetries(batch) if teacher.symmetric else []
-    weights = np.sqrt(_weights(batch, teacher))
+    weighting = Weighting(batch, teacher)
+
+    def label() -> Labels:
+        actions = _actions_of(law, batch, teacher)
+        return actions, weighting.of(batch.states(), actions)
+
     if sb3_recurrent.is_recurrent(model):
-        return teacher_sequences.fit_actor(
-            model, teacher, rng, lambda: _actions_of(law, batch, teacher), alike, weights, LAW_ROUNDS, _actor(model)
-        )
+        return teacher_sequences.fit_actor(model, teacher, rng, label, alike, LAW_ROUNDS, _actor(model))
     observations: list[npt.NDArray[np.float32]] = []
     labels: list[npt.NDArray[np.float32]] = []
+    weights: list[npt.NDArray[np.float32]] = []
     errors = []
     last = None
     for done in range(teacher.rounds):
         first = last if teacher.continues and last is not None else environment.reset()
         share = max(1.0 - done / LAW_ROUNDS, 0.0)
-        seen, targets, last = _visited(model, environment, first, batch, law, teacher, rng, share)
+        seen, targets, factors, last = _visited(model, environment, first, label, teacher, rng, share)
         observations.append(seen)
         labels.append(targets)
-        for group in optimizer.param_groups:
-            group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        everything = (
-            np.concatenate(observations),
-            np.concatenate(labels),
-            np.tile(weights, len(labels) * teacher.steps),
-        )
-        errors.append(_regress(model, optimizer, *everything, teacher, alike))
+        weights.append(factors)
+        everything = (np.concatenate(observations), np.concatenate(labels), np.concatenate(weights))
+        errors.append(_regress(model, optimizer, *everything, teacher, done, alike))
     return errors
 
 
@@ -172,29 +171,32 @@ def _visited(
     model: PPO,
     environment: VecEnv,
     observations: VecEnvObs,
-    batch: Batch,
-    law: Controller,
+    label: Callable[[], Labels],
     teacher: Teacher,
     rng: np.random.Generator,
     share: float,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], VecEnvObs]:
-    """Observations of a round, the law's actions there, and the last observations; the law drives some robots."""
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32], VecEnvObs]:
+    """Observations of a round, the law's actions there, their weights, and the last observations.
+
+    The law drives some robots.
+    """
     n = environment.num_envs
     # Noise on half of the robots shows the law's corrections off its own paths.
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
     assert isinstance(observations, np.ndarray)
     seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
     targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
+    weights = np.empty((teacher.steps, n), dtype=np.float32)
     for step in range(teacher.steps):
         seen[step] = observations
-        targets[step] = _actions_of(law, batch, teacher)
+        targets[step], weights[step] = label()
         with torch.no_grad():
             own = _actions(model, torch.as_tensor(observations)).numpy()
         driven = np.where(rng.random((n, 1)) < share, targets[step], own)
         noisy = driven + spread * rng.standard_normal((n, 3))
         observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
         assert isinstance(observations, np.ndarray)
-    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), observations
+    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), weights.reshape(-1), observations
 
 
 def _regress(
@@ -204,38 +206,31 @@ def _regress(
     labels: npt.NDArray[np.float32],
     weights: npt.NDArray[np.float32],
     teacher: Teacher,
+    done: int,
     alike: list[tuple[torch.Tensor, torch.Tensor]],
 ) -> float:
-    """Some epochs of least squares of weighted errors, each batch in a form that is `alike`.
+    """Some epochs of least squares of weighted errors after `done` rounds, each batch in a form that is `alike`.
 
     Returns:
         The root mean square error in the last epoch.
     """
     seen, targets, factors = torch.as_tensor(observations), torch.as_tensor(labels), torch.as_tensor(weights)[:, None]
     total = 0.0
-    for _ in range(teacher.epochs):
+    for epoch in range(epochs_of(teacher, done)):
         total = 0.0
-        for chosen in torch.split(torch.randperm(len(seen)), teacher.batch_size):
+        batches = torch.split(torch.randperm(len(seen)), teacher.batch_size)
+        for i, chosen in enumerate(batches):
             inputs, expected = seen[chosen], targets[chosen]
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
                 inputs, expected = inputs @ of_inputs, expected @ of_wanted
-            weight = factors[chosen]
-            loss = torch.nn.functional.mse_loss(weight * _actions(model, inputs), weight * expected)
+            loss = mean_square(_actions(model, inputs), expected, factors[chosen], teacher)
+            set_rate(optimizer, teacher, done, epoch + i / len(batches))
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
     return float(np.sqrt(total / len(seen)))
-
-
-def _weights(batch: Batch, teacher: Teacher) -> npt.NDArray[np.float32]:
-    """The weight of each robot's squared errors, 1 on average."""
-    robots = [batch.nominal_params(i) for i in range(batch.num_envs)]
-    powers = teacher.weights.items()
-    weights = np.array([math.prod(robot.scale(unit) ** power for unit, power in powers) for robot in robots])
-    normalized: npt.NDArray[np.float32] = (weights / weights.mean()).astype(np.float32)
-    return normalized
 
 
 def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:

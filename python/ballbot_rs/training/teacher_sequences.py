@@ -18,6 +18,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs.training.config import Teacher
+from ballbot_rs.training.teacher_errors import Labels, epochs_of, mean_square, set_rate
 
 #: Largest norm of a gradient.
 MAX_GRADIENT = 1.0
@@ -39,6 +40,8 @@ class Window:
     labels: torch.Tensor
     #: Whether an episode begins with the first step, shape (n,).
     begins: torch.Tensor
+    #: Factors of the errors, shape (n, steps).
+    factors: torch.Tensor
     #: 1 where an episode begins with a later step, shape (n, steps).
     starts: torch.Tensor
 
@@ -56,9 +59,8 @@ def fit_actor(
     model: BaseAlgorithm,
     teacher: Teacher,
     rng: np.random.Generator,
-    label: Callable[[], npt.NDArray[np.float32]],
+    label: Callable[[], Labels],
     alike: Alike,
-    factors: npt.NDArray[np.float32],
     law_rounds: int,
     parameters: list[torch.nn.Parameter],
 ) -> list[float]:
@@ -68,9 +70,8 @@ def fit_actor(
         model: of `RecurrentPPO`.
         teacher: the settings.
         rng: for the choice of robots that the law drives, and for the noise.
-        label: gives the law's actions in the present states, shape (n, 3).
+        label: gives the law's actions in the present states.
         alike: the symmetries that the fit uses; empty for none.
-        factors: of the errors of each robot, shape (n,).
         law_rounds: in this many rounds the law drives some robots.
         parameters: what is fitted.
 
@@ -80,7 +81,6 @@ def fit_actor(
     environment = model.get_env()
     assert environment is not None
     optimizer = torch.optim.Adam(parameters, lr=teacher.learning_rate)
-    weights = torch.as_tensor(factors)
     windows: list[Window] = []
     errors = []
     robots = None
@@ -90,10 +90,9 @@ def fit_actor(
         share = max(1.0 - done / law_rounds, 0.0)
         seen = _visited(model, environment, robots, label, teacher, rng, share)
         windows += _cut(*seen, teacher.window)
-        for group in optimizer.param_groups:
-            group["lr"] = teacher.learning_rate * (1.0 - done / teacher.rounds)
-        for _ in range(teacher.epochs):
-            error = _epoch(model, optimizer, windows, weights, teacher, alike, parameters)
+        for epoch in range(epochs_of(teacher, done)):
+            set_rate(optimizer, teacher, done, epoch)
+            error = _epoch(model, optimizer, windows, teacher, alike, parameters)
         errors.append(error)
     return errors
 
@@ -115,12 +114,14 @@ def _visited(
     model: BaseAlgorithm,
     environment: VecEnv,
     robots: _Robots,
-    label: Callable[[], npt.NDArray[np.float32]],
+    label: Callable[[], Labels],
     teacher: Teacher,
     rng: np.random.Generator,
     share: float,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Observations of a round, the law's actions there, and where episodes begin; the axes are robots and steps.
+) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
+    """Observations of a round, the law's actions there, factors of their errors, and where episodes begin.
+
+    The axes are robots and steps.
 
     The law drives some robots. The robots are then where the round ends.
     """
@@ -129,10 +130,11 @@ def _visited(
     spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
     seen = np.empty((n, teacher.steps, *robots.observations.shape[1:]), dtype=np.float32)
     targets = np.empty((n, teacher.steps, 3), dtype=np.float32)
+    factors = np.empty((n, teacher.steps), dtype=np.float32)
     starts = np.empty((n, teacher.steps), dtype=bool)
     for step in range(teacher.steps):
         seen[:, step], starts[:, step] = robots.observations, robots.starts
-        targets[:, step] = label()
+        targets[:, step], factors[:, step] = label()
         with torch.no_grad():
             given = (
                 torch.as_tensor(robots.observations),
@@ -146,11 +148,15 @@ def _visited(
         found = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))
         assert isinstance(found[0], np.ndarray)
         robots.observations, robots.starts = found[0], found[2].astype(bool)
-    return seen, targets, starts
+    return seen, targets, factors, starts
 
 
 def _cut(
-    seen: npt.NDArray[np.float32], targets: npt.NDArray[np.float32], starts: npt.NDArray[np.bool_], length: int
+    seen: npt.NDArray[np.float32],
+    targets: npt.NDArray[np.float32],
+    factors: npt.NDArray[np.float32],
+    starts: npt.NDArray[np.bool_],
+    length: int,
 ) -> list[Window]:
     """The steps of a round as windows of at most `length`."""
     windows = []
@@ -158,8 +164,10 @@ def _cut(
         part = slice(first, first + length)
         later = torch.as_tensor(starts[:, part], dtype=torch.float32)
         later[:, 0] = 0.0
-        observations, labels = (torch.as_tensor(np.ascontiguousarray(rows[:, part])) for rows in (seen, targets))
-        windows.append(Window(observations, labels, torch.as_tensor(starts[:, first]), later))
+        observations, labels, weights = (
+            torch.as_tensor(np.ascontiguousarray(rows[:, part])) for rows in (seen, targets, factors)
+        )
+        windows.append(Window(observations, labels, torch.as_tensor(starts[:, first]), weights, later))
     return windows
 
 
@@ -194,7 +202,6 @@ def _epoch(
     model: BaseAlgorithm,
     optimizer: torch.optim.Optimizer,
     windows: list[Window],
-    weights: torch.Tensor,
     teacher: Teacher,
     alike: Alike,
     parameters: list[torch.nn.Parameter],
@@ -205,11 +212,11 @@ def _epoch(
     batches: list[tuple[Any, ...]] = []
     for length in sorted({one.starts.shape[1] for one in turned}):
         of_length = [k for k, one in enumerate(turned) if one.starts.shape[1] == length]
-        observations, labels, starts = (
-            torch.cat([getattr(turned[k], name) for k in of_length]) for name in ("observations", "labels", "starts")
+        observations, labels, factors, starts = (
+            torch.cat([getattr(turned[k], name) for k in of_length])
+            for name in ("observations", "labels", "factors", "starts")
         )
         before = [torch.cat([states[k][part] for k in of_length], dim=1) for part in range(2)]
-        factors = weights.repeat(len(of_length))
         has_starts = starts.any(dim=1)
         # The library steps through a batch one by one if an episode begins in it, so these are together.
         for group in (torch.nonzero(~has_starts).flatten(), torch.nonzero(has_starts).flatten()):
@@ -225,9 +232,8 @@ def _epoch(
             observations[chosen].flatten(0, 1), state, starts[chosen].flatten()
         )
         expected = labels[chosen]
-        weight = factors[chosen][:, None, None]
         found = distribution.mode().reshape(expected.shape)
-        loss = torch.nn.functional.mse_loss(weight * found, weight * expected)
+        loss = mean_square(found, expected, factors[chosen][:, :, None], teacher)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
         torch.nn.utils.clip_grad_norm_(parameters, MAX_GRADIENT)

@@ -11,7 +11,7 @@ use crate::control::default_max_torque;
 use crate::perception::{Instruments, Perception};
 use crate::robot::{Ballbot, ModelKind, SIM_DT, check_sim_dt};
 use crate::sensor::{Onboard, SensorOptions};
-use crate::task::{Balance, RewardScales, Row, RowScaling, Task, TaskDescription};
+use crate::task::{Balance, Growth, RewardScales, Row, RowScaling, Task, TaskDescription};
 use ballbot_base::error::{Error, Result, check, positive};
 use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::model::same_geometry;
@@ -32,12 +32,13 @@ env_config! {
             pub max_episode_steps: usize = T::MAX_EPISODE_STEPS, "", Limit::from(1.0);
             /// Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of the upright
             /// robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
-            /// `scale_by_robot` it is 0.2 N·m on the paper's robot, and holds the same lean on any robot.
+            /// `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque
+            /// that holds its largest lean, within the motors' limit.
             pub max_wheel_torque: Option<f64> = None, "N·m", Limit::from(1e-9);
             /// Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
             pub scale_observations: bool = true, "", Limit::FINITE;
             /// Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's robot to this
-            /// robot by `Params.scale`: robots of all sizes then look alike to a policy.
+            /// robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a policy.
             pub scale_by_robot: bool = false, "", Limit::FINITE;
         }
         /// The robots, unless [`super::Batch::set_params`] makes them differ.
@@ -71,7 +72,7 @@ env_config! {
 }
 
 /// Torque of an action of 1 on the paper's robot, from which it is scaled with [`EnvConfig::scale_by_robot`], N·m.
-const PAPER_ACTION: f64 = 0.2;
+const PAPER_ACTION: f64 = 0.4;
 
 /// [`EnvConfig`] of the balance task.
 pub type BalanceConfig = EnvConfig<Balance>;
@@ -94,7 +95,10 @@ impl<T: Task> EnvConfig<T> {
     /// The value of an option that is `None`.
     fn derived(&self, name: &str) -> f64 {
         match name {
-            "max_wheel_torque" if self.scale_by_robot => PAPER_ACTION * Scale::of(&self.params).torque,
+            "max_wheel_torque" if self.scale_by_robot => {
+                let Scale { torque, lean, .. } = Scale::of(&self.params);
+                (PAPER_ACTION * torque * lean).min(self.params.max_wheel_torque)
+            }
             "max_wheel_torque" => default_max_torque(&self.params),
             other => unreachable!("{other} has a value"),
         }
@@ -107,11 +111,12 @@ impl<T: Task> EnvConfig<T> {
             return self.scale_observations.then(|| scaling.clone());
         }
         let scale = Scale::of(&self.params);
-        let factor = |row: &Row| match row.unit {
-            _ if row.is_wheel_speed => scale.wheel_speed,
-            // The laws of motion scale with the size of a robot, but not its angles.
-            "rad" => 1.0,
-            unit => scale.factor(unit).unwrap_or(1.0),
+        // A motion is as large as the lean that starts it.
+        let factor = |row: &Row| match (row.growth, row.unit) {
+            (Growth::WheelSpeed, _) => scale.lean * scale.wheel_speed,
+            (Growth::Lean, _) | (Growth::Unit, "rad") => scale.lean,
+            (Growth::Unit, "") => 1.0,
+            (Growth::Unit, unit) => scale.lean * scale.factor(unit).unwrap_or(1.0),
         };
         let gain = rows.iter().zip(&scaling.gain).map(|(row, gain)| gain / factor(row)).collect();
         Some(RowScaling { rest: scaling.rest.clone(), gain })

@@ -17,6 +17,7 @@ from ballbot_rs.analysis.result import Result
 from ballbot_rs.analysis.simulate import simulate
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.control.resolve import ResolvedController, find, options_of
+from ballbot_rs.envs.family import first_of
 from ballbot_rs.envs.registration import description_of, task_of
 from ballbot_rs.media.figures.labels import short
 from ballbot_rs.media.report import origin, page
@@ -67,7 +68,7 @@ def write(
     learned = curve.read(folder)
     record = run_folder.read_record(folder)
     task = task_of(config_module.parse(learned.config, str(folder)).env_id)
-    policy = find(str(folder.resolve()), task=task)
+    policy = _with_one_robot(find(str(folder.resolve()), task=task))
     show = progress or (lambda _: no_progress)
     described = origin.rows(record, folder, task)
     parts = [page.note(f"Training run {folder.resolve().name}, seed {record['seed']}."), page.pairs(described)]
@@ -112,6 +113,14 @@ def write(
     target = target or folder / "report.html"
     _files.write(target, page.page("Balancing on a ball: a training run", parts))
     return target
+
+
+def _with_one_robot(policy: ResolvedController) -> ResolvedController:
+    """The policy on the first of the robots that it was trained on."""
+    options = policy.env_options
+    if "robot" not in options:
+        return policy
+    return dataclasses.replace(policy, env_options={**options, "robot": first_of(options["robot"])})
 
 
 def _push(shown: Sequence[Trajectory]) -> tuple[str, ...]:

@@ -129,8 +129,13 @@ fn similar_robots_look_alike_to_a_policy() {
 }
 
 #[test]
-fn the_torque_of_an_action_holds_the_same_lean_on_any_robot() {
-    for (params, expected) in [(Params::paper(), 0.2), (similar(2.0), 3.2)] {
+fn the_torque_of_an_action_is_the_same_share_of_what_holds_the_largest_lean_within_the_motors_limit() {
+    let rezero = Params::preset("rezero").unwrap();
+    let Scale { torque, lean, .. } = Scale::of(&rezero);
+    let weak = Params { max_wheel_torque: 0.3, ..Params::paper() };
+    for (params, expected) in
+        [(Params::paper(), 0.45), (similar(2.0), 7.2), (rezero, 0.45 * torque * lean), (weak, 0.3)]
+    {
         let scaled = BalanceConfig { params, scale_by_robot: true, ..BalanceConfig::default() };
         assert!((scaled.action_torque() / expected - 1.0).abs() < 1e-12, "{}", scaled.action_torque());
         let given = BalanceConfig { max_wheel_torque: Some(0.1), ..scaled };
