@@ -226,6 +226,19 @@ class TestRun:
             spread.append(found)
         assert np.std(spread) > 0.1
 
+    def test_a_network_that_amplifies_differences_is_exported(self, run, tmp_path):
+        model, _ = sb3_policy.load(run)
+        with torch.no_grad():
+            for name, weights_of in model.policy.lstm_actor.named_parameters():
+                weights_of.mul_(100.0 if "hh" in name else 10.0)
+        sb3_policy.write(model, tmp_path / "chaos.zip")
+        assert export.export(tmp_path / "chaos.zip", tmp_path / "chaos.onnx") < export.TOLERANCE
+
+    def test_without_the_library_a_file_names_the_extra(self, run, monkeypatch):
+        monkeypatch.setitem(sys.modules, "sb3_contrib", None)
+        with pytest.raises(ModuleNotFoundError, match=r"a policy of RecurrentPPO needs sb3_contrib: install it with"):
+            sb3_policy.load(run)
+
     def test_no_code_in_the_file_is_run(self, run, recwarn):
         model, found = sb3_policy.load(run)
         assert found["algorithm"] == "RecurrentPPO"

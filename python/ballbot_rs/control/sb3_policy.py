@@ -17,15 +17,16 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
+from ballbot_rs._extras import require
 from ballbot_rs._keywords import named
-from ballbot_rs.control import policy_file, policy_size, sb3_archive, sb3_recurrent
+from ballbot_rs.control import policy_file, policy_size, sb3_archive
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, history_ages, observation_space, observation_width
 
 #: Modules with algorithms for continuous actions, and their names.
 ALGORITHMS: Final = {
     "stable_baselines3": ("PPO", "A2C", "SAC", "TD3", "DDPG"),
-    "sb3_contrib": ("TQC", "TRPO", "CrossQ", "ARS", sb3_recurrent.ALGORITHM),
+    "sb3_contrib": ("TQC", "TRPO", "CrossQ", "ARS", policy_size.RECURRENT),
 }
 
 #: The attribute of a saved model that holds its metadata.
@@ -177,6 +178,7 @@ def load(
         FileNotFoundError: there is no such file.
         ValueError: it is not a policy file, is damaged, or is for another environment or another layout of
             observations. This is checked before anything is unpickled.
+        ModuleNotFoundError: sb3-contrib is not installed, which made the policy.
     """
     path = find_file(path)
     data = sb3_archive.read(path)
@@ -201,6 +203,9 @@ def load(
             f"observation is {found['observation']!r}, expected {expected['observation']!r}"
         )
     known = algorithms()
+    if found["algorithm"] in ALGORITHMS["sb3_contrib"]:
+        with require(f"a policy of {found['algorithm']}", "train"):
+            importlib.import_module("sb3_contrib")
     if found["algorithm"] not in known:
         raise ValueError(f"{path}: unknown algorithm '{found['algorithm']}', expected one of {', '.join(known)}")
     options = policy_file.completed(task, found["env_options"])
@@ -287,8 +292,8 @@ def _algorithm_of(data: Mapping[str, Any]) -> str:
     """The algorithm that wrote a file. Algorithms with the same policy class act alike."""
     kind = data.get("policy_class")
     module = str(kind.get("__module__")) if isinstance(kind, dict) else ""
-    if ".recurrent." in module and sb3_recurrent.ALGORITHM in algorithms():
-        return sb3_recurrent.ALGORITHM
+    if ".recurrent." in module and policy_size.RECURRENT in algorithms():
+        return policy_size.RECURRENT
     for name in algorithms():
         if f".{name.lower()}." in module:
             return name

@@ -10,8 +10,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 
 from ballbot_rs.control.recurrent import Rows
 
-#: The algorithm, and its policy for vectors of observations.
-ALGORITHM = "RecurrentPPO"
+#: The policy of RecurrentPPO for vectors of observations.
 POLICY = "MlpLstmPolicy"
 
 

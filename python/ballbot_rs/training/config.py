@@ -12,15 +12,16 @@ import numpy as np
 from ballbot_rs import _toml
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel, Params
+from ballbot_rs.control.policy_size import RECURRENT
 from ballbot_rs.envs._batch_env import new_batch
 from ballbot_rs.envs.family import are_several
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, task_of
 
 #: Of Stable-Baselines3, CMA-ES (`training.evolution`), and of sb3-contrib the PPO of recurrent policies.
-ALGORITHMS = ("PPO", "SAC", "CMA", "RecurrentPPO")
+ALGORITHMS = ("PPO", "SAC", "CMA", RECURRENT)
 
 #: Algorithms whose policies can be fitted to a teacher first.
-TAUGHT: Final = ("PPO", "RecurrentPPO")
+TAUGHT: Final = ("PPO", RECURRENT)
 
 
 @dataclasses.dataclass(frozen=True)

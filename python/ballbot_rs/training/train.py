@@ -258,11 +258,11 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
                 float(config.algorithm_arguments[name]), config.total_timesteps, config.most_timesteps
             )
         policy_size.check(config.policy, observation_width(task_of(config.env_id), config.env), config.algorithm)
-        if config.algorithm == sb3_recurrent.ALGORITHM:
+        if config.algorithm == policy_size.RECURRENT:
             with require(f"algorithm = {config.algorithm}", "train"):
                 importlib.import_module("sb3_contrib")
         model: BaseAlgorithm = algorithms()[config.algorithm](
-            sb3_recurrent.POLICY if config.algorithm == sb3_recurrent.ALGORITHM else "MlpPolicy",
+            sb3_recurrent.POLICY if config.algorithm == policy_size.RECURRENT else "MlpPolicy",
             environment,
             policy_kwargs=dict(config.policy),
             tensorboard_log=str(folder / "tensorboard"),
