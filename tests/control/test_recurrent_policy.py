@@ -6,6 +6,7 @@ from typing import ClassVar
 import numpy as np
 import onnx
 import pytest
+from onnx import helper, numpy_helper
 
 import ballbot_rs as bb
 from ballbot_rs.analysis.actors import make_actor
@@ -81,10 +82,26 @@ class TestFile:
             policy.step(seen[:, 1:], state)
         with pytest.raises(TypeError, match="state is"):
             policy.step(seen, "zero")
+        # It would stay in the state.
+        with pytest.raises(ValueError, match="observation has the value nan: all must be finite"):
+            policy.step(np.where(np.arange(16) == 3, np.nan, seen), state)
+        with pytest.raises(ValueError, match="state has the value inf: all must be finite"):
+            policy.step(seen, np.full((2, 20), np.inf))
         with pytest.raises(ValueError, match="count = 0"):
             policy.initial_state(0)
         with pytest.raises(TypeError, match="count"):
             policy.initial_state(1.5)
+
+    def test_a_next_state_of_another_shape_is_named(self, file, tmp_path):
+        model = onnx.load(file)
+        last = model.graph.node[-1]
+        last.output[0] = "each"
+        model.graph.initializer.append(numpy_helper.from_array(np.array([0]), "rows"))
+        model.graph.node.append(helper.make_node("ReduceMean", ["each", "rows"], ["next_state"], keepdims=1))
+        onnx.save(model, tmp_path / "mean.onnx")
+        policy = bb.OnnxPolicy(tmp_path / "mean.onnx")
+        with pytest.raises(ValueError, match=r"gives a next_state of shape \(1, 20\), expected \(3, 20\)"):
+            policy.step(np.zeros((3, 16)), policy.initial_state(3))
 
     def test_a_file_with_another_state_is_rejected(self, file, tmp_path):
         def rejected(change, words):
@@ -105,7 +122,15 @@ class TestFile:
 
         rejected(without_next, "a state to an action and a next_state")
         rejected(larger, "a state to an action and a next_state|cannot|not an ONNX file")
+
+        def whole_numbers(model):
+            model.graph.input[1].type.tensor_type.elem_type = onnx.TensorProto.INT64
+            for node in model.graph.node:
+                node.input[:] = ["real" if name == "state" else name for name in node.input]
+            model.graph.node.insert(0, helper.make_node("Cast", ["state"], ["real"], to=onnx.TensorProto.FLOAT))
+
         rejected(text, "state is 'LSTM', not a dict")
+        rejected(whole_numbers, r"takes state as tensor\(int64\), expected tensor\(float\)")
         huge = recurrent_policy(tmp_path / "huge.onnx", units=400, cells=100)
         with pytest.raises(ValueError, match="has a state of 80000 numbers, more than 65536"):
             bb.OnnxPolicy(huge)
@@ -253,6 +278,19 @@ class TestController:
         assert [weights.shape for weights, _ in layers] == [(4, 5), (3, 4)]
         with pytest.raises(ValueError, match="recurrent policy, of 2 LSTM cells"):
             network_file.read(file)
+
+    @pytest.mark.parametrize("recurrent", [False, True])
+    def test_weights_may_be_inputs_too(self, recurrent, file, tmp_path):
+        """As in files of IR version 3."""
+        model = onnx.load(file if recurrent else SHIPPED)
+        for tensor in model.graph.initializer:
+            model.graph.input.append(helper.make_tensor_value_info(tensor.name, tensor.data_type, tensor.dims))
+        onnx.save(model, tmp_path / "old.onnx")
+        state = bb.State.at_rest("paper", tilt=(0.03, -0.01))
+        found, expected = (
+            bb.OnnxPolicy(path).controller()(state) for path in (tmp_path / "old.onnx", file if recurrent else SHIPPED)
+        )
+        np.testing.assert_array_equal(found, expected)
 
     @pytest.mark.parametrize("change", ["gates", "state", "output", "tanh"])
     def test_another_network_makes_no_controller(self, change, file, tmp_path):

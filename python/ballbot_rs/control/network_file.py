@@ -117,8 +117,10 @@ class _Terms:
     def read(self, graph: Any) -> None:
         """Reads the nodes in order; what is unknown has no term."""
         constants = {tensor.name: self._to_array(tensor) for tensor in graph.initializer}
+        # Files of IR version 3 list the weights as inputs, too.
         for end in graph.input:
-            self.named[end.name] = self._term(end.name)
+            if end.name not in constants:
+                self.named[end.name] = self._term(end.name)
         for node in graph.node:
             given = {one.name: self._attribute(one) for one in node.attribute}
             if node.op_type == "Constant" and "value" in given:

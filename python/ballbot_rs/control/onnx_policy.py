@@ -85,6 +85,9 @@ class OnnxPolicy:
             )
         if self._state_len > policy_size.MAX_STATE:
             raise ValueError(f"{file} has a state of {self._state_len} numbers, more than {policy_size.MAX_STATE}")
+        for end in self._session.get_inputs():
+            if end.type != "tensor(float)":
+                raise ValueError(f"{file} takes {end.name} as {end.type}, expected tensor(float)")
         self._run: Any = None
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -143,7 +146,8 @@ class OnnxPolicy:
             state: of the same robots, shape (k,) or (n, k); k is `state_len`, 0 for a policy that is not recurrent.
 
         Raises:
-            ValueError: another shape.
+            ValueError: another shape; of a recurrent policy also a number that is not finite, which would stay in the
+                state, or a file that gives a next state of another shape.
             TypeError: not numbers.
             TimeoutError: as `act`.
         """
@@ -153,7 +157,14 @@ class OnnxPolicy:
             raise ValueError(f"state has shape {states.shape} for an observation of shape {rows.shape}")
         if not self._state_len:
             return self.act(rows), states
+        for name, values in {"observation": rows, "state": states}.items():
+            if not np.isfinite(values).all():
+                value = values[~np.isfinite(values)][0]
+                raise ValueError(f"{name} has the value {value}: all must be finite in single precision")
         actions, after = self._infer({"observation": rows, "state": states}, ["action", "next_state"])
+        expected = np.atleast_2d(states).shape
+        if after.shape != expected:
+            raise ValueError(f"{self._file} gives a next_state of shape {after.shape}, expected {expected}")
         return (actions, after) if rows.ndim == 2 else (actions[0], after[0])
 
     def _numbers(self, name: str, values: npt.ArrayLike, width: int) -> npt.NDArray[np.float32]:
@@ -210,7 +221,7 @@ class OnnxPolicy:
         return _policy_controller(self._file.stem, self.task, layers, history, scalars, params_of(robot), cells=cells)
 
     def interrupt(self) -> None:
-        """Ends a call of `act` in another thread, which then raises: a file may hold a loop that does not end."""
+        """Ends a call of `act` or `step` in another thread, which then raises: a file may hold an endless loop."""
         if self._run is not None:
             self._run.terminate = True
 
