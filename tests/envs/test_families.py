@@ -52,6 +52,13 @@ def test_a_family_may_have_preloads():
     assert robots[0].max_wheel_torque == pytest.approx(usual[0].max_wheel_torque, rel=1e-12)
 
 
+@pytest.mark.parametrize("bounds", [(-1.0, 1.0), (0.0, 2000.0)])
+def test_preloads_of_which_some_are_invalid_are_rejected(bounds):
+    """Not sampled from the valid part alone."""
+    with pytest.raises(ValueError, match=r"weight of the body.* expected two numbers of at least 0 .* at most 1000"):
+        sample_robots(2, 0, {"wheel_preload / weight of the body": bounds})
+
+
 @pytest.mark.parametrize("robots", [["paper", "kugle"], range(10**12), {"family": 2}])
 def test_motions_of_fewer_robots_than_are_named_are_rejected(robots):
     """The others would not be simulated."""

@@ -53,6 +53,9 @@ LINEAR: Final[Ranges] = {
 #: Ranges that are sampled uniformly and last, so that without them robots stay what they are.
 LAST: Final[Ranges] = {"wheel_preload / weight of the body": (0.0, 0.0)}
 
+#: Least and most of what `LAST` names; beyond it no robot is valid.
+_BOUNDS: Final[Ranges] = {"wheel_preload / weight of the body": (0.0, 1e3)}
+
 
 #: Most robots of a family: as many as a batch has environments.
 MOST_ROBOTS: Final = 2**20
@@ -179,16 +182,17 @@ def _range(name: str, bounds: Any) -> tuple[float, float]:
     """A range of a name in `RANGES`, `LINEAR` or `LAST`.
 
     Raises:
-        ValueError: not two numbers in ascending order, or not positive where they are sampled log-uniformly.
+        ValueError: not two numbers in ascending order, not positive where they are sampled log-uniformly, or out of
+            range.
     """
     if isinstance(bounds, str) or not isinstance(bounds, Sequence) or len(bounds) != 2:
         raise InvalidInputError(f"robot.ranges[{name!r}] = {bounds!r}: expected a least and a most number")
     least, most = (check_real(f"robot.ranges[{name!r}]", bound) for bound in bounds)
-    lowest = np.finfo(float).tiny if name in RANGES else -LARGEST
-    if not lowest <= least <= most <= LARGEST:
-        kind = "positive numbers" if name in RANGES else "numbers"
+    lowest, highest = _BOUNDS.get(name, (np.finfo(float).tiny if name in RANGES else -LARGEST, LARGEST))
+    if not lowest <= least <= most <= highest:
+        kind = "positive numbers" if name in RANGES else "numbers of at least 0" if name in _BOUNDS else "numbers"
         raise InvalidInputError(
-            f"robot.ranges[{name!r}] = {bounds!r}: expected two {kind} in ascending order, at most {LARGEST:g}"
+            f"robot.ranges[{name!r}] = {bounds!r}: expected two {kind} in ascending order, at most {highest:g}"
         )
     return least, most
 
