@@ -172,6 +172,15 @@ class TestCommands:
         np.testing.assert_allclose(found, expected, atol=1e-5)
         assert ends > 8
 
+    def test_the_state_begins_again_where_a_loop_is_reset(self, file):
+        batch = self.batch(3)
+        loop = ClosedLoop(batch, make_actor(find(str(file)), batch))
+        found = []
+        for _ in range(2):
+            loop.reset(seeds=[1, 2, 3])
+            found.append([step.actions for step in loop.steps(5)])
+        np.testing.assert_array_equal(*found)
+
     def test_simulate_compare_scenarios_and_datasets(self, file):
         policy = bb.OnnxPolicy(file)
         run = bb.simulate(file, seconds=0.2, tilt=(0.03, 0.0))

@@ -48,6 +48,9 @@ class ClosedLoop:
     def reset(self, *, seeds: Sequence[int | None] | None = None, starts: Sequence[State | None] | None = None) -> None:
         """Begins an episode of each robot, as `Batch.reset`."""
         self._observations = self._batch.reset(seeds=seeds, starts=starts)
+        if self._done and not isinstance(self._controller, Controller):
+            # The batch has the memory of a controller of the core.
+            self._controller.ended(np.ones(self._batch.num_envs, dtype=bool))
         self._done = 0
 
     def steps(
