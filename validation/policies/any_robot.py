@@ -60,8 +60,9 @@ its 95 % interval.
 
 Where it falls short: 0.2 % of the family's episodes end in a fall, with a law that is given the robot 0.1 %. Most
 are of the robots that can lean least: the policy cannot observe how much torque their wheels transmit. An action of 1
-is 0.2 N·m on the paper's robot; `lqr` uses all torque that its wheels transmit, which is more the more the robot leans.
-So the policy recovers from smaller tilts and pushes; the table compares it with `lqr` limited to the torque of an
+is 0.4 N·m on the paper's robot, and on another as large in proportion to the torque that holds its largest lean, within
+the limit of its motors; `lqr` uses all torque that its wheels transmit, which is more the more the robot leans. So from
+the largest tilts and pushes the policy falls earlier; the table compares it with `lqr` limited to the torque of an
 action, too. Sensors do not limit it: with them `lqr` recovers from the same tilts
 (`ballbot compare S2-rest --controller lqr --sensors kugle --robot ROBOT`). One training seed.
 """
