@@ -1,5 +1,6 @@
 //! Scenes of the page in the browser, natively.
 
+use ballbot_core::batch::{History, Layer, policy_controller};
 use ballbot_core::control::{Setpoint, controller_kind};
 use ballbot_core::{Ballbot, ModelKind, Params};
 use ballbot_web::{ROW, Scene, catalog, row_width};
@@ -27,6 +28,34 @@ fn a_scene_is_the_closed_loop_of_robot_and_controller_to_the_bit() {
     assert_eq!(part(&scene, 0, "ball_position"), robot.state().ball_position.as_slice());
     assert_eq!(part(&scene, 0, "wheel_angles"), robot.state().wheel_angles.0);
     assert!((scene.time() - 2.1).abs() < 1e-12);
+}
+
+#[test]
+fn a_recurrent_policy_is_the_controller_of_its_cells_and_layers_to_the_bit() {
+    // A cell of two units has eight gates of the rows and of its last outputs.
+    let (rows, units, params) = (16, 2, Params::paper());
+    let count = 4 * units * (rows + units + 1);
+    let numbers: Vec<f64> = (0..count + 3 * (units + 1)).map(|i| ((i * i) as f64).sin()).collect();
+    let text = numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+    let policy = format!("[policy]\nwidths = [{rows}, {units}, 3]\ncells = 1\ncontrol_dt = 0.01\nnumbers = [{text}]");
+    let mut scene = Scene::new(&format!("tilt = 0.05\n{policy}")).unwrap();
+    scene.advance(100);
+
+    let layer = |inputs, outputs, numbers| {
+        let (weights, biases) = <[f64]>::split_at(numbers, inputs * outputs);
+        Layer { inputs, outputs, weights, biases }
+    };
+    let (cell, last) = numbers.split_at(count);
+    let (cells, layers) = ([layer(rows + units, 4 * units, cell)], [layer(units, 3, last)]);
+    let options = [("control_dt", &[0.01][..])];
+    let mut law = policy_controller("balance", &params, &options, &History::default(), &cells, &layers).unwrap();
+    let mut robot = Ballbot::new(&params, ModelKind::Contact, 0.001).unwrap();
+    robot.place_on_ground(0.0, 0.0, 0.0, Some([0.05, 0.0].into())).unwrap();
+    for _ in 0..10 {
+        robot.step(law.wheel_torques(&robot.state(), &Setpoint::default()), 10).unwrap();
+    }
+    assert_eq!(part(&scene, 0, "wheel_angles"), robot.state().wheel_angles.0);
+    assert!(robot.state().wheel_speeds.column().amax() > 0.1);
 }
 
 #[test]
@@ -161,6 +190,12 @@ fn what_does_not_fit_is_an_error_and_changes_nothing() {
         ("[policy]\nwidths = [16.7, 3]\nnumbers = [1]", "whole number"),
         ("[policy]\nwidths = [1e30, 3]\nnumbers = [1]", "10000"),
         ("[policy]\nwidths = [0, 3]\nnumbers = [1, 1, 1]", "from 1"),
+        (
+            "[policy]\nwidths = [16, 3]\ncells = 2\nnumbers = [1]",
+            "cells of the policy: expected a whole number up to 1",
+        ),
+        ("[policy]\nwidths = [16, 3]\ncells = 0.5\nnumbers = [1]", "cells of the policy"),
+        ("[policy]\nwidths = [16, 3]\ncells = 1\nnumbers = [1]", "240"),
         ("controller = 'lqr'\n[policy]", "in place of a controller"),
     ] {
         let error = Scene::new(settings).err().expect(settings).to_string();
