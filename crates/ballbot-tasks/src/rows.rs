@@ -3,7 +3,7 @@
 use ballbot_base::error::{Error, Result};
 use ballbot_base::lanes::Lane;
 
-/// What a row grows with from robot to robot, beside the lean that starts a motion.
+/// What a row grows with from robot to robot, in addition to the lean that starts a motion.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Growth {
     /// The scale of its unit; pure numbers are alike on all robots.

@@ -68,8 +68,8 @@ class Teacher:
     symmetric: bool = False
     #: Powers of a robot's scales, by the units of `Params.scale`: their product weights its squared errors.
     weights: dict[str, float] = dataclasses.field(default_factory=dict)
-    #: Least action whose squared errors are divided by it, relative to the largest action; those of larger actions are
-    #: divided by the action itself, so that a robot near rest counts beside a robot that falls. None counts all alike.
+    #: Least action whose squared errors are divided by it, relative to the largest action; errors of larger actions are
+    #: divided by the action itself, so that a robot near rest counts as well as a robot that falls. None divides none.
     small_action: float | None = None
     #: Tilt of the true body beyond which a state does not count, rad; scaled from the paper's robot by the lean that a
     #: robot can hold. None counts all states.

@@ -129,7 +129,7 @@ fn similar_robots_look_alike_to_a_policy() {
 }
 
 #[test]
-fn the_torque_of_an_action_is_the_same_share_of_what_holds_the_largest_lean_within_the_motors_limit() {
+fn the_torque_of_an_action_is_in_proportion_to_what_holds_the_largest_lean_within_the_motors_limit() {
     let rezero = Params::preset("rezero").unwrap();
     let Scale { torque, lean, .. } = Scale::of(&rezero);
     let weak = Params { max_wheel_torque: 0.3, ..Params::paper() };
