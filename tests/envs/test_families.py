@@ -192,6 +192,6 @@ def test_scaled_observations_have_gains_of_the_robot():
     np.testing.assert_allclose(factors[11:13], lean * robot.scale("m/s"))
     np.testing.assert_allclose(factors[13:], 1.0)
     # The motors limit it.
-    assert 0.45 * robot.scale("N·m") * lean > robot.max_wheel_torque
+    assert 0.4 * robot.scale("N·m") * lean > robot.max_wheel_torque
     assert scaled.max_wheel_torque == robot.max_wheel_torque
     assert (new_batch(1, options={"scale_observations": False}).observation_gains == 1.0).all()

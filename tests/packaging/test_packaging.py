@@ -33,6 +33,7 @@ LEARNING = {
     "training/run_state.py",
     "training/scaled_rewards.py",
     "training/teacher.py",
+    "training/teacher_errors.py",
     "training/teacher_sequences.py",
     "training/train.py",
 }

@@ -112,7 +112,7 @@ class TestFit:
         starts = rng.random((n, steps)) < 0.1
         starts[:, 0] = True
         labels = np.zeros((n, steps, 3), np.float32)
-        windows = teacher_sequences._cut(seen, labels, starts, 8)
+        windows = teacher_sequences._cut(seen, labels, np.ones((n, steps), np.float32), starts, 8)
         assert [one.labels.shape[1] for one in windows] == list(lengths)
         states = teacher_sequences.states_before(model, windows)
         policy, state = sb3_recurrent.RecurrentModel(model), np.zeros((n, 24), np.float32)
@@ -131,13 +131,9 @@ class TestFit:
         labels = rng.uniform(-1.0, 1.0, (4, 16, 3)).astype(np.float32)
         starts = np.zeros((4, 16), dtype=bool)
         starts[:, [0, 8]] = True
-        joined = teacher_sequences._cut(seen, labels, starts, 16)
-        apart = teacher_sequences._cut(
-            np.concatenate([seen[:, :8], seen[:, 8:]]),
-            np.concatenate([labels[:, :8], labels[:, 8:]]),
-            np.concatenate([starts[:, :8], starts[:, 8:]]),
-            16,
-        )
+        rows = seen, labels, rng.uniform(0.5, 2.0, (4, 16)).astype(np.float32), starts
+        joined = teacher_sequences._cut(*rows, 16)
+        apart = teacher_sequences._cut(*(np.concatenate([one[:, :8], one[:, 8:]]) for one in rows), 16)
         found = []
         for windows in (joined, apart):
             model = new_model()
@@ -146,7 +142,6 @@ class TestFit:
             args = (
                 torch.optim.SGD(parameters, lr=0.1),
                 windows,
-                torch.ones(len(windows[0].begins)),
                 whole,
                 [],
                 parameters,
@@ -162,7 +157,7 @@ class TestFit:
         rng = np.random.default_rng(2)
         seen, labels = rng.normal(size=(50, 12, 16)), rng.normal(size=(50, 12, 3))
         rows = seen.astype(np.float32), labels.astype(np.float32)
-        windows = teacher_sequences._cut(*rows, np.zeros((50, 12), dtype=bool), 5)
+        windows = teacher_sequences._cut(*rows, np.ones((50, 12), np.float32), np.zeros((50, 12), dtype=bool), 5)
         turned = teacher_sequences._turned(windows, pairs)
         signs = [(one.observations / other.observations).round() for one, other in zip(turned, windows, strict=True)]
         assert all(torch.equal(sign[:, 0, 0], signs[0][:, 0, 0]) for sign in signs)

@@ -139,8 +139,7 @@ fn invalid_rollers_are_rejected() {
 
 #[test]
 fn a_preload_is_at_most_a_thousand_weights() {
-    let weight = 2.228 * 9.81;
-    let words = format!("at most {} N, 1000 times the body's weight", 1e3 * weight);
+    let words = format!("at most {} N, 1000 times the body's weight", 1e3 * 2.228 * 9.81);
     assert_rejected(&[("wheel_preload", &[3e4], ["wheel_preload = 30000 ", &words])]);
     // A mast that does not pass between the wheels: the preload lifts one of them.
     let azimuths = [0.0, 1.5, 3.0];

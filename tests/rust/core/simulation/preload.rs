@@ -67,8 +67,9 @@ fn it_moves_no_robot_that_rolls(simulation: Simulation) {
         let start = State::tilted(&plain, Vector2::new(0.03, -0.02), 0.4);
         let simulated = [&plain, &params].map(|params| rolled(simulation.robot(params, 1e-3).as_mut(), &start));
         let exact = [&plain, &params].map(|params| rolled(&mut SpatialMotion::new(params, 1e-3), &start));
-        // The ball of a simulation is off its place by a micrometer, and so are the directions of the loads.
-        for ([without, with], [motion, forces, loads]) in [(simulated, [1e-12, 1e-9, 1e-3]), (exact, [0.0, 0.0, 1e-12])]
+        // The ball of a simulation is off its place by a micrometer, and so are the directions of the loads. Differences by
+        // rounding grow as the robot topples.
+        for ([without, with], [motion, forces, loads]) in [(simulated, [1e-11, 1e-9, 1e-3]), (exact, [0.0, 0.0, 1e-12])]
         {
             let mut off = [0.0_f64; 4];
             let expected = preloads(&params);
@@ -146,7 +147,8 @@ fn it_is_an_internal_force(simulation: Simulation) {
     let fall = Vector3::z() * (-(params.ball_mass + params.body_mass) * params.gravity * 0.05);
     println!("{ball} {body} {turning}");
     assert!(ball.norm() > 1e-4 && turning.norm() > 1e-6, "{ball} {turning}");
-    assert!((total - fall).norm() < 1e-9 * ball.norm() + 1e-12, "{total}");
+    // The turning of a step is of first order in `rigid`.
+    assert!((total - fall).norm() < 1e-8 * ball.norm() + 1e-12, "{total}");
     let shares =
         (com - state.ball_position).cross(&(body - total * (params.body_mass / (params.ball_mass + params.body_mass))));
     assert!((turning + shares).norm() < 1e-6 * turning.norm(), "{turning} and {shares}");

@@ -133,8 +133,7 @@ fn the_torque_of_an_action_is_in_proportion_to_what_holds_the_largest_lean_withi
     let rezero = Params::preset("rezero").unwrap();
     let Scale { torque, lean, .. } = Scale::of(&rezero);
     let weak = Params { max_wheel_torque: 0.3, ..Params::paper() };
-    for (params, expected) in
-        [(Params::paper(), 0.45), (similar(2.0), 7.2), (rezero, 0.45 * torque * lean), (weak, 0.3)]
+    for (params, expected) in [(Params::paper(), 0.4), (similar(2.0), 6.4), (rezero, 0.4 * torque * lean), (weak, 0.3)]
     {
         let scaled = BalanceConfig { params, scale_by_robot: true, ..BalanceConfig::default() };
         assert!((scaled.action_torque() / expected - 1.0).abs() < 1e-12, "{}", scaled.action_torque());
