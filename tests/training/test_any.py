@@ -5,6 +5,7 @@ import json
 import pytest
 
 import ballbot_rs as bb
+from ballbot_rs._short import number
 from ballbot_rs.analysis import recovery_map
 from ballbot_rs.cli import main
 from ballbot_rs.envs.family import sample_robots
@@ -48,7 +49,7 @@ def test_a_report_shows_the_first_robot(run, tmp_path):
     path = tmp_path / "report.html"
     assert main(["report", str(run), "--episodes", "0", "--video-seconds", "0", "-o", str(path), "--quiet"]) == 0
     first = sample_robots(1, 0, config.parse((run / "config.toml").read_text("utf-8"), "").env["robot"]["ranges"])[0]
-    assert f"{first.body_mass:.6g}" in path.read_text(encoding="utf-8")
+    assert f"<td>{number(first.body_mass)}</td>" in path.read_text(encoding="utf-8")
 
 
 def test_a_policy_of_a_family_is_exported_for_a_robot(run, tmp_path, capsys):
