@@ -1,13 +1,20 @@
 """Trainings continue until their policy succeeds, or report that it does not."""
 
 import json
+from pathlib import Path
 
 import numpy as np
 import pytest
+import torch
+from stable_baselines3 import PPO, SAC
+from stable_baselines3.common.vec_env import VecMonitor
 
-from ballbot_rs import Params
+from ballbot_rs import BallbotVecEnv, Params, evaluate
 from ballbot_rs._core import TASKS
 from ballbot_rs.cli import main
+from ballbot_rs.control import sb3_policy
+from ballbot_rs.envs._batch_env import without_curriculum
+from ballbot_rs.envs.registration import task_of
 from ballbot_rs.training import callbacks, config, run_folder, train
 from tests.support.killed_training import weights
 from tests.support.tiny_config import TINY_CONFIG
@@ -68,6 +75,68 @@ def test_evaluating_the_best_policy_does_not_change_the_training(tmp_path):
     assert record["success"] >= 0.0
     for name in (run_folder.BEST, run_folder.FINAL):
         assert weights(tmp_path / "plain" / name) == weights(tmp_path / "judged" / name)
+
+
+def configurations_that_require_success():
+    for file in sorted((Path(config.__file__).parent / "configs").glob("*.toml")):
+        parsed = config.parse(file.read_text(encoding="utf-8"), file.name)
+        # The laws do not know the rules of openballbot, and a family has more than one robot.
+        if parsed.evaluation.success is not None and file.stem not in ("openballbot", "balance-any"):
+            yield pytest.param(parsed, id=file.stem)
+
+
+@pytest.mark.parametrize("parsed", list(configurations_that_require_success()))
+def test_a_law_has_the_success_that_a_training_requires(parsed):
+    left_out = ("events", "history", "observation", "scale_by_robot")
+    options = {name: value for name, value in without_curriculum(parsed.env).items() if name not in left_out}
+    found = evaluate("mpc", task=task_of(parsed.env_id), episodes=20, **options)
+    assert found.success_rate >= parsed.evaluation.success
+
+
+def seen_and_judged(model, seed):
+    """An evaluation of a model in Rust, and by Stable-Baselines3."""
+    robots = VecMonitor(BallbotVecEnv(6, max_episode_steps=60))
+    return callbacks.evaluated(model, robots, 6, seed), callbacks._evaluated_by_sb3(model, robots, 6, seed)
+
+
+def network(seed, **policy):
+    return PPO("MlpPolicy", BallbotVecEnv(1), seed=seed, device="cpu", policy_kwargs={"net_arch": [8], **policy})
+
+
+@pytest.mark.parametrize("net_arch", [[], [8], [16, 8]])
+def test_a_policy_is_evaluated_in_rust_as_in_python(net_arch):
+    model = network(3, net_arch=net_arch)
+    # The first actions of a learner are too small to topple a robot, or to be limited.
+    with torch.no_grad():
+        for weights in model.policy.action_net.parameters():
+            weights.mul_(300.0)
+    assert sb3_policy.tanh_network(model) is not None
+    # Stable-Baselines3 lists the episodes as they end.
+    found, expected = (np.sort(results, axis=1) for results in seen_and_judged(model, 7))
+    np.testing.assert_array_equal(found[1:], expected[1:])
+    np.testing.assert_allclose(found[0], expected[0], rtol=1e-4)
+    assert len(set(found[1])) > 1
+
+
+def with_weight(value):
+    model = network(0)
+    with torch.no_grad():
+        model.policy.action_net.weight[0, 0] = value
+    return model
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        lambda: network(0, activation_fn=torch.nn.ReLU),
+        lambda: SAC("MlpPolicy", BallbotVecEnv(1), buffer_size=10, device="cpu", policy_kwargs={"net_arch": [8]}),
+        lambda: with_weight(2e9),
+        lambda: with_weight(float("nan")),
+    ],
+    ids=["relu", "SAC", "huge", "NaN"],
+)
+def test_other_policies_are_evaluated_by_stable_baselines3(model):
+    assert sb3_policy.tanh_network(model()) is None
 
 
 @pytest.mark.parametrize(

@@ -14,12 +14,15 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import FlattenExtractor
 from stable_baselines3.common.vec_env import unwrap_vec_normalize
 
 from ballbot_rs import __version__, _files, _interrupts
 from ballbot_rs._extras import require
 from ballbot_rs._keywords import named
 from ballbot_rs.control import policy_file, policy_size, sb3_archive
+from ballbot_rs.control.network_file import Network
 from ballbot_rs.envs.registration import DEFAULT_TASK, env_id_of
 from ballbot_rs.envs.spaces import action_space, history_ages, observation_space, observation_width
 
@@ -31,6 +34,9 @@ ALGORITHMS: Final = {
 
 #: The attribute of a saved model that holds its metadata.
 METADATA: Final = "ballbot_metadata"
+
+#: The largest weight of a network that robots are stepped with in Rust.
+_LARGEST_WEIGHT: Final = 1e9
 
 
 def algorithms() -> dict[str, type[BaseAlgorithm]]:
@@ -159,6 +165,25 @@ def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDAr
     finally:
         torch.set_num_threads(threads)
     return actions
+
+
+def tanh_network(model: BaseAlgorithm) -> Network | None:
+    """The layers from observations to actions, for `Batch.episodes`; None unless they are dense with tanh between them.
+
+    A model with a state or squashed actions has none, and neither has one whose weights are not numbers within ±1e9.
+    """
+    policy: Any = model.policy
+    if type(policy) is not ActorCriticPolicy or type(policy.features_extractor) is not FlattenExtractor:
+        return None
+    hidden: list[Any] = list(policy.mlp_extractor.policy_net)
+    dense, between = [*hidden[::2], policy.action_net], hidden[1::2]
+    if policy.squash_output or len(dense) != len(between) + 1:
+        return None
+    if any(type(layer) is not torch.nn.Linear for layer in dense) or any(type(f) is not torch.nn.Tanh for f in between):
+        return None
+    layers = [(layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense]
+    within = all(bool((np.abs(numbers) <= _LARGEST_WEIGHT).all()) for layer in layers for numbers in layer)
+    return layers if within else None
 
 
 def load(

@@ -12,6 +12,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs import _interrupts
+from ballbot_rs._core import Batch
 from ballbot_rs.control import sb3_policy
 from ballbot_rs.training import run_folder, run_state
 from ballbot_rs.training.run_folder import Array, Evaluations
@@ -222,7 +223,25 @@ class ProgressBar(ProgressBarCallback):
 
 
 def evaluated(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> tuple[Array, Array, Array]:
-    """Returns, lengths and successes of episodes, each of shape (episodes,); their starts depend only on the seed."""
+    """Returns, lengths and successes of episodes, each of shape (episodes,); their starts depend only on the seed.
+
+    Args:
+        model: whose policy acts. Small networks are evaluated in Rust.
+        env: a robot for each episode.
+        episodes: how many.
+        seed: of the first robot; each further robot has the next.
+    """
+    batch: Batch = env.unwrapped._batch  # type: ignore[attr-defined]
+    network = sb3_policy.tanh_network(model)
+    if network is None or batch.stage is not None:
+        return _evaluated_by_sb3(model, env, episodes, seed)
+    batch.reset(seeds=list(range(seed, seed + episodes)))
+    same = [[np.broadcast_to(numbers, (episodes, *numbers.shape)) for numbers in layer] for layer in network]
+    found = batch.episodes([(weights, biases) for weights, biases in same])
+    return found["returns"], found["lengths"].astype(float), found["success"].astype(float)
+
+
+def _evaluated_by_sb3(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> tuple[Array, Array, Array]:
     successes: list[bool] = []
 
     def note(local: dict[str, Any], _: dict[str, Any]) -> None:

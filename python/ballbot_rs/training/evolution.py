@@ -38,7 +38,7 @@ TIMESTEPS: Final = {"total_timesteps": 20_000_000, "max_timesteps": 100_000_000}
 #: Keys of the configuration of another algorithm that hold for evolution, too.
 _SHARED: Final = ("env_id", "num_threads", "env")
 #: Steps of trials for each step of an evaluation.
-_TRIALS_PER_JUDGED: Final = 2
+_TRIALS_PER_JUDGED: Final = 1
 #: Fraction of the robots that survive their trials from which the mean policy is evaluated.
 _SURVIVING: Final = 0.25
 #: Variation of combinations of observations, as a fraction of the largest, below which they are noise.
@@ -65,7 +65,7 @@ class Settings:
     #: Cost per step of numbers of a policy whose mean square is 1. Without it actions tend to switch between -1 and 1.
     decay: float = 1e-3
     #: Length of the first trials as a fraction of an episode; it grows while most robots survive.
-    first_trial: float = 0.15
+    first_trial: float = 0.25
     #: Steps after which the first search is given up for another; each further search has twice as many.
     search_steps: int = 3_000_000
     #: Whether only linear policies that turn and mirror with the robot are searched, for robots with three equal wheels

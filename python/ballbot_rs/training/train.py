@@ -302,7 +302,7 @@ def _keep_best(
 
     return KeepBest(
         folder,
-        environments(min(config.evaluation.episodes, 100), options),
+        environments(config.evaluation.episodes, options),
         environments(JUDGED, nominal),
         seed=first,
         episodes=config.evaluation.episodes,
