@@ -151,7 +151,7 @@ def test_sac_learns_a_little(tmp_path):
         gradient_steps=2,
         seed=0,
         device="cpu",
-        policy_kwargs=dict(SMALL),  # SAC adds entries of its own
+        policy_kwargs=dict(SMALL),  # SAC adds entries
     )
     before = [p.detach().clone() for p in model.policy.parameters()]
     model.learn(120)

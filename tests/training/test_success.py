@@ -80,7 +80,7 @@ def test_evaluating_the_best_policy_does_not_change_the_training(tmp_path):
 def configurations_that_require_success():
     for file in sorted((Path(config.__file__).parent / "configs").glob("*.toml")):
         parsed = config.parse(file.read_text(encoding="utf-8"), file.name)
-        # The laws do not know the rules of openballbot, and a family has more than one robot.
+        # The laws ignore the rules of openballbot, and a family has more than one robot.
         if parsed.evaluation.success is not None and file.stem not in ("openballbot", "balance-any"):
             yield pytest.param(parsed, id=file.stem)
 
