@@ -34,6 +34,7 @@ LEARNING = {
     "training/scaled_rewards.py",
     "training/teacher.py",
     "training/teacher_errors.py",
+    "training/teacher_rounds.py",
     "training/teacher_sequences.py",
     "training/train.py",
 }

@@ -15,6 +15,7 @@ import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.control import sb3_policy, sb3_recurrent
 from ballbot_rs.training import config, export, teacher, teacher_sequences, train
+from ballbot_rs.training.teacher_rounds import Round
 from tests.support.killed_training import weights
 
 sb3_contrib = pytest.importorskip("sb3_contrib")
@@ -67,6 +68,12 @@ def law_of(model, fit=FIT):
     return law
 
 
+def cut(*rows_and_length):
+    """Windows of a round whose arrays have robots first."""
+    *rows, length = rows_and_length
+    return teacher_sequences._cut(Round(*(one.swapaxes(0, 1) for one in rows)), length)
+
+
 @pytest.fixture(scope="module")
 def run(tmp_path_factory):
     folder = tmp_path_factory.mktemp("recurrent") / "run"
@@ -112,7 +119,7 @@ class TestFit:
         starts = rng.random((n, steps)) < 0.1
         starts[:, 0] = True
         labels = np.zeros((n, steps, 3), np.float32)
-        windows = teacher_sequences._cut(seen, labels, np.ones((n, steps), np.float32), starts, 8)
+        windows = cut(seen, labels, np.ones((n, steps), np.float32), starts, 8)
         assert [one.labels.shape[1] for one in windows] == list(lengths)
         states = teacher_sequences.states_before(model, windows)
         policy, state = sb3_recurrent.RecurrentModel(model), np.zeros((n, 24), np.float32)
@@ -132,8 +139,8 @@ class TestFit:
         starts = np.zeros((4, 16), dtype=bool)
         starts[:, [0, 8]] = True
         rows = seen, labels, rng.uniform(0.5, 2.0, (4, 16)).astype(np.float32), starts
-        joined = teacher_sequences._cut(*rows, 16)
-        apart = teacher_sequences._cut(*(np.concatenate([one[:, :8], one[:, 8:]]) for one in rows), 16)
+        joined = cut(*rows, 16)
+        apart = cut(*(np.concatenate([one[:, :8], one[:, 8:]]) for one in rows), 16)
         found = []
         for windows in (joined, apart):
             model = new_model()
@@ -157,7 +164,7 @@ class TestFit:
         rng = np.random.default_rng(2)
         seen, labels = rng.normal(size=(50, 12, 16)), rng.normal(size=(50, 12, 3))
         rows = seen.astype(np.float32), labels.astype(np.float32)
-        windows = teacher_sequences._cut(*rows, np.ones((50, 12), np.float32), np.zeros((50, 12), dtype=bool), 5)
+        windows = cut(*rows, np.ones((50, 12), np.float32), np.zeros((50, 12), dtype=bool), 5)
         turned = teacher_sequences._turned(windows, pairs)
         signs = [(one.observations / other.observations).round() for one, other in zip(turned, windows, strict=True)]
         assert all(torch.equal(sign[:, 0, 0], signs[0][:, 0, 0]) for sign in signs)

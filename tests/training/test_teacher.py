@@ -15,6 +15,7 @@ import ballbot_rs as bb
 from ballbot_rs.cli import main
 from ballbot_rs.envs.own import registry
 from ballbot_rs.training import config, teacher, teacher_errors, train
+from ballbot_rs.training.teacher_rounds import Round, rounds
 from tests.support.killed_training import weights
 from tests.support.names import BALANCE
 from tests.support.tiny_config import TINY_CONFIG
@@ -177,14 +178,12 @@ class TestFit:
             model, other = (new_model(events=events) for _ in range(2))
             settings = dataclasses.replace(FIT, rounds=1, steps=1, drawn=drawn)
             (law,) = teacher.laws_of(model, settings)
-            rng, environment = np.random.default_rng(0), model.get_env()
-            first = environment.reset()
             batch = teacher._batch(model)
 
             def label(batch=batch, law=law, settings=settings):
                 return teacher._actions_of(law, batch, settings), np.ones(32, dtype=np.float32)
 
-            labels = teacher._visited(model, environment, first, label, settings, rng, 1.0)[1]
+            (found,) = rounds(model.get_env(), lambda *_: 0.0, label, settings, np.random.default_rng(0))
             batch = teacher._batch(other)
             other.get_env().reset()
             own = np.zeros((32, 3))
@@ -192,20 +191,21 @@ class TestFit:
                 params = batch.params(i) if drawn else bb.Params.paper()
                 controller = bb.Controller("lqr", params, max_torque=batch.max_wheel_torque)
                 own[i] = controller(batch.state(i), yaw=batch.state(i).yaw) / batch.max_wheel_torque
-            np.testing.assert_allclose(labels, own, atol=1e-5)
+            np.testing.assert_allclose(found.labels[0], own, atol=1e-5)
 
     def test_of_the_same_observation_of_two_robots_the_weighted_mean_is_learned(self):
         model = new_model(robot=["paper", "rezero"], scale_by_robot=True)
         settings = dataclasses.replace(FIT, epochs=150, drawn=True, weights={"s": 2, "rad": -1})
         batch = teacher._batch(model)
-        factors = teacher_errors.Weighting(batch, settings).of(batch.states(), np.zeros((32, 3), dtype=np.float32))
+        factors = teacher_errors.Weighting(batch, settings).of(batch, np.zeros((32, 3), dtype=np.float32))
         paper, rezero = factors[[0, 8]] ** 2
         scale = bb.Params.preset("rezero").scale
         assert rezero / paper == pytest.approx(scale("s") ** 2 / scale("rad"), rel=1e-6)
         seen = np.zeros((32, *model.observation_space.shape), dtype=np.float32)
         labels = np.where(np.arange(32)[:, None] % 16 < 8, 0.5, -0.5).repeat(3, axis=1).astype(np.float32)
         optimizer = torch.optim.Adam(teacher._actor(model), lr=2e-2)
-        teacher._regress(model, optimizer, seen, labels, factors, settings, 0, [])
+        found = Round(seen[None], labels[None], factors[None], np.ones((1, 32), dtype=bool))
+        teacher._regress(model, optimizer, [found], settings, 0, [])
         expected = 0.5 * (paper - rezero) / (paper + rezero)
         np.testing.assert_allclose(model.predict(seen[0], deterministic=True)[0], expected, atol=1e-3)
 
@@ -220,7 +220,7 @@ class TestFit:
         weighting = teacher_errors.Weighting(batch, dataclasses.replace(FIT, largest_tilt=0.3, small_action=0.2))
         expected = np.where(np.arange(32) % 4 == 0, 1.0 / 0.8, 1.0 / 0.2)
         expected[1::2] = 0.0
-        np.testing.assert_allclose(weighting.of(batch.states(), actions) ** 2, expected, rtol=1e-5)
+        np.testing.assert_allclose(weighting.of(batch, actions) ** 2, expected, rtol=1e-5)
 
     @pytest.mark.parametrize("saturates", [True, False])
     def test_beyond_the_largest_action_there_is_no_error_on_its_side(self, saturates):
@@ -232,8 +232,9 @@ class TestFit:
                 model.policy.action_net.bias.fill_(bias)
             before = of_actor(model)
             optimizer = torch.optim.Adam(teacher._actor(model))
-            labels = np.full((32, 3), label, dtype=np.float32)
-            error = teacher._regress(model, optimizer, seen, labels, np.ones(32, dtype=np.float32), settings, 0, [])
+            labels = np.full((1, 32, 3), label, dtype=np.float32)
+            ones = np.ones((1, 32), dtype=np.float32)
+            error = teacher._regress(model, optimizer, [Round(seen[None], labels, ones, ones)], settings, 0, [])
             assert all(shares(before, of_actor(model))) == (saturates and is_equal)
             assert (error == 0.0) == (saturates and is_equal)
 

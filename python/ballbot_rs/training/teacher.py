@@ -16,8 +16,6 @@ import torch
 from stable_baselines3 import PPO
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.logger import Logger
-from stable_baselines3.common.vec_env import VecEnv
-from stable_baselines3.common.vec_env.base_vec_env import VecEnvObs
 
 from ballbot_rs._core import Batch, Controller
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
@@ -27,9 +25,8 @@ from ballbot_rs.envs.registration import geometry_of
 from ballbot_rs.training import symmetry, teacher_sequences
 from ballbot_rs.training.config import Teacher
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
-
-#: In the first rounds the law drives some robots: a new policy visits little except falls.
-LAW_ROUNDS = 3
+from ballbot_rs.training.teacher_rounds import Floats, Round, rounds
+from ballbot_rs.training.teacher_sequences import Alike
 
 #: Learning rate of the value function's fit; it is fast, as only the result matters.
 VALUE_RATE = 1e-3
@@ -121,24 +118,21 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
 
     def label() -> Labels:
         actions = _actions_of(law, batch, teacher)
-        return actions, weighting.of(batch.states(), actions)
+        return actions, weighting.of(batch, actions)
 
     if sb3_recurrent.is_recurrent(model):
-        return teacher_sequences.fit_actor(model, teacher, rng, label, alike, LAW_ROUNDS, _actor(model))
-    observations: list[npt.NDArray[np.float32]] = []
-    labels: list[npt.NDArray[np.float32]] = []
-    weights: list[npt.NDArray[np.float32]] = []
+        return teacher_sequences.fit_actor(model, teacher, rng, label, alike, _actor(model))
+
+    def act(observations: Floats, _: npt.NDArray[np.bool_]) -> Floats:
+        with torch.no_grad():
+            own: Floats = _actions(model, torch.as_tensor(observations)).numpy()
+        return own
+
+    visited: list[Round] = []
     errors = []
-    last = None
-    for done in range(teacher.rounds):
-        first = last if teacher.continues and last is not None else environment.reset()
-        share = max(1.0 - done / LAW_ROUNDS, 0.0)
-        seen, targets, factors, last = _visited(model, environment, first, label, teacher, rng, share)
-        observations.append(seen)
-        labels.append(targets)
-        weights.append(factors)
-        everything = (np.concatenate(observations), np.concatenate(labels), np.concatenate(weights))
-        errors.append(_regress(model, optimizer, *everything, teacher, done, alike))
+    for done, found in enumerate(rounds(environment, act, label, teacher, rng)):
+        visited.append(found)
+        errors.append(_regress(model, optimizer, visited, teacher, done, alike))
     return errors
 
 
@@ -167,54 +161,23 @@ def _set(model: PPO, values: dict[str, Any]) -> None:
         setattr(model, name, value)
 
 
-def _visited(
-    model: PPO,
-    environment: VecEnv,
-    observations: VecEnvObs,
-    label: Callable[[], Labels],
-    teacher: Teacher,
-    rng: np.random.Generator,
-    share: float,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32], VecEnvObs]:
-    """Observations of a round, the law's actions there, their weights, and the last observations.
-
-    The law drives some robots.
-    """
-    n = environment.num_envs
-    # Noise on half of the robots shows the law's corrections off its own paths.
-    spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
-    assert isinstance(observations, np.ndarray)
-    seen = np.empty((teacher.steps, *observations.shape), dtype=np.float32)
-    targets = np.empty((teacher.steps, n, 3), dtype=np.float32)
-    weights = np.empty((teacher.steps, n), dtype=np.float32)
-    for step in range(teacher.steps):
-        seen[step] = observations
-        targets[step], weights[step] = label()
-        with torch.no_grad():
-            own = _actions(model, torch.as_tensor(observations)).numpy()
-        driven = np.where(rng.random((n, 1)) < share, targets[step], own)
-        noisy = driven + spread * rng.standard_normal((n, 3))
-        observations = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))[0]
-        assert isinstance(observations, np.ndarray)
-    return seen.reshape(-1, *seen.shape[2:]), targets.reshape(-1, 3), weights.reshape(-1), observations
-
-
 def _regress(
     model: PPO,
     optimizer: torch.optim.Optimizer,
-    observations: npt.NDArray[np.float32],
-    labels: npt.NDArray[np.float32],
-    weights: npt.NDArray[np.float32],
+    visited: list[Round],
     teacher: Teacher,
     done: int,
-    alike: list[tuple[torch.Tensor, torch.Tensor]],
+    alike: Alike,
 ) -> float:
     """Some epochs of least squares of weighted errors after `done` rounds, each batch in a form that is `alike`.
 
     Returns:
         The root mean square error in the last epoch.
     """
-    seen, targets, factors = torch.as_tensor(observations), torch.as_tensor(labels), torch.as_tensor(weights)[:, None]
+    seen, targets, weights = (
+        torch.as_tensor(np.concatenate([step for one in visited for step in getattr(one, name)]))
+        for name in ("observations", "labels", "factors")
+    )
     total = 0.0
     for epoch in range(epochs_of(teacher, done)):
         total = 0.0
@@ -224,7 +187,7 @@ def _regress(
             if alike:
                 of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
                 inputs, expected = inputs @ of_inputs, expected @ of_wanted
-            loss = mean_square(_actions(model, inputs), expected, factors[chosen], teacher)
+            loss = mean_square(_actions(model, inputs), expected, weights[chosen, None], teacher)
             set_rate(optimizer, teacher, done, epoch + i / len(batches))
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
@@ -233,7 +196,7 @@ def _regress(
     return float(np.sqrt(total / len(seen)))
 
 
-def _symmetries(batch: Batch) -> list[tuple[torch.Tensor, torch.Tensor]]:
+def _symmetries(batch: Batch) -> Alike:
     """The symmetries of the robots on observations and actions."""
     try:
         pairs = symmetry.of_batch(batch)

@@ -30,12 +30,12 @@ class Weighting:
         most = teacher.largest_tilt
         self._most = None if most is None else np.array([math.cos(most * robot.scale("rad")) for robot in robots])
 
-    def of(self, states: npt.NDArray[np.float64], actions: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
-        """The factor of each robot's error in these states, where the law has these actions."""
+    def of(self, batch: Batch, actions: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
+        """The factor of each robot's error in its present state, where the law has these actions."""
         factors = self._factors
         if self._small is not None:
             factors = factors / np.sqrt(np.maximum(np.abs(actions).max(axis=1), np.float32(self._small)))
-        return factors if self._most is None else np.where(mast_of(states)[:, 2] < self._most, 0.0, factors)
+        return factors if self._most is None else np.where(mast_of(batch.states())[:, 2] < self._most, 0.0, factors)
 
 
 def mean_square(actions: torch.Tensor, expected: torch.Tensor, weight: torch.Tensor, teacher: Teacher) -> torch.Tensor:

@@ -15,10 +15,10 @@ import numpy as np
 import numpy.typing as npt
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.vec_env import VecEnv
 
 from ballbot_rs.training.config import Teacher
 from ballbot_rs.training.teacher_errors import Labels, epochs_of, mean_square, set_rate
+from ballbot_rs.training.teacher_rounds import Floats, Round, rounds
 
 #: Largest norm of a gradient.
 MAX_GRADIENT = 1.0
@@ -46,22 +46,12 @@ class Window:
     starts: torch.Tensor
 
 
-@dataclasses.dataclass
-class _Robots:
-    """Where the robots are between two rounds."""
-
-    observations: npt.NDArray[np.float32]
-    starts: npt.NDArray[np.bool_]
-    state: State
-
-
 def fit_actor(
     model: BaseAlgorithm,
     teacher: Teacher,
     rng: np.random.Generator,
     label: Callable[[], Labels],
     alike: Alike,
-    law_rounds: int,
     parameters: list[torch.nn.Parameter],
 ) -> list[float]:
     """Fits the most likely actions of a recurrent policy.
@@ -72,7 +62,6 @@ def fit_actor(
         rng: for the choice of robots that the law drives, and for the noise.
         label: gives the law's actions in the present states.
         alike: the symmetries that the fit uses; empty for none.
-        law_rounds: in this many rounds the law drives some robots.
         parameters: what is fitted.
 
     Returns:
@@ -83,25 +72,23 @@ def fit_actor(
     optimizer = torch.optim.Adam(parameters, lr=teacher.learning_rate)
     windows: list[Window] = []
     errors = []
-    robots = None
-    for done in range(teacher.rounds):
-        if robots is None or not teacher.continues:
-            robots = _reset(model, environment)
-        share = max(1.0 - done / law_rounds, 0.0)
-        seen = _visited(model, environment, robots, label, teacher, rng, share)
-        windows += _cut(*seen, teacher.window)
+    state = _zeros(model, environment.num_envs)
+
+    def act(observations: Floats, begins: npt.NDArray[np.bool_]) -> Floats:
+        nonlocal state
+        with torch.no_grad():
+            given = torch.as_tensor(observations), state, torch.as_tensor(begins, dtype=torch.float32)
+            distribution, state = _policy_of(model).get_distribution(*given)
+            own: Floats = distribution.mode().numpy()
+        return own
+
+    for done, found in enumerate(rounds(environment, act, label, teacher, rng)):
+        windows += _cut(found, teacher.window)
         for epoch in range(epochs_of(teacher, done)):
             set_rate(optimizer, teacher, done, epoch)
             error = _epoch(model, optimizer, windows, teacher, alike, parameters)
         errors.append(error)
     return errors
-
-
-def _reset(model: BaseAlgorithm, environment: VecEnv) -> _Robots:
-    observations = environment.reset()
-    assert isinstance(observations, np.ndarray)
-    n = len(observations)
-    return _Robots(observations, np.ones(n, dtype=bool), _zeros(model, n))
 
 
 def _zeros(model: BaseAlgorithm, n: int) -> State:
@@ -110,64 +97,17 @@ def _zeros(model: BaseAlgorithm, n: int) -> State:
     return zeros, zeros
 
 
-def _visited(
-    model: BaseAlgorithm,
-    environment: VecEnv,
-    robots: _Robots,
-    label: Callable[[], Labels],
-    teacher: Teacher,
-    rng: np.random.Generator,
-    share: float,
-) -> tuple[npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.float32], npt.NDArray[np.bool_]]:
-    """Observations of a round, the law's actions there, factors of their errors, and where episodes begin.
-
-    The axes are robots and steps.
-
-    The law drives some robots. The robots are then where the round ends.
-    """
-    n, policy = environment.num_envs, _policy_of(model)
-    # Noise on half of the robots shows the law's corrections off its own paths.
-    spread = np.where(np.arange(n) % 2 == 1, teacher.noise, 0.0)[:, None]
-    seen = np.empty((n, teacher.steps, *robots.observations.shape[1:]), dtype=np.float32)
-    targets = np.empty((n, teacher.steps, 3), dtype=np.float32)
-    factors = np.empty((n, teacher.steps), dtype=np.float32)
-    starts = np.empty((n, teacher.steps), dtype=bool)
-    for step in range(teacher.steps):
-        seen[:, step], starts[:, step] = robots.observations, robots.starts
-        targets[:, step], factors[:, step] = label()
-        with torch.no_grad():
-            given = (
-                torch.as_tensor(robots.observations),
-                robots.state,
-                torch.as_tensor(robots.starts, dtype=torch.float32),
-            )
-            distribution, robots.state = policy.get_distribution(*given)
-            own = distribution.mode().numpy()
-        driven = np.where(rng.random((n, 1)) < share, targets[:, step], own)
-        noisy = driven + spread * rng.standard_normal((n, 3))
-        found = environment.step(np.clip(noisy, -1.0, 1.0).astype(np.float32))
-        assert isinstance(found[0], np.ndarray)
-        robots.observations, robots.starts = found[0], found[2].astype(bool)
-    return seen, targets, factors, starts
-
-
-def _cut(
-    seen: npt.NDArray[np.float32],
-    targets: npt.NDArray[np.float32],
-    factors: npt.NDArray[np.float32],
-    starts: npt.NDArray[np.bool_],
-    length: int,
-) -> list[Window]:
+def _cut(found: Round, length: int) -> list[Window]:
     """The steps of a round as windows of at most `length`."""
     windows = []
-    for first in range(0, seen.shape[1], length):
-        part = slice(first, first + length)
-        later = torch.as_tensor(starts[:, part], dtype=torch.float32)
-        later[:, 0] = 0.0
-        observations, labels, weights = (
-            torch.as_tensor(np.ascontiguousarray(rows[:, part])) for rows in (seen, targets, factors)
+    for first in range(0, len(found.starts), length):
+        observations, labels, factors, starts = (
+            torch.as_tensor(np.ascontiguousarray(rows[first : first + length].swapaxes(0, 1)))
+            for rows in (found.observations, found.labels, found.factors, found.starts)
         )
-        windows.append(Window(observations, labels, torch.as_tensor(starts[:, first]), weights, later))
+        later = starts.float()
+        later[:, 0] = 0.0
+        windows.append(Window(observations, labels, starts[:, 0], factors, later))
     return windows
 
 
