@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 import ballbot_rs as bb
 from ballbot_rs._core import ROBOTS
-from ballbot_rs.identification.clocks import DRIFTS, estimated
-from ballbot_rs.identification.recording import Series
+from ballbot_rs.identification.logs.clocks import DRIFTS, estimated
+from ballbot_rs.identification.logs.recording import Series
 from validation.page import table
 
 #: Largest offset, s, and drift, s/s, that are drawn.

@@ -80,7 +80,7 @@ from ballbot_rs.envs.tasks import (
 from ballbot_rs.envs.vector_env import BallbotVectorEnv
 from ballbot_rs.identification.excitation import record_log
 from ballbot_rs.identification.fit import identify
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.replay import Replay, replay
 from ballbot_rs.identification.result import IdentifiedParams
 from ballbot_rs.link.estimated import EstimatedController

@@ -5,7 +5,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs import Params, SensorLog, State, identify, record_log
-from ballbot_rs.identification.log import COLUMNS
+from ballbot_rs.identification.logs.log import COLUMNS
 from validation import identification as study
 
 pytest.importorskip("scipy")

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from ballbot_rs import InvalidInputError, Params, SensorLog, record_log
-from ballbot_rs.identification.log import COLUMNS
+from ballbot_rs.identification.logs.log import COLUMNS
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.windows import split
 

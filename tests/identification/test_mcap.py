@@ -9,7 +9,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs import SensorLog, record_log
-from ballbot_rs.identification import mcap_topics
+from ballbot_rs.identification.logs import mcap_topics
 
 mcap_writer = pytest.importorskip("mcap.writer")
 mcap_ros2 = pytest.importorskip("mcap_ros2.writer")

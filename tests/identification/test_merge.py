@@ -8,10 +8,10 @@ import pytest
 
 from ballbot_rs import SensorLog, record_log
 from ballbot_rs._core import ROBOTS
-from ballbot_rs.identification import clocks
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.merge import merged
-from ballbot_rs.identification.recording import Series, checked
+from ballbot_rs.identification.logs import clocks
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.merge import merged
+from ballbot_rs.identification.logs.recording import Series, checked
 from validation import clock_offsets
 
 COLUMNS = {

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from ballbot_rs import Params, SensorLog, identify, record_log
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.log import COLUMNS
-from ballbot_rs.identification.merge import merged
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.log import COLUMNS
+from ballbot_rs.identification.logs.merge import merged
+from ballbot_rs.identification.logs.recording import from_table
 from ballbot_rs.identification.plausibility import check_log, responses_of
-from ballbot_rs.identification.recording import from_table
 
 ROBOTS = ("paper", "kugle", "rezero", "asroballet")
 

@@ -9,7 +9,7 @@ import pytest
 from ballbot_rs import Params, SensorLog, record_log
 from ballbot_rs.cli import main
 from ballbot_rs.identification.excitation import NOISE
-from ballbot_rs.identification.log import COLUMNS
+from ballbot_rs.identification.logs.log import COLUMNS
 from ballbot_rs.identification.replay import replay
 
 PAPER = Params.paper()

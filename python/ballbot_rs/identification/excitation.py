@@ -16,7 +16,7 @@ from ballbot_rs._keywords import named
 from ballbot_rs._progress import Progress, no_progress
 from ballbot_rs._robot import Robot, params_of
 from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION, body_axes_of
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 
 Array = npt.NDArray[np.float64]
 

@@ -24,7 +24,7 @@ from ballbot_rs.identification.determined import (
     covariance_of,
     jackknife_errors,
 )
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.parameters import Fitted, fitted
 from ballbot_rs.identification.parameters import Robot as FitRobot
 from ballbot_rs.identification.problem import Point, Problem

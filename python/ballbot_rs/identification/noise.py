@@ -7,7 +7,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.log import COLUMNS, UNITS, SensorLog
+from ballbot_rs.identification.logs.log import COLUMNS, UNITS, SensorLog
 from ballbot_rs.identification.problem import Point, Problem
 
 Array = npt.NDArray[np.float64]

@@ -12,10 +12,10 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Params, State
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.clocks import fast, near, unexplained
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.complaints import USUAL, Order, complaint
-from ballbot_rs.identification.log import COLUMNS, SensorLog
+from ballbot_rs.identification.logs.clocks import fast, near, unexplained
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.complaints import USUAL, Order, complaint
+from ballbot_rs.identification.logs.log import COLUMNS, SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY
 
 Array = npt.NDArray[np.float64]

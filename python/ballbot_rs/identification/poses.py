@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from ballbot_rs._core import Params
 from ballbot_rs._quaternions import about_vertical, conjugate, product
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.starts import axles_of, quaternions_of
 from ballbot_rs.identification.windows import Windows
 

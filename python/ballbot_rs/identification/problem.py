@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.parameters import Fitted, Robot
 from ballbot_rs.identification.simulation import SENSORS, Column, Simulator, measured
 from ballbot_rs.identification.starts import STEPS

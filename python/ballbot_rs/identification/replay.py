@@ -30,7 +30,7 @@ from ballbot_rs._state_rows import (
 )
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.identification import starts as starts_of
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.noise import first_guess
 from ballbot_rs.identification.parameters import NOTHING
 from ballbot_rs.identification.poses import Poses, compared

@@ -7,7 +7,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs.identification.log import COLUMNS, UNITS, SensorLog
+from ballbot_rs.identification.logs.log import COLUMNS, UNITS, SensorLog
 from ballbot_rs.identification.poses import Poses
 from ballbot_rs.identification.simulation import SENSORS
 from ballbot_rs.identification.windows import Windows

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params
-from ballbot_rs.identification.log import UNITS
+from ballbot_rs.identification.logs.log import UNITS
 from ballbot_rs.identification.parameters import unit_of
 
 Array = npt.NDArray[np.float64]

@@ -10,7 +10,7 @@ from ballbot_rs._checks import real_array
 from ballbot_rs._core import MODELS
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._robot import Robot, params_of
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.motors import MAX_DELAY, MAX_LAG, Motors
 from ballbot_rs.identification.parameters import Robot as FitRobot
 from ballbot_rs.identification.plausibility import check_log

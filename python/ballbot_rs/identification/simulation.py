@@ -10,7 +10,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Batch, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._state_rows import body_axes_of
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.parameters import Robot
 from ballbot_rs.identification.starts import quaternions_of

@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]

@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import check_real
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int64]

@@ -10,7 +10,7 @@ from ballbot_rs.cli.options import logs, settings
 from ballbot_rs.cli.options.robots import own_motors, robot_option
 from ballbot_rs.cli.progress import bar
 from ballbot_rs.identification.fit import FIELDS, identify
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 
 #: For the help: command lines and what they do.
 EXAMPLES: Final = (

@@ -12,7 +12,7 @@ from ballbot_rs.cli.options import logs, page, settings
 from ballbot_rs.cli.options.numbers import seconds
 from ballbot_rs.cli.options.robots import own_motors, robot_option
 from ballbot_rs.cli.progress import bar
-from ballbot_rs.identification.log import SensorLog
+from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.replay import replay
 from ballbot_rs.media.video import check_suffix
 

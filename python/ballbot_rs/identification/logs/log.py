@@ -17,11 +17,11 @@ from ballbot_rs import _files
 from ballbot_rs._checks import did_you_mean, real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._reading import open_regular, read_regular
-from ballbot_rs.identification.column_map import OPTIONAL, ColumnMap
-from ballbot_rs.identification.mcap_log import read_mcap
-from ballbot_rs.identification.merge import LogReport, merged
-from ballbot_rs.identification.recording import from_table, single_precision
-from ballbot_rs.identification.tables import MAX_LOG_FILE, Column, csv_columns, npz_columns
+from ballbot_rs.identification.logs.column_map import OPTIONAL, ColumnMap
+from ballbot_rs.identification.logs.mcap_log import read_mcap
+from ballbot_rs.identification.logs.merge import LogReport, merged
+from ballbot_rs.identification.logs.recording import from_table, single_precision
+from ballbot_rs.identification.logs.tables import MAX_LOG_FILE, Column, csv_columns, npz_columns
 
 Array = npt.NDArray[np.float64]
 

@@ -7,9 +7,9 @@ import numpy as np
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.mcap_topics import Topic, read_topics
-from ballbot_rs.identification.recording import Series, checked
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.mcap_topics import Topic, read_topics
+from ballbot_rs.identification.logs.recording import Series, checked
 
 IMU: Final = ("sensor_msgs/msg/Imu", "sensor_msgs/Imu")
 JOINTS: Final = ("sensor_msgs/msg/JointState", "sensor_msgs/JointState")

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
-from ballbot_rs.identification.tables import MAX_LOG_FILE
+from ballbot_rs.identification.logs.tables import MAX_LOG_FILE
 
 Array = npt.NDArray[np.float64]
 

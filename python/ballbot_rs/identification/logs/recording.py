@@ -10,8 +10,8 @@ import numpy.typing as npt
 
 from ballbot_rs._checks import did_you_mean
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.tables import Column
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.tables import Column
 
 Array = npt.NDArray[np.float64]
 

@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._extras import require
-from ballbot_rs.identification.recording import MAX_GAP, Series
+from ballbot_rs.identification.logs.recording import MAX_GAP, Series
 
 Array = npt.NDArray[np.float64]
 

@@ -8,9 +8,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._errors import InvalidInputError
-from ballbot_rs.identification import clocks
-from ballbot_rs.identification.column_map import ColumnMap
-from ballbot_rs.identification.recording import MAX_GAP, Series
+from ballbot_rs.identification.logs import clocks
+from ballbot_rs.identification.logs.column_map import ColumnMap
+from ballbot_rs.identification.logs.recording import MAX_GAP, Series
 
 Array = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs.identification.column_map import UNITS, ColumnMap
+from ballbot_rs.identification.logs.column_map import UNITS, ColumnMap
 
 Array = npt.NDArray[np.float64]
 

@@ -1,0 +1,1 @@
+"""Logs of robots: CSV, npz and MCAP files, their columns, units and clocks."""
