@@ -115,6 +115,18 @@ pub trait Law: Send + Sync {
         None
     }
 
+    /// Index of the first of two stored numbers that are its estimate of the horizontal force from outside on the body,
+    /// inertial frame, N; `None` without an estimate.
+    fn force_index(&self) -> Option<usize> {
+        None
+    }
+
+    /// Standard deviation of that estimate along x and y of the heading frame, N, by white noise of the measured lean, ball
+    /// velocity and lean rate with these standard deviations (rad, m/s, rad/s).
+    fn force_deviation(&self, _noise: &[f64; 3]) -> Option<[f64; 2]> {
+        None
+    }
+
     /// Motor torques until the next sample, within the limits of the sample ([`Sample::limited`]), N·m.
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L>;
 }
@@ -135,6 +147,16 @@ pub trait Controller: Send + Sync {
 
     /// Numbers from which it computes torques; `None` for a law that does not provide them.
     fn constants(&self) -> Option<Constants> {
+        None
+    }
+
+    /// As [`Law::force_index`].
+    fn force_index(&self) -> Option<usize> {
+        None
+    }
+
+    /// As [`Law::force_deviation`].
+    fn force_deviation(&self, _noise: &[f64; 3]) -> Option<[f64; 2]> {
         None
     }
 

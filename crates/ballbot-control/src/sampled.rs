@@ -28,6 +28,8 @@ pub struct Plant<'a> {
     pub control_dt: f64,
     /// Limits of the torques.
     pub limits: &'a TorqueLimits,
+    /// Dry friction of each wheel joint that [`Sampled`] compensates, N·m: not of a wheel at rest.
+    pub dry_friction: f64,
 }
 
 impl Plant<'_> {
@@ -134,8 +136,9 @@ impl<T: Law> Sampled<T> {
         options.check_limits()?;
         let (friction, params) = JointFriction::of(params);
         let limits = TorqueLimits::new(&params, control_dt, limits)?;
-        let law = design(&Plant { params: &params, control_dt, limits: &limits }, &options)
-            .map_err(|error| with_sampling(error, &params, control_dt))?;
+        let law =
+            design(&Plant { params: &params, control_dt, limits: &limits, dry_friction: friction.dry() }, &options)
+                .map_err(|error| with_sampling(error, &params, control_dt))?;
         Ok(Self::of(law, control_dt, limits, friction))
     }
 
@@ -216,6 +219,14 @@ impl<T: Law> Controller for Sampled<T> {
     fn constants(&self) -> Option<Constants> {
         let constants = if self.law.kept() > T::MEMORY { None } else { self.law.constants() };
         constants.map(|constants| self.friction.add_to(self.limits.add_to(constants)))
+    }
+
+    fn force_index(&self) -> Option<usize> {
+        self.law.force_index()
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.law.force_deviation(noise)
     }
 
     fn memory_mut(&mut self) -> &mut Vec<f64> {

@@ -16,6 +16,8 @@ pub struct Scale {
     pub time: f64,
     /// Of accelerations: gravity.
     pub acceleration: f64,
+    /// Of masses: the mass of body and ball.
+    pub mass: f64,
     /// Of wheel torques: the largest torque of a wheel that holds a small lean, over the lean.
     pub torque: f64,
     /// Of leans: the lean that traction and motors can hold, at least 0.05.
@@ -33,13 +35,14 @@ impl Scale {
         Self {
             time: own.time / paper.time,
             acceleration: own.acceleration / paper.acceleration,
+            mass: own.mass / paper.mass,
             torque: own.torque / paper.torque,
             lean: (own.lean / paper.lean).max(LEAST_LEAN),
             wheel_speed: own.wheel_speed / paper.wheel_speed,
         }
     }
 
-    /// 1/λ (s), gravity (m/s²), the torque that holds a lean (N·m/rad), the lean that the robot can hold (rad), and
+    /// 1/λ (s), gravity (m/s²), the mass (kg), the torque that holds a lean (N·m/rad), the lean that the robot can hold (rad), and
     /// the speed of a wheel (rad/s) at the velocity that gravity gives in that time.
     fn absolute(params: &Params) -> Self {
         let level = params.on_level_floor();
@@ -49,6 +52,7 @@ impl Scale {
         Self {
             time,
             acceleration: level.gravity,
+            mass: level.body_mass + level.ball_mass,
             torque: hold.torque,
             lean: hold.lean,
             wheel_speed: level.gravity * time / level.wheel_radius,
@@ -71,6 +75,9 @@ impl Scale {
             "m/s³" => self.acceleration / self.time,
             "m/s" => self.acceleration * self.time,
             "m" => self.acceleration * self.time * self.time,
+            "kg" => self.mass,
+            "N" => self.mass * self.acceleration,
+            "N·s/m" => self.mass / self.time,
             "N·m" => self.torque,
             "N·m/(rad/s)" => self.torque / self.wheel_speed,
             _ => return None,

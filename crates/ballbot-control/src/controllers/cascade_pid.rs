@@ -175,6 +175,14 @@ impl Law for CascadePid {
         Self::MEMORY + self.observer.kept()
     }
 
+    fn force_index(&self) -> Option<usize> {
+        self.observer.force_index(Self::MEMORY)
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observer.force_deviation(noise)
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         let (Deviation { x, forward, pose }, _) = self.observer.deviation(&self.tracking, sample, Self::MEMORY);

@@ -255,6 +255,14 @@ impl Law for HierarchicalSlidingMode {
         self.switching.kept() + self.observer.kept()
     }
 
+    fn force_index(&self) -> Option<usize> {
+        self.observer.force_index(self.switching.kept())
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observer.force_deviation(noise)
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         let adapted = self.switching.kept();

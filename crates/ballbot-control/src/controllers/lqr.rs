@@ -155,6 +155,11 @@ impl Lqr {
         })
     }
 
+    /// As [`LeanObserver::force_per_torque`].
+    pub(crate) fn force_per_torque(&self) -> Option<[Wheels<f64>; 2]> {
+        self.observer.force_per_torque()
+    }
+
     /// The Riccati solution behind the gains.
     pub fn regulator(&self) -> &Regulator {
         &self.regulator
@@ -240,6 +245,14 @@ impl Law for Lqr {
 
     fn kept(&self) -> usize {
         self.delayed.kept() + self.observer.kept()
+    }
+
+    fn force_index(&self) -> Option<usize> {
+        self.observer.force_index(self.delayed.kept())
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observer.force_deviation(noise)
     }
 
     #[inline(always)]

@@ -190,6 +190,14 @@ impl Law for LqrPi {
         Self::MEMORY + self.delayed.kept() + self.observer.kept()
     }
 
+    fn force_index(&self) -> Option<usize> {
+        self.observer.force_index(Self::MEMORY + self.delayed.kept())
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observer.force_deviation(noise)
+    }
+
     #[inline(always)]
     fn torques<L: Lane>(&self, sample: &mut Sample<'_, L>) -> Wheels<L> {
         let Sample { state, setpoint, .. } = *sample;

@@ -2,6 +2,7 @@
 
 use crate::{ControllerKind, NamedLaw};
 
+mod admittance;
 mod cascade_pid;
 mod fuzzy_mamdani;
 mod hierarchical_sliding_mode;
@@ -14,6 +15,7 @@ mod pid;
 mod sliding_mode;
 mod takagi_sugeno;
 
+pub use admittance::*;
 pub use cascade_pid::*;
 pub use fuzzy_mamdani::*;
 pub use hierarchical_sliding_mode::*;
@@ -39,4 +41,5 @@ pub(crate) static CONTROLLERS: &[ControllerKind] = &[
     SlidingMode::KIND,
     FuzzyMamdani::KIND,
     TakagiSugeno::KIND,
+    Admittance::KIND,
 ];

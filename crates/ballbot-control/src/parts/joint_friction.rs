@@ -26,10 +26,22 @@ impl JointFriction {
         (friction, Params { wheel_viscous_friction: 0.0, wheel_coulomb_friction: 0.0, ..params.clone() })
     }
 
+    /// The dry friction of a joint, N·m.
+    pub(crate) fn dry(self) -> f64 {
+        self.dry
+    }
+
     /// Adds its numbers.
     pub(crate) fn add_to(self, constants: Constants) -> Constants {
         let constants = constants.number("joint_viscous_friction", self.viscous);
         constants.number("joint_dry_friction", self.dry).number("joint_dry_width", DRY_WIDTH)
+    }
+
+    /// Fraction of the dry friction of a wheel at `speed` (rad/s) that may act without being compensated.
+    #[inline(always)]
+    pub(crate) fn dry_left<L: Lane>(speed: L) -> L {
+        let size = speed.mul_add(speed, speed.splat(DRY_WIDTH * DRY_WIDTH)).sqrt();
+        speed.splat(1.0) - speed.abs() / size
     }
 
     /// Torques with the friction of wheels at `speeds` (rad/s) added, within ±`most` (N·m); NaN passes through.

@@ -3,6 +3,7 @@
 use super::balance_frame::Pose;
 use super::lean_planes::PLACES;
 use super::outer::share_within;
+use super::outside_force;
 use super::tracking::{Deviation, Tracking};
 use crate::{Plant, Sample};
 use ballbot_base::error::{Error, Result};
@@ -25,13 +26,14 @@ ballbot_base::fields! {
 /// Limit of the option `lean_observer` of all controllers.
 pub(crate) const LIMIT: Limit = Limit::NOT_NEGATIVE.to(1e3);
 
-/// Indices of its numbers: vectors of the inertial frame, and whether the prediction is valid.
+/// Indices of its numbers: vectors of the inertial frame, and before the last whether the prediction is valid.
 const LEAN: usize = 0;
 const ACCELERATION: usize = 2;
 const VELOCITY: usize = 4;
 const RATE: usize = 6;
 const COUNTS: usize = 8;
-const MEMORY: usize = 9;
+const FORCE: usize = 9;
+const MEMORY: usize = 11;
 
 /// Largest lean in equilibrium, and its largest error, rad: a larger value is an impulse or a slip.
 const MAX_LEAN: f64 = 0.3;
@@ -41,6 +43,8 @@ const MAX_LEAN: f64 = 0.3;
 /// else (Vaidya, Shomin, Hollis and Kantor, ICRA 2015): the sampled plane is x⁺ = A (x − x₀) + b (u − u₀), and the
 /// velocities ẏ and θ̇ after a sample deviate from their prediction by M (θ̂₀ − θ₀, û₀ − u₀). The errors of the
 /// estimates decay by e^(−L T) per sample (derived in `docs/laws.md`).
+///
+/// û₀ is also the horizontal force from outside: [`outside_force`].
 ///
 /// There is no correction after a sample with limited torques. θ̂₀ and its error are limited as vectors to 0.3 rad, so
 /// that an impulse moves the estimate only slightly; û₀ and its error are limited to the largest acceleration by the
@@ -67,6 +71,8 @@ struct Plane {
     corrections: [[f64; 2]; 2],
     /// u per wheel torque, rad/(s²·N·m).
     driven: Wheels<f64>,
+    /// Horizontal force from outside per û₀, N·s²/rad.
+    force: f64,
 }
 
 /// θ̂₀ and û₀ in the planes of the heading frame; `None` without an estimate.
@@ -109,7 +115,25 @@ impl Plane {
             rows,
             corrections: std::array::from_fn(|i| std::array::from_fn(|j| -inverse[(i, j)])),
             driven: Wheels::from_fn(|wheel| sign * turning[(place, wheel)]),
+            force: outside_force::per_acceleration(axis, params, &tracking.planes.planes[axis]),
         })
+    }
+}
+
+impl Plane {
+    /// [`LeanObserver::force_deviation`] in this plane, of a correction by the share `gain`.
+    fn force_deviation(&self, gain: f64, noise: &[f64; 3]) -> f64 {
+        let [_, [per_velocity, per_rate]] = self.corrections;
+        // The error follows e⁺ = (1 − gain) e + gain (a n⁺ + b n) with the noise n of (θ, ẏ, θ̇).
+        let a = [0.0, per_velocity, per_rate];
+        let [moving, leaning] = &self.rows;
+        let keeps = 1.0 - gain;
+        let variance = (0..3).map(|i| {
+            let b = -(per_velocity * moving[i] + per_rate * leaning[i]);
+            let later = keeps * a[i] + b;
+            (a[i].powi(2) + later.powi(2) / (1.0 - keeps * keeps)) * noise[i].powi(2)
+        });
+        gain * variance.sum::<f64>().sqrt() * self.force.abs()
     }
 }
 
@@ -135,9 +159,28 @@ impl LeanObserver {
     }
 
     /// Number of stored values per robot: θ̂₀ and û₀ in the planes of the inertial frame's x and y, then the
-    /// prediction.
+    /// prediction, then the force from outside.
     pub(crate) fn kept(&self) -> usize {
         if self.observed.is_some() { MEMORY } else { 0 }
+    }
+
+    /// Number of the first of the two stored values of the force from outside, if there is an estimate; the stored values
+    /// begin at number `first`.
+    pub(crate) fn force_index(&self, first: usize) -> Option<usize> {
+        self.observed.map(|_| first + FORCE)
+    }
+
+    /// Estimates of the force in the planes of x and y by a torque of 1 N·m on each wheel that is not known, N.
+    pub(crate) fn force_per_torque(&self) -> Option<[Wheels<f64>; 2]> {
+        self.observed.map(|Observed { planes, .. }| {
+            planes.map(|Plane { driven, force, .. }| Wheels::from_fn(|i| -driven[i] * force))
+        })
+    }
+
+    /// Standard deviation of the estimate of the force in the planes of x and y, N, by white noise of the measured lean,
+    /// ball velocity and lean rate with standard deviations `noise` (rad, m/s, rad/s).
+    pub(crate) fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observed.map(|Observed { gain, planes, .. }| planes.map(|plane| plane.force_deviation(gain, noise)))
     }
 
     /// The deviation from the setpoint's motion about the equilibrium, which the state at the end of the last sample
@@ -189,10 +232,10 @@ impl Observed {
         let within = share_within(leans, MAX_LEAN).min(share_within(accelerations, self.max_acceleration));
         let zero = vx.zero();
         let part = L::select(zero.lt(memory.get(COUNTS)), within * self.gain, zero);
-        [
-            corrected(heading, memory, LEAN, leans, part, MAX_LEAN),
-            corrected(heading, memory, ACCELERATION, accelerations, part, self.max_acceleration),
-        ]
+        let leans = corrected(heading, memory, LEAN, leans, part, MAX_LEAN);
+        let accelerations = corrected(heading, memory, ACCELERATION, accelerations, part, self.max_acceleration);
+        keep(heading, memory, FORCE, [accelerations[0] * x.force, accelerations[1] * y.force]);
+        [leans, accelerations]
     }
 
     #[inline(always)]

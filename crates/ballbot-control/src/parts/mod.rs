@@ -11,6 +11,7 @@ pub(crate) mod lean_observer;
 pub(crate) mod lean_planes;
 pub(crate) mod limits;
 pub(crate) mod outer;
+pub(crate) mod outside_force;
 pub(crate) mod position_loop;
 pub mod riccati;
 pub(crate) mod rule_table;

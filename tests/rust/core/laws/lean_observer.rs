@@ -17,7 +17,7 @@ const ON: &[(&str, &[f64])] = &[("lean_observer", RATE)];
 
 /// First number of the observer in the memory of a law: θ̂₀ in the planes of x and y, then û₀.
 fn first(controller: &dyn Controller) -> usize {
-    controller.memory_len() - 9
+    controller.memory_len() - 11
 }
 
 /// Runs a law; returns the state and its memory.

@@ -65,7 +65,7 @@ fn leans_follow_traction_and_motors() {
 
 #[test]
 fn the_defaults_of_the_paper_are_exact() {
-    let exact = Scale { time: 1.0, acceleration: 1.0, torque: 1.0, lean: 1.0, wheel_speed: 1.0 };
+    let exact = Scale { time: 1.0, acceleration: 1.0, mass: 1.0, torque: 1.0, lean: 1.0, wheel_speed: 1.0 };
     assert_eq!(Scale::of(&Params::paper()), exact);
     assert_eq!(config("velocity", &[]).get("command_seconds").unwrap(), [3.0, 8.0]);
 }

@@ -93,7 +93,7 @@ impl NamedLaw for Mpc {
     type Options = MpcOptions;
 
     fn design(plant: &Plant<'_>, options: &MpcOptions) -> Result<Self> {
-        let Plant { params, control_dt, limits } = *plant;
+        let Plant { params, control_dt, limits, .. } = *plant;
         let weights = options.weights();
         let tracking = Tracking::new(params);
         let planes = &tracking.planes;
@@ -206,6 +206,14 @@ impl Law for Mpc {
 
     fn kept(&self) -> usize {
         Self::MEMORY + self.observer.kept()
+    }
+
+    fn force_index(&self) -> Option<usize> {
+        self.observer.force_index(Self::MEMORY)
+    }
+
+    fn force_deviation(&self, noise: &[f64; 3]) -> Option<[f64; 2]> {
+        self.observer.force_deviation(noise)
     }
 
     #[inline(always)]
