@@ -11,6 +11,7 @@ pub mod energy;
 pub mod error;
 pub mod fields;
 pub mod files;
+pub mod force;
 pub mod friction;
 pub mod interrupt;
 pub mod kinematics;
@@ -31,6 +32,7 @@ pub mod wheels;
 
 pub use energy::mechanical_energy;
 pub use error::{Error, MAX_MAGNITUDE, Result, bounded as check_bounded, finite as check_finite, one_of};
+pub use force::Force;
 pub use interrupt::stoppable;
 pub use lane_state::{LaneRobot, LaneState};
 pub use memory::{require_memory, try_reserve, try_zeros};

@@ -1,6 +1,7 @@
 //! A model of the moving robot: the interface of every rung of the ladder of models.
 
-use crate::error::Result;
+use crate::error::{Error, Result};
+use crate::force::HeldForce;
 use crate::params::Params;
 use crate::state::{Contacts, State};
 use crate::terrain::Ground;
@@ -74,6 +75,21 @@ pub trait Model: Send + Sync {
     /// the inertial frame. Zero in models in which pushes act at once.
     fn pending_push(&self) -> [f64; 6] {
         [0.0; 6]
+    }
+
+    /// Replaces the force from outside on the body, which acts in the coming time steps.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] if the model simulates none.
+    fn hold_force(&mut self, _: &HeldForce<f64>) -> Result<()> {
+        Err(Error::Inconsistent(
+            "the model 'planar' has no force over time: use 'spatial', 'contact' or 'rigid'".into(),
+        ))
+    }
+
+    /// The force from outside, as it acts next.
+    fn held_force(&self) -> HeldForce<f64> {
+        HeldForce::default()
     }
 
     /// Appends everything that determines the future motion, for [`Model::load`].

@@ -10,6 +10,7 @@ use super::constants::Constants;
 use super::delassus::Delassus;
 use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
+use super::held_force::hold;
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::preload::press;
@@ -84,6 +85,7 @@ impl SolvedStep {
             footing.enter::<f64, f64>(c, Scalar, &mut state, &mut actions);
         }
         press::<f64, f64>(c, Scalar, &mut state, &mut actions);
+        hold::<f64, f64>(c, Scalar, &mut state, footing.as_ref());
         brake::<f64, f64>(c, Scalar, &mut state);
         let start = Start::<f64>::new::<ALL, f64>(c, Scalar, &state);
         let near = Near::new(c, &start, Scalar, &state, footing.as_ref()).mask;
@@ -169,6 +171,7 @@ impl SolvedStep {
             footing.enter(c, token, state, &mut actions);
         }
         press(c, token, state, &mut actions);
+        hold(c, token, state, footing.as_deref());
         brake(c, token, state);
         let start = Start::new::<ALL, V>(c, token, state);
         let mut friction = self.friction.map(

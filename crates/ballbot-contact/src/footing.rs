@@ -80,6 +80,12 @@ impl<T: Cell> Footing<T> {
         turn(token, state, &frame.quaternion().conjugated(), &back);
     }
 
+    /// A vector of the inertial frame in the frame of [`Footing::enter`].
+    #[inline(always)]
+    pub fn in_frame<L: Lane<Cell = T>>(&self, token: L::Token, vector: Vec3<L>) -> Vec3<L> {
+        Frame::of_normal(Vec3::<L>::load(token, &self.normal)).rotation.apply(vector)
+    }
+
     /// The ground near the robots, in the frame of [`Footing::enter`].
     #[inline(always)]
     pub fn relief<L: Lane<Cell = T>>(&self, token: L::Token) -> Relief<'_, L> {

@@ -18,6 +18,7 @@ mod derivative;
 mod encoder;
 mod footing;
 mod friction;
+mod held_force;
 mod losses;
 #[warn(missing_docs)]
 mod motion;

@@ -7,6 +7,7 @@ use super::step::advance;
 use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::energy::mechanical_energy;
 use ballbot_base::error::Result;
+use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -136,6 +137,15 @@ impl Model for ContactMotion {
 
     fn pending_push(&self) -> [f64; 6] {
         self.memory.push
+    }
+
+    fn hold_force(&mut self, force: &HeldForce<f64>) -> Result<()> {
+        self.memory.force = *force;
+        Ok(())
+    }
+
+    fn held_force(&self) -> HeldForce<f64> {
+        self.memory.force
     }
 
     fn save(&self) -> Vec<u8> {

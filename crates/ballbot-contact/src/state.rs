@@ -3,6 +3,7 @@
 use super::constants::Constants;
 use super::encoder::encoder_rates;
 use super::types::{PerRow, Pose, Velocities};
+use ballbot_base::force::HeldForce;
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, lane_struct};
 use ballbot_base::wheels::Wheels;
@@ -42,6 +43,8 @@ lane_struct! {
         pub joint_impulses: Wheels<T>,
         /// Impulse on the body and angular impulse about its CoM that act in the next step.
         pub push: [T; 6],
+        /// Force from outside on the body.
+        pub force: HeldForce<T>,
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.

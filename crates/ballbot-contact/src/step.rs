@@ -3,6 +3,7 @@
 //! ```text
 //! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
 //! forces    += preload                    of the wheels, between body and ball                (Preload)
+//! forces    += force                      from outside, on the body                           (Outside force)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
 //! free = velocities + dt M^-1 forces      gravity, motors, push, drag, gyroscopic torque      (Free velocities)
@@ -24,6 +25,7 @@ use super::constants::{Constants, InLanes, at3};
 use super::delassus::Delassus;
 use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
+use super::held_force::hold;
 use super::losses::brake;
 use super::phases::{Start, finish, free_velocities};
 use super::preload::press;
@@ -78,7 +80,8 @@ fn several<L: Lane, V: Value<L>>(
     Vec3::from(at3(c.gravity_dt, like)).store(&mut gravity_dt);
     let mut actions = Actions::new(gravity_dt, *torques);
     let zero = like.zero();
-    let is_pressed = L::any(zero.lt(c.has_preload.at(like)));
+    // One test of a step: a press or a force is rare.
+    let is_loaded = L::any(zero.lt(c.has_preload.at(like)) | zero.lt(L::load(token, &state.force.left)));
     let has_losses_or_ripple = L::any(zero.lt(c.has_losses_or_ripple.at(like)));
     for _ in 0..steps {
         // Separate from the step, so that the step keeps its registers on level ground.
@@ -89,11 +92,14 @@ fn several<L: Lane, V: Value<L>>(
                 || footing.enter(c, token, state, &mut actions),
             );
         }
-        if is_pressed {
+        if is_loaded {
             L::rarely(
                 token,
                 #[inline(always)]
-                || press(c, token, state, &mut actions),
+                || {
+                    press(c, token, state, &mut actions);
+                    hold(c, token, state, footing.as_deref());
+                },
             );
         }
         let on_rollers = has_losses_or_ripple

@@ -6,6 +6,7 @@ mod standing;
 use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::{Fields, Limit};
+use ballbot_base::force::{Force, HeldForce};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
@@ -335,6 +336,22 @@ impl Ballbot {
         let com = self.params().body_com();
         self.model.push(impulse, point.unwrap_or(&com));
         Ok(())
+    }
+
+    /// Replaces the force from outside on the body: it acts in every time step, until another force or a reset. A force of
+    /// zero ends it.
+    ///
+    /// # Errors
+    /// As [`Force::validate`]; [`Error::Inconsistent`] for the model `planar`. The former force then stays.
+    pub fn apply_force(&mut self, force: &Force) -> Result<()> {
+        force.validate(self.sim_dt())?;
+        let held = HeldForce::new(force, &self.params().body_com(), self.sim_dt());
+        self.model.hold_force(&held)
+    }
+
+    /// Whether a force from outside acts, now or later.
+    pub fn has_force(&self) -> bool {
+        self.model.held_force().is_on()
     }
 
     /// The complete state, as bytes for [`Ballbot::load`].

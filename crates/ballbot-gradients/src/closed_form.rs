@@ -90,6 +90,9 @@ impl<M: Model + Clone> WithoutSlip<M> {
             change(amount, &mut start)?;
             let Start { state, torques, .. } = start;
             model.place(&state);
+            if self.model.held_force().is_on() {
+                model.hold_force(&self.model.held_force())?;
+            }
             let before = largest_change(&model.state(), &nominal.start);
             model.advance(torques, nominal.steps);
             let after = largest_change(&model.state(), &nominal.next);

@@ -28,10 +28,11 @@ pub use load_map::{LoadMap, WheelLoad};
 pub use planar::{PlanarModel, WheelInertia};
 pub use planar_motion::PlanarMotion;
 pub use scale::Scale;
-pub use spatial::{BallSpin, SpatialModel, WheelSpin};
+pub use spatial::{BallSpin, PointForce, SpatialModel, WheelSpin};
 pub use spatial_motion::SpatialMotion;
 
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::state::{Contacts, State, rolling_rate};
@@ -73,14 +74,18 @@ struct Motion {
     tractions: Wheels<f64>,
     /// Friction of the rollers of each wheel on the bot along u_i, N.
     rollers: Wheels<f64>,
+    /// Force from outside on the body, N.
+    load: Vector3<f64>,
 }
 
-/// Contact forces: wheel loads from Rᵀ M_b (a_b − g) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i u_i with the preload P, floor force
+/// Contact forces: wheel loads from Rᵀ (M_b (a_b − g) − F) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i u_i with the force F from outside
+/// and the preload P, floor force
 /// from the momentum of ball and body.
 fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
     let weight = params.up() * params.gravity;
-    let mut balance =
-        motion.body_quaternion.inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass));
+    let mut balance = motion
+        .body_quaternion
+        .inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass - motion.load));
     for (direction, traction) in wheels.drive_directions.iter().zip(motion.tractions) {
         balance += direction * traction;
     }
@@ -94,7 +99,8 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Conta
         .expect("contact directions of a validated robot span space");
     let floor_force = (motion.ball_acceleration + weight) * params.ball_mass
         + (motion.com_acceleration + weight) * params.body_mass
-        + motion.ball_velocity * params.ball_viscous_friction;
+        + motion.ball_velocity * params.ball_viscous_friction
+        - motion.load;
     Contacts {
         wheel_normal_forces: Wheels::of_column(loads),
         wheel_tractions: motion.tractions,
@@ -146,4 +152,6 @@ struct Saved {
     is_finite: bool,
     coordinates: [f64; 19],
     wheel_torques: Wheels<f64>,
+    force: HeldForce<f64>,
+    load: [f64; 6],
 }

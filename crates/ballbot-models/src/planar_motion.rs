@@ -7,6 +7,7 @@ use super::{
     shaft_torques,
 };
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -246,6 +247,7 @@ impl Model for PlanarMotion {
             com_acceleration: self.com_acceleration(y, &rates),
             tractions: (shaft - wheel_acceleration * self.params.wheel_inertia) / self.params.wheel_radius,
             rollers: Wheels::default(),
+            load: Vector3::zeros(),
         };
         contact_loads(&self.params, &self.wheels, &motion)
     }
@@ -292,6 +294,8 @@ impl Model for PlanarMotion {
             is_finite: self.is_finite,
             coordinates: self.coordinates.into(),
             wheel_torques: self.wheel_torques,
+            force: HeldForce::default(),
+            load: [0.0; 6],
         })
     }
 

@@ -47,6 +47,24 @@ impl From<bool> for BallSpin {
     }
 }
 
+/// A force on the body at a point.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct PointForce {
+    /// Inertial frame, N.
+    pub force: Vector3<f64>,
+    /// Body frame, m.
+    pub point: Vector3<f64>,
+}
+
+impl PointForce {
+    /// The force as generalized force.
+    fn generalized(&self, body_quaternion: &UnitQuaternion<f64>) -> Vector6<f64> {
+        let Self { force, point } = self;
+        let moment = point.cross(&body_quaternion.inverse_transform_vector(force));
+        Vector6::new(force.x, force.y, moment.x, moment.y, moment.z, 0.0)
+    }
+}
+
 /// The equations of motion of one robot.
 #[derive(Clone, Debug)]
 pub struct SpatialModel {
@@ -174,12 +192,29 @@ impl SpatialModel {
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
     ) -> Vector6<f64> {
-        self.solve(&self.terms(body_quaternion), velocity, wheel_torques).0
+        self.accelerations_under(body_quaternion, velocity, wheel_torques, &PointForce::default())
+    }
+
+    /// [`SpatialModel::accelerations`] with a force on the body.
+    pub fn accelerations_under(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        velocity: &Vector6<f64>,
+        wheel_torques: Wheels<f64>,
+        load: &PointForce,
+    ) -> Vector6<f64> {
+        self.solve(&self.terms(body_quaternion), velocity, wheel_torques, load).0
     }
 
     /// ν' and the friction of the rollers on the bot along u_i, N.
-    fn solve(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: Wheels<f64>) -> (Vector6<f64>, Wheels<f64>) {
-        let without = self.solve_lossless(terms, velocity, wheel_torques);
+    fn solve(
+        &self,
+        terms: &Terms,
+        velocity: &Vector6<f64>,
+        wheel_torques: Wheels<f64>,
+        load: &PointForce,
+    ) -> (Vector6<f64>, Wheels<f64>) {
+        let without = self.solve_lossless(terms, velocity, wheel_torques, load);
         if !self.params.has_losses() {
             return (without, Wheels::default());
         }
@@ -192,14 +227,21 @@ impl SpatialModel {
         let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
         let changed = |loads: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * loads));
         let loads = consistent(|loads| {
-            let contacts = self.contacts_of(terms, velocity, wheel_torques, &changed(loads), friction.rollers(loads));
+            let rollers = friction.rollers(loads);
+            let contacts = self.contacts_of(terms, velocity, wheel_torques, load, &changed(loads), rollers);
             let Wheels([a, b, c]) = contacts.wheel_normal_forces;
             Vector4::new(contacts.floor_force.z, a, b, c)
         });
         (changed(&loads), friction.rollers(&loads))
     }
 
-    fn solve_lossless(&self, terms: &Terms, velocity: &Vector6<f64>, wheel_torques: Wheels<f64>) -> Vector6<f64> {
+    fn solve_lossless(
+        &self,
+        terms: &Terms,
+        velocity: &Vector6<f64>,
+        wheel_torques: Wheels<f64>,
+        load: &PointForce,
+    ) -> Vector6<f64> {
         let p = &self.params;
         let rate = velocity.fixed_rows::<3>(2).into_owned();
         let shaft = shaft_torques(&self.params, wheel_torques, Wheels::of_column(terms.b * velocity));
@@ -218,6 +260,9 @@ impl SpatialModel {
         }
         for i in 0..3 {
             force[2 + i] -= gyroscopic[i];
+        }
+        if load.force != Vector3::zeros() {
+            force += load.generalized(&terms.body_quaternion);
         }
         if self.ball_spin == BallSpin::Pinned {
             force[5] = 0.0;
@@ -262,9 +307,20 @@ impl SpatialModel {
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
     ) -> Contacts {
+        self.contacts_under(body_quaternion, velocity, wheel_torques, &PointForce::default())
+    }
+
+    /// [`SpatialModel::contacts`] with a force on the body.
+    pub fn contacts_under(
+        &self,
+        body_quaternion: &UnitQuaternion<f64>,
+        velocity: &Vector6<f64>,
+        wheel_torques: Wheels<f64>,
+        load: &PointForce,
+    ) -> Contacts {
         let terms = self.terms(body_quaternion);
-        let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques);
-        self.contacts_of(&terms, velocity, wheel_torques, &acceleration, rollers)
+        let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques, load);
+        self.contacts_of(&terms, velocity, wheel_torques, load, &acceleration, rollers)
     }
 
     /// Contact forces at ν' = `acceleration`, with the friction `rollers` on the bot along u_i, N.
@@ -273,6 +329,7 @@ impl SpatialModel {
         terms: &Terms,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
+        load: &PointForce,
         acceleration: &Vector6<f64>,
         rollers: Wheels<f64>,
     ) -> Contacts {
@@ -287,6 +344,7 @@ impl SpatialModel {
             tractions: (shaft - Wheels::of_column(spin_acceleration) * self.params.wheel_inertia)
                 / self.params.wheel_radius,
             rollers,
+            load: load.force,
         };
         contact_loads(&self.params, &self.wheels, &motion)
     }
@@ -303,10 +361,8 @@ impl SpatialModel {
         impulse: &Vector3<f64>,
         point: &Vector3<f64>,
     ) -> Vector6<f64> {
-        let angular_impulse = point.cross(&body_quaternion.inverse_transform_vector(impulse));
-        let generalized_impulse =
-            Vector6::new(impulse.x, impulse.y, angular_impulse.x, angular_impulse.y, angular_impulse.z, 0.0);
-        self.response(body_quaternion, &generalized_impulse)
+        let impulse = PointForce { force: *impulse, point: *point };
+        self.response(body_quaternion, &impulse.generalized(body_quaternion))
     }
 }
 

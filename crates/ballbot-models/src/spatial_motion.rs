@@ -2,8 +2,9 @@
 
 use super::rk4::rk4;
 use super::slope::Slope;
-use super::{BallSpin, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
+use super::{BallSpin, PointForce, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
 use ballbot_base::error::Result;
+use ballbot_base::force::HeldForce;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
 use ballbot_base::snapshot;
@@ -29,6 +30,9 @@ pub struct SpatialMotion {
     is_finite: bool,
     coordinates: Coordinates,
     wheel_torques: Wheels<f64>,
+    force: HeldForce<f64>,
+    /// The force from outside in the last step, in the frame of the slope.
+    load: PointForce,
 }
 
 impl SpatialMotion {
@@ -49,6 +53,8 @@ impl SpatialMotion {
             is_finite: true,
             coordinates: Coordinates::zeros(),
             wheel_torques: Wheels::default(),
+            force: HeldForce::default(),
+            load: PointForce::default(),
         };
         motion.place(&motion.upright());
         motion
@@ -67,6 +73,16 @@ impl SpatialMotion {
         self.coordinates.fixed_rows::<6>(6).into_owned()
     }
 
+    /// The force from outside in the next step, its mean over the step.
+    fn next_load(&mut self) -> PointForce {
+        if !self.force.is_on() {
+            return PointForce::default();
+        }
+        let force = self.force.next() / self.sim_dt;
+        let force = self.slope.as_ref().map_or(force, |slope| slope.rotation * force);
+        PointForce { force, point: self.force.point.into() }
+    }
+
     fn derivative(&self, y: &Coordinates) -> Coordinates {
         let body_quaternion = quaternion_at(y, 2);
         let velocity = y.fixed_rows::<6>(6).into_owned();
@@ -78,10 +94,11 @@ impl SpatialMotion {
         out.fixed_rows_mut::<2>(0).copy_from(&velocity.fixed_rows::<2>(0));
         let body_rate = Quaternion::new(y[2], y[3], y[4], y[5]) * Quaternion::from_imag(rate) * 0.5;
         write_quaternion(&mut out, 2, &body_rate);
-        out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations(
+        out.fixed_rows_mut::<6>(6).copy_from(&self.model.accelerations_under(
             &body_quaternion,
             &velocity,
             self.wheel_torques,
+            &self.load,
         ));
         let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
         write_quaternion(&mut out, 12, &ball_quaternion_rate);
@@ -114,6 +131,8 @@ impl Model for SpatialMotion {
             robot.steps = self.steps;
             robot.is_finite = self.is_finite;
             robot.wheel_torques = self.wheel_torques;
+            robot.force = self.force;
+            robot.load = self.load;
         }
         *self = robot;
         Ok(())
@@ -130,11 +149,14 @@ impl Model for SpatialMotion {
         self.steps = 0;
         self.is_finite = true;
         self.wheel_torques = Wheels::default();
+        self.force = HeldForce::default();
+        self.load = PointForce::default();
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         self.wheel_torques = wheel_torques;
         for _ in 0..steps {
+            self.load = self.next_load();
             let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
             self.is_finite &= are_bounded(next.as_slice());
             for at in [2, 12] {
@@ -186,7 +208,12 @@ impl Model for SpatialMotion {
     }
 
     fn contacts(&self) -> Contacts {
-        let contacts = self.model.contacts(&quaternion_at(&self.coordinates, 2), &self.velocity(), self.wheel_torques);
+        let contacts = self.model.contacts_under(
+            &quaternion_at(&self.coordinates, 2),
+            &self.velocity(),
+            self.wheel_torques,
+            &self.load,
+        );
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
             None => contacts,
@@ -212,12 +239,26 @@ impl Model for SpatialMotion {
         velocity += jump;
     }
 
+    fn hold_force(&mut self, force: &HeldForce<f64>) -> Result<()> {
+        self.force = *force;
+        Ok(())
+    }
+
+    fn held_force(&self) -> HeldForce<f64> {
+        self.force
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&Saved {
             steps: self.steps,
             is_finite: self.is_finite,
             coordinates: self.coordinates.into(),
             wheel_torques: self.wheel_torques,
+            force: self.force,
+            load: {
+                let PointForce { force: f, point: p } = self.load;
+                [f.x, f.y, f.z, p.x, p.y, p.z]
+            },
         })
     }
 
@@ -227,6 +268,9 @@ impl Model for SpatialMotion {
         self.is_finite = saved.is_finite;
         self.coordinates = saved.coordinates.into();
         self.wheel_torques = saved.wheel_torques;
+        self.force = saved.force;
+        let [x, y, z, point @ ..] = saved.load;
+        self.load = PointForce { force: Vector3::new(x, y, z), point: point.into() };
         Ok(())
     }
 }

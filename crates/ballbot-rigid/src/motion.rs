@@ -10,6 +10,7 @@ use super::world::{Handles, World, integration_parameters, new_pipeline};
 use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::energy::mechanical_energy;
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
@@ -54,6 +55,8 @@ pub(super) struct SimulationState {
     pub(super) floor_force: [f64; 3],
     /// Pending impulse on the body at its root and angular impulse about the root, N·s and N·m·s.
     pub(super) push: [f64; 6],
+    /// Force from outside on the body.
+    pub(super) force: HeldForce<f64>,
     /// False after a non-finite state, which rapier freezes.
     pub(super) is_finite: bool,
     /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
@@ -70,6 +73,7 @@ impl SimulationState {
             blow: [0.0; 15],
             floor_force: [0.0; 3],
             push: [0.0; 6],
+            force: HeldForce::default(),
             is_finite: true,
             searched_steps: 0,
             unsolved_steps: 0,
@@ -242,6 +246,11 @@ impl Model for RigidMotion {
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         for _ in 0..steps {
+            if self.sim_state.force.is_on() {
+                let point = self.sim_state.force.point.into();
+                let impulse = self.sim_state.force.next();
+                self.push(&impulse, &point);
+            }
             self.step(wheel_torques);
         }
     }
@@ -314,6 +323,15 @@ impl Model for RigidMotion {
             self.sim_state.push[i] += impulse[i];
             self.sim_state.push[3 + i] += angular_impulse[i];
         }
+    }
+
+    fn hold_force(&mut self, force: &HeldForce<f64>) -> Result<()> {
+        self.sim_state.force = *force;
+        Ok(())
+    }
+
+    fn held_force(&self) -> HeldForce<f64> {
+        self.sim_state.force
     }
 
     fn pending_push(&self) -> [f64; 6] {

@@ -5,6 +5,7 @@ mod closed_loop;
 mod control;
 mod different_robots;
 mod environment;
+mod forces;
 mod general_body;
 mod inverse_dynamics;
 mod kinematics;

@@ -17,6 +17,7 @@ use crate::robot::{Ballbot, ModelKind, check_restored};
 use crate::sensor::Sensor;
 use crate::task::{ACTION_LEN, RowScaling, Task, TaskDescription};
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::Force;
 use ballbot_base::interrupt::{Stop, Watch};
 use ballbot_base::lanes::EIGHT;
 use ballbot_base::memory::require_memory;
@@ -403,6 +404,21 @@ impl Batch {
     pub fn push(&mut self, index: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
         self.chunks[chunk].push(i, impulse, point)
+    }
+
+    /// Replaces the force from outside on the body of one robot; see [`Ballbot::apply_force`].
+    ///
+    /// # Errors
+    /// As [`Batch::state`] and [`Ballbot::apply_force`].
+    pub fn apply_force(&mut self, index: usize, force: &Force) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].apply_force(i, force)
+    }
+
+    /// Estimates of the horizontal forces from outside on the robots, inertial frame, N, at the last call of
+    /// [`Batch::control`]; `None` unless its controller has an estimate ([`Law::force_index`](crate::control::Law::force_index)).
+    pub fn outside_forces(&self) -> Option<Vec<[f64; 2]>> {
+        self.places().map(|(chunk, i)| self.chunks[chunk].outside_force(i)).collect()
     }
 
     /// Whether a step or reset was interrupted, so that all environments must be reset before the next step.

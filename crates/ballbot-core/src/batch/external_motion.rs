@@ -5,7 +5,7 @@ use super::buffers::StepBuffers;
 use super::pieces::pieces;
 use crate::robot::ModelKind;
 use crate::task::ACTION_LEN;
-use ballbot_base::error::{Error, check};
+use ballbot_base::error::{Error, Result, check};
 use ballbot_base::interrupt::Stop;
 use ballbot_base::state::State;
 
@@ -19,6 +19,17 @@ pub struct Outside {
 }
 
 impl Batch {
+    /// Checks that no force acts, which another engine does not simulate.
+    fn require_no_force(&self) -> Result<()> {
+        match self.places().position(|(chunk, i)| self.chunks[chunk].has_force(i)) {
+            None => Ok(()),
+            Some(i) => {
+                let reason = format!("a force acts on robot {i}, but another engine takes pushes only");
+                Err(Error::Inconsistent(reason))
+            }
+        }
+    }
+
     /// [`Batch::step`] with an external motion: the task still computes commands, rewards, observations and episode
     /// ends.
     ///
@@ -28,7 +39,7 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::step`], in one thread; [`Error::Inconsistent`] for a model without slip, which cannot hold every
-    /// state. Errors of `motion`, [`Error::Length`] unless there is one state per robot, and [`Error::OutOfRange`] for
+    /// state, and for a robot under a force of [`Batch::apply_force`] or an event. Errors of `motion`, [`Error::Length`] unless there is one state per robot, and [`Error::OutOfRange`] for
     /// a quaternion without unit length: these interrupt the step, and all environments must be reset.
     pub fn step_with<E: From<Error>>(
         &mut self,
@@ -43,9 +54,11 @@ impl Batch {
             let reason = format!("the model {} cannot hold a state with slip: take contact or rigid", model.name());
             return Err(Error::Inconsistent(reason).into());
         }
+        self.require_no_force()?;
         let (autoreset, width) = (self.autoreset, self.width);
         self.interrupted = true;
         self.chunks.iter_mut().for_each(|chunk| chunk.begin_step(autoreset));
+        self.require_no_force()?;
         let pushes = self.places().map(|(chunk, i)| self.chunks[chunk].pending_push(i)).collect();
         let before = Outside { states: self.states().collect(), pushes };
         let after = motion(&before)?;

@@ -9,6 +9,7 @@ use crate::control::Controller;
 use crate::sensor::Readings;
 use crate::task::RowScaling;
 use ballbot_base::error::Result;
+use ballbot_base::force::Force;
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
@@ -175,6 +176,18 @@ pub trait Chunk: Send + Sync {
     /// # Errors
     /// As [`crate::Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
+
+    /// As [`crate::Ballbot::apply_force`].
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::apply_force`].
+    fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
+
+    /// As [`crate::Ballbot::has_force`].
+    fn has_force(&self, i: usize) -> bool;
+
+    /// As [`crate::batch::Batch::outside_forces`], of robot `i`.
+    fn outside_force(&self, i: usize) -> Option<[f64; 2]>;
 
     /// The pending push on the body, in the form of [`crate::batch::Outside::pushes`].
     fn pending_push(&self, i: usize) -> [f64; 6];

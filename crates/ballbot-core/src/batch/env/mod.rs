@@ -31,6 +31,7 @@ use crate::control::{Controller, LaneWidth};
 use crate::sensor::{Readings, Sensor};
 use crate::task::{ACTION_LEN, RowScaling, Task};
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::Force;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
@@ -49,6 +50,8 @@ pub struct ControlMemory<C> {
     /// [`Controller::id`] of the controller that the numbers belong to.
     owner: u64,
     pub cells: Vec<C>,
+    /// [`Controller::force_index`] of the controller.
+    force: Option<usize>,
 }
 
 /// Environments whose robots are `R`, with task `T`, actuator `A` and sensor `S`.
@@ -129,7 +132,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             ledger: Ledger::new(step.sizes()),
             past: Past::new(&config.history, step.rows(), used),
             one: Ledger::new(step.sizes()),
-            control: ControlMemory { owner: 0, cells: Vec::new() },
+            control: ControlMemory { owner: 0, cells: Vec::new(), force: None },
             drawn_laws: DrawnLaws::default(),
             begun: false,
             over: vec![true; used],
@@ -381,6 +384,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         let len = controller.memory_len();
         if self.control.owner != controller.id() || self.control.cells.len() != len {
             self.control.owner = controller.id();
+            self.control.force = controller.force_index();
             self.control.cells.clear();
             self.control.cells.resize(len, R::Cell::default());
         }
@@ -391,6 +395,11 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
                 *value = (torque.get(i) / self.action_torque) as f32;
             }
         }
+    }
+
+    fn outside_force(&self, i: usize) -> Option<[f64; 2]> {
+        let ControlMemory { cells, force, .. } = &self.control;
+        force.map(|index| [cells[index].get(i), cells[index + 1].get(i)])
     }
 
     fn control_drawn(
@@ -562,6 +571,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()> {
         self.robots.push(i, impulse, point)
+    }
+
+    fn apply_force(&mut self, i: usize, force: &Force) -> Result<()> {
+        self.robots.apply_force(i, force)
+    }
+
+    fn has_force(&self, i: usize) -> bool {
+        self.robots.has_force(i)
     }
 
     fn pending_push(&self, i: usize) -> [f64; 6] {

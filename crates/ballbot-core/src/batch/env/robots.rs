@@ -10,6 +10,7 @@ use crate::sensor::Sensor;
 use crate::task::Task;
 use ballbot_base::collision_shape::CollisionShape;
 use ballbot_base::error::{Error, Result};
+use ballbot_base::force::{Force, HeldForce};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
@@ -117,6 +118,15 @@ pub trait Robots: Send + Sync {
     /// # Errors
     /// As [`Ballbot::push`].
     fn push(&mut self, i: usize, impulse: &Vector3<f64>, point: Option<&Vector3<f64>>) -> Result<()>;
+
+    /// As [`Ballbot::apply_force`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::apply_force`].
+    fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
+
+    /// As [`Ballbot::has_force`].
+    fn has_force(&self, i: usize) -> bool;
 
     /// As [`Model::pending_push`](ballbot_base::model::Model::pending_push).
     fn pending_push(&self, i: usize) -> [f64; 6];
@@ -250,6 +260,14 @@ impl Robots for Single {
         self.robot.push(impulse, point)
     }
 
+    fn apply_force(&mut self, _: usize, force: &Force) -> Result<()> {
+        self.robot.apply_force(force)
+    }
+
+    fn has_force(&self, _: usize) -> bool {
+        self.robot.has_force()
+    }
+
     fn pending_push(&self, _: usize) -> [f64; 6] {
         self.robot.pending_push()
     }
@@ -374,6 +392,19 @@ impl Robots for ContactLanes {
         state.push(&self.constants(i), impulse, point.unwrap_or(&com));
         self.set_lane(i, &state);
         Ok(())
+    }
+
+    fn apply_force(&mut self, i: usize, force: &Force) -> Result<()> {
+        let sim_dt = self.constants(i).sim_dt;
+        force.validate(sim_dt)?;
+        let mut state = self.lane(i);
+        state.force = HeldForce::new(force, &self.lane_params(i).body_com(), sim_dt);
+        self.set_lane(i, &state);
+        Ok(())
+    }
+
+    fn has_force(&self, i: usize) -> bool {
+        self.lane(i).force.is_on()
     }
 
     fn pending_push(&self, i: usize) -> [f64; 6] {

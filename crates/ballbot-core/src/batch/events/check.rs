@@ -61,8 +61,8 @@ impl Plan {
         let mut ranges = Vec::new();
         for (place, event) in self.events.iter().enumerate() {
             match event.target {
-                Target::Push => {
-                    event.check_push(&nominal.params).map_err(|e| invalid_event(event.place, &event.event.term, &e))?;
+                Target::Push | Target::Force => {
+                    event.check_load(&nominal.params).map_err(|e| invalid_event(event.place, &event.event.term, &e))?;
                 }
                 Target::Field { .. } => ranges.push(Ranges { place, numbers: event.numbers() }),
             }

@@ -1,6 +1,6 @@
-//! Events that would change nothing.
+//! Events that would change nothing, or that a model does not simulate.
 
-use super::event::{Event, invalid_event};
+use super::event::{Event, FORCE, invalid_event};
 use crate::robot::ModelKind;
 use ballbot_base::error::Result;
 use ballbot_base::params::Params;
@@ -24,6 +24,11 @@ pub fn check_effects(events: &[Event], model: ModelKind, params: &Params) -> Res
     let acts = |name: &str, value: f64| value > 0.0 || events.iter().any(|event| event.term == name);
     let rollers =
         acts("roller_friction", params.roller_friction) || acts("roller_friction_slope", params.roller_friction_slope);
+    let planar = |event: &&Event| model == ModelKind::Planar && event.term == FORCE;
+    if let Some((place, event)) = events.iter().enumerate().find(|(_, event)| planar(event)) {
+        let reason = "the model 'planar' has no force over time: use 'spatial', 'contact' or 'rigid'";
+        return Err(invalid_event(place, &event.term, &reason));
+    }
     for (place, event) in events.iter().enumerate().filter(|(_, event)| !event.optional) {
         let term = event.term.as_str();
         if without_slip

@@ -11,6 +11,12 @@ use std::str::FromStr;
 /// The term that applies an impulse to the body; all other terms are numbers of the robot.
 pub(super) const PUSH: &str = "push";
 
+/// The term that applies a force to the body over time.
+pub(super) const FORCE: &str = "force";
+
+/// The terms that act on the body.
+pub(super) const LOADS: [&str; 2] = [PUSH, FORCE];
+
 /// Key of the random numbers of a task's own pushes: no 32-bit checksum can equal it.
 pub const TASK_ID: u64 = 1 << 40;
 
@@ -59,7 +65,7 @@ pub enum Distribution {
     Normal,
 }
 
-/// Direction of a push.
+/// Direction of a push or a force.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Direction {
     /// Horizontal, with uniformly sampled azimuth.
@@ -72,7 +78,7 @@ pub enum Direction {
 const MODES: [&str; 4] = ["startup", "reset", "interval", "at"];
 
 /// All keys of an event.
-const KEYS: [&str; 13] = [
+const KEYS: [&str; 14] = [
     "term",
     "mode",
     "every",
@@ -86,6 +92,7 @@ const KEYS: [&str; 13] = [
     "direction",
     "height",
     "duration",
+    "frequency",
 ];
 
 impl Operation {
@@ -136,12 +143,13 @@ impl FromStr for Distribution {
 /// What changes, when, and how it is sampled. SI units and radians.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Event {
-    /// The name of a parameter; `actuators.` or `sensors.` and the name of an option; or `push`.
+    /// The name of a parameter; `actuators.` or `sensors.` and the name of an option; `push` or `force`.
     pub term: String,
     /// When it samples.
     pub when: When,
     /// What a draw does. For a push, [`Operation::Abs`] samples the impulse, N·s, and [`Operation::Scale`] the change
-    /// of velocity, m/s; multiplied by the nominal mass of the body it is the impulse.
+    /// of velocity, m/s; multiplied by the nominal mass of the body it is the impulse. For a force these are the force, N,
+    /// and the acceleration, m/s².
     pub operation: Operation,
     /// Distribution of the draws.
     pub distribution: Distribution,
@@ -155,13 +163,16 @@ pub struct Event {
     pub id: Option<u64>,
     /// Whether it is accepted where it changes nothing, such as friction in a model without slip.
     pub optional: bool,
-    /// Only for a push.
+    /// Only for a push or a force.
     pub direction: Direction,
-    /// Only for a push: height of its point of application on the mast above the ball's center, m, uniform between the
+    /// Only for a push or a force: height of its point of application on the mast above the ball's center, m, uniform between the
     /// two. `None` is the body's center of mass.
     pub height: Option<[f64; 2]>,
-    /// Only for a push: time over which its impulse is spread in equal parts, one per control step, s; 0 is at once.
+    /// Only for a push or a force. Of a push the time over which its impulse is spread in equal parts, one per control step,
+    /// s; 0 is at once. Of a force the time for which it acts, s; 0 is until the next force or the end of the episode.
     pub duration: f64,
+    /// Only for a force: frequency of a sine that begins at zero, with the sampled amplitude, Hz; 0 is a constant force.
+    pub frequency: f64,
 }
 
 impl Event {
@@ -179,7 +190,13 @@ impl Event {
             direction: Direction::Uniform,
             height: None,
             duration: 0.0,
+            frequency: 0.0,
         }
+    }
+
+    /// Whether it is a push or a force.
+    pub(super) fn is_load(&self) -> bool {
+        LOADS.contains(&self.term.as_str())
     }
 
     /// The event on a robot: [`Operation::Add`] in place of [`Operation::AddScaled`].
@@ -187,15 +204,17 @@ impl Event {
     /// # Errors
     /// [`Error::Inconsistent`] for an unknown term, or a term whose unit does not scale.
     pub(super) fn on_robot(&self, place: usize, params: &Params) -> Result<Self> {
-        // The plan rejects pushes.
-        if self.operation != Operation::AddScaled || self.term == PUSH {
+        // The plan rejects pushes and forces.
+        if self.operation != Operation::AddScaled || self.is_load() {
             return Ok(self.clone());
         }
         let invalid = |reason: &dyn std::fmt::Display| invalid_event(place, &self.term, reason);
-        let (table, index) = Table::find(&self.term, &[PUSH]).map_err(|e| invalid(&e))?;
+        let (table, index) = Table::find(&self.term, &LOADS).map_err(|e| invalid(&e))?;
         let unit = table.fields()[index].unit;
         let factor = match unit {
             "m" => Some(params.body_com_height / Params::paper().body_com_height),
+            // Masses of parts and preloads do not scale with the mass of the whole robot.
+            "kg" | "N" | "N·s/m" => None,
             _ => Scale::of(params).factor(unit),
         };
         let factor = factor.ok_or_else(|| {
@@ -265,10 +284,13 @@ impl Event {
             Some(Value::Whole(id)) if *id >= 1 => Some(id.unsigned_abs()),
             Some(other) => return Err(kind("id", "a whole number from 1 to 2^63 - 1", other)),
         };
-        if term != PUSH
+        if !event.is_load()
             && let Some(key) = ["direction", "height", "duration"].into_iter().find(|key| value(key).is_some())
         {
-            return Err(invalid(&format!("{key} is only for the term '{PUSH}'")));
+            return Err(invalid(&format!("{key} is only for the terms '{PUSH}' and '{FORCE}'")));
+        }
+        if term != FORCE && value("frequency").is_some() {
+            return Err(invalid(&format!("frequency is only for the term '{FORCE}'")));
         }
         event.direction = match value("direction") {
             None => Direction::Uniform,
@@ -282,6 +304,7 @@ impl Event {
             _ => pair("height")?,
         };
         event.duration = number("duration")?.unwrap_or(0.0);
+        event.frequency = number("frequency")?.unwrap_or(0.0);
         Ok(event)
     }
 
@@ -316,7 +339,7 @@ impl Event {
         if self.optional {
             entries.push(("optional", Value::Flag(true)));
         }
-        if self.term == PUSH {
+        if self.is_load() {
             entries.push((
                 "direction",
                 match self.direction {
@@ -327,6 +350,9 @@ impl Event {
             entries.extend(self.height.map(|height| ("height", height.into())));
             if self.duration != 0.0 {
                 entries.push(("duration", Value::Number(self.duration)));
+            }
+            if self.frequency != 0.0 {
+                entries.push(("frequency", Value::Number(self.frequency)));
             }
         }
         entries

@@ -1,11 +1,12 @@
 //! Executable events: names resolved, ranges expanded, keys assigned.
 
-use super::event::{Direction, Distribution, Event, Operation, PUSH, When, invalid_event};
+use super::event::{Direction, Distribution, Event, FORCE, LOADS, Operation, PUSH, When, invalid_event};
 use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
 use crate::robot::check_push;
 use ballbot_base::error::{Error, Result, check, finite};
 use ballbot_base::fields::Fields;
+use ballbot_base::force::Force;
 use ballbot_base::params::Params;
 use nalgebra::Vector3;
 use std::f64::consts::TAU;
@@ -17,8 +18,8 @@ const MAX_EVENTS: usize = 64;
 const MAX_TIME: f64 = 1e9;
 /// Largest magnitude of a draw.
 const MAX_DRAW: f64 = 1e12;
-/// Columns of a push: impulse (N·s; m/s with `scale`), azimuth, height.
-const PUSH_WIDTH: usize = 3;
+/// Columns of a push or a force: impulse (N·s; m/s with `scale`) or force (N; m/s²), azimuth, height.
+const LOAD_WIDTH: usize = 3;
 
 /// What an event changes.
 #[derive(Clone, Debug)]
@@ -27,6 +28,8 @@ pub enum Target {
     Field { table: Table, index: usize, followers: Vec<usize> },
     /// The body's momentum.
     Push,
+    /// The force from outside on the body.
+    Force,
 }
 
 /// One event.
@@ -44,6 +47,8 @@ pub struct Planned {
     grain: Option<f64>,
     /// Control steps over which a push is spread.
     pub steps: u32,
+    /// Time step of the model, s.
+    sim_dt: f64,
     /// Its first column in the draws of a robot, and the number of columns.
     first: usize,
     pub width: usize,
@@ -173,9 +178,11 @@ impl Planned {
 
     fn new(event: &Event, place: usize, first: usize, sim_dt: f64, control_dt: f64) -> Result<Self> {
         let (target, width, grain) = if event.term == PUSH {
-            (Target::Push, PUSH_WIDTH, None)
+            (Target::Push, LOAD_WIDTH, None)
+        } else if event.term == FORCE {
+            (Target::Force, LOAD_WIDTH, None)
         } else {
-            let (table, index) = Table::find(&event.term, &[PUSH])?;
+            let (table, index) = Table::find(&event.term, &LOADS)?;
             let followers = if table == Table::Params { followers(&event.term) } else { Vec::new() };
             (
                 Target::Field { table, index, followers },
@@ -186,7 +193,7 @@ impl Planned {
         let id = event.id.unwrap_or_else(|| u64::from(crc32fast::hash(event.term.as_bytes())));
         let most = i64::MAX.unsigned_abs();
         check("id", id as f64, "from 1 to 2^63 - 1", |_| (1..=most).contains(&id))?;
-        check_range(event, if event.term == PUSH { 1 } else { width })?;
+        check_range(event, if event.is_load() { 1 } else { width })?;
         check_times(event, control_dt)?;
         if matches!(target, Target::Field { table: Table::Sensors, .. }) && event.when.is_timed() {
             return Err(Error::Inconsistent(
@@ -205,8 +212,8 @@ impl Planned {
                 *range = whole(*range, grain)?;
             }
         }
-        let steps = (event.duration / control_dt).round().max(1.0) as u32;
-        Ok(Self { event: event.clone(), place, target, id, ranges, grain, steps, first, width })
+        let steps = if event.term == PUSH { (event.duration / control_dt).round().max(1.0) as u32 } else { 1 };
+        Ok(Self { event: event.clone(), place, target, id, ranges, grain, steps, sim_dt, first, width })
     }
 
     /// Whether it requires separate motors for each robot.
@@ -214,7 +221,7 @@ impl Planned {
         match self.target {
             Target::Field { table: Table::Params, index, .. } => Params::FIELDS[index].name == "max_wheel_torque",
             Target::Field { table: Table::Actuators, .. } => true,
-            Target::Field { table: Table::Sensors, .. } | Target::Push => false,
+            Target::Field { table: Table::Sensors, .. } | Target::Push | Target::Force => false,
         }
     }
 
@@ -251,7 +258,7 @@ impl Planned {
                     *value = number(range);
                 }
             }
-            Target::Push => {
+            Target::Push | Target::Force => {
                 out[0] = sampler.draw(distribution, self.ranges[0]);
                 let azimuth = TAU * sampler.unit();
                 out[1] = match self.event.direction {
@@ -289,7 +296,7 @@ impl Planned {
                 one && draws.iter().zip(self.bounds()).all(|(&value, range)| within(value, range))
             }
             // It has already been applied.
-            Target::Push => true,
+            Target::Push | Target::Force => true,
         }
     }
 
@@ -331,8 +338,8 @@ impl Planned {
         }
     }
 
-    /// Impulse (inertial frame, N·s) and point (body frame, m; the CoM if `None`) of a push.
-    pub fn push(&self, draws: &[f64], nominal: &Params) -> (Vector3<f64>, Option<Vector3<f64>>) {
+    /// Impulse or force (inertial frame, N·s or N) and point (body frame, m; the CoM if `None`) of a push or a force.
+    pub fn load(&self, draws: &[f64], nominal: &Params) -> (Vector3<f64>, Option<Vector3<f64>>) {
         let size = match self.event.operation {
             Operation::Scale => draws[0] * nominal.body_mass,
             Operation::Abs | Operation::Add | Operation::AddScaled => draws[0],
@@ -341,16 +348,29 @@ impl Planned {
         (impulse, (!draws[2].is_nan()).then(|| Vector3::z() * draws[2]))
     }
 
-    /// Checks the largest push on a robot.
+    /// A force with these draws.
+    pub fn force(&self, draws: &[f64], nominal: &Params) -> Force {
+        let (force, point) = self.load(draws, nominal);
+        let Event { frequency, duration, .. } = self.event;
+        let duration = if duration == 0.0 { f64::INFINITY } else { duration };
+        Force { frequency, duration, ..Force::constant(force, point) }
+    }
+
+    /// Checks the largest push or force on a robot.
     ///
     /// # Errors
-    /// As [`crate::Ballbot::push`].
-    pub fn check_push(&self, nominal: &Params) -> Result<()> {
+    /// As [`crate::Ballbot::push`] and [`Force::validate`].
+    pub fn check_load(&self, nominal: &Params) -> Result<()> {
         for [low, high] in self.bounds().take(1) {
             for size in [low, high] {
                 let heights = self.event.height.unwrap_or([0.0; 2]);
                 for height in heights {
-                    let (impulse, point) = self.push(&[size, 0.0, height], nominal);
+                    let draws = [size, 0.0, height];
+                    if let Target::Force = self.target {
+                        self.force(&draws, nominal).validate(self.sim_dt)?;
+                        continue;
+                    }
+                    let (impulse, point) = self.load(&draws, nominal);
                     check_push(&impulse, point.as_ref())?;
                 }
             }
@@ -422,8 +442,8 @@ fn check_range(event: &Event, width: usize) -> Result<()> {
 /// Checks the times of an event.
 fn check_times(event: &Event, control_dt: f64) -> Result<()> {
     match event.when {
-        When::Startup | When::Reset if event.term == PUSH => {
-            Err(Error::Inconsistent("a push has mode 'interval' or 'at'".into()))
+        When::Startup | When::Reset if event.is_load() => {
+            Err(Error::Inconsistent(format!("a {} has mode 'interval' or 'at'", event.term)))
         }
         When::Startup | When::Reset => Ok(()),
         When::At(time) => {
@@ -443,30 +463,35 @@ fn check_times(event: &Event, control_dt: f64) -> Result<()> {
     }
 }
 
-/// Checks that a push ends before the next one.
+/// Checks that a push or a force ends before the next one.
 fn check_duration(event: &Event) -> Result<()> {
     let most = match event.when {
         When::Every([least, _]) => least,
         _ => MAX_TIME,
     };
-    check("duration", event.duration, format_args!("from 0 to {most} s, when the next push may come"), |t| {
-        (0.0..=most).contains(&t)
-    })?;
+    check(
+        "duration",
+        event.duration,
+        format_args!("from 0 to {most} s, when the next {} may come", event.term),
+        |t| (0.0..=most).contains(&t),
+    )?;
     Ok(())
 }
 
-/// Checks the keys that only a push has.
+/// Checks the keys that only a push or a force has.
 fn check_direction(event: &Event) -> Result<()> {
-    if event.term != PUSH {
+    if !event.is_load() {
         return Ok(());
     }
     if matches!(event.operation, Operation::Add | Operation::AddScaled) {
-        return Err(Error::Inconsistent(
-            "op of a push is 'abs' (an impulse, N·s) or 'scale' (a change of velocity, m/s)".into(),
-        ));
+        let (absolute, scaled) = match event.term.as_str() {
+            PUSH => ("an impulse, N·s", "a change of velocity, m/s"),
+            _ => ("N", "an acceleration, m/s²"),
+        };
+        return Err(Error::Inconsistent(format!("op of a {} is 'abs' ({absolute}) or 'scale' ({scaled})", event.term)));
     }
     let [least, _] = bounds(event.distribution, event.range[0]);
-    check("range", least, ">= 0: the direction of a push is its azimuth", |b| b >= 0.0)?;
+    check("range", least, format_args!(">= 0: the direction of a {} is its azimuth", event.term), |b| b >= 0.0)?;
     if let Direction::Azimuth(azimuth) = event.direction {
         check("direction", azimuth, "within ±1e3 rad", |a| a.abs() <= 1e3)?;
     }

@@ -252,7 +252,7 @@ impl Randomized {
         step >= self.drawn[i].next
     }
 
-    /// Fires the events that are due: first parameters and options, then pushes on the changed robot. Returns whether
+    /// Fires the events that are due: first parameters and options, then pushes and forces on the changed robot. Returns whether
     /// the robot has changed.
     pub fn fire<R: Robots>(
         &mut self,
@@ -268,7 +268,7 @@ impl Randomized {
         let mut fired = 0u64;
         for (k, event) in plan.events.iter().enumerate() {
             let drawn = &mut self.drawn[i];
-            if matches!(event.target, Target::Push) || drawn.times[k] > now {
+            if !matches!(event.target, Target::Field { .. }) || drawn.times[k] > now {
                 continue;
             }
             event.draw(source, drawn.counts[k], 0, &mut drawn.draws[event.columns()]);
@@ -296,16 +296,21 @@ impl Randomized {
         }
         for (k, event) in plan.events.iter().enumerate() {
             let drawn = &mut self.drawn[i];
-            if !matches!(event.target, Target::Push) {
+            if matches!(event.target, Target::Field { .. }) {
                 continue;
             }
             if drawn.times[k] <= now {
                 event.draw(source, drawn.counts[k], 0, &mut drawn.draws[event.columns()]);
                 drawn.count(k, event.gap(source, drawn.counts[k].wrapping_add(1)));
+                if let Target::Force = event.target {
+                    let force = event.force(&drawn.draws[event.columns()], &self.nominal[i].params);
+                    robots.apply_force(i, &force).expect("the largest force and the model were checked");
+                    continue;
+                }
                 drawn.left[k] = event.steps;
             }
             if drawn.left[k] > 0 {
-                let (impulse, point) = event.push(&drawn.draws[event.columns()], &self.nominal[i].params);
+                let (impulse, point) = event.load(&drawn.draws[event.columns()], &self.nominal[i].params);
                 let part = impulse / f64::from(event.steps);
                 robots.push(i, &part, point.as_ref()).expect("the largest push was checked");
                 drawn.left[k] -= 1;
