@@ -1,5 +1,6 @@
 //! The laws beyond the regulator and the paper's PID, one module each; shared code is here.
 
+mod admittance;
 mod cascade_pid;
 mod delay;
 mod fuzzy_mamdani;
@@ -27,9 +28,9 @@ const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
 const CONTROL_DT: f64 = SIM_DT * STEPS as f64;
 
-/// The laws under test: all that control the position, except the regulator, which they are compared with.
+/// The laws under test: all that hold the position, except the regulator, which they are compared with.
 fn laws() -> impl Iterator<Item = &'static str> {
-    controller_kinds().into_iter().map(|kind| kind.name).filter(|name| !["lqr", "pid"].contains(name))
+    controller_kinds().into_iter().map(|kind| kind.name).filter(|name| !["lqr", "pid", "admittance"].contains(name))
 }
 
 fn made(name: &str, params: &Params, options: &[(&str, &[f64])]) -> Box<dyn Controller> {

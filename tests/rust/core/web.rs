@@ -76,6 +76,24 @@ fn robots_go_where_they_are_sent_and_all_at_once() {
 }
 
 #[test]
+fn a_robot_that_yields_is_pulled_along_and_goes_where_it_is_sent() {
+    for model in ["contact", "spatial"] {
+        let mut scene = Scene::new(&format!("controller = 'admittance'\nmodel = '{model}'")).unwrap();
+        scene.pull(0, [1.5, 0.0, 0.0]).unwrap();
+        scene.advance(4000);
+        assert!(part(&scene, 0, "ball_velocity")[0] > 0.25, "{model}");
+        scene.pull(0, [0.0; 3]).unwrap();
+        scene.advance(8000);
+        let led = part(&scene, 0, "ball_position").to_vec();
+        assert!(led[0] > 0.8 && part(&scene, 0, "ball_velocity")[0].abs() < 2e-3, "{model}: {led:?}");
+        scene.go_to([0.3, 0.2]).unwrap();
+        scene.advance(15_000);
+        let at = part(&scene, 0, "ball_position");
+        assert!((at[0] - 0.3).hypot(at[1] - 0.2) < 0.03, "{model}: {at:?}");
+    }
+}
+
+#[test]
 fn robots_follow_a_circle_and_an_eight_and_stop_where_they_are_sent() {
     for robot in Params::preset_names() {
         for curve in ["circle", "eight"] {
