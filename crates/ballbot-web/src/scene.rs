@@ -4,7 +4,7 @@ use crate::settings::{SIM_DT, Settings, changed_by};
 use crate::target::Target;
 use ballbot_core::control::{Controller, LaneSetpoint, Setpoint};
 use ballbot_core::nalgebra::{Vector2, Vector3};
-use ballbot_core::{Ballbot, Error, LaneState, Params, Result, Wheels, check_finite, wxyz};
+use ballbot_core::{Ballbot, Error, Force, LaneState, Params, Result, Wheels, check_finite, wxyz};
 
 /// Names and lengths of the parts of a robot's row. SI units; quaternions are `w, x, y, z`; `fallen` is 1 or 0.
 pub const ROW: [(&str, usize); 13] = [
@@ -41,6 +41,9 @@ const SPACING: f64 = 8.0;
 const MARGIN: f64 = 4.0;
 const FARTHEST: f64 = 5.0;
 
+/// How far a robot yields before the target is moved to it, m.
+const YIELDED: f64 = 0.01;
+
 /// Largest force of a pull, in weights of a robot.
 const PULL: f64 = 0.2;
 
@@ -60,6 +63,8 @@ struct Robot {
 pub struct Scene {
     robots: Vec<Robot>,
     controller: Box<dyn Controller>,
+    /// Whether the controller yields to a force, and stays where it is left.
+    yields: bool,
     nominal: Params,
     target: Target,
     steps_per_control: usize,
@@ -74,7 +79,7 @@ impl Scene {
     /// # Errors
     /// Settings that are unknown or out of range, or a controller without a design for the robot.
     pub fn new(settings: &str) -> Result<Self> {
-        let Settings { nominal, params, model, controller, terrain, robots, tilt } = Settings::parse(settings)?;
+        let Settings { nominal, params, model, controller, yields, terrain, robots, tilt } = Settings::parse(settings)?;
         let ratio = controller.control_dt() / SIM_DT;
         let steps_per_control = ratio.round() as usize;
         if steps_per_control == 0 || (ratio - ratio.round()).abs() > 1e-6 * ratio {
@@ -109,8 +114,17 @@ impl Scene {
         let extent = robots.iter().map(|robot| robot.place.amax()).fold(margin, |most, place| most.max(place + margin));
         let half = terrain.as_ref().map_or([f64::INFINITY; 2], |terrain| terrain.half_size());
         let target = Target::new(&nominal, half.map(|half| (half - extent).max(0.0)));
-        let mut scene =
-            Self { robots, controller, nominal, target, steps_per_control, steps: 0, rows, heights: Vec::new() };
+        let mut scene = Self {
+            robots,
+            controller,
+            yields,
+            nominal,
+            target,
+            steps_per_control,
+            steps: 0,
+            rows,
+            heights: Vec::new(),
+        };
         scene.write_rows();
         Ok(scene)
     }
@@ -177,8 +191,10 @@ impl Scene {
                     robot.torques = Wheels::default();
                 }
             }
-            if robot.pull != Vector3::zeros() {
-                // A pull is far below the largest push.
+            // Far below the largest force; `planar` has only pushes.
+            if (robot.pull != Vector3::zeros() || robot.body.has_force())
+                && robot.body.apply_force(&Force::constant(robot.pull, None)).is_err()
+            {
                 let _ = robot.body.push(&(robot.pull * dt), None);
             }
         }
@@ -217,6 +233,7 @@ impl Scene {
                 return Err(Error::OutOfRange { name: name.into(), value, limit: "within ±1".into() });
             }
         }
+        self.lead();
         self.target.drive(fractions);
         Ok(())
     }
@@ -230,6 +247,7 @@ impl Scene {
     pub fn go_to(&mut self, place: [f64; 2]) -> Result<()> {
         check_finite("place", &place)?;
         self.require_position()?;
+        self.lead();
         let ball = self.robots[0].body.state().ball_position.xy() - self.robots[0].place;
         let way = Vector2::from(place) - ball;
         self.target.go_to(ball + way * (FARTHEST / way.norm().max(FARTHEST)));
@@ -243,7 +261,19 @@ impl Scene {
     /// curve that would leave the ground.
     pub fn follow(&mut self, curve: &str) -> Result<()> {
         self.require_position()?;
+        self.lead();
         self.target.follow(curve)
+    }
+
+    /// Begins a motion of the target at the first robot, if the robots may have yielded away from it.
+    fn lead(&mut self) {
+        // Its first numbers are how far it has yielded.
+        let yielded = |robot: &Robot| robot.memory.iter().take(2).any(|way| way.abs() > YIELDED);
+        if self.yields && self.robots.iter().any(yielded) {
+            let first = &self.robots[0];
+            self.target.rest_at(first.body.state().ball_position.xy() - first.place);
+            self.robots.iter_mut().for_each(|robot| robot.memory.fill(0.0));
+        }
     }
 
     fn follows(&self, part: &str) -> bool {

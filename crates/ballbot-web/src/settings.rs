@@ -1,7 +1,7 @@
 //! What a scene is made of, from TOML.
 
 use ballbot_core::batch::{History, Layer, policy_controller};
-use ballbot_core::control::{Controller, controller_kind};
+use ballbot_core::control::{Admittance, Controller, NamedLaw, controller_kind};
 use ballbot_core::terrain::Terrain;
 use ballbot_core::{Error, ModelKind, Params, Result};
 use std::sync::Arc;
@@ -24,6 +24,8 @@ pub(crate) struct Settings {
     pub(crate) params: Params,
     pub(crate) model: ModelKind,
     pub(crate) controller: Box<dyn Controller>,
+    /// Whether the controller yields to a force.
+    pub(crate) yields: bool,
     pub(crate) terrain: Option<Arc<Terrain>>,
     pub(crate) robots: usize,
     /// Tilt of the first robot at the start, rad; others tilt as far, each in another direction.
@@ -39,6 +41,7 @@ impl Settings {
         let nominal = Params::preset(&robot)?;
         let params = changed(&nominal, &take_table(&mut table, "params")?)?;
         let model: ModelKind = take_text(&mut table, "model", "contact")?.parse()?;
+        let yields = table.get("controller").and_then(Value::as_str) == Some(Admittance::NAME);
         let controller = match table.remove("policy") {
             None => law(&nominal, &mut table)?,
             Some(Value::Table(policy)) => {
@@ -70,7 +73,7 @@ impl Settings {
             let known = ["robot", "model", "controller", "robots", "tilt", "params", "options", "terrain", "policy"];
             return Err(Error::unknown("setting", name, &known));
         }
-        Ok(Self { nominal, params, model, controller, terrain, robots, tilt })
+        Ok(Self { nominal, params, model, controller, yields, terrain, robots, tilt })
     }
 }
 
