@@ -369,7 +369,8 @@ class Params:
         """
     def scale(self, unit: str) -> float:
         """Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-        "m/s²", "m/s³", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling, torques with the torque that
+        "m/s²", "m/s³", "kg", "N", "N·s/m", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling,
+        masses with the mass of body and ball, torques with the torque that
         holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
         hold. Raises ValueError for another unit.
         """
@@ -764,6 +765,32 @@ class Ballbot:
         """Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; None is its CoM).
 
         The models `contact` and `rigid` spread it over their next time step.
+        """
+    def apply_force(
+        self,
+        force: npt.ArrayLike,
+        point: npt.ArrayLike | None = None,
+        *,
+        frequency: float = 0.0,
+        phase: float = 0.0,
+        delay: float = 0.0,
+        duration: float | None = None,
+    ) -> None:
+        """Replaces the force from outside on the body: it acts in every time step, until another force or a reset.
+
+        A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+        in whole time steps.
+
+        Args:
+            force: inertial frame, shape (3,), N; zero ends the former force.
+            point: body frame, shape (3,), m; None is its CoM.
+            frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
+            phase: of a sine at its begin, rad.
+            delay: time from now to its begin, s.
+            duration: time for which it acts, s; None is without end.
+
+        Raises:
+            ValueError: a number out of range, or the model `planar`; the former force then stays.
         """
     def set_params(self, params: _Robot) -> None:
         """Replaces the robot's parameters; they persist over resets.
@@ -1360,6 +1387,26 @@ class Controller:
         """
     def reset(self) -> None:
         """Clears the memory of the law."""
+    @property
+    def outside_force(self) -> _Array | None:
+        """Estimate of the horizontal force from outside on the body at the last call: x and y in the inertial frame, shape (2,),
+        N. None of a law that estimates none: with the option `lean_observer` above 0 the laws that have it do, and
+        "admittance" does.
+
+        Its height does not matter, nor a center of mass that is off. The weight of the robot along a slope counts as a force,
+        and so does friction that the parameters do not have.
+        """
+    def outside_force_deviation(self, velocity: float, tilt_rate: float) -> _Array | None:
+        """Standard deviation of `outside_force` along x and y of the heading frame, shape (2,), N, by white noise of the
+        state; None as `outside_force`. Noise of the tilt has no effect.
+
+        Args:
+            velocity: standard deviation of a component of the measured velocity of the ball, m/s.
+            tilt_rate: of a component of the tilt rate, rad/s.
+
+        Raises:
+            ValueError: a standard deviation that is negative or above 1e6.
+        """
     def constants(self) -> dict[str, float | _Array]:
         """Constants of the law, by name: numbers, vectors and matrices. `ballbot export` writes them as C.
 
@@ -1959,6 +2006,39 @@ class Batch:
         """
     def push(self, index: int, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
         """Applies an impulse (inertial frame, N·s) to the body of one robot at `point` (body frame, m; None is its CoM)."""
+    def apply_force(
+        self,
+        index: int,
+        force: npt.ArrayLike,
+        point: npt.ArrayLike | None = None,
+        *,
+        frequency: float = 0.0,
+        phase: float = 0.0,
+        delay: float = 0.0,
+        duration: float | None = None,
+    ) -> None:
+        """Replaces the force from outside on the body of one robot: it acts in every time step, until another force or a reset.
+
+        A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+        in whole time steps.
+
+        Args:
+            index: the robot.
+            force: inertial frame, shape (3,), N; zero ends the former force.
+            point: body frame, shape (3,), m; None is its CoM.
+            frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
+            phase: of a sine at its begin, rad.
+            delay: time from now to its begin, s.
+            duration: time for which it acts, s; None is without end.
+
+        Raises:
+            ValueError: a number out of range, or the model `planar`; the former force then stays.
+        """
+    def outside_forces(self) -> _Array | None:
+        """Estimates of the horizontal forces from outside on the bodies at the last call of `control`, x and y in the inertial
+        frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
+        without `drawn`. Zero from a reset to the next call.
+        """
     def control(
         self,
         controller: Controller,

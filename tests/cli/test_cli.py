@@ -78,7 +78,8 @@ def test_a_wrong_command_line_exits_with_2(capsys, arguments):
         (
             ["evaluate", "balance", "--controller", "lqrr"],
             "no policy at lqrr: expected lqr, pid, lqi, lqr_pi, mpc, cascade_pid, hierarchical_sliding_mode, "
-            "pd_inverse_dynamics, sliding_mode, fuzzy_mamdani, takagi_sugeno, mppi, nmpc, zero or the path of",
+            "pd_inverse_dynamics, sliding_mode, fuzzy_mamdani, takagi_sugeno, admittance, mppi, nmpc, zero or "
+            "the path of",
         ),
         (["evaluate", "balance", "--controller", "lqr", "--model", "flat"], "unknown model 'flat': expected one of"),
         (["view", "--model", "flat"], "unknown model 'flat': expected one of planar, spatial"),

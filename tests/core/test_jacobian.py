@@ -145,6 +145,32 @@ class Case:
         return worst
 
 
+class Forced(Case):
+    """A robot under a force, whose moment turns with the body."""
+
+    def after(self, change, torques=0.0):
+        self.robot.reset(moved(self.start, change))
+        self.force()
+        self.robot.step(self.torques + torques, self.steps)
+        return np.concatenate([difference(self.robot.state, self.end), forces(self.robot)])
+
+    def force(self):
+        weight = self.params.gravity * self.params.body_mass
+        self.robot.apply_force((0.3 * weight, -0.2 * weight, 0.1 * weight), (0.1, 0.05, 0.4), frequency=30.0, phase=1.0)
+
+
+def test_derivatives_under_a_force_equal_differences():
+    worst = []
+    for seed in range(0, CASES, 5):
+        case = Forced(seed)
+        case.force()
+        jacobian = case.robot.jacobian(case.torques)
+        if jacobian.margin > 0.06:
+            worst.append(case.worst(jacobian))
+    assert len(worst) > 4
+    assert max(worst) < LIMIT
+
+
 def test_derivatives_equal_differences_wherever_modes_stay():
     worst = []
     for seed in range(CASES):

@@ -169,6 +169,8 @@ CONTROLLER_OPTIONS: dict[str, list[Any]] = {
         Refused(3.0),
         With(0.3, adaptation=500.0, switching=0.25, layer=0.05),
     ],
+    "admittance.yield_speed": [1e-4],
+    "admittance.yield_acceleration": [0.01],
     "hierarchical_sliding_mode.adaptation": [With(50.0, switching=0.25, layer=0.05)],
     "delay": [0.01],
     "horizon": [6.0, 0.3],
@@ -464,7 +466,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
     "Force": (
         lambda **given: bb.simulate("lqr", seconds=0.5, forces=[bb.Force(**given)]).to_array(),
         {"force": (0.5, 0.0, 0.0)},
-        {"force": (0.0, 0.5, 0.0), "begin": 0.2, "end": 0.3, "point": (0.0, 0.1, 0.3)},
+        {"force": (0.0, 0.5, 0.0), "begin": 0.2, "end": 0.3, "point": (0.0, 0.1, 0.3), "frequency": 3.0},
     ),
     "simulate": (
         bb.simulate,

@@ -18,6 +18,8 @@ OTHER = bb.State.at_rest(PAPER, tilt=(-0.05, 0.02))
 HIGH = bb.State.at_rest(PAPER.replace(ball_radius=0.118), tilt=(0.06, -0.03))
 TORQUES = np.array([[0.1, 0.02, 0.0], [0.05, 0.0, 0.1]])
 PUSH = (0.1, 0.2, 0.0)
+FORCE = (2.0, 3.0, 0.0)
+WAVE = {"frequency": 30.0, "phase": With(0.4, frequency=30.0), "delay": 0.002, "duration": 0.002}
 LQR = bb.Lqr(control_dt=0.01)
 POLICIES = [(np.full((2, 3, 16), 0.1), np.full((2, 3), 0.1))]
 
@@ -106,6 +108,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {"steps": 3},
     ),
     "Ballbot.push": (lambda **given: _then(_robot(), "push", **given), {"impulse": PUSH}, {"point": (0.0, 0.1, 0.2)}),
+    "Ballbot.apply_force": (
+        lambda **given: _then(_robot(), "apply_force", **given),
+        {"force": FORCE},
+        {"point": (0.0, 0.1, 0.2), **WAVE},
+    ),
     "Ballbot.place_on_ground": (
         lambda **given: _then(bb.Ballbot(terrain=bb.Terrain.plane(0.1)), "place_on_ground", **given),
         {"x": 0.1, "y": 0.0},
@@ -178,6 +185,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {"impulse": PUSH},
         {"point": (0.0, 0.1, 0.2)},
     ),
+    "Batch.apply_force": (
+        lambda **given: _stepped(_batch(), "apply_force", index=0, **given),
+        {"force": FORCE},
+        {"point": (0.0, 0.1, 0.2), **WAVE},
+    ),
     "Batch.control": (
         lambda controller="lqr", **given: _batch().control(bb.Controller(controller, control_dt=0.01), **given),
         {},
@@ -213,6 +225,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {"impulse": PUSH},
         {"point": (0.0, 0.1, 0.2)},
     ),
+    "BallbotEnv.apply_force": (
+        lambda **given: _stepped(_env(), "apply_force", **given),
+        {"force": FORCE},
+        {"point": (0.0, 0.1, 0.2), **WAVE},
+    ),
     "BallbotEnv.reset": (
         lambda **given: _stepped(_env(), "reset", **given),
         {"seed": 1},
@@ -222,6 +239,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         lambda **given: _stepped(_envs(), "push", **given),
         {"impulse": PUSH},
         {"point": (0.0, 0.1, 0.2), "index": 1},
+    ),
+    "BallbotVectorEnv.apply_force": (
+        lambda **given: _stepped(_envs(), "apply_force", **given),
+        {"force": FORCE},
+        {"point": (0.0, 0.1, 0.2), "index": 1, **WAVE},
     ),
     "BallbotVectorEnv.set_params": (
         lambda **given: _stepped(_envs(), "set_params", **given),

@@ -26,6 +26,7 @@ from ballbot_rs.scenarios.outcome import Outcome
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load
 from validation.claim import Claim
+from validation.controllers.planners import YIELDING
 from validation.page import table
 from validation.topic import Findings
 
@@ -45,7 +46,7 @@ Found = Mapping[tuple[str, str], Outcome]
 
 def names() -> list[str]:
     """The controllers of the table."""
-    return [*CONTROLLERS, POLICY]
+    return [*(name for name in CONTROLLERS if name not in YIELDING), POLICY]
 
 
 @cache

@@ -14,13 +14,13 @@ from ballbot_rs.scenarios.matrix import cell, unit
 from ballbot_rs.scenarios.run import run_scenarios
 from ballbot_rs.scenarios.scenario import load
 from validation.claim import Claim
-from validation.controllers.planners import PLANNERS
+from validation.controllers.planners import PLANNERS, YIELDING
 from validation.page import table
 from validation.topic import Findings
 
 SCENARIOS: Final = ("S2-rest", "S3-at-once", "S3-slow", "S10-4s", "S13-6s")
-#: `pid` does not follow motions, and planners take too long for maps.
-NAMES: Final = tuple(name for name in CONTROLLERS if name not in ("pid", *PLANNERS))
+#: `pid` does not follow motions, planners take too long for maps, and `admittance` yields.
+NAMES: Final = tuple(name for name in CONTROLLERS if name not in ("pid", *PLANNERS, *YIELDING))
 
 
 def run() -> Findings:

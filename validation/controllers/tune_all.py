@@ -8,12 +8,12 @@ import sys
 
 from ballbot_rs._core import CONTROLLERS
 from validation.controllers import tuning
-from validation.controllers.planners import PLANNERS
+from validation.controllers.planners import PLANNERS, YIELDING
 
 
 def main() -> int:
     """The command."""
-    laws = [name for name in CONTROLLERS if name not in PLANNERS]
+    laws = [name for name in CONTROLLERS if name not in (*PLANNERS, *YIELDING)]
     parser = argparse.ArgumentParser(prog="python -m validation.controllers.tune_all", description=__doc__)
     parser.add_argument("laws", nargs="*", metavar="LAW", help=f"some of {', '.join(laws)}; all without")
     parser.add_argument("--threads", type=int, default=1, help="that step the robots (%(default)s)")

@@ -9,7 +9,7 @@ use crate::fields::field_dict;
 use crate::infos::StepInfos;
 use crate::jacobian::{self, PyJacobians};
 use crate::networks::networks;
-use crate::numbers::{count, index, optional_index, optional_whole, real, seed, seeds, whole};
+use crate::numbers::{count, index, optional_index, optional_real, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
 use crate::params::{PyParams, Robot, several};
 use crate::perception::perceived;
@@ -23,7 +23,7 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, State, require_memory};
+use ballbot_core::{Contacts, Force, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -841,7 +841,8 @@ impl PyBatch {
     /// Of all environments, shape (num_envs,), or (num_envs, k) for terms of k numbers; of environment `index` a number
     /// or shape (k,). NaN where nothing was sampled, as before the first event of an episode. With "abs" a draw is the
     /// value, with "add" it is added to the nominal value, with "scale" it multiplies it. For a push it is the impulse
-    /// (N·s; m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass).
+    /// (N·s; m/s with "scale"), the azimuth (rad) and the height (m; NaN is the center of mass); for a force the same with the
+    /// force (N; m/s² with "scale").
     #[pyo3(signature = (index=None))]
     fn draws<'py>(
         &self,
@@ -910,6 +911,58 @@ impl PyBatch {
         let point = point.map(|p| vector("point", p)).transpose()?;
         let batch = &mut self.inner.write()?.batch;
         call(|| batch.push(index, &impulse, point.as_ref()))
+    }
+
+    /// Replaces the force from outside on the body of one robot: it acts in every time step, until another force or a reset.
+    ///
+    /// A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+    /// in whole time steps.
+    ///
+    /// Args:
+    ///     index: the robot.
+    ///     force: inertial frame, shape (3,), N; zero ends the former force.
+    ///     point: body frame, shape (3,), m; None is its CoM.
+    ///     frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
+    ///     phase: of a sine at its begin, rad.
+    ///     delay: time from now to its begin, s.
+    ///     duration: time for which it acts, s; None is without end.
+    ///
+    /// Raises:
+    ///     ValueError: a number out of range, or the model `planar`; the former force then stays.
+    #[pyo3(signature = (index, force, point=None, *, frequency=0.0, phase=0.0, delay=0.0, duration=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn apply_force(
+        &self,
+        #[pyo3(from_py_with = index)] index: usize,
+        force: &Bound<'_, PyAny>,
+        point: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = real)] frequency: f64,
+        #[pyo3(from_py_with = real)] phase: f64,
+        #[pyo3(from_py_with = real)] delay: f64,
+        #[pyo3(from_py_with = optional_real)] duration: Option<f64>,
+    ) -> PyResult<()> {
+        let force = Force {
+            frequency,
+            phase,
+            delay,
+            duration: duration.unwrap_or(f64::INFINITY),
+            ..Force::constant(vector("force", force)?, point.map(|p| vector("point", p)).transpose()?)
+        };
+        let batch = &mut self.inner.write()?.batch;
+        call(|| batch.apply_force(index, &force))
+    }
+
+    /// Estimates of the horizontal forces from outside on the bodies at the last call of `control`, x and y in the inertial
+    /// frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
+    /// without `drawn`. Zero from a reset to the next call.
+    fn outside_forces<'py>(&self, py: Python<'py>) -> PyResult<Option<Array2<'py, f64>>> {
+        let batch = &self.inner.read()?.batch;
+        let Some(forces) = batch.outside_forces() else { return Ok(None) };
+        rows(py, batch.len(), 2, |i, row| {
+            row.copy_from_slice(&forces[i]);
+            Ok(())
+        })
+        .map(Some)
     }
 
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.

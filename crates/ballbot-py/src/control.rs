@@ -316,6 +316,43 @@ impl PyController {
         Ok(())
     }
 
+    /// Estimate of the horizontal force from outside on the body at the last call: x and y in the inertial frame, shape (2,),
+    /// N. None of a law that estimates none: with the option `lean_observer` above 0 the laws that have it do, and
+    /// "admittance" does.
+    ///
+    /// Its height does not matter, nor a center of mass that is off. The weight of the robot along a slope counts as a force,
+    /// and so does friction that the parameters do not have.
+    #[getter]
+    fn outside_force<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        let mut law = self.law.write()?;
+        let Some(index) = law.force_index() else { return Ok(None) };
+        Ok(Some(array(py, &law.memory_mut()[index..index + 2])))
+    }
+
+    /// Standard deviation of `outside_force` along x and y of the heading frame, shape (2,), N, by white noise of the
+    /// state; None as `outside_force`. Noise of the tilt has no effect.
+    ///
+    /// Args:
+    ///     velocity: standard deviation of a component of the measured velocity of the ball, m/s.
+    ///     tilt_rate: of a component of the tilt rate, rad/s.
+    ///
+    /// Raises:
+    ///     ValueError: a standard deviation that is negative or above 1e6.
+    #[pyo3(signature = (velocity, tilt_rate))]
+    fn outside_force_deviation<'py>(
+        &self,
+        py: Python<'py>,
+        #[pyo3(from_py_with = real)] velocity: f64,
+        #[pyo3(from_py_with = real)] tilt_rate: f64,
+    ) -> PyResult<Option<Bound<'py, PyArray1<f64>>>> {
+        for (name, value) in [("velocity", velocity), ("tilt_rate", tilt_rate)] {
+            if !(0.0..=1e6).contains(&value) {
+                return Err(PyValueError::new_err(format!("{name} = {value}, it must be from 0 to 1e6")));
+            }
+        }
+        Ok(self.law.read()?.force_deviation(&[0.0, velocity, tilt_rate]).map(|deviation| array(py, &deviation)))
+    }
+
     /// Constants of the law, by name: numbers, vectors and matrices. `ballbot export` writes them as C.
     ///
     /// Raises:

@@ -11,7 +11,8 @@ use pyo3::types::{PyCFunction, PyDict, PyList, PyMapping, PyTuple};
 use std::path::PathBuf;
 
 /// Units of quantities that scale with the robot, for messages.
-const UNITS: &str = "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'rad', 'rad/s', 'N·m', 'N·m/(rad/s)'";
+const UNITS: &str =
+    "one of '', 's', '1/s', 'm', 'm/s', 'm/s²', 'm/s³', 'kg', 'N', 'N·s/m', 'rad', 'rad/s', 'N·m', 'N·m/(rad/s)'";
 
 /// The hint for URDFs in place of a robot.
 const TWO_URDFS: &str = "URDFs are two, of the bot and of the ball: Params.from_urdf(bot_path, ball_path)";
@@ -180,7 +181,8 @@ impl PyParams {
     }
 
     /// Factor from a quantity of the paper's robot to the same quantity of this robot, by its unit: "s", "1/s", "m", "m/s",
-    /// "m/s²", "m/s³", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling, torques with the torque that
+    /// "m/s²", "m/s³", "kg", "N", "N·s/m", "rad/s", "N·m" or "N·m/(rad/s)", of a wheel. Times scale with the time constant of toppling,
+    /// masses with the mass of body and ball, torques with the torque that
     /// holds a lean (Froude scaling; `docs/conventions.md`). "rad" is for leans: the lean that traction and motors can
     /// hold. Raises ValueError for another unit.
     fn scale(&self, unit: &str) -> PyResult<f64> {

@@ -5,12 +5,12 @@ use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
 use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
 use crate::keywords::no_others;
-use crate::numbers::{count, real, whole};
+use crate::numbers::{count, optional_real, real, whole};
 use crate::params::{PyParams, Robot};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
-use ballbot_core::Ballbot;
+use ballbot_core::{Ballbot, Force};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
@@ -206,6 +206,43 @@ impl PyBallbot {
         let point = point.map(|p| vector("point", p)).transpose()?;
         let mut robot = self.0.write()?;
         call(|| robot.push(&impulse, point.as_ref()))
+    }
+
+    /// Replaces the force from outside on the body: it acts in every time step, until another force or a reset.
+    ///
+    /// A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+    /// in whole time steps.
+    ///
+    /// Args:
+    ///     force: inertial frame, shape (3,), N; zero ends the former force.
+    ///     point: body frame, shape (3,), m; None is its CoM.
+    ///     frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
+    ///     phase: of a sine at its begin, rad.
+    ///     delay: time from now to its begin, s.
+    ///     duration: time for which it acts, s; None is without end.
+    ///
+    /// Raises:
+    ///     ValueError: a number out of range, or the model `planar`; the former force then stays.
+    #[pyo3(signature = (force, point=None, *, frequency=0.0, phase=0.0, delay=0.0, duration=None))]
+    #[allow(clippy::too_many_arguments, reason = "keywords of Python")]
+    fn apply_force(
+        &self,
+        force: &Bound<'_, PyAny>,
+        point: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = real)] frequency: f64,
+        #[pyo3(from_py_with = real)] phase: f64,
+        #[pyo3(from_py_with = real)] delay: f64,
+        #[pyo3(from_py_with = optional_real)] duration: Option<f64>,
+    ) -> PyResult<()> {
+        let force = Force {
+            frequency,
+            phase,
+            delay,
+            duration: duration.unwrap_or(f64::INFINITY),
+            ..Force::constant(vector("force", force)?, point.map(|p| vector("point", p)).transpose()?)
+        };
+        let mut robot = self.0.write()?;
+        call(|| robot.apply_force(&force))
     }
 
     /// Replaces the robot's parameters; they persist over resets.

@@ -12,6 +12,9 @@ from ballbot_rs._checks import check_real, real_array
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._keywords import named
 
+#: Largest frequency of a force, Hz.
+_MOST_HERTZ = 1e4
+
 T = TypeVar("T")
 
 Vector: TypeAlias = tuple[float, float, float]
@@ -58,7 +61,7 @@ class Push:
 @named
 @dataclasses.dataclass(frozen=True)
 class Force:
-    """A constant force on the body between two times.
+    """A force on the body between two times: constant, or a sine that begins at zero.
 
     ```python
     wind = bb.Force((2.0, 0.0, 0.0), begin=0.5, end=1.5)
@@ -66,7 +69,7 @@ class Force:
     ```
     """
 
-    #: Inertial frame, N.
+    #: Inertial frame, N; of a sine its amplitude.
     force: Vector
     #: s.
     begin: float = 0.0
@@ -74,6 +77,22 @@ class Force:
     end: float | None = None
     #: Body frame, m; None is the CoM of the body.
     point: Vector | None = None
+    #: Of the sine, Hz; 0 is a constant force.
+    frequency: float = 0.0
+
+    def factor(self, time: float) -> float:
+        """The force at a time, s, as a multiple of `force`."""
+        if not self.begin <= time <= (math.inf if self.end is None else self.end):
+            return 0.0
+        return 1.0 if self.frequency == 0.0 else math.sin(2.0 * math.pi * self.frequency * (time - self.begin))
+
+    def share(self, begin: float, end: float) -> float:
+        """Integral of `factor` between two times, s."""
+        first, last = (min(max(t, self.begin), math.inf if self.end is None else self.end) for t in (begin, end))
+        if self.frequency == 0.0:
+            return last - first
+        turn = 2.0 * math.pi * self.frequency
+        return (math.cos(turn * (first - self.begin)) - math.cos(turn * (last - self.begin))) / turn
 
 
 def checked(
@@ -101,6 +120,9 @@ def checked(
         if not 0.0 <= begin < min(end, seconds):
             limits = f"it must be from 0 to before its end, {min(end, seconds)} s"
             raise InvalidInputError(f"a force begins at {begin} s: {limits}")
+        frequency = check_real("frequency of a force", force.frequency)
+        if not 0.0 <= frequency <= _MOST_HERTZ:
+            raise InvalidInputError(f"a force has frequency = {frequency}: it must be from 0 to {_MOST_HERTZ} Hz")
     return several, constant
 
 
@@ -150,8 +172,8 @@ def impulses(
     for force in forces:
         end = math.inf if force.end is None else force.end
         for step in _steps(force.begin, end, steps, control_dt):
-            length = min((step + 1) * control_dt, end) - max(step * control_dt, force.begin)
-            add(step, force.force, max(length, 0.0), force.point)
+            share = force.share(step * control_dt, (step + 1) * control_dt)
+            add(step, force.force, share, force.point)
     return found
 
 

@@ -279,6 +279,21 @@ class OneRobot(BatchAttributes):
         """Gives the body an impulse; see `Ballbot.push`."""
         self._batch.push(self._index, impulse, point)
 
+    def apply_force(
+        self,
+        force: npt.ArrayLike,
+        point: npt.ArrayLike | None = None,
+        *,
+        frequency: float = 0.0,
+        phase: float = 0.0,
+        delay: float = 0.0,
+        duration: float | None = None,
+    ) -> None:
+        """Replaces the force from outside on the body; see `Ballbot.apply_force`."""
+        self._batch.apply_force(
+            self._index, force, point, frequency=frequency, phase=phase, delay=delay, duration=duration
+        )
+
     def set_params(self, params: Params | str) -> None:
         """Replaces the robot's parameters; see `Batch.set_params`."""
         self._batch.set_params(self._index, params)
@@ -346,6 +361,21 @@ class ManyRobots(BatchAttributes):
         """Gives the body of robot `index` an impulse, or of every robot; see `Ballbot.push`."""
         for i in self._chosen_indices(index):
             self._batch.push(i, impulse, point)
+
+    def apply_force(
+        self,
+        force: npt.ArrayLike,
+        point: npt.ArrayLike | None = None,
+        index: int | None = None,
+        *,
+        frequency: float = 0.0,
+        phase: float = 0.0,
+        delay: float = 0.0,
+        duration: float | None = None,
+    ) -> None:
+        """Replaces the force on the body of robot `index`, or of every robot; see `Ballbot.apply_force`."""
+        for i in self._chosen_indices(index):
+            self._batch.apply_force(i, force, point, frequency=frequency, phase=phase, delay=delay, duration=duration)
 
     def _chosen_indices(self, index: int | None) -> Iterable[int]:
         return range(self._batch.num_envs) if index is None else (index,)

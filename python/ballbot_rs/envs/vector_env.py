@@ -209,14 +209,16 @@ class BallbotVectorEnv(BatchEnv, ManyRobots, Rendered, VectorEnv[FloatArray, Flo
         return info
 
     def call(self, name: str, *args: Any, **kwargs: Any) -> tuple[Any, ...]:
-        """Calls a method of every environment: `push`, `set_params`, `reward_terms`, `draws`, `readings` or `metrics`.
+        """Calls a method of every environment.
+
+        The methods are `push`, `apply_force`, `set_params`, `reward_terms`, `draws`, `readings` and `metrics`.
 
         A name that is not a method is read as `get_attr` reads it.
 
         Raises:
             AttributeError: there is no such method, or arguments came with an attribute.
         """
-        methods = ("push", "set_params", "reward_terms", "draws", "readings", "metrics")
+        methods = ("push", "apply_force", "set_params", "reward_terms", "draws", "readings", "metrics")
         if name in methods:
             method = getattr(self._batch, name)
             return tuple(method(i, *args, **kwargs) for i in range(self.num_envs))

@@ -43,8 +43,12 @@ def pushed(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | Non
 
 def pulled(trajectory: Trajectory, time: float) -> list[tuple[Array, Array | None]]:
     """The same for forces, N."""
-    shown = (f for f in trajectory.forces if f.begin <= time <= (math.inf if f.end is None else f.end))
-    return [(np.array(force.force), None if force.point is None else np.array(force.point)) for force in shown]
+    shown = ((force, force.factor(time)) for force in trajectory.forces)
+    return [
+        (factor * np.array(force.force), None if force.point is None else np.array(force.point))
+        for force, factor in shown
+        if factor != 0.0
+    ]
 
 
 def loads(trajectory: Trajectory, row: int) -> Iterator[tuple[Array, Array]]:

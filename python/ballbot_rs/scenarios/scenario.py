@@ -42,6 +42,9 @@ KINDS: Final = (
 #: Metrics that may be a score: smaller is better.
 SCORES: Final = tuple(name for name in METRICS if name not in ("fell", "least_load"))
 
+#: Largest frequency of a force, Hz.
+_MOST_HERTZ: Final = 1e3
+
 #: Largest distance to the point of a push, m.
 _FARTHEST: Final = 10.0
 
@@ -134,6 +137,8 @@ class Scenario:
     force: float = 0.0
     force_from: float = 0.0
     force_until: float = 1e9
+    #: Frequency of a sine of that amplitude, Hz; 0 is a constant force.
+    force_frequency: float = 0.0
     #: Slope of the floor, deg.
     slope: float = 0.0
     #: Offset of the true center of mass from the mast, mm; the controller is made for the nominal robot.
@@ -187,6 +192,9 @@ class Scenario:
         for name in ("push_time", "push_duration", "force_from", "force_until"):
             if getattr(self, name) < 0.0:
                 raise InvalidInputError(f"scenario {self.id}: {name} = {getattr(self, name)}, expected at least 0 s")
+        if not 0.0 <= self.force_frequency <= _MOST_HERTZ:
+            expected = f"expected from 0 to {_MOST_HERTZ:g} Hz"
+            raise InvalidInputError(f"scenario {self.id}: force_frequency = {self.force_frequency}, {expected}")
         if self.push_every is not None and not _SHORTEST <= self.push_every[0] <= self.push_every[1]:
             expected = f"expected two times, the first at least {_SHORTEST} s and at most the second"
             raise InvalidInputError(f"scenario {self.id}: push_every = {self.push_every}, {expected}")

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params, Reference, State
-from ballbot_rs.analysis.pushes import half_sine
+from ballbot_rs.analysis.pushes import Force, half_sine
 from ballbot_rs.scenarios.scale import Scale
 from ballbot_rs.scenarios.scenario import Axis, Scenario
 
@@ -93,7 +93,13 @@ def trial(scenario: Scenario, params: Params, control_dt: float, *, seed: int = 
             first, last = (
                 round(min(t * time / control_dt, steps)) for t in (scenario.force_from, scenario.force_until)
             )
-            impulses[first:last, i, :2] += force * control_dt * direction
+            if scenario.force_frequency == 0.0:
+                impulses[first:last, i, :2] += force * control_dt * direction
+            else:
+                sine = Force((force, 0.0, 0.0), frequency=scenario.force_frequency / time)
+                steps_of = range(last - first)
+                shares = np.array([sine.share(step * control_dt, (step + 1) * control_dt) for step in steps_of])
+                impulses[first:last, i, :2] += force * shares[:, None] * direction
         if scenario.reference:
             references.append(_reference(scenario, nominal, scale, time, rng, references))
     return Trial(

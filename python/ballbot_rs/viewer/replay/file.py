@@ -6,6 +6,7 @@ from typing import Final
 from ballbot_rs import _files
 from ballbot_rs._core import __version__
 from ballbot_rs._short import number
+from ballbot_rs.analysis.pushes import Force
 from ballbot_rs.analysis.trajectory import Trajectory
 from ballbot_rs.media import notebook
 from ballbot_rs.media.figures.labels import short
@@ -54,10 +55,14 @@ def _simulation(trajectory: Trajectory) -> list[tuple[str, str]]:
         ("largest torque of a wheel", _unit(trajectory.max_wheel_torque, "N·m")),
         ("ground", None if trajectory.terrain is None else str(trajectory.terrain)),
         *(("push", f"{_vector(push.impulse)} N·s at {push.time:.4g} s") for push in trajectory.all_pushes),
-        *(("force", f"{_vector(force.force)} N from {force.begin:.4g} s") for force in trajectory.forces),
+        *(("force", f"{_vector(force.force)} N{_sine(force)} from {force.begin:.4g} s") for force in trajectory.forces),
         ("made with", f"ballbot_rs {__version__}"),
     ]
     return [(name, text) for name, text in known if text is not None]
+
+
+def _sine(force: Force) -> str:
+    return f" at {number(force.frequency)} Hz" if force.frequency else ""
 
 
 def _vector(values: tuple[float, float, float]) -> str:
