@@ -100,7 +100,7 @@ def test_it_is_led_at_the_speed_of_a_helper(robot):
 
 
 def _largest(name, params, forces, **options):
-    """The largest force at the center of mass, applied at once, under which a robot neither falls nor is carried away."""
+    """The largest force at the center of mass, applied at once, that a robot withstands without being carried away."""
     directions = 8
     batch = _batch(params, directions * len(forces))
     for i in range(batch.num_envs):

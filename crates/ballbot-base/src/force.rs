@@ -109,7 +109,7 @@ impl HeldForce<f64> {
     }
 
     /// The impulse of the next step, inertial frame, N·s; moves on to the step after it.
-    pub fn next(&mut self) -> Vector3<f64> {
+    pub fn next_impulse(&mut self) -> Vector3<f64> {
         let (impulse, _) = self.advance::<f64>(Scalar);
         Vector3::new(impulse.x, impulse.y, impulse.z)
     }

@@ -78,7 +78,7 @@ impl SpatialMotion {
         if !self.force.is_on() {
             return PointForce::default();
         }
-        let force = self.force.next() / self.sim_dt;
+        let force = self.force.next_impulse() / self.sim_dt;
         let force = self.slope.as_ref().map_or(force, |slope| slope.rotation * force);
         PointForce { force, point: self.force.point.into() }
     }

@@ -248,7 +248,7 @@ impl Model for RigidMotion {
         for _ in 0..steps {
             if self.sim_state.force.is_on() {
                 let point = self.sim_state.force.point.into();
-                let impulse = self.sim_state.force.next();
+                let impulse = self.sim_state.force.next_impulse();
                 self.push(&impulse, &point);
             }
             self.step(wheel_torques);

@@ -89,7 +89,7 @@ fn the_estimate_converges_to_the_force() {
 #[test]
 fn a_slope_counts_as_a_force_and_a_center_of_mass_that_is_off_does_not() {
     let params = Params::paper();
-    let off = Params { body_com_offset: [8e-3, -5e-3], ..params.clone() };
+    let off = Params { body_com_offset: [8e-3, -5e-3], ..params };
     let mut led = Led::new("lqr", &params, ModelKind::Contact, ON, 0.0);
     led.robot = robot(&off, ModelKind::Contact, &State::at_equilibrium(&off, 0.0));
     led.run(10.0);
@@ -100,7 +100,7 @@ fn a_slope_counts_as_a_force_and_a_center_of_mass_that_is_off_does_not() {
     led.run(8.0);
     assert!((led.estimate() - Vector2::new(0.5, 0.3)).norm() < 1e-2, "{}", led.estimate());
 
-    let tilted = Params { floor_tilt: [0.0, 0.02], ..params.clone() };
+    let tilted = Params { floor_tilt: [0.0, 0.02], ..params };
     led.robot = robot(&tilted, ModelKind::Contact, &State::upright(&tilted));
     led.memory.fill(0.0);
     led.run(10.0);

@@ -153,7 +153,7 @@ fn without_a_rate_a_controller_is_unchanged() {
         };
         let off: &[(&str, &[f64])] = &[("lean_observer", &[0.0])];
         assert_eq!(made(name, &params, off).memory_len(), law(name, &params).memory_len());
-        assert_eq!(made(name, &params, ON).memory_len(), law(name, &params).memory_len() + 9);
+        assert_eq!(made(name, &params, ON).memory_len(), law(name, &params).memory_len() + 11);
         assert_eq!(end(made(name, &params, off)), end(law(name, &params)));
         assert_ne!(end(made(name, &params, ON)), end(law(name, &params)));
         lanes_equal_one_robot(name, ON);
@@ -166,7 +166,7 @@ fn impulses_and_limits_move_the_estimate_by_little() {
     let params = Params::paper();
     let controller = made("lqr", &params, ON);
     let setpoint = LaneSetpoint::from(&Setpoint::default());
-    let mut memory = vec![0.0; 9];
+    let mut memory = vec![0.0; 11];
     let mut call = |state: &State, largest: f64| {
         controller.torques_one(&LaneState::from(state), &setpoint, largest, &mut memory);
         memory[0].hypot(memory[1])
