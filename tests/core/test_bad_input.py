@@ -321,6 +321,13 @@ PARAMETERS = [
     ({"floor_tilt": [0.0, 0.6]}, r"floor_tilt\[1\] = 0.6 .*<= 0.5"),
     ({"floor_tilt": [0.4, 0.4]}, "floor_tilt.* = 0.56.* at most 0.5 rad"),
     ({"floor_tilt": 0.1}, "floor_tilt has 1 values, expected 2"),
+    ({"floor_patch_friction": [1.0, 0.5]}, r"floor_patch_friction\[0\] = 1 .* at most floor_patch_friction\[1\] = 0.5"),
+    ({"floor_patch_size": 1e-4}, "floor_patch_size = 0.0001 .* 0, or at least 1e-3 m"),
+    ({"floor_tilt": [0.3, 0.0], "floor_tilt_amplitude": [-0.3, 0.0]}, "floor_tilt.* = 0.6 .* at most 0.5 rad"),
+    (
+        {"floor_tilt_amplitude": [0.1, 0.0], "floor_tilt_period": 0.5},
+        "floor_tilt_amplitude .* neglect this acceleration",
+    ),
     ({"ball_mass": INF}, "ball_mass = inf"),
     ({"max_wheel_torque": -5.0}, "max_wheel_torque = -5"),
     ({"wheel_viscous_friction": -1.0}, "wheel_viscous_friction = -1 .* >= 0"),

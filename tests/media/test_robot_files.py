@@ -31,7 +31,10 @@ MADE = {name: bb.Params.preset(name) for name in bb.Params.preset_names()} | {"s
 #: What a URDF cannot hold.
 LOST = {"gravity", "floor_tilt", "ball_viscous_friction", "friction_critical_velocity"}
 LOST |= {f"{part}_{kind}_friction" for part in ("wheel", "floor") for kind in ("static", "dynamic")}
-LOST |= {"floor_rolling_friction", "floor_spinning_friction"}
+LOST |= {"floor_rolling_friction", "floor_spinning_friction", "floor_friction_gradient"}
+LOST |= {f"floor_patch_{name}" for name in ("size", "friction", "seed")}
+LOST |= {f"floor_tilt_{name}" for name in ("amplitude", "period", "phases")}
+LOST |= {f"floor_acceleration{name}" for name in ("", "_period", "_phase", "_rise")}
 LOST |= {f"roller_{name}" for name in ("friction", "friction_slope", "ripple", "count", "phases")}
 
 

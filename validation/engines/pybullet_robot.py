@@ -77,6 +77,8 @@ class PybulletRobot(ExternalRobot):
         if p.wheel_preload != 0.0:
             # Forces of PyBullet act for one step, not along a body that turns in substeps.
             raise bb.InvalidInputError(f"PyBullet does not simulate wheel_preload = {p.wheel_preload}: it must be 0")
+        if p.has_perturbed_floor:
+            raise bb.InvalidInputError("PyBullet does not simulate a floor that moves or has uneven friction")
         self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]

@@ -22,6 +22,7 @@ pub mod model;
 pub mod names;
 pub mod options;
 pub mod params;
+pub mod perturbed_floor;
 pub mod registry;
 pub mod setpoint;
 pub mod snapshot;

@@ -3,6 +3,7 @@
 mod floor;
 mod geometry;
 mod losses;
+mod perturbed_floor;
 mod preload;
 mod presets;
 pub mod robot_file;
@@ -126,6 +127,29 @@ fields! {
         /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the
         /// slope, is at most 0.5. Gravity is `gravity_vector`.
         pub floor_tilt: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
+        /// Gradient (x, y) of floor friction: at a place its coefficients are multiplied by 1 at the origin plus the gradient
+        /// times the place, within 0 and 2. Of `contact` and `rigid` only.
+        pub floor_friction_gradient: [f64; 2] = [0.0; 2], "1/m", Limit::from(-1e6).to(1e6);
+        /// Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only.
+        pub floor_patch_size: f64 = 0.0, "m", Limit::from(0.0).to(1e6);
+        /// Least and largest factor of floor friction of a patch, each equally likely.
+        pub floor_patch_friction: [f64; 2] = [1.0; 2], "", Limit::from(0.0).to(1e3);
+        /// Seed of the factors of the patches; its whole part counts.
+        pub floor_patch_seed: f64 = 0.0, "", Limit::from(0.0).to(4_294_967_295.0);
+        /// Amplitude (x, y) of a sinusoidal tilt of the floor, as of a ship, added to `floor_tilt`; the sum is at most 0.5.
+        pub floor_tilt_amplitude: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
+        /// Period of `floor_tilt_amplitude`.
+        pub floor_tilt_period: f64 = 10.0, "s", Limit::from(1e-3).to(1e9);
+        /// Phases (x, y) of `floor_tilt_amplitude` at the start of an episode; 0: the floor passes its mean tilt.
+        pub floor_tilt_phases: [f64; 2] = [0.0; 2], "rad", Limit::from(-1e3).to(1e3);
+        /// Amplitude (x, y) of a periodic acceleration of the floor in its plane, as of a tram.
+        pub floor_acceleration: [f64; 2] = [0.0; 2], "m/s²", Limit::from(-1e3).to(1e3);
+        /// Period of `floor_acceleration`.
+        pub floor_acceleration_period: f64 = 10.0, "s", Limit::from(1e-3).to(1e9);
+        /// Phase of `floor_acceleration` at the start of an episode; 0: from zero.
+        pub floor_acceleration_phase: f64 = 0.0, "rad", Limit::from(-1e3).to(1e3);
+        /// Fraction of a quarter period in which a trapezoidal acceleration rises to its amplitude; 0: it is sinusoidal.
+        pub floor_acceleration_rise: f64 = 0.0, "", Limit::from(0.0).to(1.0);
     }
 }
 
@@ -185,7 +209,8 @@ impl Params {
         self.validate_friction()?;
         self.validate_rollers()?;
         self.validate_preload()?;
-        self.validate_slope()
+        self.validate_slope()?;
+        self.validate_perturbed_floor()
     }
 
     /// Checks that a torque of a motor, called `name`, is within `max_wheel_torque`.

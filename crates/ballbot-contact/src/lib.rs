@@ -22,6 +22,7 @@ mod held_force;
 mod losses;
 #[warn(missing_docs)]
 mod motion;
+mod perturbed;
 mod phases;
 mod preload;
 mod principal;
@@ -40,6 +41,7 @@ pub use derivative::{Kinds, SolvedStep};
 pub use footing::Footing;
 pub use friction::{Friction, JointFriction};
 pub use motion::ContactMotion;
+pub use perturbed::PerturbedFloor;
 pub use phases::{Start, free_velocities};
 pub use principal::PrincipalAxes;
 pub use state::ContactState;

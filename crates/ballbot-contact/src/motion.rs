@@ -2,6 +2,7 @@
 
 use super::constants::Constants;
 use super::footing::Footing;
+use super::perturbed::PerturbedFloor;
 use super::state::ContactState;
 use super::step::advance;
 use ballbot_base::collision_shape::CollisionShape;
@@ -26,14 +27,17 @@ pub struct ContactMotion {
     constants: Constants<f64>,
     memory: ContactState<f64>,
     footing: Option<Footing<f64>>,
+    perturbed: Option<Box<PerturbedFloor<f64>>>,
 }
 
 impl ContactMotion {
     /// A robot upright at rest.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
+        let constants = Constants::new(params, sim_dt);
         let mut motion = Self {
             wheels: Omniwheels::new(params),
-            constants: Constants::new(params, sim_dt),
+            perturbed: PerturbedFloor::new(params, &constants),
+            constants,
             memory: ContactState::default(),
             footing: None,
             params: params.clone(),
@@ -77,6 +81,7 @@ impl Model for ContactMotion {
         self.wheels = Omniwheels::new(params);
         self.params = params.clone();
         self.memory.change_body(&self.constants, &constants);
+        self.perturbed = PerturbedFloor::new(params, &constants);
         self.constants = constants;
         if keeps_moving {
             // Reset impulses of joint friction: without friction no row would remove them.
@@ -98,6 +103,14 @@ impl Model for ContactMotion {
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
+        if let Some(perturbed) = &mut self.perturbed {
+            for _ in 0..steps {
+                let ground = self.footing.as_ref().map(|footing| &*footing.ground);
+                let constants = perturbed.next(&self.memory, ground);
+                advance(constants, &mut self.memory, self.footing.as_mut(), wheel_torques, 1);
+            }
+            return;
+        }
         advance(&self.constants, &mut self.memory, self.footing.as_mut(), wheel_torques, steps);
     }
 

@@ -73,12 +73,20 @@ impl ModelKind {
 
     /// Checks that the model simulates the wheels of a robot.
     fn require(self, params: &Params) -> Result<()> {
-        match self {
-            Self::Planar | Self::Spatial => params.require_round_wheels(
-                "the models 'planar' and 'spatial' roll on round wheels; 'contact' and 'rigid' have the ripple of rollers",
-            ),
-            Self::Contact | Self::Rigid => Ok(()),
+        if matches!(self, Self::Contact | Self::Rigid) {
+            return Ok(());
         }
+        if self == Self::Planar {
+            params.require_still_floor(
+                "the model 'planar' is of a level floor; 'spatial', 'contact' and 'rigid' take any",
+            )?;
+        }
+        params.require_even_friction(
+            "the models 'planar' and 'spatial' roll without slip, whatever the friction; 'contact' and 'rigid' slip",
+        )?;
+        params.require_round_wheels(
+            "the models 'planar' and 'spatial' roll on round wheels; 'contact' and 'rigid' have the ripple of rollers",
+        )
     }
 
     /// A robot of this kind, upright at rest.

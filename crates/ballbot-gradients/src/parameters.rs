@@ -21,6 +21,9 @@ const LINEAR_STEP: f64 = 0.25;
 /// share.
 const DISTINCT: f64 = 1e-4;
 
+/// Beginnings of the names of parameters of a floor that moves or has uneven friction.
+const PERTURBED: [&str; 4] = ["floor_friction_gradient", "floor_patch_", "floor_tilt_", "floor_acceleration"];
+
 /// A parameter, or an element of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Parameter {
@@ -32,7 +35,8 @@ impl Parameter {
     /// The parameter `name`, each of its elements, or its element `name[i]`.
     ///
     /// # Errors
-    /// [`Error::UnknownName`]; [`Error::Inconsistent`] for `roller_count`, a whole number.
+    /// [`Error::UnknownName`]; [`Error::Inconsistent`] for `roller_count`, a whole number, and for parameters of a floor that
+    /// moves or has uneven friction.
     pub fn named(name: &str) -> Result<Vec<Self>> {
         let (field_name, index) = match name.split_once('[') {
             Some((field, rest)) => {
@@ -48,6 +52,9 @@ impl Parameter {
         };
         if Params::FIELDS[field].name == "roller_count" {
             return Err(Error::Inconsistent("roller_count is a whole number, so it has no derivative".into()));
+        }
+        if PERTURBED.iter().any(|prefix| Params::FIELDS[field].name.starts_with(prefix)) {
+            return Err(Error::Inconsistent(format!("derivatives with respect to {field_name} are not computed")));
         }
         let elements = index.map_or(0..Params::FIELDS[field].len, |index| index..index + 1);
         Ok(elements.map(|element| Self { field, element }).collect())

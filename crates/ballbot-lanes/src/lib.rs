@@ -11,7 +11,9 @@ use ballbot_base::params::Params;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
-use ballbot_contact::{Constants, ContactState, Footing, InLanes, LaneConstants, advance, advance_wide};
+use ballbot_contact::{
+    Constants, ContactState, Footing, InLanes, LaneConstants, PerturbedFloor, advance, advance_wide,
+};
 use ballbot_stages::actuator::Actuator;
 use fearless_simd::Level;
 use std::borrow::Cow;
@@ -24,6 +26,8 @@ pub struct ContactLanes {
     constants: LaneConstants,
     state: ContactState<Eight>,
     footing: Option<Box<Footing<Eight>>>,
+    /// Floors that move, or on which friction differs from place to place, if any robot has one.
+    perturbed: Option<Box<PerturbedFloor<Eight>>>,
     sim_dt: f64,
 }
 
@@ -35,10 +39,14 @@ impl ContactLanes {
             constants: LaneConstants::of_all(Constants::new(params, sim_dt)),
             state: ContactState::default(),
             footing: None,
+            perturbed: None,
             params: std::array::from_fn(|_| Arc::clone(params)),
             wheels: std::array::from_fn(|_| Arc::clone(&wheels)),
             sim_dt,
         };
+        if params.has_perturbed_floor() {
+            lanes.perturb_floor(0);
+        }
         (0..EIGHT).for_each(|i| lanes.place_upright(i));
         lanes
     }
@@ -85,6 +93,25 @@ impl ContactLanes {
         self.constants.set_lane(i, &constants);
         state.joint_impulses = Wheels::default();
         self.state.set_lane(i, &state);
+        self.perturb_floor(i);
+    }
+
+    /// Takes the floor of robot `i` from its parameters.
+    fn perturb_floor(&mut self, i: usize) {
+        match &mut self.perturbed {
+            None if !self.params[i].has_perturbed_floor() => {}
+            None => {
+                let mut floors = Box::new(PerturbedFloor::unset());
+                (0..EIGHT).for_each(|i| floors.set_lane(i, &self.params[i], &self.constants.lane(i)));
+                self.perturbed = Some(floors);
+            }
+            Some(floors) => {
+                floors.set_lane(i, &self.params[i], &self.constants.lane(i));
+                if !self.params.iter().any(|params| params.has_perturbed_floor()) {
+                    self.perturbed = None;
+                }
+            }
+        }
     }
 
     /// Restarts robot `i` from an accepted state.
@@ -137,7 +164,21 @@ impl ContactLanes {
     /// Advances all robots by `steps` time steps under constant torques. Not generic, so that it is compiled once for
     /// all actuators.
     fn advance(&mut self, torques: &Wheels<Eight>, steps: usize) {
-        let (state, footing) = (&mut self.state, self.footing.as_deref_mut());
+        let (state, mut footing) = (&mut self.state, self.footing.as_deref_mut());
+        if let Some(floors) = self.perturbed.as_deref_mut() {
+            for _ in 0..steps {
+                let ground = footing.as_ref().map(|footing| Arc::clone(&footing.ground));
+                run_eight(Perturb { floors, state, ground: ground.as_deref() });
+                run_eight(Advance {
+                    constants: floors.constants(),
+                    state,
+                    footing: footing.as_deref_mut(),
+                    torques,
+                    steps: 1,
+                });
+            }
+            return;
+        }
         advance_eight(Level::new(), &self.constants, state, footing, torques, steps);
     }
 
@@ -242,6 +283,24 @@ impl<V: InLanes> Kernel for Advance<'_, V> {
             advance(&c, &mut state, footing.as_mut(), self.torques.map(|eight| eight.0[i]), self.steps);
             self.state.set_lane(i, &state);
         }
+    }
+}
+
+/// Computes the constants of a step on perturbed floors.
+struct Perturb<'a> {
+    floors: &'a mut PerturbedFloor<Eight>,
+    state: &'a ContactState<Eight>,
+    ground: Option<&'a Ground>,
+}
+
+impl Kernel for Perturb<'_> {
+    #[inline(always)]
+    fn run<S: Registers>(self, simd: S) {
+        self.floors.update::<Wide<S>>(simd, self.state, self.ground);
+    }
+
+    fn run_one_by_one(self) {
+        self.floors.update_one_by_one(self.state, self.ground);
     }
 }
 

@@ -79,10 +79,9 @@ struct Motion {
 }
 
 /// Contact forces: wheel loads from Rᵀ (M_b (a_b − g) − F) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i u_i with the force F from outside
-/// and the preload P, floor force
-/// from the momentum of ball and body.
-fn contact_loads(params: &Params, wheels: &Omniwheels, motion: &Motion) -> Contacts {
-    let weight = params.up() * params.gravity;
+/// and the preload P, floor force from the momentum of ball and body. `weight` is the force of the floor per mass at rest, −g,
+/// m/s².
+fn contact_loads(params: &Params, wheels: &Omniwheels, weight: &Vector3<f64>, motion: &Motion) -> Contacts {
     let mut balance = motion
         .body_quaternion
         .inverse_transform_vector(&((motion.com_acceleration + weight) * params.body_mass - motion.load));

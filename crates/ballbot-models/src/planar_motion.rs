@@ -249,7 +249,7 @@ impl Model for PlanarMotion {
             rollers: Wheels::default(),
             load: Vector3::zeros(),
         };
-        contact_loads(&self.params, &self.wheels, &motion)
+        contact_loads(&self.params, &self.wheels, &(self.params.up() * self.params.gravity), &motion)
     }
 
     fn energy(&self) -> f64 {

@@ -76,6 +76,8 @@ pub struct SpatialModel {
     /// 1 for [`WheelSpin::Absolute`], 0 for [`WheelSpin::Relative`].
     kappa: f64,
     ball_spin: BallSpin,
+    /// Acceleration of the floor minus gravity, in its frame, m/s².
+    weight: Vector3<f64>,
 }
 
 /// Matrices of one configuration.
@@ -104,8 +106,14 @@ impl SpatialModel {
                 WheelSpin::Relative => 0.0,
             },
             ball_spin: ball_spin.into(),
+            weight: params.up() * params.gravity,
             params: params.clone(),
         }
+    }
+
+    /// Replaces the acceleration of the floor minus gravity, in its frame, m/s², of a floor that moves.
+    pub(crate) fn set_weight(&mut self, weight: Vector3<f64>) {
+        self.weight = weight;
     }
 
     /// Parameters of the robot.
@@ -249,7 +257,7 @@ impl SpatialModel {
 
         let gyroscopic = rate.cross(&(self.inertia * rate))
             - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
-        let weight = p.up() * p.gravity;
+        let weight = self.weight;
 
         let mut force = terms.b.transpose() * shaft.column()
             - terms.j_c.transpose() * (self.centripetal(terms, &rate) + weight) * p.body_mass
@@ -346,7 +354,7 @@ impl SpatialModel {
             rollers,
             load: load.force,
         };
-        contact_loads(&self.params, &self.wheels, &motion)
+        contact_loads(&self.params, &self.wheels, &self.weight, &motion)
     }
 
     /// Product of M⁻¹ and a generalized force or impulse: ν' or the change of ν.

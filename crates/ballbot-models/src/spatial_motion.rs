@@ -69,6 +69,13 @@ impl SpatialMotion {
         self.slope.as_ref().map_or_else(|| state.clone(), |slope| slope.level(state))
     }
 
+    /// Takes gravity in the middle of the present step from a floor that moves: its error is of second order.
+    fn move_floor(&mut self) {
+        let gravity = self.params.gravity_at((self.steps as f64 + 0.5) * self.sim_dt);
+        let turned = self.slope.as_ref().map_or(gravity, |slope| slope.rotation * gravity);
+        self.model.set_weight(Vector3::zeros() - turned);
+    }
+
     fn velocity(&self) -> Vector6<f64> {
         self.coordinates.fixed_rows::<6>(6).into_owned()
     }
@@ -135,6 +142,9 @@ impl Model for SpatialMotion {
             robot.load = self.load;
         }
         *self = robot;
+        if self.params.has_moving_floor() {
+            self.move_floor();
+        }
         Ok(())
     }
 
@@ -151,12 +161,19 @@ impl Model for SpatialMotion {
         self.wheel_torques = Wheels::default();
         self.force = HeldForce::default();
         self.load = PointForce::default();
+        if self.params.has_moving_floor() {
+            self.move_floor();
+        }
     }
 
     fn advance(&mut self, wheel_torques: Wheels<f64>, steps: usize) {
         self.wheel_torques = wheel_torques;
+        let moves = self.params.has_moving_floor();
         for _ in 0..steps {
             self.load = self.next_load();
+            if moves {
+                self.move_floor();
+            }
             let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
             self.is_finite &= are_bounded(next.as_slice());
             for at in [2, 12] {
@@ -271,6 +288,9 @@ impl Model for SpatialMotion {
         self.force = saved.force;
         let [x, y, z, point @ ..] = saved.load;
         self.load = PointForce { force: Vector3::new(x, y, z), point: point.into() };
+        if self.params.has_moving_floor() {
+            self.move_floor();
+        }
         Ok(())
     }
 }

@@ -157,6 +157,42 @@ impl PyParams {
         <[f64; 3]>::from(self.0.gravity_vector()).into()
     }
 
+    /// The same robot on a floor at rest, with the same friction everywhere; `floor_tilt` is kept.
+    fn on_still_floor(&self) -> Self {
+        Self(self.0.on_still_floor())
+    }
+
+    /// Whether the floor moves, or its friction differs from place to place.
+    #[getter]
+    fn has_perturbed_floor(&self) -> bool {
+        self.0.has_perturbed_floor()
+    }
+
+    /// Acceleration of gravity in the frame of the floor `time` s after the start of an episode, less the acceleration of the
+    /// floor, m/s²: `gravity_vector` on a floor at rest. Raises ValueError for a time that is not finite.
+    fn gravity_at(&self, #[pyo3(from_py_with = real)] time: f64) -> PyResult<(f64, f64, f64)> {
+        check_finite("time", &[time]).map_err(to_python)?;
+        Ok(<[f64; 3]>::from(self.0.gravity_at(time)).into())
+    }
+
+    /// Angular velocity of the floor in its own frame `time` s after the start of an episode, rad/s. Raises ValueError for a
+    /// time that is not finite.
+    fn floor_rate_at(&self, #[pyo3(from_py_with = real)] time: f64) -> PyResult<(f64, f64, f64)> {
+        check_finite("time", &[time]).map_err(to_python)?;
+        Ok(<[f64; 3]>::from(self.0.floor_rate_at(time)).into())
+    }
+
+    /// Factor by which floor friction at x and y, m, is multiplied: 1 on an even floor. Raises ValueError for a place that is
+    /// not finite.
+    fn floor_friction_factor(
+        &self,
+        #[pyo3(from_py_with = real)] x: f64,
+        #[pyo3(from_py_with = real)] y: f64,
+    ) -> PyResult<f64> {
+        check_finite("place", &[x, y]).map_err(to_python)?;
+        Ok(self.0.floor_friction_factor(x, y))
+    }
+
     /// Tilt (x, y) from the floor's normal at which the robot is at rest on the slope of `floor_tilt`, rad, as
     /// `State.at_equilibrium` takes it. Raises ValueError for a slope that is too steep for the robot.
     fn slope_lean(&self) -> PyResult<(f64, f64)> {

@@ -40,6 +40,10 @@ pub struct RigidMotion {
     pub(super) pipeline: PhysicsPipeline,
     pub(super) world: World,
     pub(super) sim_state: SimulationState,
+    /// Acceleration of gravity in the present step, in the frame of the floor, m/s².
+    pub(super) gravity: Vector3<f64>,
+    /// Factor of floor friction at the ball in the present step.
+    pub(super) grip: f64,
 }
 
 /// State of the simulation in addition to the rapier world.
@@ -126,6 +130,8 @@ impl RigidMotion {
             settings: integration_parameters(sim_dt),
             pipeline: new_pipeline(),
             sim_state: SimulationState::new(),
+            gravity: params.gravity_vector(),
+            grip: 1.0,
             params: params.clone(),
         };
         motion.place(&upright_on(ground.map(|ground| &**ground), params));
@@ -212,6 +218,7 @@ impl Model for RigidMotion {
         if same_bodies(&self.params, params) {
             let link = BodyLink::new(params, &self.wheels)?;
             self.params = params.clone();
+            (self.gravity, self.grip) = (params.gravity_vector(), 1.0);
             self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
         } else {
             let mut robot = Self::on(params, self.ground.as_ref(), self.settings.dt)?;
@@ -365,6 +372,17 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
     let read_each_step = Params {
         gravity: b.gravity,
         floor_tilt: b.floor_tilt,
+        floor_friction_gradient: b.floor_friction_gradient,
+        floor_patch_size: b.floor_patch_size,
+        floor_patch_friction: b.floor_patch_friction,
+        floor_patch_seed: b.floor_patch_seed,
+        floor_tilt_amplitude: b.floor_tilt_amplitude,
+        floor_tilt_period: b.floor_tilt_period,
+        floor_tilt_phases: b.floor_tilt_phases,
+        floor_acceleration: b.floor_acceleration,
+        floor_acceleration_period: b.floor_acceleration_period,
+        floor_acceleration_phase: b.floor_acceleration_phase,
+        floor_acceleration_rise: b.floor_acceleration_rise,
         ball_viscous_friction: b.ball_viscous_friction,
         max_wheel_torque: b.max_wheel_torque,
         wheel_viscous_friction: b.wheel_viscous_friction,

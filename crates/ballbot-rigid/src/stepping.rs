@@ -10,7 +10,7 @@ use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
 use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
 use ballbot_base::friction::stribeck;
 use ballbot_base::wheels::Wheels;
-use nalgebra::{Matrix3, Vector3};
+use nalgebra::{Matrix3, Vector2, Vector3};
 use rapier3d_f64::prelude::*;
 
 /// Clearance between bot and floor below which the colliders of the bot are enabled, m.
@@ -54,6 +54,9 @@ struct Plan {
 
 impl RigidMotion {
     pub(super) fn step(&mut self, wheel_torques: Wheels<f64>) {
+        if self.params.has_perturbed_floor() {
+            self.perturb_floor();
+        }
         self.move_floor();
         let plan = self.plan(wheel_torques);
         let alone = self.only_wheels_and_ball_touch(&plan.motion);
@@ -74,6 +77,16 @@ impl RigidMotion {
         self.sim_state.steps += 1;
         self.sim_state.searched_steps += u64::from(settling != Settling::AtOnce);
         self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
+    }
+
+    /// Sets gravity and floor friction of a step on a floor that moves, or on which friction differs from place to place.
+    fn perturb_floor(&mut self) {
+        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+        let floor = Floor::under(self.ground.as_deref(), &ball, self.params.ball_radius);
+        let touched = ball - floor.axes[2] * self.params.ball_radius;
+        // In the middle of the step: its error is of second order.
+        self.gravity = self.params.gravity_at((self.sim_state.steps as f64 + 0.5) * self.settings.dt);
+        self.grip = self.params.floor_friction_factor(touched.x, touched.y);
     }
 
     /// Moves rapier's plane of the ball to its contact with the ground, unless the ground is level.
@@ -137,7 +150,7 @@ impl RigidMotion {
         let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
         let wheels_on_ball = plan.rows.on_ball(&impulses);
         self.apply(plan, &acceleration, &wheels_on_ball);
-        self.sim_state.is_finite &= self.world.step(&mut self.pipeline, &self.params.gravity_vector(), &self.settings);
+        self.sim_state.is_finite &= self.world.step(&mut self.pipeline, &self.gravity, &self.settings);
         let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
         let floor_force = self.world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
         self.sim_state.floor_force = floor_force.into();
@@ -215,9 +228,9 @@ impl RigidMotion {
 
     /// Acceleration of gravity in body axes, m/s².
     fn gravity_in_body(&self, motion: &Motion) -> Vector3<f64> {
-        let gravity = self.params.gravity_vector();
+        let gravity = &self.gravity;
         let across = motion.to_body.column(2) * gravity.z;
-        if self.params.floor_tilt == [0.0; 2] {
+        if gravity.xy() == Vector2::zeros() {
             // Add nothing, to keep a possible negative zero.
             return across;
         }
@@ -282,7 +295,8 @@ impl RigidMotion {
             |contact: &WheelContact| stribeck(p.wheel_static_friction, p.wheel_dynamic_friction, ratio(contact.slip));
         let limits = Limits {
             wheels: Wheels::from_fn(|i| of_wheel(&contacts[i])),
-            floor: stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
+            floor: self.grip
+                * stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
             joint: p.wheel_coulomb_friction * self.settings.dt,
         };
         self.world.set_floor_friction(&self.handles, limits.floor);

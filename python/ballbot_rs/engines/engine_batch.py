@@ -27,6 +27,9 @@ NOT_SIMULATED: Final = (
     "roller_ripple",
 )
 
+#: Parameters of a floor that moves in the course of an episode.
+MOVING_FLOOR: Final = ("floor_tilt_amplitude", "floor_acceleration")
+
 #: Parameters of static friction, which the engines' models approximate by a slow slip.
 STATIC_FRICTION: Final = ("wheel_static_friction", "floor_static_friction", "friction_critical_velocity")
 
@@ -148,6 +151,8 @@ def _check(batch: Batch, engine: str) -> None:
         term = event["term"]
         if term in (*NOT_SIMULATED, *STATIC_FRICTION) or term.startswith("actuators."):
             raise InvalidInputError(f"{engine} does not simulate {term}, which an event changes")
+        if term in MOVING_FLOOR:
+            raise InvalidInputError(f"{engine} has no time of an episode, so it has no {term}")
         if event["mode"] in ("interval", "at") and term != "push":
             raise InvalidInputError(f"{engine} does not change {term} within an episode, as an event does")
 
@@ -156,3 +161,8 @@ def _check_robot(params: Params, engine: str) -> None:
     for name in NOT_SIMULATED:
         if (value := getattr(params, name)) != 0.0:
             raise InvalidInputError(f"{engine} does not simulate {name} = {value}: it must be 0")
+    for name in MOVING_FLOOR:
+        if any(getattr(params, name)):
+            raise InvalidInputError(
+                f"{engine} has no time of an episode, so {name} = {getattr(params, name)} must be zeros"
+            )

@@ -141,6 +141,8 @@ class MujocoRobot:
         self._wheel_of[[self.model.geom(f"wheel{i}").id for i in range(3)]] = range(3)
         self._body = int(self.model.jnt_bodyid[1])
         self._turn = np.zeros(9)
+        self._floor = robot.params if robot.params.has_perturbed_floor else None
+        self._floor_friction = self.model.pair_friction[0, :2].copy()
 
     def reset(self, state: State) -> None:
         """Restarts from a state."""
@@ -209,7 +211,7 @@ class MujocoRobot:
         self.data.qfrc_applied[:] = 0.0
 
     def _advance(self, steps: int) -> None:
-        if not self._turned and self._terrain is None:
+        if not self._turned and self._terrain is None and self._floor is None:
             mujoco.mj_step(self.model, self.data, nstep=steps)
             return
         for _ in range(steps):
@@ -217,6 +219,8 @@ class MujocoRobot:
             if not np.abs(self.data.qvel).sum() + np.abs(self.data.qpos).sum() < DIVERGED:
                 self.data.qpos[:] = np.nan
                 return
+            if self._floor is not None:
+                self._perturb_floor(self._floor)
             if self._terrain is not None:
                 center = self.data.qpos[BALL_POSITION]
                 self.data.mocap_pos[0], self.data.mocap_quat[0] = contact_plane(
@@ -226,6 +230,15 @@ class MujocoRobot:
             if self._turned:
                 self._turn_contacts()
             mujoco.mj_step2(self.model, self.data)
+
+    def _perturb_floor(self, params: Params) -> None:
+        """Sets gravity and floor friction of the next step, of a floor that moves or is slippery in places."""
+        self.model.opt.gravity[:] = params.gravity_at(self.data.time + 0.5 * self.sim_dt)
+        touched = self.data.qpos[BALL_POSITION]
+        if self._terrain is not None:
+            touched, _ = contact_plane(self._terrain, touched, self._ball_radius)
+        factor = params.floor_friction_factor(touched[0], touched[1])
+        self.model.pair_friction[0, :2] = self._floor_friction * factor
 
     def _turn_contacts(self) -> None:
         """Aligns the first friction direction of each wheel's contact with its drive, and rebuilds its constraint."""

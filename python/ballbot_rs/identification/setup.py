@@ -41,6 +41,8 @@ def prepare(
     if any(base.params.floor_tilt):
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
+    if base.params.has_perturbed_floor:
+        raise InvalidInputError("a log has neither place nor time of a floor that moves or has uneven friction")
     offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")

@@ -101,6 +101,10 @@ class Plan:
             raise InvalidInputError(
                 f"floor_tilt = {self.params.floor_tilt}: a slope must be terrain=Terrain.plane(slope, direction)"
             )
+        if self.params.has_perturbed_floor:
+            raise InvalidInputError(
+                "an optimization needs a floor at rest with even friction: pass robot.on_still_floor()"
+            )
         self.iteration = 0
 
     @property

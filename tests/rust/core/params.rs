@@ -314,6 +314,8 @@ fn unlike_any_other() -> Params {
     turned.1 = [0.1, 0.2 + TAU / 3.0, 0.15 + 2.0 * TAU / 3.0].to_vec();
     let rollers = fields.iter_mut().find(|(name, _)| *name == "roller_count").unwrap();
     rollers.1 = vec![9.0];
+    let patches = fields.iter_mut().find(|(name, _)| *name == "floor_patch_size").unwrap();
+    patches.1 = vec![0.5];
     from_fields(&fields).unwrap()
 }
 
@@ -321,8 +323,8 @@ fn unlike_any_other() -> Params {
 fn fields_round_trip() {
     let params = unlike_any_other();
     assert!(params.fields().map(|(name, _)| name).eq(Params::FIELDS.iter().map(|field| field.name)));
-    // Five vectors of three and two of two.
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::FIELDS.len() + 5 * 2 + 2);
+    // Five vectors of three and seven of two.
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::FIELDS.len() + 5 * 2 + 7);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

@@ -6,7 +6,7 @@ use crate::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, Vector2, Vector3};
 
 /// Largest angle between the floor's normal and the vertical, rad.
-const STEEPEST: f64 = 0.5;
+pub(super) const STEEPEST: f64 = 0.5;
 
 impl Params {
     /// Angle θ between the floor's normal and the vertical, rad.
@@ -33,10 +33,10 @@ impl Params {
         Vector3::zeros() - self.up() * self.gravity
     }
 
-    /// The same robot on a level floor.
+    /// The same robot on a level floor at rest.
     #[must_use]
     pub fn on_level_floor(&self) -> Self {
-        Self { floor_tilt: [0.0; 2], ..self.clone() }
+        Self { floor_tilt: [0.0; 2], floor_tilt_amplitude: [0.0; 2], floor_acceleration: [0.0; 2], ..self.clone() }
     }
 
     /// Checks that the floor is level, as `what` requires.

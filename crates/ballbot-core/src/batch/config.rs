@@ -197,9 +197,43 @@ impl<T: Task> EnvConfig<T> {
         self.substeps()?;
         let options = self.sensors.clone().unwrap_or_default();
         let observer = estimated.then_some(&self.params);
-        let Some(plan) = plan else { return Onboard::new(&options, self.control_dt, observer).map(Some) };
+        let turns = self.floors_may_turn();
+        let Some(plan) = plan else {
+            return Ok(Some(Onboard::new(&options, self.control_dt, observer)?.on_turning_floor(turns)));
+        };
         let largest = plan.largest_options(&self.setup(&self.params)).sensors;
-        Onboard::individual(&options, &largest, self.control_dt, observer).map(Some)
+        Ok(Some(Onboard::individual(&options, &largest, self.control_dt, observer)?.on_turning_floor(turns)))
+    }
+
+    /// Whether the floor of a robot may turn.
+    fn floors_may_turn(&self) -> bool {
+        self.params.floor_tilt_amplitude != [0.0; 2] || self.changes("floor_tilt_amplitude")
+    }
+
+    /// Whether the floor of a robot may move.
+    pub(super) fn floors_may_move(&self) -> bool {
+        self.params.has_moving_floor() || self.floors_may_turn() || self.changes("floor_acceleration")
+    }
+
+    /// Whether an event changes a parameter.
+    fn changes(&self, term: &str) -> bool {
+        self.events.iter().any(|event| event.term == term)
+    }
+
+    /// Checks that the sensors, if there are any, measure how the floor of a robot turns.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] naming the motion.
+    pub(super) fn check_floor(&self, params: &Params) -> Result<()> {
+        let senses = self.sensors.is_some() || self.observation == Observation::Sensors;
+        if senses && !self.floors_may_turn() && params.floor_tilt_amplitude != [0.0; 2] {
+            return Err(Error::Inconsistent(format!(
+                "floor_tilt_amplitude = {:?}: the sensors were made for floors that do not turn; give the amplitude to the robot \
+                 of the environment, or to an event",
+                params.floor_tilt_amplitude
+            )));
+        }
+        Ok(())
     }
 
     /// The instruments that observe the ground, if there are any.
@@ -367,8 +401,9 @@ impl<T: Task> EnvConfig<T> {
             ..Event::new("push", pushes.impulse)
         });
         let senses = self.sensors.is_some() || self.observation == Observation::Sensors;
+        let slips = matches!(self.model, ModelKind::Contact | ModelKind::Rigid);
         let events: Vec<_> = self.events.iter().cloned().chain(pushes).collect();
-        let plan = Plan::new(&events, &self.params, senses, self.sim_dt, self.control_dt)?;
+        let plan = Plan::new(&events, &self.params, [senses, slips], self.sim_dt, self.control_dt)?;
         Ok((!plan.events.is_empty()).then(|| Arc::new(plan)))
     }
 

@@ -45,9 +45,9 @@ impl<S: Sensor> Sensor for Option<S> {
         }
     }
 
-    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
+    fn set_gravity(&self, gravity: [f64; 3], floor_rate: [f64; 3], memory: &mut [f64]) {
         if let Some(sensor) = self {
-            sensor.set_gravity(gravity, memory);
+            sensor.set_gravity(gravity, floor_rate, memory);
         }
     }
 

@@ -29,6 +29,8 @@ pub struct Onboard {
     slow_imu: bool,
     slow_encoders: bool,
     misaligned: bool,
+    /// Whether the floor of any robot turns.
+    on_turning_floor: bool,
     /// Maximum number of control steps between a measurement and its reading.
     latency: usize,
     dt: f64,
@@ -113,11 +115,18 @@ impl Onboard {
             slow_imu: slow(l.imu_rate),
             slow_encoders: slow(l.encoder_rate),
             misaligned: l.imu_misalignment > 0.0,
+            on_turning_floor: false,
             latency: l.latency_steps(control_dt)?,
             dt: control_dt,
             estimator: observed.map(|params| Estimator::of(params, options, control_dt)).transpose()?,
             options: options.clone(),
         })
+    }
+
+    /// The same for robots on floors that may turn: the gyroscope measures their angular velocity, too.
+    #[must_use]
+    pub fn on_turning_floor(self, on_turning_floor: bool) -> Self {
+        Self { on_turning_floor, ..self }
     }
 
     /// The estimator, if tasks observe the readings.
@@ -135,6 +144,12 @@ impl Onboard {
     #[inline(always)]
     fn estimated(&self) -> usize {
         self.own() + if self.individual { Constants::<f64>::LEN } else { 0 }
+    }
+
+    /// The first number of the angular velocity of a floor that turns.
+    #[inline(always)]
+    fn floor_rate(&self) -> usize {
+        self.estimated() + if self.estimator.is_some() { Estimator::MEMORY } else { 0 }
     }
 
     #[inline(always)]
@@ -175,6 +190,9 @@ impl Onboard {
         memory.set_quaternion(ATTITUDE, attitude);
 
         let (mut rate, mut force) = (state.body_angular_velocity, halfway.apply_transposed(acceleration));
+        if self.on_turning_floor {
+            rate += attitude.rotation().apply_transposed(memory.vector(self.floor_rate()));
+        }
         if let Some(due) = imu_due {
             force = Self::mean_force(force, c.imu_period.inverse, before, due, memory);
         }
@@ -247,7 +265,7 @@ impl Sensor for Onboard {
     }
 
     fn memory_len(&self) -> usize {
-        self.estimated() + if self.estimator.is_some() { Estimator::MEMORY } else { 0 }
+        self.floor_rate() + if self.on_turning_floor { 3 } else { 0 }
     }
 
     fn begin(&self, start: &EpisodeStart<'_>, memory: &mut [f64]) {
@@ -257,7 +275,7 @@ impl Sensor for Onboard {
         memory[EPISODE] = episode;
         let key = start.key.map(f64::from);
         memory[KEY..KEY + 2].copy_from_slice(&key);
-        memory[GRAVITY..GYRO_BIAS].copy_from_slice(&start.gravity);
+        self.set_gravity(start.gravity, start.floor_rate, memory);
         let state = start.state;
         let (options, constants) = match start.options.filter(|_| self.individual) {
             Some(own) => (own, constants_of(own, self.dt).expect("the options were checked")),
@@ -291,8 +309,11 @@ impl Sensor for Onboard {
         );
     }
 
-    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
+    fn set_gravity(&self, gravity: [f64; 3], floor_rate: [f64; 3], memory: &mut [f64]) {
         memory[GRAVITY..GYRO_BIAS].copy_from_slice(&gravity);
+        if self.on_turning_floor {
+            memory[self.floor_rate()..][..3].copy_from_slice(&floor_rate);
+        }
     }
 
     fn seeded(&self, memory: &mut [f64]) {

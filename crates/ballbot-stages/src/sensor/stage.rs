@@ -10,6 +10,8 @@ use ballbot_base::state::State;
 pub struct EpisodeStart<'a> {
     /// Acceleration of gravity, inertial frame, m/s²: (0, 0, −g) on a level floor.
     pub gravity: [f64; 3],
+    /// Angular velocity of the floor, in its frame, rad/s.
+    pub floor_rate: [f64; 3],
     /// The true first state.
     pub state: &'a LaneState<f64>,
     /// Key of the environment's random numbers.
@@ -44,9 +46,10 @@ pub trait Sensor: Clone + Send + Sync + 'static {
         memory.fill(0.0);
     }
 
-    /// Changes the robot's gravity (inertial frame, m/s²) from the next reading on.
-    fn set_gravity(&self, gravity: [f64; 3], memory: &mut [f64]) {
-        let _ = (gravity, memory);
+    /// Changes the robot's gravity (frame of the floor, m/s²) and the angular velocity of its floor (rad/s) from the next
+    /// reading on.
+    fn set_gravity(&self, gravity: [f64; 3], floor_rate: [f64; 3], memory: &mut [f64]) {
+        let _ = (gravity, floor_rate, memory);
     }
 
     /// The random numbers of the environment are reseeded with its next episode.

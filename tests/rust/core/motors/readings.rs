@@ -28,7 +28,10 @@ impl Robot {
         let mut memory = vec![0.0; sensors.memory_len()];
         let state = LaneState::from(start);
         let gravity = Params::paper().gravity_vector().into();
-        sensors.begin(&EpisodeStart { gravity, state: &state, key: [1, 2], options: None }, &mut memory);
+        sensors.begin(
+            &EpisodeStart { gravity, floor_rate: [0.0; 3], state: &state, key: [1, 2], options: None },
+            &mut memory,
+        );
         Self { sensors, memory }
     }
 

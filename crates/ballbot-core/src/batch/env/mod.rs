@@ -61,6 +61,8 @@ pub struct Environments<R: Robots, T, A, S> {
     pub actuator: A,
     substeps: usize,
     action_torque: f64,
+    /// Whether any robot may be on a floor that moves.
+    floors_move: bool,
     /// How many robots belong to environments; the others do not move.
     pub used: usize,
     pub robots: R,
@@ -128,6 +130,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             actuator,
             substeps: config.substeps()?,
             action_torque: config.action_torque(),
+            floors_move: config.floors_may_move(),
             used,
             ledger: Ledger::new(step.sizes()),
             past: Past::new(&config.history, step.rows(), used),
@@ -184,6 +187,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             self.config.validate_robot(params)?;
         }
         self.config.task.validate(params)?;
+        self.config.check_floor(params)?;
         let (old, motion) = (self.robots.params(i).clone(), self.robots.save(i));
         let continues = self.robots.set_params(i, params)?;
         if let Err(error) = self.check_starts(i) {
@@ -192,6 +196,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
             return Err(error);
         }
         self.note_com(i);
+        self.floors_move |= params.has_moving_floor();
         self.over[i] |= !continues;
         Ok(())
     }
@@ -337,6 +342,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
             let commands = commands(actions);
             let (memory, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
             self.robots.drive(&self.actuator, &commands, memory, one, self.substeps);
+            self.feel_floors();
             self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
         }
     }
@@ -353,6 +359,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         }
         self.keep_observations();
         let commands = commands(actions);
+        self.feel_floors();
         self.robots.conclude(&self.step, &commands, &self.com_directions, &mut self.ledger, &mut self.one);
     }
 

@@ -10,6 +10,7 @@ use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
+use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -57,12 +58,39 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
 
     /// Gives the sensors of robot `i` its current gravity, within an episode.
     pub fn note_gravity(&mut self, i: usize) {
-        let gravity = self.robots.params(i).gravity_vector();
+        let params = self.robots.params(i);
+        // On a floor that moves, each step notes it.
+        if !params.has_moving_floor() {
+            let gravity = params.gravity_vector();
+            self.set_gravity(i, gravity.into(), [0.0; 3]);
+        }
+    }
+
+    /// Gives the sensors of robots on floors that move their gravity, as its mean over the present control step.
+    pub fn feel_floors(&mut self) {
+        if !self.floors_move || self.ledger.sensor.is_empty() {
+            return;
+        }
+        let (control_dt, sim_dt) = (self.config.control_dt, self.config.sim_dt);
+        for i in 0..self.used {
+            let params = self.robots.params(i);
+            if !params.has_moving_floor() {
+                continue;
+            }
+            let start = self.ledger.episode.steps.get(i) * control_dt;
+            let middle = |step: usize| start + (step as f64 + 0.5) * sim_dt;
+            let sum: Vector3<f64> = (0..self.substeps).map(|step| params.gravity_at(middle(step))).sum();
+            let (gravity, floor_rate) = (sum / self.substeps as f64, params.floor_rate_at(start + control_dt));
+            self.set_gravity(i, gravity.into(), floor_rate.into());
+        }
+    }
+
+    fn set_gravity(&mut self, i: usize, gravity: [f64; 3], floor_rate: [f64; 3]) {
         // A reading that is repeated starts from the numbers before it.
         for all in [&mut self.ledger.sensor, &mut self.ledger.last_sensor] {
             let one = &mut self.one.sensor;
             one.iter_mut().zip(&*all).for_each(|(one, cell)| *one = cell.get(i));
-            self.step.sensor.set_gravity(gravity.into(), one);
+            self.step.sensor.set_gravity(gravity, floor_rate, one);
             all.iter_mut().zip(&*one).for_each(|(cell, one)| cell.set(i, *one));
         }
     }
@@ -116,7 +144,14 @@ fn episode_start<'a>(
     rng: &ChaCha8Rng,
 ) -> EpisodeStart<'a> {
     let options = events.map(|events| &events.stages(i).sensors);
-    EpisodeStart { gravity: robots.params(i).gravity_vector().into(), state, key: sensor_key(rng), options }
+    let params = robots.params(i);
+    EpisodeStart {
+        gravity: params.gravity_at(0.0).into(),
+        floor_rate: params.floor_rate_at(0.0).into(),
+        state,
+        key: sensor_key(rng),
+        options,
+    }
 }
 
 /// Key of the random numbers of sensors: the first words of the environment's seed, for a separate generator.

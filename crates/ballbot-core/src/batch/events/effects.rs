@@ -3,16 +3,21 @@
 use super::event::{Event, FORCE, invalid_event};
 use crate::robot::ModelKind;
 use ballbot_base::error::Result;
+use ballbot_base::fields::Fields;
 use ballbot_base::params::Params;
 
 /// Parameters of slip.
-const SLIP: [&str; 6] = [
+const SLIP: [&str; 10] = [
     "wheel_preload",
     "wheel_static_friction",
     "wheel_dynamic_friction",
     "floor_static_friction",
     "floor_dynamic_friction",
     "friction_critical_velocity",
+    "floor_friction_gradient",
+    "floor_patch_size",
+    "floor_patch_friction",
+    "floor_patch_seed",
 ];
 
 /// Checks that each event changes something of a robot with `params`, or is optional.
@@ -45,6 +50,33 @@ pub fn check_effects(events: &[Event], model: ModelKind, params: &Params) -> Res
             let reason = "without roller_ripple it changes nothing: the wheels are round";
             return Err(invalid_event(place, term, &reason));
         }
+        let missing = needs(term).iter().find(|(name, still)| {
+            let index = Params::index_of(name).expect("the name of a parameter");
+            let at_rest = params.values(index).iter().all(|value| value == still);
+            at_rest && !events.iter().any(|event| event.term == *name)
+        });
+        if let Some((name, _)) = missing {
+            return Err(invalid_event(place, term, &format!("without {name} it changes nothing")));
+        }
     }
     Ok(())
+}
+
+/// Whether a term makes floor friction differ from place to place, which models without slip reject.
+pub fn makes_friction_uneven(term: &str) -> bool {
+    term == "floor_friction_gradient" || term.starts_with("floor_patch_")
+}
+
+/// Parameters of a perturbed floor that a term needs, with the values at which they have no effect.
+fn needs(term: &str) -> &'static [(&'static str, f64)] {
+    match term {
+        "floor_patch_size" => &[("floor_patch_friction", 1.0)],
+        "floor_patch_friction" => &[("floor_patch_size", 0.0)],
+        "floor_patch_seed" => &[("floor_patch_size", 0.0), ("floor_patch_friction", 1.0)],
+        "floor_tilt_period" | "floor_tilt_phases" => &[("floor_tilt_amplitude", 0.0)],
+        "floor_acceleration_period" | "floor_acceleration_phase" | "floor_acceleration_rise" => {
+            &[("floor_acceleration", 0.0)]
+        }
+        _ => &[],
+    }
 }

@@ -1,5 +1,6 @@
 //! Executable events: names resolved, ranges expanded, keys assigned.
 
+use super::effects::makes_friction_uneven;
 use super::event::{Direction, Distribution, Event, FORCE, LOADS, Operation, PUSH, When, invalid_event};
 use super::sampler::{Sampler, Source, bounds};
 use super::setup::{Setup, Stages, Table};
@@ -73,11 +74,17 @@ pub struct Plan {
 
 impl Plan {
     /// Plans events, which may be invalid, for environments of a robot. Optional events of sensors are left out unless it
-    /// `senses`.
+    /// `senses`, and of uneven friction unless it `slips`.
     ///
     /// # Errors
     /// [`crate::Error::Inconsistent`] with index and term of an event that is invalid for any robot.
-    pub fn new(events: &[Event], params: &Params, senses: bool, sim_dt: f64, control_dt: f64) -> Result<Self> {
+    pub fn new(
+        events: &[Event],
+        params: &Params,
+        [senses, slips]: [bool; 2],
+        sim_dt: f64,
+        control_dt: f64,
+    ) -> Result<Self> {
         check("the number of events", events.len() as f64, format_args!("at most {MAX_EVENTS}"), |n| {
             n <= MAX_EVENTS as f64
         })?;
@@ -95,7 +102,8 @@ impl Plan {
             let event = &event.on_robot(place, params)?;
             let planned = Planned::new(event, place, plan.width, sim_dt, control_dt);
             let planned = planned.map_err(|e| invalid_event(place, &event.term, &e))?;
-            if !senses && event.optional && planned.changes_sensors() {
+            let acts = (senses || !planned.changes_sensors()) && (slips || !makes_friction_uneven(&event.term));
+            if event.optional && !acts {
                 continue;
             }
             if let Some(same) = plan.events.iter().find(|p| p.id == planned.id) {
