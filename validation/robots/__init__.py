@@ -5,6 +5,7 @@ from validation.robots import (
     delay,
     friction,
     lag,
+    perturbed_floor,
     preload,
     products_of_inertia,
     ripple,
@@ -19,6 +20,17 @@ from validation.topic import Topic
 
 BODY = [
     Topic.of(module)
-    for module in (com_offset, products_of_inertia, uneven_wheels, friction, preload, rolling, rollers, ripple, slope)
+    for module in (
+        com_offset,
+        products_of_inertia,
+        uneven_wheels,
+        friction,
+        preload,
+        rolling,
+        rollers,
+        ripple,
+        slope,
+        perturbed_floor,
+    )
 ]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]
