@@ -17,6 +17,7 @@ mod motors;
 mod newton_euler;
 mod params;
 mod perception;
+mod perturbed_floor;
 mod planar;
 mod policy;
 mod presets;

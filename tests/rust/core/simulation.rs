@@ -13,6 +13,7 @@ mod landing;
 mod loads;
 mod losses;
 mod passes;
+mod perturbed_floor;
 mod preload;
 mod pushes;
 mod repetition;
