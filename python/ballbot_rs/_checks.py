@@ -4,10 +4,13 @@ import difflib
 import math
 import operator
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Final
+from typing import TYPE_CHECKING, Any, Final
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from ballbot_rs._core import Params
 
 #: Similarity from which on two names are close: 'delay' is not meant to be 'model'.
 _ALIKE: Final = 0.65
@@ -125,6 +128,20 @@ def check_named(who: str, unnamed: Sequence[object]) -> None:
         raise TypeError(
             f"{who} takes one positional argument, but {unnamed[0]!r} came after it: name it, as {name}{unnamed[0]!r}"
         )
+
+
+def check_still_floor(params: "Params", what: str) -> None:
+    """Checks that a floor is at rest with the same friction everywhere, as `what` requires.
+
+    Raises:
+        ValueError: naming the parameter.
+    """
+    if not params.has_perturbed_floor:
+        return
+    names = ("floor_tilt_amplitude", "floor_acceleration", "floor_friction_gradient", "floor_patch_size")
+    name = next(name for name in names if np.any(getattr(params, name)))
+    found = np.asarray(getattr(params, name)).tolist()
+    raise ValueError(f"{what}: {name} = {found} must be 0, as of robot.on_still_floor()")
 
 
 def check_options(who: str, given: Iterable[str], known: Sequence[str]) -> None:

@@ -265,13 +265,13 @@ class Params:
         floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)
         floor_friction_gradient: npt.ArrayLike = ...,  # Gradient (x, y) of floor friction: at a place its coefficients are multiplied by 1 at the origin plus the gradient times the place, within 0 and 2. Of `contact` and `rigid` only. (1/m, >= -1e6 and <= 1e6)
         floor_patch_size: float = 0.0,  # Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only. (m, >= 0 and <= 1e6)
-        floor_patch_friction: npt.ArrayLike = ...,  # Least and largest factor of floor friction of a patch, each equally likely. (>= 0 and <= 1000)
+        floor_patch_friction: npt.ArrayLike = ...,  # Limits of the factor of floor friction of a patch, which is uniform between them. (>= 0 and <= 1000)
         floor_patch_seed: float = 0.0,  # Seed of the factors of the patches; its whole part counts. (>= 0 and <= 4.294967295e9)
         floor_tilt_amplitude: npt.ArrayLike = ...,  # Amplitude (x, y) of a sinusoidal tilt of the floor, as of a ship, added to `floor_tilt`; the sum is at most 0.5. (rad, >= -0.5 and <= 0.5)
-        floor_tilt_period: float = 10.0,  # Period of `floor_tilt_amplitude`. (s, >= 0.001 and <= 1e9)
+        floor_tilt_period: float = 10.0,  # Period of `floor_tilt_amplitude`. (s, >= 0.1 and <= 1e9)
         floor_tilt_phases: npt.ArrayLike = ...,  # Phases (x, y) of `floor_tilt_amplitude` at the start of an episode; 0: the floor passes its mean tilt. (rad, >= -1000 and <= 1000)
         floor_acceleration: npt.ArrayLike = ...,  # Amplitude (x, y) of a periodic acceleration of the floor in its plane, as of a tram. (m/s², >= -1000 and <= 1000)
-        floor_acceleration_period: float = 10.0,  # Period of `floor_acceleration`. (s, >= 0.001 and <= 1e9)
+        floor_acceleration_period: float = 10.0,  # Period of `floor_acceleration`. (s, >= 0.1 and <= 1e9)
         floor_acceleration_phase: float = 0.0,  # Phase of `floor_acceleration` at the start of an episode; 0: from zero. (rad, >= -1000 and <= 1000)
         floor_acceleration_rise: float = 0.0,  # Fraction of a quarter period in which a trapezoidal acceleration rises to its amplitude; 0: it is sinusoidal. (>= 0 and <= 1)
     ) -> Self: ...
@@ -384,7 +384,7 @@ class Params:
         """Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only. (m, >= 0 and <= 1e6)"""
     @property
     def floor_patch_friction(self) -> tuple[float, float]:
-        """Least and largest factor of floor friction of a patch, each equally likely. (>= 0 and <= 1000)"""
+        """Limits of the factor of floor friction of a patch, which is uniform between them. (>= 0 and <= 1000)"""
     @property
     def floor_patch_seed(self) -> float:
         """Seed of the factors of the patches; its whole part counts. (>= 0 and <= 4.294967295e9)"""
@@ -393,7 +393,7 @@ class Params:
         """Amplitude (x, y) of a sinusoidal tilt of the floor, as of a ship, added to `floor_tilt`; the sum is at most 0.5. (rad, >= -0.5 and <= 0.5)"""
     @property
     def floor_tilt_period(self) -> float:
-        """Period of `floor_tilt_amplitude`. (s, >= 0.001 and <= 1e9)"""
+        """Period of `floor_tilt_amplitude`. (s, >= 0.1 and <= 1e9)"""
     @property
     def floor_tilt_phases(self) -> tuple[float, float]:
         """Phases (x, y) of `floor_tilt_amplitude` at the start of an episode; 0: the floor passes its mean tilt. (rad, >= -1000 and <= 1000)"""
@@ -402,7 +402,7 @@ class Params:
         """Amplitude (x, y) of a periodic acceleration of the floor in its plane, as of a tram. (m/s², >= -1000 and <= 1000)"""
     @property
     def floor_acceleration_period(self) -> float:
-        """Period of `floor_acceleration`. (s, >= 0.001 and <= 1e9)"""
+        """Period of `floor_acceleration`. (s, >= 0.1 and <= 1e9)"""
     @property
     def floor_acceleration_phase(self) -> float:
         """Phase of `floor_acceleration` at the start of an episode; 0: from zero. (rad, >= -1000 and <= 1000)"""
@@ -850,15 +850,15 @@ class Ballbot:
     ) -> None:
         """Replaces the force from outside on the body: it acts in every time step, until another force or a reset.
 
-        A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+        A sine is `force` times sin(2π f t + phase), with t from its start; each time step has its mean over the step. Times are
         in whole time steps.
 
         Args:
             force: inertial frame, shape (3,), N; zero ends the former force.
             point: body frame, shape (3,), m; None is its CoM.
             frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
-            phase: of a sine at its begin, rad.
-            delay: time from now to its begin, s.
+            phase: of a sine at its start, rad.
+            delay: time from now to its start, s.
             duration: time for which it acts, s; None is without end.
 
         Raises:
@@ -2091,7 +2091,7 @@ class Batch:
     ) -> None:
         """Replaces the force from outside on the body of one robot: it acts in every time step, until another force or a reset.
 
-        A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+        A sine is `force` times sin(2π f t + phase), with t from its start; each time step has its mean over the step. Times are
         in whole time steps.
 
         Args:
@@ -2099,8 +2099,8 @@ class Batch:
             force: inertial frame, shape (3,), N; zero ends the former force.
             point: body frame, shape (3,), m; None is its CoM.
             frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
-            phase: of a sine at its begin, rad.
-            delay: time from now to its begin, s.
+            phase: of a sine at its start, rad.
+            delay: time from now to its start, s.
             duration: time for which it acts, s; None is without end.
 
         Raises:

@@ -92,3 +92,36 @@ def test_wrong_events_are_named(event, message):
     given = {"term": "force", "at": 0.0, "range": [1.0, 2.0], **event}
     with pytest.raises(ValueError, match=message):
         bb.Batch(1, "balance", events=[given])
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"duration": 4e-4}, "duration = 0.0004 is out of range: it must be 0, or at least 0.0005 s"),
+        ({"phase": 1.0}, "phase = 1 is out of range: it must be 0 rad, as a constant force has no phase"),
+        ({"frequency": 501.0}, "frequency = 501"),
+        ({"delay": -1.0}, "delay = -1"),
+    ],
+)
+def test_a_wrong_force_leaves_the_former_one(options, message):
+    robots = [bb.Ballbot(model="contact") for _ in range(2)]
+    for robot in robots:
+        robot.apply_force((1.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match=message):
+        robots[0].apply_force((2.0, 0.0, 0.0), **options)
+    for robot in robots:
+        robot.step(np.zeros(3), 10)
+    assert robots[0].state == robots[1].state
+
+
+def test_the_estimate_belongs_to_the_law_that_acts():
+    batch = bb.Batch(2, "balance", model="contact")
+    batch.reset()
+    observed = bb.Controller("lqr", lean_observer=4.0)
+    for _ in range(20):
+        batch.step(batch.control(observed))
+    assert np.isfinite(batch.outside_forces()).all()
+    batch.step(batch.control(observed, drawn=True))
+    assert batch.outside_forces() is None
+    batch.step(batch.control(observed))
+    assert np.isfinite(batch.outside_forces()).all()

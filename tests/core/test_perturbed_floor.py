@@ -1,5 +1,7 @@
 """A floor that moves, and on which friction differs from place to place: laws, sensors, options and MuJoCo."""
 
+import copy
+
 import numpy as np
 import pytest
 
@@ -223,3 +225,29 @@ def test_the_mujoco_engine_has_patches_and_rejects_motion(paper):
     batch.step(np.zeros((1, 3)))
     with pytest.raises(bb.InvalidInputError, match="floor_acceleration"):
         in_engine(bb.Batch(1, robot=paper.replace(**TRAM)), "mujoco")
+
+
+def test_copies_have_the_contact_forces_of_the_last_step():
+    robot = bb.Params.paper().replace(floor_acceleration=(2.0, 0.0), floor_acceleration_period=0.5)
+    for model in ("spatial", "contact", "rigid"):
+        one = bb.Ballbot(robot, model=model)
+        one.step(np.zeros(3), 10)
+        other = copy.copy(one)
+        assert other.state == one.state
+        np.testing.assert_array_equal(other.contacts.floor_force, one.contacts.floor_force, err_msg=model)
+
+
+@pytest.mark.parametrize("name", ["floor_tilt_period", "floor_acceleration_period"])
+def test_periods_that_time_steps_would_not_sample_are_rejected(paper, name):
+    with pytest.raises(ValueError, match=rf"{name} = 0.05 is out of range"):
+        paper.replace(**{name: 0.05})
+
+
+@pytest.mark.parametrize(
+    "floor",
+    [SHIP, TRAM, {"floor_friction_gradient": (0.1, 0.0)}, {"floor_patch_size": 0.1, "floor_patch_friction": (0.5, 1)}],
+)
+def test_what_needs_a_still_floor_names_what_moves(paper, floor):
+    name = next(iter(floor))
+    with pytest.raises(ValueError, match=f"an optimization: {name} = .* must be 0"):
+        bb.optimize_trajectory(goal=(0.5, 0.0), seconds=2.0, robot=paper.replace(**floor))

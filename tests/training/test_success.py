@@ -129,11 +129,12 @@ def with_weight(value):
     "model",
     [
         lambda: network(0, activation_fn=torch.nn.ReLU),
+        lambda: network(0, net_arch=[128, 128]),
         lambda: SAC("MlpPolicy", BallbotVecEnv(1), buffer_size=10, device="cpu", policy_kwargs={"net_arch": [8]}),
         lambda: with_weight(2e9),
         lambda: with_weight(float("nan")),
     ],
-    ids=["relu", "SAC", "huge", "NaN"],
+    ids=["relu", "wide", "SAC", "huge", "NaN"],
 )
 def test_other_policies_are_evaluated_by_stable_baselines3(model):
     assert sb3_policy.tanh_network(model()) is None

@@ -11,6 +11,7 @@ import pybullet
 from pybullet_utils import bullet_client
 
 import ballbot_rs as bb
+from ballbot_rs._checks import check_still_floor
 from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
 from validation.engines.any_robot import ExternalRobot
 from validation.engines.rotations import matrix, roll_pitch_yaw
@@ -77,8 +78,7 @@ class PybulletRobot(ExternalRobot):
         if p.wheel_preload != 0.0:
             # Forces of PyBullet act for one step, not along a body that turns in substeps.
             raise bb.InvalidInputError(f"PyBullet does not simulate wheel_preload = {p.wheel_preload}: it must be 0")
-        if p.has_perturbed_floor:
-            raise bb.InvalidInputError("PyBullet does not simulate a floor that moves or has uneven friction")
+        check_still_floor(p, "PyBullet")
         self.sim_dt = sim_dt
         self._com = robot.body.com
         self._joints = [0, 1, 2]

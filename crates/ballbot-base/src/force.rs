@@ -19,11 +19,11 @@ pub struct Force {
     pub force: Vector3<f64>,
     /// Its point, body frame, m; the CoM of the body if `None`.
     pub point: Option<Vector3<f64>>,
-    /// Frequency f of a force times sin(2πft + `phase`), with t from its begin, Hz; 0 is a constant force.
+    /// Frequency f of a force times sin(2πft + `phase`), with t from its start, Hz; 0 is a constant force.
     pub frequency: f64,
-    /// Phase of a sine at its begin, rad.
+    /// Phase of a sine at its start, rad.
     pub phase: f64,
-    /// Time from now to its begin, s, in whole time steps.
+    /// Time from now to its start, s, in whole time steps.
     pub delay: f64,
     /// Time over which it acts, s, in whole time steps; infinity is until another force or a reset.
     pub duration: f64,
@@ -39,7 +39,8 @@ impl Force {
     ///
     /// # Errors
     /// [`crate::Error::OutOfRange`] for a force above 1e5 N, a point farther than 100 m, a frequency that is negative or
-    /// above half the rate of the time steps, a phase beyond ±1e3 rad, or a time that is negative or above 1e9 s.
+    /// above half the rate of the time steps, a phase beyond ±1e3 rad or of a constant force, a time that is
+    /// negative or above 1e9 s, or a duration other than 0 that rounds to no time step.
     pub fn validate(&self, sim_dt: f64) -> Result<()> {
         let Self { force, point, frequency, phase, delay, duration } = self;
         for (name, vector, most) in [("force", Some(force), MAX_FORCE), ("point", point.as_ref(), MAX_ARM)] {
@@ -51,12 +52,17 @@ impl Force {
         let limit = format_args!("from 0 to {fastest} Hz, half the rate of the time steps");
         check("frequency", *frequency, limit, |f| (0.0..=fastest).contains(&f))?;
         check("phase", *phase, format_args!("within ±{MAX_PHASE} rad"), |phase| phase.abs() <= MAX_PHASE)?;
+        check("phase", *phase, "0 rad, as a constant force has no phase", |phase| *frequency > 0.0 || phase == 0.0)?;
         check("delay", *delay, format_args!("from 0 to {MAX_TIME:e} s"), |t| (0.0..=MAX_TIME).contains(&t))?;
         if *duration == f64::INFINITY {
             return Ok(());
         }
         check("duration", *duration, format_args!("from 0 to {MAX_TIME:e} s, or infinity"), |t| {
             (0.0..=MAX_TIME).contains(&t)
+        })?;
+        let half = 0.5 * sim_dt;
+        check("duration", *duration, format_args!("0, or at least {half} s, half a time step"), |t| {
+            t == 0.0 || t >= half
         })?;
         Ok(())
     }

@@ -132,20 +132,20 @@ fields! {
         pub floor_friction_gradient: [f64; 2] = [0.0; 2], "1/m", Limit::from(-1e6).to(1e6);
         /// Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only.
         pub floor_patch_size: f64 = 0.0, "m", Limit::from(0.0).to(1e6);
-        /// Least and largest factor of floor friction of a patch, each equally likely.
+        /// Limits of the factor of floor friction of a patch, which is uniform between them.
         pub floor_patch_friction: [f64; 2] = [1.0; 2], "", Limit::from(0.0).to(1e3);
         /// Seed of the factors of the patches; its whole part counts.
         pub floor_patch_seed: f64 = 0.0, "", Limit::from(0.0).to(4_294_967_295.0);
         /// Amplitude (x, y) of a sinusoidal tilt of the floor, as of a ship, added to `floor_tilt`; the sum is at most 0.5.
         pub floor_tilt_amplitude: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
         /// Period of `floor_tilt_amplitude`.
-        pub floor_tilt_period: f64 = 10.0, "s", Limit::from(1e-3).to(1e9);
+        pub floor_tilt_period: f64 = 10.0, "s", Limit::from(0.1).to(1e9);
         /// Phases (x, y) of `floor_tilt_amplitude` at the start of an episode; 0: the floor passes its mean tilt.
         pub floor_tilt_phases: [f64; 2] = [0.0; 2], "rad", Limit::from(-1e3).to(1e3);
         /// Amplitude (x, y) of a periodic acceleration of the floor in its plane, as of a tram.
         pub floor_acceleration: [f64; 2] = [0.0; 2], "m/s²", Limit::from(-1e3).to(1e3);
         /// Period of `floor_acceleration`.
-        pub floor_acceleration_period: f64 = 10.0, "s", Limit::from(1e-3).to(1e9);
+        pub floor_acceleration_period: f64 = 10.0, "s", Limit::from(0.1).to(1e9);
         /// Phase of `floor_acceleration` at the start of an episode; 0: from zero.
         pub floor_acceleration_phase: f64 = 0.0, "rad", Limit::from(-1e3).to(1e3);
         /// Fraction of a quarter period in which a trapezoidal acceleration rises to its amplitude; 0: it is sinusoidal.

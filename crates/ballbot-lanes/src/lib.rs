@@ -167,8 +167,7 @@ impl ContactLanes {
         let (state, mut footing) = (&mut self.state, self.footing.as_deref_mut());
         if let Some(floors) = self.perturbed.as_deref_mut() {
             for _ in 0..steps {
-                let ground = footing.as_ref().map(|footing| Arc::clone(&footing.ground));
-                run_eight(Perturb { floors, state, ground: ground.as_deref() });
+                run_eight(Perturb { floors, state, ground: footing.as_deref().map(|footing| &*footing.ground) });
                 run_eight(Advance {
                     constants: floors.constants(),
                     state,

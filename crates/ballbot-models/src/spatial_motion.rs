@@ -69,9 +69,9 @@ impl SpatialMotion {
         self.slope.as_ref().map_or_else(|| state.clone(), |slope| slope.level(state))
     }
 
-    /// Takes gravity in the middle of the present step from a floor that moves: its error is of second order.
-    fn move_floor(&mut self) {
-        let gravity = self.params.gravity_at((self.steps as f64 + 0.5) * self.sim_dt);
+    /// Takes gravity in the middle of a step from a floor that moves: its error is of second order.
+    fn move_floor(&mut self, step: u64) {
+        let gravity = self.params.gravity_at((step as f64 + 0.5) * self.sim_dt);
         let turned = self.slope.as_ref().map_or(gravity, |slope| slope.rotation * gravity);
         self.model.set_weight(Vector3::zeros() - turned);
     }
@@ -143,7 +143,8 @@ impl Model for SpatialMotion {
         }
         *self = robot;
         if self.params.has_moving_floor() {
-            self.move_floor();
+            // The contact forces are of the last step.
+            self.move_floor(self.steps.saturating_sub(1));
         }
         Ok(())
     }
@@ -162,7 +163,8 @@ impl Model for SpatialMotion {
         self.force = HeldForce::default();
         self.load = PointForce::default();
         if self.params.has_moving_floor() {
-            self.move_floor();
+            // The contact forces are of the last step.
+            self.move_floor(self.steps.saturating_sub(1));
         }
     }
 
@@ -172,7 +174,7 @@ impl Model for SpatialMotion {
         for _ in 0..steps {
             self.load = self.next_load();
             if moves {
-                self.move_floor();
+                self.move_floor(self.steps);
             }
             let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
             self.is_finite &= are_bounded(next.as_slice());
@@ -289,7 +291,8 @@ impl Model for SpatialMotion {
         let [x, y, z, point @ ..] = saved.load;
         self.load = PointForce { force: Vector3::new(x, y, z), point: point.into() };
         if self.params.has_moving_floor() {
-            self.move_floor();
+            // The contact forces are of the last step.
+            self.move_floor(self.steps.saturating_sub(1));
         }
         Ok(())
     }

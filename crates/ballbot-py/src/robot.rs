@@ -210,15 +210,15 @@ impl PyBallbot {
 
     /// Replaces the force from outside on the body: it acts in every time step, until another force or a reset.
     ///
-    /// A sine is `force` times sin(2π f t + phase), with t from its begin; each time step has its mean over the step. Times are
+    /// A sine is `force` times sin(2π f t + phase), with t from its start; each time step has its mean over the step. Times are
     /// in whole time steps.
     ///
     /// Args:
     ///     force: inertial frame, shape (3,), N; zero ends the former force.
     ///     point: body frame, shape (3,), m; None is its CoM.
     ///     frequency: of a sine, Hz, at most half the rate of the time steps; 0 is a constant force.
-    ///     phase: of a sine at its begin, rad.
-    ///     delay: time from now to its begin, s.
+    ///     phase: of a sine at its start, rad.
+    ///     delay: time from now to its start, s.
     ///     duration: time for which it acts, s; None is without end.
     ///
     /// Raises:

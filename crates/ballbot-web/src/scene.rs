@@ -271,7 +271,9 @@ impl Scene {
         let yielded = |robot: &Robot| robot.memory.iter().take(2).any(|way| way.abs() > YIELDED);
         if self.yields && self.robots.iter().any(yielded) {
             let first = &self.robots[0];
+            let yaw = self.target.setpoint.yaw;
             self.target.rest_at(first.body.state().ball_position.xy() - first.place);
+            self.target.head(yaw);
             self.robots.iter_mut().for_each(|robot| robot.memory.fill(0.0));
         }
     }

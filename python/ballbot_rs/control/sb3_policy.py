@@ -35,8 +35,10 @@ ALGORITHMS: Final = {
 #: The attribute of a saved model that holds its metadata.
 METADATA: Final = "ballbot_metadata"
 
-#: The largest weight of a network that robots are stepped with in Rust.
+#: The largest weight of a network that robots are stepped with in Rust, and how many weights it has at most: each robot
+#: has a copy, so larger networks are slower than in torch.
 _LARGEST_WEIGHT: Final = 1e9
+_MOST_WEIGHTS: Final = 8192
 
 
 def algorithms() -> dict[str, type[BaseAlgorithm]]:
@@ -170,7 +172,8 @@ def act(model: BaseAlgorithm, observations: npt.NDArray[np.float32]) -> npt.NDAr
 def tanh_network(model: BaseAlgorithm) -> Network | None:
     """The layers from observations to actions, for `Batch.episodes`; None unless they are dense with tanh between them.
 
-    A model with a state or squashed actions has none, and neither has one whose weights are not numbers within ±1e9.
+    A model with a state or squashed actions has none, nor has a network of more than 8192 weights, or with weights that
+    are not numbers within ±1e9.
     """
     policy: Any = model.policy
     if type(policy) is not ActorCriticPolicy or type(policy.features_extractor) is not FlattenExtractor:
@@ -182,8 +185,9 @@ def tanh_network(model: BaseAlgorithm) -> Network | None:
     if any(type(layer) is not torch.nn.Linear for layer in dense) or any(type(f) is not torch.nn.Tanh for f in between):
         return None
     layers = [(layer.weight.detach().numpy(), layer.bias.detach().numpy()) for layer in dense]
+    are_few = sum(weights.size for weights, _ in layers) <= _MOST_WEIGHTS
     within = all(bool((np.abs(numbers) <= _LARGEST_WEIGHT).all()) for layer in layers for numbers in layer)
-    return layers if within else None
+    return layers if are_few and within else None
 
 
 def load(

@@ -153,6 +153,8 @@ def _check(batch: Batch, engine: str) -> None:
             raise InvalidInputError(f"{engine} does not simulate {term}, which an event changes")
         if term in MOVING_FLOOR:
             raise InvalidInputError(f"{engine} has no time of an episode, so it has no {term}")
+        if term == "force":
+            raise InvalidInputError(f"{engine} has no force over time, as an event has: use the term 'push'")
         if event["mode"] in ("interval", "at") and term != "push":
             raise InvalidInputError(f"{engine} does not change {term} within an episode, as an event does")
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_bounded, real_array
+from ballbot_rs._checks import check_bounded, check_still_floor, real_array
 from ballbot_rs._core import Ballbot, Lqr, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._quaternions import about_vertical, conjugate, product
@@ -101,10 +101,7 @@ class Plan:
             raise InvalidInputError(
                 f"floor_tilt = {self.params.floor_tilt}: a slope must be terrain=Terrain.plane(slope, direction)"
             )
-        if self.params.has_perturbed_floor:
-            raise InvalidInputError(
-                "an optimization needs a floor at rest with even friction: pass robot.on_still_floor()"
-            )
+        check_still_floor(self.params, "an optimization")
         self.iteration = 0
 
     @property

@@ -4,6 +4,7 @@ use ballbot_core::batch::{History, Layer, policy_controller};
 use ballbot_core::control::{Setpoint, controller_kind};
 use ballbot_core::{Ballbot, ModelKind, Params};
 use ballbot_web::{ROW, Scene, catalog, row_width};
+use nalgebra::{Quaternion, UnitQuaternion, Vector3};
 
 fn part<'a>(scene: &'a Scene, robot: usize, name: &str) -> &'a [f64] {
     let before: usize = ROW.iter().take_while(|(part, _)| *part != name).map(|(_, len)| len).sum();
@@ -91,6 +92,30 @@ fn a_robot_that_yields_is_pulled_along_and_goes_where_it_is_sent() {
         let at = part(&scene, 0, "ball_position");
         assert!((at[0] - 0.3).hypot(at[1] - 0.2) < 0.03, "{model}: {at:?}");
     }
+}
+
+#[test]
+fn a_robot_that_has_yielded_keeps_its_heading() {
+    let heading = |scene: &Scene| {
+        let forward =
+            |q: &[f64]| UnitQuaternion::from_quaternion(Quaternion::from_parts(q[0], [q[1], q[2], q[3]].into()));
+        let x = forward(part(scene, 0, "body_quaternion")) * Vector3::x();
+        x.y.atan2(x.x)
+    };
+    let mut scene = Scene::new("controller = 'admittance'").unwrap();
+    scene.drive([0.0, 0.0, 1.0]).unwrap();
+    scene.advance(2000);
+    scene.drive([0.0; 3]).unwrap();
+    scene.advance(2000);
+    let turned = heading(&scene);
+    assert!(turned.abs() > 0.5, "{turned}");
+    scene.pull(0, [1.5, 0.0, 0.0]).unwrap();
+    scene.advance(4000);
+    scene.pull(0, [0.0; 3]).unwrap();
+    scene.advance(8000);
+    scene.go_to([0.3, 0.2]).unwrap();
+    scene.advance(10_000);
+    assert!((heading(&scene) - turned).abs() < 0.05, "{} after {turned}", heading(&scene));
 }
 
 #[test]

@@ -52,6 +52,20 @@ impl Params {
         Vector3::zeros() - Vector3::new(up.x, up.y, up.z)
     }
 
+    /// The mean of [`Params::gravity_at`] in the middle of each of `steps` time steps of `sim_dt` seconds, the first at `start`
+    /// s after the start of an episode.
+    pub fn mean_gravity(&self, start: f64, sim_dt: f64, steps: usize) -> Vector3<f64> {
+        let sum = run_one(
+            #[inline(always)]
+            || {
+                let motion = FloorMotion::new(self).load::<f64>(Scalar);
+                let ups = (0..steps).map(|step| motion.up(start + (step as f64 + 0.5) * sim_dt));
+                ups.fold(Vector3::zeros(), |sum, up| sum + Vector3::new(up.x, up.y, up.z))
+            },
+        );
+        sum / -(steps as f64)
+    }
+
     /// Angular velocity of the floor in its own frame `time` s after the start of an episode, rad/s.
     pub fn floor_rate_at(&self, time: f64) -> Vector3<f64> {
         if self.floor_tilt_amplitude == [0.0; 2] {

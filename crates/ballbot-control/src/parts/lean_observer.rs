@@ -26,7 +26,7 @@ ballbot_base::fields! {
 /// Limit of the option `lean_observer` of all controllers.
 pub(crate) const LIMIT: Limit = Limit::NOT_NEGATIVE.to(1e3);
 
-/// Indices of its numbers: vectors of the inertial frame, and before the last whether the prediction is valid.
+/// Indices of its numbers: vectors of the inertial frame, whether the prediction is valid, and the force.
 const LEAN: usize = 0;
 const ACCELERATION: usize = 2;
 const VELOCITY: usize = 4;

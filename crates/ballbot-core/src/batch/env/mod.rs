@@ -391,10 +391,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         let len = controller.memory_len();
         if self.control.owner != controller.id() || self.control.cells.len() != len {
             self.control.owner = controller.id();
-            self.control.force = controller.force_index();
             self.control.cells.clear();
             self.control.cells.resize(len, R::Cell::default());
         }
+        self.control.force = controller.force_index();
         let (states, targets) = self.controlled(setpoints, privileged);
         let torques = (R::Cell::TORQUES)(controller, &states, &targets, self.action_torque, &mut self.control.cells);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {
@@ -418,6 +418,7 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         actions: &mut [f32],
     ) -> Result<()> {
         self.drawn_laws.own(owner, self.used);
+        self.control.force = None;
         let (states, targets) = self.controlled(setpoints, privileged);
         let (control_dt, largest) = (self.config.control_dt, self.action_torque);
         for (i, action) in actions.chunks_exact_mut(ACTION_LEN).enumerate() {

@@ -10,7 +10,6 @@ use crate::sensor::{EpisodeStart, Sensor};
 use crate::task::Task;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
-use nalgebra::Vector3;
 use rand_chacha::ChaCha8Rng;
 
 impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
@@ -78,9 +77,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
                 continue;
             }
             let start = self.ledger.episode.steps.get(i) * control_dt;
-            let middle = |step: usize| start + (step as f64 + 0.5) * sim_dt;
-            let sum: Vector3<f64> = (0..self.substeps).map(|step| params.gravity_at(middle(step))).sum();
-            let (gravity, floor_rate) = (sum / self.substeps as f64, params.floor_rate_at(start + control_dt));
+            let gravity = params.mean_gravity(start, sim_dt, self.substeps);
+            let floor_rate = params.floor_rate_at(start + control_dt);
             self.set_gravity(i, gravity.into(), floor_rate.into());
         }
     }
