@@ -149,7 +149,7 @@ def test_terms_of_events(model):
     found = []
     for term, value in PAPER.to_dict().items():
         others = ripple if term in ("roller_count", "roller_phases") else []
-        if term == "floor_static_friction" and ripple:
+        if term in ("floor_static_friction", "floor_friction_gradient") and ripple:
             # A floor that slips.
             others = [{"term": "floor_dynamic_friction", "range": [0.03, 0.03]}]
         op, ranges = ("scale", ([0.9, 0.9], [1.02, 1.05], [0.05, 0.06])) if np.any(value) else ("add", ([0.01, 0.02],))

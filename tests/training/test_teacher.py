@@ -347,7 +347,7 @@ class TestMistakes:
             ("[teacher]\ncontroller = 'lqr'\ndrawn = 1", "teacher.drawn = 1 must be true or false"),
             ("[teacher]\ncontroller = 'lqr'\noptions = 1", "teacher.options = 1 must be a table"),
             ("[teacher]\ncontroller = 'lqr'\nweights = 1", "teacher.weights = 1 must be a table"),
-            ("[teacher]\ncontroller = 'lqr'\nweights = {kg = 1}", "'kg' has no scale: expected one of"),
+            ("[teacher]\ncontroller = 'lqr'\nweights = {A = 1}", "'A' has no scale: expected one of"),
             ("[teacher]\ncontroller = 'lqr'\nweights = {s = 5}", "weights.s = 5 is out of range: .* from -4 to 4"),
             ("[teacher]\ncontroller = 'lqr'\nrounds = 0", "teacher.rounds = 0 is out of range: .* at least 1"),
             ("[teacher]\ncontroller = 'lqr'\nsteps = 1.5", "teacher.steps = 1.5 is out of range"),

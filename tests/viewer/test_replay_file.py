@@ -120,7 +120,8 @@ def test_the_same_trajectory_gives_the_same_file_in_any_thread(done):
     with ThreadPoolExecutor(2) as pool:
         first, second = pool.map(record, [done, done])
     assert first == second
-    assert threading.active_count() == before
+    # Threads of earlier tests may end meanwhile.
+    assert threading.active_count() <= before
 
 
 def test_it_opens_no_port(done, monkeypatch):
