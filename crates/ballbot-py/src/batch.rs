@@ -1,7 +1,9 @@
 //! `Batch`: the environments behind every Python front end.
 
 use crate::control::{controller_of, setpoints};
-use crate::convert::{OPTION_COUNT, elements, finite_elements, objects, read_elements, shaped, vector};
+use crate::convert::{
+    OPTION_COUNT, elements, finite_elements, objects, optional_vector, outside_force, read_elements, shaped, vector,
+};
 use crate::errors::{call, not_pickled, to_python};
 use crate::events::draws;
 use crate::exclusive::Exclusive;
@@ -23,7 +25,7 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, Force, State, require_memory};
+use ballbot_core::{Contacts, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -908,7 +910,7 @@ impl PyBatch {
         point: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
-        let point = point.map(|p| vector("point", p)).transpose()?;
+        let point = optional_vector("point", point)?;
         let batch = &mut self.inner.write()?.batch;
         call(|| batch.push(index, &impulse, point.as_ref()))
     }
@@ -941,13 +943,7 @@ impl PyBatch {
         #[pyo3(from_py_with = real)] delay: f64,
         #[pyo3(from_py_with = optional_real)] duration: Option<f64>,
     ) -> PyResult<()> {
-        let force = Force {
-            frequency,
-            phase,
-            delay,
-            duration: duration.unwrap_or(f64::INFINITY),
-            ..Force::constant(vector("force", force)?, point.map(|p| vector("point", p)).transpose()?)
-        };
+        let force = outside_force(force, point, frequency, phase, delay, duration)?;
         let batch = &mut self.inner.write()?.batch;
         call(|| batch.apply_force(index, &force))
     }

@@ -1,7 +1,7 @@
 //! Conversions from array-likes and to NumPy arrays.
 
 use crate::errors::{InvalidInputError, to_python};
-use ballbot_core::try_reserve;
+use ballbot_core::{Force, try_reserve};
 use nalgebra::{DMatrix, Vector3};
 use numpy::ndarray::Array2;
 use numpy::{
@@ -201,6 +201,30 @@ pub(crate) fn vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f
 /// A vector of three components, or a default.
 pub(crate) fn vector_or(name: &str, value: Option<&Bound<'_, PyAny>>, default: Vector3<f64>) -> PyResult<Vector3<f64>> {
     value.map_or(Ok(default), |v| vector(name, v))
+}
+
+/// A vector of three components, or none.
+pub(crate) fn optional_vector(name: &str, value: Option<&Bound<'_, PyAny>>) -> PyResult<Option<Vector3<f64>>> {
+    value.map(|v| vector(name, v)).transpose()
+}
+
+/// The force that `apply_force` describes; without a duration it has no end.
+pub(crate) fn outside_force(
+    force: &Bound<'_, PyAny>,
+    point: Option<&Bound<'_, PyAny>>,
+    frequency: f64,
+    phase: f64,
+    delay: f64,
+    duration: Option<f64>,
+) -> PyResult<Force> {
+    Ok(Force {
+        force: vector("force", force)?,
+        point: optional_vector("point", point)?,
+        frequency,
+        phase,
+        delay,
+        duration: duration.unwrap_or(f64::INFINITY),
+    })
 }
 
 /// A new one-dimensional array.

@@ -1,6 +1,6 @@
 //! `Ballbot`.
 
-use crate::convert::{numbers, vector};
+use crate::convert::{numbers, optional_vector, outside_force, vector};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
 use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
@@ -10,7 +10,7 @@ use crate::params::{PyParams, Robot};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
-use ballbot_core::{Ballbot, Force};
+use ballbot_core::Ballbot;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
@@ -203,7 +203,7 @@ impl PyBallbot {
     #[pyo3(signature = (impulse, point=None))]
     fn push(&self, impulse: &Bound<'_, PyAny>, point: Option<&Bound<'_, PyAny>>) -> PyResult<()> {
         let impulse = vector("impulse", impulse)?;
-        let point = point.map(|p| vector("point", p)).transpose()?;
+        let point = optional_vector("point", point)?;
         let mut robot = self.0.write()?;
         call(|| robot.push(&impulse, point.as_ref()))
     }
@@ -234,13 +234,7 @@ impl PyBallbot {
         #[pyo3(from_py_with = real)] delay: f64,
         #[pyo3(from_py_with = optional_real)] duration: Option<f64>,
     ) -> PyResult<()> {
-        let force = Force {
-            frequency,
-            phase,
-            delay,
-            duration: duration.unwrap_or(f64::INFINITY),
-            ..Force::constant(vector("force", force)?, point.map(|p| vector("point", p)).transpose()?)
-        };
+        let force = outside_force(force, point, frequency, phase, delay, duration)?;
         let mut robot = self.0.write()?;
         call(|| robot.apply_force(&force))
     }
