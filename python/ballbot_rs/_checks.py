@@ -144,6 +144,16 @@ def check_still_floor(params: "Params", what: str) -> None:
     raise ValueError(f"{what}: {name} = {found} must be 0, as of robot.on_still_floor()")
 
 
+def check_no_payload(params: "Params", what: str) -> None:
+    """Checks that no payload moves on the body, as `what` requires.
+
+    Raises:
+        ValueError: naming the parameter.
+    """
+    if params.has_payload:
+        raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as of robot.with_payload_fixed()")
+
+
 def check_options(who: str, given: Iterable[str], known: Sequence[str]) -> None:
     """Checks the names of options.
 

@@ -194,6 +194,13 @@ class _ParamFields(TypedDict, total=False):
     roller_count: float
     roller_phases: npt.ArrayLike
     wheel_preload: float
+    payload_mass: float
+    payload_position: npt.ArrayLike
+    payload_stiffness: npt.ArrayLike
+    payload_damping: npt.ArrayLike
+    payload_amplitude: npt.ArrayLike
+    payload_period: float
+    payload_phases: npt.ArrayLike
     floor_tilt: npt.ArrayLike
     floor_friction_gradient: npt.ArrayLike
     floor_patch_size: float
@@ -262,6 +269,13 @@ class Params:
         roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number. (>= 3 and <= 1000)
         roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)
         wheel_preload: float = 0.0,  # Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)
+        payload_mass: float = 0.0,  # Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body with its payload at its place. Of `spatial`, `contact` and `rigid`. (kg, >= 0 and <= 1e6)
+        payload_position: npt.ArrayLike = ...,  # Place of the payload, body frame, while the robot is at rest in equilibrium. (m, >= -1000 and <= 1000)
+        payload_stiffness: npt.ArrayLike = ...,  # Stiffness of the springs between body and payload along the body axes. (N/m, >= 0 and <= 1e12)
+        payload_damping: npt.ArrayLike = ...,  # Viscous damping between body and payload along the body axes. (N/(m/s), >= 0 and <= 1e9)
+        payload_amplitude: npt.ArrayLike = ...,  # Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load. (m, >= -1000 and <= 1000)
+        payload_period: float = 1.0,  # Period of `payload_amplitude`. (s, >= 0.01 and <= 1e9)
+        payload_phases: npt.ArrayLike = ...,  # Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place. (rad, >= -1000 and <= 1000)
         floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)
         floor_friction_gradient: npt.ArrayLike = ...,  # Gradient (x, y) of floor friction: at a place its coefficients are multiplied by 1 at the origin plus the gradient times the place, within 0 and 2. Of `contact` and `rigid` only. (1/m, >= -1e6 and <= 1e6)
         floor_patch_size: float = 0.0,  # Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only. (m, >= 0 and <= 1e6)
@@ -374,6 +388,27 @@ class Params:
     def wheel_preload(self) -> float:
         """Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)"""
     @property
+    def payload_mass(self) -> float:
+        """Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body with its payload at its place. Of `spatial`, `contact` and `rigid`. (kg, >= 0 and <= 1e6)"""
+    @property
+    def payload_position(self) -> tuple[float, float, float]:
+        """Place of the payload, body frame, while the robot is at rest in equilibrium. (m, >= -1000 and <= 1000)"""
+    @property
+    def payload_stiffness(self) -> tuple[float, float, float]:
+        """Stiffness of the springs between body and payload along the body axes. (N/m, >= 0 and <= 1e12)"""
+    @property
+    def payload_damping(self) -> tuple[float, float, float]:
+        """Viscous damping between body and payload along the body axes. (N/(m/s), >= 0 and <= 1e9)"""
+    @property
+    def payload_amplitude(self) -> tuple[float, float, float]:
+        """Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load. (m, >= -1000 and <= 1000)"""
+    @property
+    def payload_period(self) -> float:
+        """Period of `payload_amplitude`. (s, >= 0.01 and <= 1e9)"""
+    @property
+    def payload_phases(self) -> tuple[float, float, float]:
+        """Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place. (rad, >= -1000 and <= 1000)"""
+    @property
     def floor_tilt(self) -> tuple[float, float]:
         """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)"""
     @property
@@ -418,6 +453,37 @@ class Params:
     @property
     def has_perturbed_floor(self) -> bool:
         """Whether the floor moves, or its friction differs from place to place."""
+    def with_payload(
+        self,
+        mass: float,
+        *,
+        position: npt.ArrayLike | None = None,
+        stiffness: npt.ArrayLike | None = None,
+        damping: npt.ArrayLike | None = None,
+    ) -> Params:
+        """A copy with a payload that moves on the body, in place of its present payload: a point mass on springs and dampers. The
+        body alone stays the same; `body_*` of the copy describe it with the payload at its place.
+
+        ```python
+        robot = bb.Params.paper().with_payload(1.0, position=(0.0, 0.0, 0.4), stiffness=300.0, damping=3.0)
+        print(robot.body_mass, robot.without_payload().body_mass)
+        ```
+
+        Args:
+            mass: kg; 0 for none.
+            position: its place at rest, body frame, m; None keeps `payload_position`.
+            stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
+            damping: likewise, N/(m/s); None keeps `payload_damping`.
+
+        Raises ValueError as the constructor.
+        """
+    def without_payload(self) -> Params:
+        """The body alone, without its payload: a payload of 0 kg."""
+    def with_payload_fixed(self) -> Params:
+        """The same robot with its payload fixed to the body at its place, as laws take it."""
+    @property
+    def has_payload(self) -> bool:
+        """Whether a payload moves on the body."""
     def gravity_at(self, time: float) -> tuple[float, float, float]:
         """Acceleration of gravity in the frame of the floor `time` s after the start of an episode, less the acceleration of the
         floor, m/s²: `gravity_vector` on a floor at rest. Raises ValueError for a time that is not finite.
@@ -882,6 +948,11 @@ class Ballbot:
     @property
     def energy(self) -> float:
         """Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball center's height."""
+    @property
+    def payload(self) -> _Array:
+        """Deflection of the payload from its place, m, then its rate, m/s, body axes, shape (6,); zeros for a robot without
+        payload. A reset puts the payload at its place.
+        """
     @property
     def time(self) -> float:
         """Simulated time since the reset, s."""
@@ -2110,6 +2181,10 @@ class Batch:
         """Estimates of the horizontal forces from outside on the bodies at the last call of `control`, x and y in the inertial
         frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
         without `drawn`. Zero from a reset to the next call.
+        """
+    def payloads(self) -> _Array:
+        """Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
+        without payload.
         """
     def control(
         self,

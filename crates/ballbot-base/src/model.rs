@@ -3,6 +3,7 @@
 use crate::error::{Error, Result};
 use crate::force::HeldForce;
 use crate::params::Params;
+use crate::payload::Deflection;
 use crate::state::{Contacts, State};
 use crate::terrain::Ground;
 use crate::wheels::Wheels;
@@ -92,6 +93,11 @@ pub trait Model: Send + Sync {
         HeldForce::default()
     }
 
+    /// Deflection of the payload from its place; zeros without a payload.
+    fn payload(&self) -> Deflection<f64> {
+        Deflection::default()
+    }
+
     /// Appends everything that determines the future motion, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
 
@@ -109,6 +115,14 @@ pub fn same_geometry(a: &Params, b: &Params) -> bool {
         && a.wheel_zenith == b.wheel_zenith
         && a.wheel_azimuths == b.wheel_azimuths
         && a.wheel_zenith_offsets == b.wheel_zenith_offsets
-        && a.body_com_height == b.body_com_height
-        && a.body_com_offset == b.body_com_offset
+        && (a.body_com() == b.body_com() || differ_in_payload(a, b))
+}
+
+/// Whether the bodies without their payloads have the same CoM, within rounding.
+fn differ_in_payload(a: &Params, b: &Params) -> bool {
+    if !a.has_payload() && !b.has_payload() {
+        return false;
+    }
+    let [a, b] = [a, b].map(|params| params.without_payload().body_com());
+    (a - b).norm() <= 1e-9 * a.norm()
 }

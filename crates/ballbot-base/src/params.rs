@@ -3,6 +3,7 @@
 mod floor;
 mod geometry;
 mod losses;
+mod payload;
 mod perturbed_floor;
 mod preload;
 mod presets;
@@ -124,6 +125,21 @@ fields! {
         /// Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as
         /// springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other.
         pub wheel_preload: f64 = 0.0, "N", Limit::from(0.0).to(1e6);
+        /// Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body
+        /// with its payload at its place. Of `spatial`, `contact` and `rigid`.
+        pub payload_mass: f64 = 0.0, "kg", Limit::from(0.0).to(1e6);
+        /// Place of the payload, body frame, while the robot is at rest in equilibrium.
+        pub payload_position: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
+        /// Stiffness of the springs between body and payload along the body axes.
+        pub payload_stiffness: [f64; 3] = [0.0; 3], "N/m", Limit::from(0.0).to(1e12);
+        /// Viscous damping between body and payload along the body axes.
+        pub payload_damping: [f64; 3] = [0.0; 3], "N/(m/s)", Limit::from(0.0).to(1e9);
+        /// Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load.
+        pub payload_amplitude: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
+        /// Period of `payload_amplitude`.
+        pub payload_period: f64 = 1.0, "s", Limit::from(0.01).to(1e9);
+        /// Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place.
+        pub payload_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
         /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the
         /// slope, is at most 0.5. Gravity is `gravity_vector`.
         pub floor_tilt: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
@@ -209,6 +225,7 @@ impl Params {
         self.validate_friction()?;
         self.validate_rollers()?;
         self.validate_preload()?;
+        self.validate_payload()?;
         self.validate_slope()?;
         self.validate_perturbed_floor()
     }

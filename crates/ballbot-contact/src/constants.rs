@@ -5,6 +5,7 @@ use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lanes::{Cell, EIGHT, Eight, Lane, LaneValue, Own, Quat, Registers, Value, Vec3, Wide, lane_struct};
 use ballbot_base::params::Params;
+use ballbot_base::payload::Payload;
 use ballbot_base::state::wxyz;
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
@@ -117,20 +118,22 @@ lane_struct! {
         /// Ripples per turn of a wheel.
         pub roller_count: T,
         pub roller_phases: Wheels<T>,
+        pub payload: Payload<T>,
     }
 }
 
 impl Constants<f64> {
     /// Constants of valid `params` and a time step `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
-        Self::in_axes(params, sim_dt, &PrincipalAxes::new(params))
+        Self::in_axes(params, sim_dt, &PrincipalAxes::new(&params.without_payload()))
     }
 
     /// [`Constants::new`] with given principal axes.
     pub fn in_axes(params: &Params, sim_dt: f64, principal: &PrincipalAxes) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
-        let com = params.body_com();
+        let alone = params.without_payload();
+        let com = alone.body_com();
         let of_body = |vector: Vector3<f64>| <[f64; 3]>::from(principal.of_body(&vector));
         let centers = wheel_centers(params, &wheels).map(|center| center - com);
         let row = |i: usize| of_body(wheels.u.row(i).transpose());
@@ -143,7 +146,7 @@ impl Constants<f64> {
         let critical_velocity_inverse = params.friction_critical_velocity.recip();
         let ball_mass_inverse = params.ball_mass.recip();
         let ball_surface_compliance = params.ball_radius * params.ball_radius / params.ball_inertia;
-        let body_mass_inverse = params.body_mass.recip();
+        let body_mass_inverse = alone.body_mass.recip();
         let floor_compliance = ball_mass_inverse + ball_surface_compliance;
         let wheel_loads = params.equilibrium_wheel_loads();
         Self {
@@ -206,6 +209,7 @@ impl Constants<f64> {
             ripple_amplitude: 0.5 * params.roller_ripple,
             roller_count: params.roller_count,
             roller_phases: Wheels(params.roller_phases),
+            payload: Payload::new(params),
         }
     }
 }

@@ -6,12 +6,13 @@ use super::perturbed::PerturbedFloor;
 use super::state::ContactState;
 use super::step::advance;
 use ballbot_base::collision_shape::CollisionShape;
-use ballbot_base::energy::mechanical_energy;
+use ballbot_base::energy::energy_with_payload;
 use ballbot_base::error::Result;
 use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -131,7 +132,7 @@ impl Model for ContactMotion {
     }
 
     fn energy(&self) -> f64 {
-        mechanical_energy(&self.params, &self.wheels, &self.state())
+        energy_with_payload(&self.params, &self.wheels, &self.state(), &self.memory.payload, self.time())
     }
 
     fn healthy(&self) -> bool {
@@ -159,6 +160,10 @@ impl Model for ContactMotion {
 
     fn held_force(&self) -> HeldForce<f64> {
         self.memory.force
+    }
+
+    fn payload(&self) -> Deflection<f64> {
+        self.memory.payload_deflection(&self.constants)
     }
 
     fn save(&self) -> Vec<u8> {

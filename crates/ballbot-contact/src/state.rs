@@ -6,6 +6,7 @@ use super::types::{PerRow, Pose, Velocities};
 use ballbot_base::force::HeldForce;
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Cell, Lane, Quat, Value, Vec3, lane_struct};
+use ballbot_base::payload::PayloadMotion;
 use ballbot_base::wheels::Wheels;
 use serde::{Deserialize, Serialize};
 
@@ -45,6 +46,8 @@ lane_struct! {
         pub push: [T; 6],
         /// Force from outside on the body.
         pub force: HeldForce<T>,
+        /// Motion of the payload; of no meaning without one.
+        pub payload: PayloadMotion<T>,
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.

@@ -3,6 +3,7 @@
 //! ```text
 //! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
 //! forces    += preload                    of the wheels, between body and ball                (Preload)
+//! forces    += reaction                   of a payload, which moves on its springs              (Payload)
 //! forces    += force                      from outside, on the body                           (Outside force)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
@@ -27,6 +28,7 @@ use super::footing::Footing;
 use super::friction::{Friction, JointFriction};
 use super::held_force::hold;
 use super::losses::brake;
+use super::payload::carry;
 use super::phases::{Start, finish, free_velocities};
 use super::preload::press;
 use super::state::ContactState;
@@ -80,10 +82,18 @@ fn several<L: Lane, V: Value<L>>(
     Vec3::from(at3(c.gravity_dt, like)).store(&mut gravity_dt);
     let mut actions = Actions::new(gravity_dt, *torques);
     let zero = like.zero();
+    let carries = L::any(zero.lt(c.payload.mass.at(like)));
     // One test of a step: a press or a force is rare.
     let is_loaded = L::any(zero.lt(c.has_preload.at(like)) | zero.lt(L::load(token, &state.force.left)));
     let has_losses_or_ripple = L::any(zero.lt(c.has_losses_or_ripple.at(like)));
     for _ in 0..steps {
+        if carries {
+            L::rarely(
+                token,
+                #[inline(always)]
+                || carry(c, token, state),
+            );
+        }
         // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
             L::rarely(

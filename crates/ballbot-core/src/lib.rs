@@ -46,9 +46,10 @@ pub use {nalgebra, rand_chacha};
 
 #[doc(inline)]
 pub use ballbot_base::{
-    Contacts, Error, Force, LaneRobot, LaneState, MAX_MAGNITUDE, Model, PAPER_BALL_VISCOUS_FRICTION, Params, Result,
-    State, WHEELS, Wheels, attitude, check_bounded, check_finite, fields, kinematics, lanes, mechanical_energy, one_of,
-    options, require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros, unit_quaternion, wxyz,
+    Contacts, Deflection, Error, Force, LaneRobot, LaneState, MAX_MAGNITUDE, Model, PAPER_BALL_VISCOUS_FRICTION,
+    Params, Result, State, WHEELS, Wheels, attitude, check_bounded, check_finite, fields, kinematics, lanes,
+    mechanical_energy, one_of, options, require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros,
+    unit_quaternion, wxyz,
 };
 #[doc(inline)]
 pub use ballbot_control as control;

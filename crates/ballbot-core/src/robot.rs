@@ -12,6 +12,7 @@ use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::names;
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -72,11 +73,14 @@ impl ModelKind {
     }
 
     /// Checks that the model simulates the wheels of a robot.
-    fn require(self, params: &Params) -> Result<()> {
+    fn require(self, params: &Params, sim_dt: f64) -> Result<()> {
+        params.validate_payload_step(sim_dt)?;
         if matches!(self, Self::Contact | Self::Rigid) {
             return Ok(());
         }
         if self == Self::Planar {
+            params
+                .require_no_payload("the model 'planar' has a rigid body; 'spatial', 'contact' and 'rigid' take any")?;
             params.require_still_floor(
                 "the model 'planar' is of a level floor; 'spatial', 'contact' and 'rigid' take any",
             )?;
@@ -91,7 +95,7 @@ impl ModelKind {
 
     /// A robot of this kind, upright at rest.
     fn build(self, params: &Params, sim_dt: f64) -> Result<Box<dyn Model>> {
-        self.require(params)?;
+        self.require(params, sim_dt)?;
         Ok(match self {
             Self::Planar => Box::new(PlanarMotion::new(params, sim_dt)?),
             Self::Spatial => Box::new(SpatialMotion::new(params, sim_dt)),
@@ -222,7 +226,7 @@ impl Ballbot {
         if self.ground.is_some() {
             params.require_level("a robot on a terrain")?;
         }
-        self.kind.require(params)?;
+        self.kind.require(params, self.sim_dt())?;
         let continues = same_geometry(self.params(), params);
         self.model.set_params(params)?;
         if !continues {
@@ -355,6 +359,11 @@ impl Ballbot {
         force.validate(self.sim_dt())?;
         let held = HeldForce::new(force, &self.params().body_com(), self.sim_dt());
         self.model.hold_force(&held)
+    }
+
+    /// Deflection of the payload from its place; zeros for a robot without payload ([`Params::has_payload`]).
+    pub fn payload(&self) -> Deflection<f64> {
+        self.model.payload()
     }
 
     /// Whether a force from outside acts, now or later.

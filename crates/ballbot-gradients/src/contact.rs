@@ -38,7 +38,7 @@ impl Differentiated {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a parameter without derivative: a ripple of zero, and inertia of a body with equal
-    /// principal moments; for a floor that moves, and for floor friction that differs from place to place.
+    /// principal moments; for a payload, for a floor that moves, and for floor friction that differs from place to place.
     pub fn new(
         params: &Params,
         constants: &Constants<f64>,
@@ -47,6 +47,7 @@ impl Differentiated {
         parameters: &[Parameter],
         coordinates: Coordinates,
     ) -> Result<Self> {
+        params.require_no_payload("derivatives of motions")?;
         params.require_still_floor("derivatives of motions")?;
         params.require_even_friction("derivatives of motions")?;
         let slopes = parameters.iter().map(|parameter| parameter.slopes(params, constants.sim_dt));

@@ -21,8 +21,8 @@ const LINEAR_STEP: f64 = 0.25;
 /// share.
 const DISTINCT: f64 = 1e-4;
 
-/// Beginnings of the names of parameters of a floor that moves or has uneven friction.
-const PERTURBED: [&str; 4] = ["floor_friction_gradient", "floor_patch_", "floor_tilt_", "floor_acceleration"];
+/// Beginnings of the names of parameters of a payload, and of a floor that moves or has uneven friction.
+const WITHOUT: [&str; 5] = ["floor_friction_gradient", "floor_patch_", "floor_tilt_", "floor_acceleration", "payload_"];
 
 /// A parameter, or an element of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -35,8 +35,8 @@ impl Parameter {
     /// The parameter `name`, each of its elements, or its element `name[i]`.
     ///
     /// # Errors
-    /// [`Error::UnknownName`]; [`Error::Inconsistent`] for `roller_count`, a whole number, and for parameters of a floor that
-    /// moves or has uneven friction.
+    /// [`Error::UnknownName`]; [`Error::Inconsistent`] for `roller_count`, a whole number, and for parameters of a payload
+    /// and of a floor that moves or has uneven friction.
     pub fn named(name: &str) -> Result<Vec<Self>> {
         let (field_name, index) = match name.split_once('[') {
             Some((field, rest)) => {
@@ -53,7 +53,7 @@ impl Parameter {
         if Params::FIELDS[field].name == "roller_count" {
             return Err(Error::Inconsistent("roller_count is a whole number, so it has no derivative".into()));
         }
-        if PERTURBED.iter().any(|prefix| Params::FIELDS[field].name.starts_with(prefix)) {
+        if WITHOUT.iter().any(|prefix| Params::FIELDS[field].name.starts_with(prefix)) {
             return Err(Error::Inconsistent(format!("derivatives with respect to {field_name} are not computed")));
         }
         let elements = index.map_or(0..Params::FIELDS[field].len, |index| index..index + 1);

@@ -51,6 +51,11 @@ impl ContactLanes {
         lanes
     }
 
+    /// Time step, s.
+    pub fn sim_dt(&self) -> f64 {
+        self.sim_dt
+    }
+
     /// Parameters of robot `i`.
     pub fn lane_params(&self, i: usize) -> &Params {
         &self.params[i]

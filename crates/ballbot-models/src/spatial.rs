@@ -116,6 +116,11 @@ impl SpatialModel {
         self.weight = weight;
     }
 
+    /// Acceleration of the floor minus gravity, in its frame, m/s².
+    pub(crate) fn weight(&self) -> &Vector3<f64> {
+        &self.weight
+    }
+
     /// Parameters of the robot.
     pub fn params(&self) -> &Params {
         &self.params
@@ -200,18 +205,18 @@ impl SpatialModel {
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
     ) -> Vector6<f64> {
-        self.accelerations_under(body_quaternion, velocity, wheel_torques, &PointForce::default())
+        self.accelerations_under(body_quaternion, velocity, wheel_torques, &[])
     }
 
-    /// [`SpatialModel::accelerations`] with a force on the body.
+    /// [`SpatialModel::accelerations`] with forces on the body.
     pub fn accelerations_under(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
-        load: &PointForce,
+        loads: &[PointForce],
     ) -> Vector6<f64> {
-        self.solve(&self.terms(body_quaternion), velocity, wheel_torques, load).0
+        self.solve(&self.terms(body_quaternion), velocity, wheel_torques, loads).0
     }
 
     /// ν' and the friction of the rollers on the bot along u_i, N.
@@ -220,9 +225,9 @@ impl SpatialModel {
         terms: &Terms,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
-        load: &PointForce,
+        loads: &[PointForce],
     ) -> (Vector6<f64>, Wheels<f64>) {
-        let without = self.solve_lossless(terms, velocity, wheel_torques, load);
+        let without = self.solve_lossless(terms, velocity, wheel_torques, loads);
         if !self.params.has_losses() {
             return (without, Wheels::default());
         }
@@ -233,14 +238,14 @@ impl SpatialModel {
         let drives = Matrix3::from_columns(&self.wheels.drive_directions.0);
         let free_speeds = drives.transpose() * relative_rate * self.params.ball_radius;
         let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
-        let changed = |loads: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * loads));
-        let loads = consistent(|loads| {
-            let rollers = friction.rollers(loads);
-            let contacts = self.contacts_of(terms, velocity, wheel_torques, load, &changed(loads), rollers);
+        let changed = |normal: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * normal));
+        let normal = consistent(|normal| {
+            let rollers = friction.rollers(normal);
+            let contacts = self.contacts_of(terms, velocity, wheel_torques, loads, &changed(normal), rollers);
             let Wheels([a, b, c]) = contacts.wheel_normal_forces;
             Vector4::new(contacts.floor_force.z, a, b, c)
         });
-        (changed(&loads), friction.rollers(&loads))
+        (changed(&normal), friction.rollers(&normal))
     }
 
     fn solve_lossless(
@@ -248,7 +253,7 @@ impl SpatialModel {
         terms: &Terms,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
-        load: &PointForce,
+        loads: &[PointForce],
     ) -> Vector6<f64> {
         let p = &self.params;
         let rate = velocity.fixed_rows::<3>(2).into_owned();
@@ -269,7 +274,7 @@ impl SpatialModel {
         for i in 0..3 {
             force[2 + i] -= gyroscopic[i];
         }
-        if load.force != Vector3::zeros() {
+        for load in loads.iter().filter(|load| load.force != Vector3::zeros()) {
             force += load.generalized(&terms.body_quaternion);
         }
         if self.ball_spin == BallSpin::Pinned {
@@ -315,20 +320,20 @@ impl SpatialModel {
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
     ) -> Contacts {
-        self.contacts_under(body_quaternion, velocity, wheel_torques, &PointForce::default())
+        self.contacts_under(body_quaternion, velocity, wheel_torques, &[])
     }
 
-    /// [`SpatialModel::contacts`] with a force on the body.
+    /// [`SpatialModel::contacts`] with forces on the body.
     pub fn contacts_under(
         &self,
         body_quaternion: &UnitQuaternion<f64>,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
-        load: &PointForce,
+        loads: &[PointForce],
     ) -> Contacts {
         let terms = self.terms(body_quaternion);
-        let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques, load);
-        self.contacts_of(&terms, velocity, wheel_torques, load, &acceleration, rollers)
+        let (acceleration, rollers) = self.solve(&terms, velocity, wheel_torques, loads);
+        self.contacts_of(&terms, velocity, wheel_torques, loads, &acceleration, rollers)
     }
 
     /// Contact forces at ν' = `acceleration`, with the friction `rollers` on the bot along u_i, N.
@@ -337,7 +342,7 @@ impl SpatialModel {
         terms: &Terms,
         velocity: &Vector6<f64>,
         wheel_torques: Wheels<f64>,
-        load: &PointForce,
+        loads: &[PointForce],
         acceleration: &Vector6<f64>,
         rollers: Wheels<f64>,
     ) -> Contacts {
@@ -352,7 +357,7 @@ impl SpatialModel {
             tractions: (shaft - Wheels::of_column(spin_acceleration) * self.params.wheel_inertia)
                 / self.params.wheel_radius,
             rollers,
-            load: load.force,
+            load: loads.iter().map(|load| load.force).sum(),
         };
         contact_loads(&self.params, &self.wheels, &self.weight, &motion)
     }

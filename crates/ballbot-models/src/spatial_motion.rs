@@ -5,8 +5,11 @@ use super::slope::Slope;
 use super::{BallSpin, PointForce, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
 use ballbot_base::error::Result;
 use ballbot_base::force::HeldForce;
+use ballbot_base::lane_state::LaneState;
+use ballbot_base::lanes::{Quat, Vec3, run_one};
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
+use ballbot_base::payload::{Deflection, Payload, PayloadMotion};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -18,10 +21,13 @@ use std::sync::Arc;
 /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
 type Coordinates = SVector<f64, 19>;
 
+/// Coordinates, then position and velocity of the payload.
+type WithPayload = SVector<f64, 25>;
+
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
 pub struct SpatialMotion {
-    /// Model on the plane of `slope`, in its frame.
+    /// Model of the body without its payload on the plane of `slope`, in its frame.
     model: SpatialModel,
     params: Params,
     slope: Option<Slope>,
@@ -33,6 +39,9 @@ pub struct SpatialMotion {
     force: HeldForce<f64>,
     /// The force from outside in the last step, in the frame of the slope.
     load: PointForce,
+    payload: Payload<f64>,
+    /// In the frame of the slope; of no meaning without a payload.
+    payload_motion: PayloadMotion<f64>,
 }
 
 impl SpatialMotion {
@@ -43,7 +52,7 @@ impl SpatialMotion {
 
     fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
         let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
-        let model = SpatialModel::new(&there, WheelSpin::Absolute, BallSpin::Free);
+        let model = SpatialModel::new(&there.without_payload(), WheelSpin::Absolute, BallSpin::Free);
         let mut motion = Self {
             model,
             params: params.clone(),
@@ -55,6 +64,8 @@ impl SpatialMotion {
             wheel_torques: Wheels::default(),
             force: HeldForce::default(),
             load: PointForce::default(),
+            payload: Payload::new(params),
+            payload_motion: PayloadMotion::default(),
         };
         motion.place(&motion.upright());
         motion
@@ -76,6 +87,78 @@ impl SpatialMotion {
         self.model.set_weight(Vector3::zeros() - turned);
     }
 
+    /// The coordinates and the payload after a step; false in `is_finite` after numbers that are not.
+    fn next(&mut self) -> (Coordinates, PayloadMotion<f64>) {
+        if self.payload.mass == 0.0 {
+            let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y, &[self.load]));
+            self.is_finite &= are_bounded(next.as_slice());
+            return (next, self.payload_motion);
+        }
+        let mut y = WithPayload::zeros();
+        y.fixed_rows_mut::<19>(0).copy_from(&self.coordinates);
+        y.fixed_rows_mut::<6>(19).copy_from_slice(&numbers(&self.payload_motion));
+        // The rest of the springs, as a floor that moves, is taken in the middle of the step.
+        let time = (self.steps as f64 + 0.5) * self.sim_dt;
+        let next = rk4(&y, self.sim_dt, |y| self.derivative_with_payload(y, time));
+        self.is_finite &= are_bounded(next.as_slice());
+        (next.fixed_rows::<19>(0).into_owned(), motion_at(&next))
+    }
+
+    fn derivative_with_payload(&self, y: &WithPayload, time: f64) -> WithPayload {
+        let coordinates = y.fixed_rows::<19>(0).into_owned();
+        let payload = motion_at(y);
+        let (force, load) = self.payload_forces(&self.body_at(&coordinates), &payload, time);
+        let mut out = WithPayload::zeros();
+        out.fixed_rows_mut::<19>(0).copy_from(&self.derivative(&coordinates, &[self.load, load]));
+        out.fixed_rows_mut::<3>(19).copy_from_slice(y.fixed_rows::<3>(22).as_slice());
+        out.fixed_rows_mut::<3>(22).copy_from(&(force / self.payload.mass - self.model.weight()));
+        out
+    }
+
+    /// Force on the payload, N, in the frame of the slope, and its reaction on the body.
+    fn payload_forces(
+        &self,
+        body: &LaneState<f64>,
+        payload: &PayloadMotion<f64>,
+        time: f64,
+    ) -> (Vector3<f64>, PointForce) {
+        let (force, arm) = run_one(
+            #[inline(always)]
+            || {
+                let deflection = self.payload.deflection(body, payload);
+                let force = body.body_quaternion.rotation().apply(self.payload.force(&deflection, time));
+                (force, deflection.position + Vec3::from(self.payload.place))
+            },
+        );
+        let force = Vector3::new(force.x, force.y, force.z);
+        (force, PointForce { force: -force, point: Vector3::new(arm.x, arm.y, arm.z) })
+    }
+
+    /// The reaction of the payload on the body now.
+    fn payload_load(&self) -> PointForce {
+        if self.payload.mass == 0.0 {
+            return PointForce::default();
+        }
+        self.payload_forces(&self.body(), &self.payload_motion, self.time()).1
+    }
+
+    /// The body in the frame of the slope, for its payload.
+    fn body(&self) -> LaneState<f64> {
+        self.body_at(&self.coordinates)
+    }
+
+    fn body_at(&self, y: &Coordinates) -> LaneState<f64> {
+        let place = Vec3::new(y[0], y[1], self.params.ball_radius);
+        let quaternion = quaternion_at(y, 2);
+        LaneState {
+            body_position: place,
+            body_quaternion: Quat { w: quaternion.w, v: Vec3::new(quaternion.i, quaternion.j, quaternion.k) },
+            body_velocity: Vec3::new(y[6], y[7], 0.0),
+            body_angular_velocity: Vec3::new(y[8], y[9], y[10]),
+            ..LaneState::default()
+        }
+    }
+
     fn velocity(&self) -> Vector6<f64> {
         self.coordinates.fixed_rows::<6>(6).into_owned()
     }
@@ -90,7 +173,7 @@ impl SpatialMotion {
         PointForce { force, point: self.force.point.into() }
     }
 
-    fn derivative(&self, y: &Coordinates) -> Coordinates {
+    fn derivative(&self, y: &Coordinates, loads: &[PointForce]) -> Coordinates {
         let body_quaternion = quaternion_at(y, 2);
         let velocity = y.fixed_rows::<6>(6).into_owned();
         let rate = velocity.fixed_rows::<3>(2).into_owned();
@@ -105,7 +188,7 @@ impl SpatialMotion {
             &body_quaternion,
             &velocity,
             self.wheel_torques,
-            &self.load,
+            loads,
         ));
         let ball_quaternion_rate = Quaternion::from_imag(ball_rate) * Quaternion::new(y[12], y[13], y[14], y[15]) * 0.5;
         write_quaternion(&mut out, 12, &ball_quaternion_rate);
@@ -140,6 +223,7 @@ impl Model for SpatialMotion {
             robot.wheel_torques = self.wheel_torques;
             robot.force = self.force;
             robot.load = self.load;
+            robot.payload_motion = self.payload_motion.changed(&self.payload, &robot.payload, &self.body());
         }
         *self = robot;
         if self.params.has_moving_floor() {
@@ -157,6 +241,7 @@ impl Model for SpatialMotion {
 
     fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(&self.level(state));
+        self.payload_motion = PayloadMotion::at_place(&self.payload, &self.body());
         self.steps = 0;
         self.is_finite = true;
         self.wheel_torques = Wheels::default();
@@ -176,14 +261,14 @@ impl Model for SpatialMotion {
             if moves {
                 self.move_floor(self.steps);
             }
-            let mut next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y));
-            self.is_finite &= are_bounded(next.as_slice());
+            let (mut next, payload) = self.next();
             for at in [2, 12] {
                 let length = next.fixed_rows::<4>(at).norm();
                 next.fixed_rows_mut::<4>(at).unscale_mut(length);
             }
             if self.is_finite {
                 self.coordinates = next;
+                self.payload_motion = payload;
             }
             self.steps += 1;
         }
@@ -231,7 +316,7 @@ impl Model for SpatialMotion {
             &quaternion_at(&self.coordinates, 2),
             &self.velocity(),
             self.wheel_torques,
-            &self.load,
+            &[self.load, self.payload_load()],
         );
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
@@ -248,7 +333,17 @@ impl Model for SpatialMotion {
             Some(_) => (p.ball_mass + p.body_mass) * p.gravity * p.ball_radius * (1.0 - p.up().z),
             None => 0.0,
         };
-        self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place - lower
+        let alone = self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place - lower;
+        if self.payload.mass == 0.0 {
+            return alone;
+        }
+        let up = p.up() * p.gravity;
+        let of_payload = run_one(
+            #[inline(always)]
+            || self.payload.energy(&self.body(), &self.payload_motion, Vec3::new(up.x, up.y, up.z), self.time()),
+        );
+        let above = if self.slope.is_some() { p.gravity } else { up.z };
+        alone + of_payload - self.payload.mass * p.ball_radius * above
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
@@ -267,6 +362,10 @@ impl Model for SpatialMotion {
         self.force
     }
 
+    fn payload(&self) -> Deflection<f64> {
+        Deflection::of(&self.payload, &self.body(), &self.payload_motion)
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&Saved {
             steps: self.steps,
@@ -278,6 +377,7 @@ impl Model for SpatialMotion {
                 let PointForce { force: f, point: p } = self.load;
                 [f.x, f.y, f.z, p.x, p.y, p.z]
             },
+            payload: self.payload_motion,
         })
     }
 
@@ -290,12 +390,23 @@ impl Model for SpatialMotion {
         self.force = saved.force;
         let [x, y, z, point @ ..] = saved.load;
         self.load = PointForce { force: Vector3::new(x, y, z), point: point.into() };
+        self.payload_motion = saved.payload;
         if self.params.has_moving_floor() {
             // The contact forces are of the last step.
             self.move_floor(self.steps.saturating_sub(1));
         }
         Ok(())
     }
+}
+
+/// Position and velocity of a payload.
+fn numbers(motion: &PayloadMotion<f64>) -> [f64; 6] {
+    let PayloadMotion { position: p, velocity: v } = motion;
+    [p.x, p.y, p.z, v.x, v.y, v.z]
+}
+
+fn motion_at(y: &WithPayload) -> PayloadMotion<f64> {
+    PayloadMotion { position: Vec3::new(y[19], y[20], y[21]), velocity: Vec3::new(y[22], y[23], y[24]) }
 }
 
 fn coordinates_of(state: &State) -> Coordinates {

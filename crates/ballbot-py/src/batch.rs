@@ -961,6 +961,16 @@ impl PyBatch {
         .map(Some)
     }
 
+    /// Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
+    /// without payload.
+    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+        let batch = &self.inner.read()?.batch;
+        rows(py, batch.len(), 6, |i, row| {
+            row.copy_from_slice(&batch.payload(i).map_err(to_python)?.to_array());
+            Ok(())
+        })
+    }
+
     /// Actions of a controller on all robots, shape (num_envs, 3), float32; nothing moves.
     ///
     /// They are within ±1: `max_wheel_torque`, the torque of an action, also limits the controller. Its default is less

@@ -168,6 +168,66 @@ impl PyParams {
         self.0.has_perturbed_floor()
     }
 
+    /// A copy with a payload that moves on the body, in place of its present payload: a point mass on springs and dampers. The
+    /// body alone stays the same; `body_*` of the copy describe it with the payload at its place.
+    ///
+    /// ```python
+    /// robot = bb.Params.paper().with_payload(1.0, position=(0.0, 0.0, 0.4), stiffness=300.0, damping=3.0)
+    /// print(robot.body_mass, robot.without_payload().body_mass)
+    /// ```
+    ///
+    /// Args:
+    ///     mass: kg; 0 for none.
+    ///     position: its place at rest, body frame, m; None keeps `payload_position`.
+    ///     stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
+    ///     damping: likewise, N/(m/s); None keeps `payload_damping`.
+    ///
+    /// Raises ValueError as the constructor.
+    #[pyo3(signature = (mass, *, position=None, stiffness=None, damping=None))]
+    fn with_payload(
+        &self,
+        #[pyo3(from_py_with = real)] mass: f64,
+        position: Option<&Bound<'_, PyAny>>,
+        stiffness: Option<&Bound<'_, PyAny>>,
+        damping: Option<&Bound<'_, PyAny>>,
+    ) -> PyResult<Self> {
+        let mut changes = Vec::new();
+        for (name, value) in
+            [("payload_position", position), ("payload_stiffness", stiffness), ("payload_damping", damping)]
+        {
+            let Some(value) = value else { continue };
+            let mut values = one_or_more(name, value)?;
+            if let ([one], "payload_stiffness" | "payload_damping") = (&values[..], name) {
+                values = vec![*one; 3];
+            }
+            changes.push((name.to_owned(), values));
+        }
+        let load = || {
+            let alone = self.0.without_payload().replace(borrowed(&changes))?;
+            check_finite("mass", &[mass])?;
+            let loaded = alone.with_payload(mass, alone.payload_position);
+            loaded.validate()?;
+            Ok(loaded)
+        };
+        load().map(Self).map_err(to_python)
+    }
+
+    /// The body alone, without its payload: a payload of 0 kg.
+    fn without_payload(&self) -> Self {
+        Self(self.0.without_payload())
+    }
+
+    /// The same robot with its payload fixed to the body at its place, as laws take it.
+    fn with_payload_fixed(&self) -> Self {
+        Self(self.0.with_payload_fixed())
+    }
+
+    /// Whether a payload moves on the body.
+    #[getter]
+    fn has_payload(&self) -> bool {
+        self.0.has_payload()
+    }
+
     /// Acceleration of gravity in the frame of the floor `time` s after the start of an episode, less the acceleration of the
     /// floor, m/s²: `gravity_vector` on a floor at rest. Raises ValueError for a time that is not finite.
     fn gravity_at(&self, #[pyo3(from_py_with = real)] time: f64) -> PyResult<(f64, f64, f64)> {

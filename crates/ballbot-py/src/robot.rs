@@ -11,6 +11,7 @@ use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
 use ballbot_core::Ballbot;
+use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
@@ -268,6 +269,13 @@ impl PyBallbot {
     #[getter]
     fn energy(&self) -> PyResult<f64> {
         Ok(self.0.read()?.energy())
+    }
+
+    /// Deflection of the payload from its place, m, then its rate, m/s, body axes, shape (6,); zeros for a robot without
+    /// payload. A reset puts the payload at its place.
+    #[getter]
+    fn payload<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
+        Ok(PyArray1::from_slice(py, &self.0.read()?.payload().to_array()))
     }
 
     /// Simulated time since the reset, s.

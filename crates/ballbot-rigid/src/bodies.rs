@@ -23,16 +23,17 @@ pub fn wheel_transverse_inertia(params: &Params) -> f64 {
 }
 
 impl BodyLink {
-    /// Mass properties of the parameters minus the mass properties of the wheels.
+    /// Mass properties of the parameters minus the mass properties of the wheels and of a payload that moves.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<Self> {
-        let whole_com = params.body_com();
-        let mass = params.body_mass - WHEELS as f64 * params.wheel_mass;
+        let bot = params.without_payload();
+        let whole_com = bot.body_com();
+        let mass = bot.body_mass - WHEELS as f64 * params.wheel_mass;
         let centers = wheel_centers(params, wheels);
-        let com = (whole_com * params.body_mass - centers.iter().sum::<Vector3<f64>>() * params.wheel_mass) / mass;
-        let mut inertia = params.body_inertia_matrix() - steiner(mass, com - whole_com);
+        let com = (whole_com * bot.body_mass - centers.iter().sum::<Vector3<f64>>() * params.wheel_mass) / mass;
+        let mut inertia = bot.body_inertia_matrix() - steiner(mass, com - whole_com);
         let transverse = wheel_transverse_inertia(params);
         for (center, axle) in centers.iter().zip(wheels.u.row_iter()) {
             // `body_inertia` excludes the inertia of the wheels about their axles.

@@ -16,6 +16,7 @@ mod convert;
 mod floor;
 mod losses;
 mod motion;
+mod payload;
 mod rows;
 mod solve;
 mod stepping;

@@ -8,12 +8,14 @@ use super::rows::{Parts, Velocities, WheelContact};
 use super::solve::{ROWS, TRACTION};
 use super::world::{Handles, World, integration_parameters, new_pipeline};
 use ballbot_base::collision_shape::CollisionShape;
-use ballbot_base::energy::mechanical_energy;
+use ballbot_base::energy::energy_with_payload;
 use ballbot_base::error::{Error, Result};
 use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
+use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
+use ballbot_base::payload::{Deflection, Payload, PayloadMotion};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -61,6 +63,8 @@ pub(super) struct SimulationState {
     pub(super) push: [f64; 6],
     /// Force from outside on the body.
     pub(super) force: HeldForce<f64>,
+    /// Motion of the payload; of no meaning without one.
+    pub(super) payload: PayloadMotion<f64>,
     /// False after a non-finite state, which rapier freezes.
     pub(super) is_finite: bool,
     /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
@@ -78,6 +82,7 @@ impl SimulationState {
             floor_force: [0.0; 3],
             push: [0.0; 6],
             force: HeldForce::default(),
+            payload: PayloadMotion::default(),
             is_finite: true,
             searched_steps: 0,
             unsolved_steps: 0,
@@ -215,17 +220,21 @@ impl Model for RigidMotion {
     }
 
     fn set_params(&mut self, params: &Params) -> Result<()> {
+        let [before, after] = [&self.params, params].map(Payload::new);
+        let payload = self.sim_state.payload.changed(&before, &after, &LaneState::from(&self.state()));
         if same_bodies(&self.params, params) {
             let link = BodyLink::new(params, &self.wheels)?;
             self.params = params.clone();
             (self.gravity, self.grip) = (params.gravity_vector(), 1.0);
             self.bot = Bot::new(params, &self.wheels, &link, &self.bot.undamped, self.settings.dt);
+            self.sim_state.payload = payload;
         } else {
             let mut robot = Self::on(params, self.ground.as_ref(), self.settings.dt)?;
             if same_geometry(&self.params, params) {
                 let state = self.state();
                 robot.set_motion(&state);
                 robot.sim_state = self.sim_state;
+                robot.sim_state.payload = payload;
                 // A pending push keeps its point: its angular impulse is about the root, which has moved.
                 let [x, y, z, turn @ ..] = &mut robot.sim_state.push;
                 let moved = state.body_quaternion * (self.root - robot.root);
@@ -248,6 +257,7 @@ impl Model for RigidMotion {
         self.pipeline = new_pipeline();
         self.set_motion(state);
         self.sim_state = SimulationState::new();
+        self.sim_state.payload = PayloadMotion::at_place(&Payload::new(&self.params), &LaneState::from(state));
         self.apply_joint_friction();
     }
 
@@ -257,6 +267,9 @@ impl Model for RigidMotion {
                 let point = self.sim_state.force.point.into();
                 let impulse = self.sim_state.force.next_impulse();
                 self.push(&impulse, &point);
+            }
+            if self.params.has_payload() {
+                self.carry();
             }
             self.step(wheel_torques);
         }
@@ -319,7 +332,7 @@ impl Model for RigidMotion {
     }
 
     fn energy(&self) -> f64 {
-        mechanical_energy(&self.params, &self.wheels, &self.state())
+        energy_with_payload(&self.params, &self.wheels, &self.state(), &self.sim_state.payload, self.time())
     }
 
     /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.
@@ -344,9 +357,13 @@ impl Model for RigidMotion {
     fn pending_push(&self) -> [f64; 6] {
         let [x, y, z, turn @ ..] = self.sim_state.push;
         let body = rotation_from_rapier(*self.world.bodies[self.handles.body].rotation());
-        let about_com =
-            Vector3::from(turn) - (body * (self.params.body_com() - self.root)).cross(&Vector3::new(x, y, z));
+        let about_com = Vector3::from(turn)
+            - (body * (self.params.without_payload().body_com() - self.root)).cross(&Vector3::new(x, y, z));
         [x, y, z, about_com.x, about_com.y, about_com.z]
+    }
+
+    fn payload(&self) -> Deflection<f64> {
+        Deflection::of(&Payload::new(&self.params), &LaneState::from(&self.state()), &self.sim_state.payload)
     }
 
     fn save(&self) -> Vec<u8> {
@@ -369,6 +386,8 @@ impl Model for RigidMotion {
 /// Whether the rapier bodies of two robots are equal. Parameters that are read at each step or set with the joint
 /// friction may differ.
 fn same_bodies(a: &Params, b: &Params) -> bool {
+    // A payload is not a rapier body.
+    let [a, b] = [a, b].map(Params::without_payload);
     let read_each_step = Params {
         gravity: b.gravity,
         floor_tilt: b.floor_tilt,
@@ -393,7 +412,13 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
         roller_ripple: b.roller_ripple,
         roller_count: b.roller_count,
         roller_phases: b.roller_phases,
-        ..a.clone()
+        payload_position: b.payload_position,
+        payload_stiffness: b.payload_stiffness,
+        payload_damping: b.payload_damping,
+        payload_amplitude: b.payload_amplitude,
+        payload_period: b.payload_period,
+        payload_phases: b.payload_phases,
+        ..a
     };
-    read_each_step == *b
+    read_each_step == b
 }

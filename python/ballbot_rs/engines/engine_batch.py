@@ -25,6 +25,7 @@ NOT_SIMULATED: Final = (
     "roller_friction",
     "roller_friction_slope",
     "roller_ripple",
+    "payload_mass",
 )
 
 #: Parameters of a floor that moves in the course of an episode.

@@ -9,25 +9,28 @@ import numpy as np
 from ballbot_rs import _state_rows as rows
 from ballbot_rs._core import Params, State, Terrain
 from ballbot_rs.engines.moving_floor import contact_plane
-from ballbot_rs.engines.robot_geometry import Array, RobotGeometry
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry, without_payload
 
-#: Positions of the parts in qpos (17) and qvel (15): ball, body, three wheels.
+#: Positions of the parts in qpos (17) and qvel (15): ball, body, three wheels; a payload (3) comes after them.
 BALL_POSITION, BALL_QUATERNION, BODY_POSITION = slice(0, 3), slice(3, 7), slice(7, 10)
 BODY_QUATERNION, WHEEL_ANGLES = slice(10, 14), slice(14, 17)
 BALL_VELOCITY, BALL_RATE, BODY_VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 BODY_RATE, WHEEL_SPEEDS = slice(9, 12), slice(12, 15)
+PAYLOAD, PAYLOAD_SPEED = slice(17, 20), slice(15, 18)
 
 #: Index of the wheel's drive direction among a contact's two friction directions, where the robot faces along x.
 #: MuJoCo derives them from the normal and the world's axes, not from the wheel.
 _DRIVE_SLOT = (0, 1, 1)
 #: Sum of positions and speeds beyond which a state has diverged.
 DIVERGED = 1e6
+#: Inertia of a point mass, kg·m²: MuJoCo requires some.
+_POINT = 1e-12
 #: Friction across the drive direction: an omniwheel's rollers are free.
 _FREE = 1e-5
 
 #: Disabled features: all that are not used; joint friction also where it is zero.
 _UNUSED = (
-    "equality", "limit", "spring", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
+    "equality", "limit", "clampctrl", "sensor", "midphase", "eulerdamp", "island",
     # A diverged state must stay visible as such.
     "autoreset",
 )  # fmt: skip
@@ -46,7 +49,11 @@ class Setup:
 
     def options(self, params: Params) -> str:
         """The MJCF element."""
-        frictions = {"frictionloss": params.wheel_coulomb_friction, "damper": params.wheel_viscous_friction}
+        frictions = {
+            "frictionloss": params.wheel_coulomb_friction,
+            "damper": max(params.wheel_viscous_friction, params.payload_mass),
+            "spring": params.payload_mass,
+        }
         unused = [*_UNUSED, *(flag for flag, friction in frictions.items() if friction == 0.0)]
         flags = " ".join(f'{flag}="disable"' for flag in unused)
         return (
@@ -72,6 +79,21 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
     i = inertia
     full = [i[0, 0], i[1, 1], i[2, 2], i[0, 1], i[0, 2], i[1, 2]]
     return f'<inertial mass="{mass:.17g}" pos="{_numbers(com)}" fullinertia="{_numbers(full)}"/>'
+
+
+def _payload(p: Params) -> str:
+    """MJCF of the payload on the body: three slides whose springs hold it at its place in equilibrium."""
+    if not p.has_payload:
+        return ""
+    com = np.array(p.body_com)
+    hold = p.payload_mass * p.gravity * com / np.linalg.norm(com)
+    slides = "".join(
+        f'<joint type="slide" axis="{_numbers(axis)}" stiffness="{k:.17g}" damping="{c:.17g}" '
+        f'springref="{f / k:.17g}"/>'
+        for axis, k, c, f in zip(np.eye(3), p.payload_stiffness, p.payload_damping, hold, strict=True)
+    )
+    mass = f'<inertial mass="{p.payload_mass:.17g}" pos="0 0 0" diaginertia="{_numbers([_POINT] * 3)}"/>'
+    return f'<body pos="{_numbers(p.payload_position)}">{mass}{slides}</body>'
 
 
 def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> str:
@@ -104,6 +126,7 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
             '<general site="ball" refsite="body" gear="0 0 1 0 0 0" gainprm="0" biastype="affine" '
             f'biasprm="{p.wheel_preload:.17g}"/>'
         )
+    body = without_payload(robot.body, p) if p.has_payload else robot.body
     floor = _numbers([p.floor_dynamic_friction, p.floor_dynamic_friction, 0, 0, 0])
     plane = '<geom name="floor" type="plane" size="0 0 1"/>'
     if moving_floor:
@@ -117,7 +140,7 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
     {plane}
     <body {at}><freejoint/>{_inertial(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3))}
       <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/>{ball_site}</body>
-    <body {at}><freejoint/>{_inertial(robot.body.mass, robot.body.com, robot.body.inertia)}{body_site}{wheels}</body>
+    <body {at}><freejoint/>{_inertial(body.mass, body.com, body.inertia)}{body_site}{wheels}{_payload(p)}</body>
   </worldbody>
   <contact><pair geom1="floor" geom2="ball" condim="3" friction="{floor}" {stiffness}/>{pairs}</contact>
   <actuator>{motors}</actuator>
@@ -157,7 +180,7 @@ class MujocoRobot:
         qpos = self.data.qpos
         qpos[BALL_POSITION], qpos[BODY_POSITION], qpos[BODY_QUATERNION] = position, position, attitude
         # The ball's rate is in the ball's frame, which a reset aligns with the inertial frame.
-        self.data.qvel[:] = np.concatenate([velocity, ball_rate, velocity, rate, speeds])
+        self.data.qvel[:15] = np.concatenate([velocity, ball_rate, velocity, rate, speeds])
 
     def move(self, row: Array) -> None:
         """Continues from another state, a row as `State.to_array` (32); the solver starts from its last forces."""

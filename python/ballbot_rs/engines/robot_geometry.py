@@ -39,7 +39,7 @@ class RobotGeometry:
     axles: Array
     #: Wheel centers, (3, 3), m.
     centers: Array
-    #: Body without its wheels.
+    #: Body without its wheels, with a payload at its place.
     body: Link
     #: Inertia of each wheel about its center, body axes, (3, 3, 3), kg·m².
     wheel_inertias: Array
@@ -53,6 +53,15 @@ class RobotGeometry:
 def _offset_inertia(mass: float, offset: Array) -> Array:
     """Inertia of a point mass at an offset, (3, 3), kg·m²."""
     return np.asarray(mass * (offset @ offset * np.eye(3) - np.outer(offset, offset)))
+
+
+def without_payload(body: Link, params: Params) -> Link:
+    """The body without the payload of `params`, as a point mass at its place."""
+    load, place = params.payload_mass, np.array(params.payload_position)
+    mass = body.mass - load
+    com = (body.mass * body.com - load * place) / mass
+    inertia = body.inertia - _offset_inertia(mass, com - body.com) - _offset_inertia(load, place - body.com)
+    return Link(mass, com, inertia)
 
 
 def robot_geometry(params: Params | None = None) -> RobotGeometry:

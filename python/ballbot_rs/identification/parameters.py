@@ -21,14 +21,17 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: Parameters of a floor that moves, or on which friction differs from place to place.
+#: Parameters of a payload, and of a floor that moves or on which friction differs from place to place.
 PERTURBED: Final = tuple(
     parameter["name"]
     for parameter in PARAMETERS
-    if parameter["name"].startswith(("floor_friction_", "floor_patch_", "floor_tilt_", "floor_acceleration"))
+    if parameter["name"].startswith(
+        ("floor_friction_", "floor_patch_", "floor_tilt_", "floor_acceleration", "payload_")
+    )
 )
 #: Parameters that a fit cannot find: the motor limit; the direction of a slope and the motion of a floor, since logs
-#: have no heading; and the roller ripple, which is faster than the steps of a log.
+#: have no heading; the payload, whose deflection is not in logs; and the roller ripple, which is faster than the
+#: steps of a log.
 EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases", *PERTURBED)
 #: Components of vectors, as printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ballbot_rs._checks import check_still_floor, real_array
+from ballbot_rs._checks import check_no_payload, check_still_floor, real_array
 from ballbot_rs._core import MODELS
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._robot import Robot, params_of
@@ -42,6 +42,7 @@ def prepare(
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
     check_still_floor(base.params, "a log has neither place nor time")
+    check_no_payload(base.params, "a log has no deflection of a payload")
     offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")

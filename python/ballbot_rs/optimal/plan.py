@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Sequence
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._checks import check_bounded, check_still_floor, real_array
+from ballbot_rs._checks import check_bounded, check_no_payload, check_still_floor, real_array
 from ballbot_rs._core import Ballbot, Lqr, Reference, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._quaternions import about_vertical, conjugate, product
@@ -102,6 +102,7 @@ class Plan:
                 f"floor_tilt = {self.params.floor_tilt}: a slope must be terrain=Terrain.plane(slope, direction)"
             )
         check_still_floor(self.params, "an optimization")
+        check_no_payload(self.params, "an optimization")
         self.iteration = 0
 
     @property

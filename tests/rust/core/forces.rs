@@ -117,11 +117,11 @@ fn a_robot_rests_under_a_force_at_the_lean_of_the_closed_form() {
                 let load = PointForce { force: force.push(0.0), point: Vector3::z() * height };
                 let (state, torques) = resting(&params, force, height);
                 let accelerations =
-                    model.accelerations_under(&state.body_quaternion, &Vector6::zeros(), torques, &load);
+                    model.accelerations_under(&state.body_quaternion, &Vector6::zeros(), torques, &[load]);
                 // A tilt in two planes at once turns the axes of the wheels by its square.
                 let tolerance = if azimuth == 0.0 { 1e-12 } else { 1e-2 * share };
                 assert!(accelerations.amax() < tolerance * 100.0, "{name}, {azimuth}, {height}: {accelerations}");
-                let contacts = model.contacts_under(&state.body_quaternion, &Vector6::zeros(), torques, &load);
+                let contacts = model.contacts_under(&state.body_quaternion, &Vector6::zeros(), torques, &[load]);
                 let floor = Vector3::new(-force.x, -force.y, weight);
                 let error = (contacts.floor_force - floor).norm() / weight;
                 assert!(error < tolerance, "{name}, {azimuth}, {height}: {}", contacts.floor_force);

@@ -16,6 +16,7 @@ mod motion;
 mod motors;
 mod newton_euler;
 mod params;
+mod payload;
 mod perception;
 mod perturbed_floor;
 mod planar;

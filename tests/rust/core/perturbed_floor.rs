@@ -1,5 +1,6 @@
 //! Robots in lanes, each on a separate floor that moves, or on which friction differs from place to place.
 
+use crate::payload::lopsided;
 use crate::run::Run;
 use ballbot_core::batch::{Autoreset, Event, ResetRequest, When, task_kind};
 use ballbot_core::terrain::Terrain;
@@ -10,7 +11,7 @@ fn ice() -> Params {
     Params { floor_patch_size: 1e3, floor_patch_friction: [0.0; 2], ..Params::paper() }
 }
 
-/// Floors at rest, slippery, in patches, with a gradient, of a ship and of a tram.
+/// Floors at rest, slippery, in patches, with a gradient, of a ship and of a tram, and payloads that move.
 fn floors() -> Vec<Params> {
     let paper = Params::paper();
     let patches = |seed: f64| Params {
@@ -33,6 +34,8 @@ fn floors() -> Vec<Params> {
         Params { floor_acceleration: [1.0, -2.0], floor_acceleration_period: 0.7, ..paper },
         Params { floor_acceleration: [1.0, -2.0], floor_acceleration_rise: 0.3, floor_rolling_friction: 1e-3, ..paper },
         Params { roller_ripple: 2e-4, ..patches(3.0) },
+        lopsided(&paper),
+        Params { floor_acceleration: [1.0, -2.0], payload_amplitude: [0.02, 0.0, 0.01], ..lopsided(&paper) },
         paper,
     ]
 }

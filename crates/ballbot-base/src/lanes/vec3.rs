@@ -1,11 +1,12 @@
 //! Vectors, quaternions and rotation matrices of lanes.
 
 use super::{Lane, atan2_positive};
+use serde::{Deserialize, Serialize};
 use std::f64::consts::{PI, TAU};
 use std::ops::{Add, AddAssign, Mul, Neg, Sub};
 
 /// A vector of three components.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Vec3<L> {
     /// First component.
     pub x: L,

@@ -9,6 +9,7 @@ use crate::sensor::SensorOptions;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, Terrain};
@@ -99,6 +100,15 @@ impl Batch {
     /// (N·s; m/s with [`super::Operation::Scale`]), azimuth (rad) and height (m) of a push.
     pub fn draw_columns(&self) -> impl Iterator<Item = (String, usize)> {
         self.plan.iter().flat_map(|plan| &plan.events).map(|event| (event.event.label(), event.width))
+    }
+
+    /// Deflection of the payload of environment `index` from its place; zeros for a robot without payload.
+    ///
+    /// # Errors
+    /// As [`Batch::state`].
+    pub fn payload(&self, index: usize) -> Result<Deflection<f64>> {
+        let (chunk, i) = self.locate(index)?;
+        Ok(self.chunks[chunk].payload(i))
     }
 
     /// The terrain; `None` for level ground.

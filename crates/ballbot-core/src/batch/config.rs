@@ -418,6 +418,7 @@ impl<T: Task> EnvConfig<T> {
         let robot = |robot: &Setup| {
             let params = &robot.params;
             params.validate()?;
+            params.validate_payload_step(self.sim_dt)?;
             if plan.individual_motors {
                 Motors::new(&robot.stages.actuators, params, torque, self.sim_dt, substeps)?;
             } else {
@@ -471,8 +472,10 @@ impl<T: Task> EnvConfig<T> {
     }
 }
 
-/// Checks that the torque of an action, and of motors that are not ideal, is within the limit of a robot.
+/// Checks that the torque of an action, and of motors that are not ideal, is within the limit of a robot, and that time
+/// steps are short enough for its payload.
 fn check_drive(torque: f64, motors: Option<&Motors>, params: &Params, sim_dt: f64) -> Result<()> {
     params.check_torque("max_wheel_torque", torque)?;
+    params.validate_payload_step(sim_dt)?;
     motors.map_or(Ok(()), |motors| motors.check_robot(params, sim_dt))
 }

@@ -54,8 +54,8 @@ impl Problem {
     /// `traction` is the fraction of friction that wheels may use, `violation` the violation of weight 1, as a fraction of
     /// a wheel's load in equilibrium.
     pub(super) fn new(params: &Params, horizon: Horizon, step: f64, traction: Option<f64>, violation: f64) -> Self {
-        // How the floor will move, and where it is slippery, is unknown to a plan.
-        let params = &params.on_still_floor();
+        // How the floor and a payload will move, and where the floor is slippery, is unknown to a plan.
+        let params = &params.on_still_floor().with_payload_fixed();
         let substeps = (horizon.control_dt / step - 1e-9).ceil().max(1.0) as usize;
         let loads = params.equilibrium_wheel_loads();
         let mean = loads.iter().sum::<f64>() / WHEELS as f64;

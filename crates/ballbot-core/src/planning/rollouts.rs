@@ -47,7 +47,10 @@ impl Rollouts {
         let substeps = (control_dt / step - 1e-9).ceil().max(1.0) as usize;
         Self {
             setpoints: vec![LaneSetpoint::default(); decisions + 1],
-            robots: ContactLanes::new(&Arc::new(params.on_still_floor()), control_dt / substeps as f64),
+            robots: ContactLanes::new(
+                &Arc::new(params.on_still_floor().with_payload_fixed()),
+                control_dt / substeps as f64,
+            ),
             substeps,
             groups,
             noise: vec![Wheels::default(); groups * decisions],

@@ -80,6 +80,7 @@ impl Ballbot {
                 self.kind
             )));
         }
+        self.params().require_no_payload("derivatives of motions")?;
         self.params().require_still_floor("derivatives of motions")?;
         if let Some(motion) = model.downcast_ref::<SpatialMotion>() {
             return Ok(Box::new(WithoutSlip::new(motion, parameters)));

@@ -11,6 +11,7 @@ use crate::task::RowScaling;
 use ballbot_base::error::Result;
 use ballbot_base::force::Force;
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -182,6 +183,9 @@ pub trait Chunk: Send + Sync {
     /// # Errors
     /// As [`crate::Ballbot::apply_force`].
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
+
+    /// As [`crate::Ballbot::payload`].
+    fn payload(&self, i: usize) -> Deflection<f64>;
 
     /// As [`crate::Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;

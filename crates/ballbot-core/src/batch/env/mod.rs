@@ -35,6 +35,7 @@ use ballbot_base::force::Force;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -583,6 +584,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()> {
         self.robots.apply_force(i, force)
+    }
+
+    fn payload(&self, i: usize) -> Deflection<f64> {
+        self.robots.payload(i)
     }
 
     fn has_force(&self, i: usize) -> bool {

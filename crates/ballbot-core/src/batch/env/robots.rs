@@ -16,6 +16,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -124,6 +125,9 @@ pub trait Robots: Send + Sync {
     /// # Errors
     /// As [`Ballbot::apply_force`].
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
+
+    /// As [`Ballbot::payload`].
+    fn payload(&self, i: usize) -> Deflection<f64>;
 
     /// As [`Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
@@ -264,6 +268,10 @@ impl Robots for Single {
         self.robot.apply_force(force)
     }
 
+    fn payload(&self, _: usize) -> Deflection<f64> {
+        self.robot.payload()
+    }
+
     fn has_force(&self, _: usize) -> bool {
         self.robot.has_force()
     }
@@ -338,7 +346,8 @@ impl Robots for ContactLanes {
     }
 
     fn could_have(&self, params: &Params) -> Result<()> {
-        params.validate()
+        params.validate()?;
+        params.validate_payload_step(self.sim_dt())
     }
 
     fn state(&self, i: usize) -> State {
@@ -376,7 +385,7 @@ impl Robots for ContactLanes {
         if params == self.lane_params(i) {
             return Ok(true);
         }
-        params.validate()?;
+        self.could_have(params)?;
         let continues = same_geometry(self.lane_params(i), params);
         self.set_lane_params(i, params);
         if !continues {
@@ -401,6 +410,10 @@ impl Robots for ContactLanes {
         state.force = HeldForce::new(force, &self.lane_params(i).body_com(), sim_dt);
         self.set_lane(i, &state);
         Ok(())
+    }
+
+    fn payload(&self, i: usize) -> Deflection<f64> {
+        self.lane(i).payload_deflection(&self.constants(i))
     }
 
     fn has_force(&self, i: usize) -> bool {

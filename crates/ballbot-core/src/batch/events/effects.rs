@@ -67,12 +67,14 @@ pub fn makes_friction_uneven(term: &str) -> bool {
     term == "floor_friction_gradient" || term.starts_with("floor_patch_")
 }
 
-/// Parameters of a perturbed floor that a term needs, with the values at which they have no effect.
+/// Parameters of a perturbed floor or a payload that a term needs, with the values at which they have no effect.
 fn needs(term: &str) -> &'static [(&'static str, f64)] {
     match term {
         "floor_patch_size" => &[("floor_patch_friction", 1.0)],
         "floor_patch_friction" => &[("floor_patch_size", 0.0)],
         "floor_patch_seed" => &[("floor_patch_size", 0.0), ("floor_patch_friction", 1.0)],
+        "payload_position" | "payload_stiffness" | "payload_damping" | "payload_amplitude" => &[("payload_mass", 0.0)],
+        "payload_period" | "payload_phases" => &[("payload_mass", 0.0), ("payload_amplitude", 0.0)],
         "floor_tilt_period" | "floor_tilt_phases" => &[("floor_tilt_amplitude", 0.0)],
         "floor_acceleration_period" | "floor_acceleration_phase" | "floor_acceleration_rise" => {
             &[("floor_acceleration", 0.0)]

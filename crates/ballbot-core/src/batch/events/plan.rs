@@ -328,12 +328,21 @@ impl Planned {
         if draws[0].is_nan() {
             return;
         }
+        // The body alone stays the same: what an event loads on a robot is added to `body_*`.
+        let loads =
+            *table == Table::Params && matches!(Params::FIELDS[*index].name, "payload_mass" | "payload_position");
+        let before = loads.then(|| robot.params.clone());
         let values = robot.values_mut(*table, *index);
         let old = values[0];
         for (value, &draw) in values.iter_mut().zip(draws) {
             *value = self.changed(*value, draw);
         }
         let new = values[0];
+        if let Some(before) = before {
+            let Params { payload_mass, payload_position, .. } = robot.params;
+            robot.params = before.with_payload(payload_mass, payload_position);
+            return;
+        }
         // Nothing is proportional to zero.
         if new == old || old == 0.0 {
             return;

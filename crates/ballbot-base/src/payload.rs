@@ -1,0 +1,182 @@
+//! A payload that moves on the body, of one robot or of eight: a point mass on springs and dampers along the body axes.
+//!
+//! With the deflection d of the payload from its place, body axes, and the rest r(t) of its springs, the force on the
+//! payload is F = p − k (d − r) − c (d' − r'), each axis for itself. p holds the payload at its place while the robot is at
+//! rest in equilibrium on a level floor. The body gets −F at the payload, so momentum and angular momentum are kept.
+
+use crate::lane_state::LaneState;
+use crate::lanes::{Lane, Vec3, lane_struct, run_one, sin_cos};
+use crate::params::Params;
+use serde::{Deserialize, Serialize};
+use std::f64::consts::TAU;
+
+lane_struct! {
+    /// Constants of a payload; body axes.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Payload<T> {
+        /// Mass, kg; 0 for a robot without payload.
+        pub mass: T,
+        /// Place of the payload at rest, m.
+        pub place: [T; 3],
+        stiffness: [T; 3],
+        damping: [T; 3],
+        /// Force p.
+        hold: [T; 3],
+        amplitude: [T; 3],
+        /// 2π over the period, rad/s.
+        rate: T,
+        phases: [T; 3],
+    }
+}
+
+lane_struct! {
+    /// Position and velocity of a payload, inertial frame.
+    #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+    pub struct PayloadMotion<T> {
+        /// m.
+        pub position: Vec3<T>,
+        /// m/s.
+        pub velocity: Vec3<T>,
+    }
+}
+
+lane_struct! {
+    /// Deflection of a payload from its place, body axes.
+    #[derive(Clone, Copy, Debug, Default, PartialEq)]
+    pub struct Deflection<T> {
+        /// m.
+        pub position: Vec3<T>,
+        /// m/s, as the body sees it.
+        pub velocity: Vec3<T>,
+    }
+}
+
+impl Payload<f64> {
+    /// The payload of a robot.
+    pub fn new(params: &Params) -> Self {
+        let hold = params.com_direction() * (params.payload_mass * params.gravity);
+        Self {
+            mass: params.payload_mass,
+            place: params.payload_position,
+            stiffness: params.payload_stiffness,
+            damping: params.payload_damping,
+            hold: hold.into(),
+            amplitude: params.payload_amplitude,
+            rate: TAU / params.payload_period,
+            phases: params.payload_phases,
+        }
+    }
+}
+
+impl PayloadMotion<f64> {
+    /// The payload at its place, moving with the body.
+    pub fn at_place(payload: &Payload<f64>, body: &LaneState<f64>) -> Self {
+        run_one(
+            #[inline(always)]
+            || payload.at_place(body),
+        )
+    }
+
+    /// The motion when a payload changes: it keeps its deflection, and a new payload begins at its place.
+    #[must_use]
+    pub fn changed(&self, before: &Payload<f64>, after: &Payload<f64>, body: &LaneState<f64>) -> Self {
+        let place = Self::at_place(after, body);
+        if before.mass == 0.0 {
+            return place;
+        }
+        let from = Self::at_place(before, body);
+        Self {
+            position: moved(self.position, from.position, place.position),
+            velocity: moved(self.velocity, from.velocity, place.velocity),
+        }
+    }
+}
+
+fn moved(now: Vec3<f64>, from: Vec3<f64>, to: Vec3<f64>) -> Vec3<f64> {
+    run_one(
+        #[inline(always)]
+        || now + (to - from),
+    )
+}
+
+impl Deflection<f64> {
+    /// Position, then velocity.
+    pub fn to_array(&self) -> [f64; 6] {
+        let Self { position: p, velocity: v } = self;
+        [p.x, p.y, p.z, v.x, v.y, v.z]
+    }
+
+    /// Deflection of the payload of a robot.
+    pub fn of(payload: &Payload<f64>, body: &LaneState<f64>, motion: &PayloadMotion<f64>) -> Self {
+        if payload.mass == 0.0 {
+            return Self::default();
+        }
+        run_one(
+            #[inline(always)]
+            || payload.deflection(body, motion),
+        )
+    }
+}
+
+impl<L: Lane> Payload<L> {
+    /// Mask of the robots that have a payload.
+    #[inline(always)]
+    pub fn exists(&self) -> L::Mask {
+        self.mass.zero().lt(self.mass)
+    }
+
+    /// The payload at its place, moving with the body.
+    #[inline(always)]
+    pub fn at_place(&self, body: &LaneState<L>) -> PayloadMotion<L> {
+        let place = Vec3::from(self.place);
+        let rotation = body.body_quaternion.rotation();
+        PayloadMotion {
+            position: body.body_position + rotation.apply(place),
+            velocity: body.body_velocity + rotation.apply(body.body_angular_velocity.cross(place)),
+        }
+    }
+
+    /// The deflection of a payload.
+    #[inline(always)]
+    pub fn deflection(&self, body: &LaneState<L>, payload: &PayloadMotion<L>) -> Deflection<L> {
+        let rotation = body.body_quaternion.rotation();
+        let arm = rotation.apply_transposed(payload.position - body.body_position);
+        let velocity = rotation.apply_transposed(payload.velocity - body.body_velocity);
+        Deflection {
+            position: arm - Vec3::from(self.place),
+            velocity: velocity - body.body_angular_velocity.cross(arm),
+        }
+    }
+
+    /// Displacement and velocity of the rest of the springs along axis `i` at `time`, s.
+    #[inline(always)]
+    fn rest(&self, i: usize, time: L) -> [L; 2] {
+        let (sin, cos) = sin_cos(time.mul_add(self.rate, self.phases[i]));
+        [self.amplitude[i] * sin, self.amplitude[i] * self.rate * cos]
+    }
+
+    /// Force on the payload, body axes, N, at `time` since the reset, s.
+    #[inline(always)]
+    pub fn force(&self, deflection: &Deflection<L>, time: L) -> Vec3<L> {
+        let Deflection { position: d, velocity: v } = deflection;
+        let along = |i: usize, d: L, v: L| {
+            let [rest, rate] = self.rest(i, time);
+            self.hold[i] - self.stiffness[i] * (d - rest) - self.damping[i] * (v - rate)
+        };
+        Vec3::new(along(0, d.x, v.x), along(1, d.y, v.y), along(2, d.z, v.z))
+    }
+
+    /// Kinetic energy, potential energy of gravity towards −`up` (of length g, m/s²) above `height_zero`, and energy of the
+    /// springs, J: with the payload at its place and the springs' rest there, the energy of a point mass on the body.
+    #[inline(always)]
+    pub fn energy(&self, body: &LaneState<L>, payload: &PayloadMotion<L>, up: Vec3<L>, time: L) -> L {
+        let Deflection { position: d, .. } = self.deflection(body, payload);
+        let mut springs = -Vec3::from(self.hold).dot(d);
+        for (i, d) in [d.x, d.y, d.z].into_iter().enumerate() {
+            let [rest, _] = self.rest(i, time);
+            springs += self.stiffness[i] * (d - rest).squared() * 0.5;
+        }
+        let kinetic = self.mass * payload.velocity.norm_squared() * 0.5;
+        kinetic + self.mass * up.dot(payload.position) + springs
+    }
+}

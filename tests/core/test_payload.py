@@ -1,0 +1,115 @@
+"""A payload that moves on the body."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.envs._batch_env import new_batch
+
+
+def tray(name, share=0.1, hertz=2.0, ratio=0.05):
+    """A preset with a payload of a fraction of its body at 1.5 times the height of its CoM."""
+    params = bb.Params.preset(name)
+    mass = share * params.body_mass
+    stiffness = mass * (2.0 * np.pi * hertz) ** 2
+    return params.with_payload(
+        mass,
+        position=(0.0, 0.0, 1.5 * params.body_com_height),
+        stiffness=stiffness,
+        damping=2.0 * ratio * np.sqrt(stiffness * mass),
+    )
+
+
+def test_with_payload_adds_a_mass_and_without_payload_takes_it_off():
+    paper = bb.Params.paper()
+    robot = paper.with_payload(1.0, position=[0.0, 0.0, 0.4], stiffness=[300.0, 300.0, 3000.0], damping=3)
+    assert robot.has_payload
+    assert not paper.has_payload
+    assert robot.body_mass == paper.body_mass + 1.0
+    assert robot.payload_damping == (3.0, 3.0, 3.0)
+    com = (paper.body_mass * paper.body_com_height + 0.4) / robot.body_mass
+    assert robot.body_com_height == pytest.approx(com, rel=1e-14)
+    assert robot.without_payload().body_mass == pytest.approx(paper.body_mass, rel=1e-14)
+    assert robot.without_payload().body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
+    fixed = robot.with_payload_fixed()
+    assert (fixed.payload_mass, fixed.body_mass) == (0.0, robot.body_mass)
+    # The place and the springs are kept.
+    assert robot.with_payload(2.0).payload_position == (0.0, 0.0, 0.4)
+    assert bb.Params.from_toml(robot.to_toml()) == robot
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ({"mass": float("nan")}, "mass = NaN"),
+        ({"mass": -3.0}, "body_mass"),
+        ({"mass": 1.0}, r"payload_stiffness\[0\] = 0"),
+        ({"mass": 1.0, "stiffness": [1.0, 2.0]}, "payload_stiffness"),
+        ({"mass": 1.0, "stiffness": 1.0, "position": [0.0, 0.0]}, "payload_position"),
+    ],
+)
+def test_invalid_payloads_are_named(arguments, message):
+    with pytest.raises(ValueError, match=message):
+        bb.Params.paper().with_payload(**arguments)
+
+
+@pytest.mark.parametrize("name", bb.Params.preset_names())
+@pytest.mark.parametrize("model", ["contact", "spatial"])
+@pytest.mark.parametrize("law", ["lqr", "lqr_pi", "cascade_pid"])
+def test_laws_balance_a_robot_whose_payload_sways(name, model, law):
+    params = tray(name)
+    robot = bb.Ballbot(params, model=model)
+    controller = bb.make_controller(law, params, control_dt=0.01)
+    robot.reset(bb.State.at_equilibrium(params, tilt=(0.03, -0.02)))
+    swayed = 0.0
+    for _ in range(1000):
+        robot.step(controller(robot.state), steps=10)
+        swayed = max(swayed, float(np.abs(robot.payload[:3]).max()))
+    assert swayed > 1e-4
+    assert robot.state.tilt < 0.02
+    # The bearings of some robots keep them rolling.
+    assert np.abs(robot.payload[:3]).max() < 0.5 * swayed
+
+
+def test_a_law_that_does_not_expect_the_payload_balances_as_well():
+    params = tray("paper", share=0.3)
+    robot = bb.Ballbot(params)
+    law = bb.Lqr(params.without_payload(), control_dt=0.01)
+    robot.reset(bb.State.at_equilibrium(params, tilt=(0.02, 0.0)))
+    for _ in range(1000):
+        robot.step(law(robot.state), steps=10)
+    assert robot.state.tilt < 0.02
+
+
+def test_a_batch_reads_the_payloads_of_its_robots():
+    params = tray("paper")
+    batch = new_batch(3, autoreset="disabled", options={"robot": params})
+    start = bb.State.at_rest(params, (0.05, 0.0))
+    batch.reset(starts=[start] * 3)
+    np.testing.assert_allclose(batch.payloads(), np.zeros((3, 6)), atol=1e-15)
+    alone = bb.Ballbot(params, sim_dt=batch.sim_dt)
+    alone.reset(start)
+    for _ in range(5):
+        batch.step(np.zeros((3, 3)))
+    alone.step(np.zeros(3), steps=round(5 * batch.control_dt / batch.sim_dt))
+    np.testing.assert_array_equal(batch.payloads(), np.tile(alone.payload, (3, 1)))
+    assert np.abs(alone.payload).max() > 0.0
+
+
+def test_events_load_robots_and_laws_stay_nominal():
+    robot = bb.Params.paper().replace(
+        payload_position=(0.0, 0.0, 0.4), payload_stiffness=(300.0,) * 3, payload_damping=(3.0,) * 3
+    )
+    events = [{"term": "payload_mass", "range": [0.2, 0.6]}]
+    found = bb.compare(["lqr"], robot=robot, events=events, episodes=20, seed=2)[0]
+    assert found.survival_rate == 1.0
+    with pytest.raises(ValueError, match="without payload_mass it changes nothing"):
+        bb.compare(["lqr"], events=[{"term": "payload_damping", "range": [1.0, 2.0]}], episodes=1)
+
+
+def test_what_has_no_payload_rejects_one():
+    params = tray("paper")
+    with pytest.raises(ValueError, match="payload_mass"):
+        bb.Ballbot(params, model="planar")
+    with pytest.raises(ValueError, match="derivatives of motions: payload_mass"):
+        bb.Ballbot(params).jacobian(np.zeros(3))

@@ -1,0 +1,69 @@
+"""A payload that moves on the body, in MuJoCo and here."""
+
+import numpy as np
+import pytest
+
+import ballbot_rs as bb
+from ballbot_rs.engines.robot_geometry import robot_geometry
+from ballbot_rs.envs.family import sample_robots
+
+pytest.importorskip("mujoco")
+
+from ballbot_rs.engines.mujoco_robot import PAYLOAD, MujocoRobot, accurate
+
+SIM_DT = 2e-4
+#: Robots whose body without wheels has an inertia that MuJoCo takes.
+SEEDS = [seed for seed in range(23) if seed not in (0, 13, 18)]
+
+
+def loaded(seed):
+    """A robot of the family with a payload of up to 60 % of its body, off the mast, soft along every axis."""
+    rng = np.random.default_rng(seed)
+    params = sample_robots(1, seed=seed)[0].replace(
+        ball_viscous_friction=0.0,
+        roller_friction=0.0,
+        floor_rolling_friction=0.0,
+        floor_spinning_friction=0.0,
+        # MuJoCo's is not the same at rest.
+        wheel_coulomb_friction=0.0,
+    )
+    mass = rng.uniform(0.05, 0.6) * params.body_mass
+    height = rng.uniform(0.5, 2.0) * params.body_com_height
+    hertz = rng.uniform(1.0, 5.0, 3)
+    stiffness = mass * (2.0 * np.pi * hertz) ** 2
+    return params.with_payload(
+        mass,
+        position=(*rng.uniform(-0.1, 0.1, 2) * height, height),
+        stiffness=stiffness,
+        damping=2.0 * rng.uniform(0.0, 0.3) * np.sqrt(stiffness * mass),
+    )
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_robots_with_payloads_move_alike_in_both_engines(seed):
+    params = loaded(seed)
+    start = bb.State.at_equilibrium(params, tilt=(0.03, -0.02))
+    there, here = MujocoRobot(robot_geometry(params), accurate(SIM_DT)), bb.Ballbot(params, sim_dt=SIM_DT)
+    fixed = bb.Ballbot(params.with_payload_fixed(), sim_dt=SIM_DT)
+    for robot in (there, here, fixed):
+        robot.reset(start)
+    limit = 0.02 * min(params.max_wheel_torque, params.scale("N·m"))
+    largest = error = effect = 0.0
+    for k in range(50):
+        torques = limit * np.sin(0.3 * k + np.arange(3.0))
+        for robot in (there, here, fixed):
+            robot.step(torques, 20)
+        found, expected = here.payload[:3], there.data.qpos[PAYLOAD]
+        largest = max(largest, float(np.abs(expected).max()))
+        error = max(error, float(np.abs(found - expected).max()))
+        effect = max(effect, abs(here.state.tilt - fixed.state.tilt))
+        assert abs(here.state.tilt - there.state().tilt) <= 0.02 * here.state.tilt, k
+    assert error <= 0.02 * largest
+    # The payload matters.
+    assert effect > 1e-4 * start.tilt
+
+
+def test_the_engine_of_tasks_rejects_a_payload():
+    robot = bb.Params.paper().with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=100.0)
+    with pytest.raises(ValueError, match=r"payload_mass = 0\.5"):
+        bb.compare(["lqr"], robot=robot, episodes=1, engine="mujoco")

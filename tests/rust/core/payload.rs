@@ -1,0 +1,351 @@
+//! A payload that moves on the body: closed forms, conserved quantities, agreement of the models, copies and events.
+
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, StepResults};
+use ballbot_core::models::{BallSpin, SpatialModel, WheelSpin};
+use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, kinematics::Omniwheels};
+use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector2, Vector3, Vector6};
+use std::f64::consts::TAU;
+
+const MODELS: [ModelKind; 3] = [ModelKind::Spatial, ModelKind::Contact, ModelKind::Rigid];
+
+/// A payload of a fraction of the body's mass above its CoM, with this frequency (Hz) and damping ratio on a body at rest.
+fn carrying(params: &Params, share: f64, hertz: [f64; 3], damping: f64) -> Params {
+    let mass = share * params.body_mass;
+    let stiffness = hertz.map(|hertz| mass * (TAU * hertz).powi(2));
+    let damping = stiffness.map(|k| 2.0 * damping * (k * mass).sqrt());
+    let position = [0.0, 0.0, 1.5 * params.body_com_height];
+    Params { payload_stiffness: stiffness, payload_damping: damping, ..params.with_payload(mass, position) }
+}
+
+/// A payload off the mast, soft along every axis.
+pub fn lopsided(params: &Params) -> Params {
+    let loaded = carrying(params, 0.3, [1.1, 1.7, 2.3], 0.0);
+    let h = params.body_com_height;
+    loaded.with_payload(loaded.payload_mass, [0.1 * h, -0.2 * h, 1.3 * h])
+}
+
+fn robot(params: &Params, model: ModelKind, sim_dt: f64, state: &State) -> Ballbot {
+    let mut robot = Ballbot::new(params, model, sim_dt).unwrap();
+    robot.reset(state).unwrap();
+    robot
+}
+
+/// Position and velocity of the payload, inertial frame.
+fn payload(robot: &Ballbot) -> [Vector3<f64>; 2] {
+    let (state, deflection) = (robot.state(), robot.payload());
+    let [d, rate] = [deflection.position, deflection.velocity].map(|v| Vector3::new(v.x, v.y, v.z));
+    let arm = Vector3::from(robot.params().payload_position) + d;
+    let turn = state.body_quaternion;
+    let velocity = state.body_velocity + turn * (state.body_angular_velocity.cross(&arm) + rate);
+    [state.body_position + turn * arm, velocity]
+}
+
+/// Momentum and angular momentum about the origin of body, wheels and payload.
+fn momenta(robot: &Ballbot) -> [Vector3<f64>; 2] {
+    let (params, state) = (robot.params(), robot.state());
+    let alone = params.without_payload();
+    let (turn, rate) = (state.body_quaternion, state.body_angular_velocity);
+    let arm = alone.body_com();
+    let place = state.body_position + turn * arm;
+    let momentum = (state.body_velocity + turn * rate.cross(&arm)) * alone.body_mass;
+    let wheels = Omniwheels::new(params);
+    let spins = state.wheel_speeds.column() - wheels.u * rate;
+    let own = turn * (alone.body_inertia_matrix() * rate - wheels.u.transpose() * spins * params.wheel_inertia);
+    let [position, velocity] = payload(robot);
+    let of_payload = velocity * params.payload_mass;
+    [momentum + of_payload, place.cross(&momentum) + own + position.cross(&of_payload)]
+}
+
+fn tumbling(params: &Params) -> State {
+    let mut state = State::tilted(params, Vector2::new(0.4, -0.7), 1.1);
+    state.ball_position.z = 1.0;
+    state.body_position.z = 30.0;
+    state.body_angular_velocity = Vector3::new(2.0, -1.0, 3.0);
+    state
+}
+
+#[test]
+fn in_flight_momentum_and_angular_momentum_are_kept() {
+    let params = lopsided(&Params::paper());
+    for (model, limit) in [(ModelKind::Contact, [1e-11, 1e-5]), (ModelKind::Rigid, [1e-3, 1e-3])] {
+        let sim_dt = 1e-4;
+        let mut robot = robot(&params, model, sim_dt, &tumbling(&params));
+        let [momentum, turning] = momenta(&robot);
+        let weight = Vector3::z() * (-params.gravity * params.body_mass);
+        let (mut largest, mut moment) = (0.0_f64, Vector3::zeros());
+        for _ in 0..3000 {
+            moment += center(&robot).cross(&weight) * sim_dt;
+            robot.step([0.0; 3], 1).unwrap();
+            largest = largest.max(robot.payload().position.x.abs());
+        }
+        let [now, turned] = momenta(&robot);
+        let error = (now - momentum - weight * robot.time()).norm() / now.norm();
+        assert!(error < limit[0], "{model}: momentum {error:e}");
+        let error = (turned - turning - moment).norm() / turning.norm();
+        assert!(error < limit[1], "{model}: angular momentum {error:e}");
+        assert!(largest > 1e-2, "the payload moves: {largest}");
+    }
+}
+
+/// The common CoM of body, wheels and payload.
+fn center(robot: &Ballbot) -> Vector3<f64> {
+    let (state, params) = (robot.state(), robot.params());
+    let alone = params.without_payload();
+    let of_body = (state.body_position + state.body_quaternion * alone.body_com()) * alone.body_mass;
+    (of_body + payload(robot)[0] * params.payload_mass) / params.body_mass
+}
+
+fn lossless(params: &Params) -> Params {
+    Params {
+        wheel_viscous_friction: 0.0,
+        wheel_coulomb_friction: 0.0,
+        ball_viscous_friction: 0.0,
+        roller_friction: 0.0,
+        roller_friction_slope: 0.0,
+        floor_rolling_friction: 0.0,
+        floor_spinning_friction: 0.0,
+        ..params.clone()
+    }
+}
+
+/// The linear equations of ball, lean and payload in the plane, M q'' + K q = 0, from the mass matrix of the body alone.
+fn linear(params: &Params) -> DMatrix<f64> {
+    let alone = params.without_payload();
+    let model = SpatialModel::new(&alone, WheelSpin::Absolute, BallSpin::Free);
+    let unit = |i: usize| Vector6::from_fn(|row, _| f64::from(u8::from(row == i)));
+    let [x, lean] = [0, 3].map(|i| model.momenta(&UnitQuaternion::identity(), &unit(i)));
+    let (m, h) = (params.payload_mass, params.payload_position[2]);
+    let mut mass = Matrix3::new(x[0], lean[0], 0.0, x[3], lean[3], 0.0, 0.0, 0.0, 0.0);
+    // The velocity of the payload is x' + h lean' + d'.
+    let row = Vector3::new(1.0, h, 1.0);
+    mass += row * row.transpose() * m;
+    let g = params.gravity;
+    let toppling = (alone.body_mass * alone.body_com_height + m * h) * g;
+    let stiffness = Matrix3::new(0.0, 0.0, 0.0, 0.0, -toppling, -m * g, 0.0, -m * g, params.payload_stiffness[0]);
+    let damping = Matrix3::from_diagonal(&Vector3::new(0.0, 0.0, params.payload_damping[0]));
+    let inverse = mass.try_inverse().unwrap();
+    let mut system = DMatrix::zeros(6, 6);
+    system.view_mut((0, 3), (3, 3)).fill_with_identity();
+    system.view_mut((3, 0), (3, 3)).copy_from(&(-inverse * stiffness));
+    system.view_mut((3, 3), (3, 3)).copy_from(&(-inverse * damping));
+    system
+}
+
+#[test]
+fn small_motions_follow_the_linear_equations_of_ball_lean_and_payload() {
+    for name in Params::preset_names() {
+        let preset = lossless(&Params::preset(name).unwrap());
+        for (share, hertz, damping) in [(0.05, 2.0, 0.0), (0.3, 1.0, 0.1), (0.6, 4.0, 0.3)] {
+            let params = carrying(&preset, share, [hertz, hertz, 20.0], damping);
+            let lean = 1e-6;
+            let state = State::tilted(&params, Vector2::new(0.0, lean), 0.0);
+            let mut robot = robot(&params, ModelKind::Spatial, 1e-3, &state);
+            let system = linear(&params);
+            for step in 1..=5 {
+                robot.step([0.0; 3], 100).unwrap();
+                let seconds = 0.1 * f64::from(step);
+                let start = DVector::from_column_slice(&[0.0, lean, 0.0, 0.0, 0.0, 0.0]);
+                let expected = (&system * seconds).exp() * start;
+                let (state, deflection) = (robot.state(), robot.payload());
+                let found = Vector3::new(state.ball_position.x, state.tilt_components().y, deflection.position.x);
+                let expected = Vector3::new(expected[0], expected[1], expected[2]);
+                let error = (found - expected).norm() / expected.norm();
+                assert!(error < 1e-7, "{name}, {share}, {hertz} Hz, {seconds} s: {error:e}, {found} {expected}");
+            }
+        }
+    }
+}
+
+/// The torques of a sine on each wheel, so that every degree of freedom moves.
+fn torques(step: usize, size: f64) -> Wheels<f64> {
+    Wheels::from_fn(|i| size * (0.02 * step as f64 + i as f64).sin())
+}
+
+#[test]
+fn energy_is_kept_without_torque_and_falls_by_damping() {
+    let preset = lossless(&Params::paper());
+    for (model, sim_dt, limit) in
+        [(ModelKind::Spatial, 1e-3, 1e-9), (ModelKind::Contact, 1e-4, 5e-3), (ModelKind::Rigid, 2e-4, 1e-2)]
+    {
+        let params = lopsided(&preset);
+        let state = State::tilted(&params, Vector2::new(0.05, -0.03), 0.3);
+        let mut robot = robot(&params, model, sim_dt, &state);
+        let before = robot.energy();
+        let scale = params.body_mass * params.gravity * params.body_com_height * 0.05;
+        let fixed = Ballbot::new(&params.with_payload_fixed(), model, sim_dt).unwrap();
+        let mut same = fixed;
+        same.reset(&state).unwrap();
+        assert!((same.energy() - before).abs() < 1e-12 * before.abs(), "the energy of a fixed payload");
+        robot.step([0.0; 3], (0.4 / sim_dt) as usize).unwrap();
+        assert!((robot.energy() - before).abs() < limit * scale, "{model}: {} {before}", robot.energy());
+        assert!(robot.payload().position.x.abs() > 1e-4);
+    }
+    let params = carrying(&preset, 0.3, [2.0, 2.0, 5.0], 0.2);
+    let mut robot = robot(&params, ModelKind::Spatial, 1e-3, &State::tilted(&params, Vector2::new(0.05, 0.0), 0.0));
+    let mut before = robot.energy();
+    for _ in 0..50 {
+        robot.step([0.0; 3], 10).unwrap();
+        assert!(robot.energy() < before);
+        before = robot.energy();
+    }
+}
+
+/// Largest difference of states and deflections of two models under the same torques.
+fn difference(a: &mut Ballbot, b: &mut Ballbot, seconds: f64) -> f64 {
+    let steps = [&*a, &*b].map(|robot| (0.005 / robot.sim_dt()).round() as usize);
+    let mut worst = 0.0_f64;
+    for k in 0..(seconds / 0.005) as usize {
+        let torque = torques(k, 0.05 * a.params().max_wheel_torque.min(2.0));
+        a.step(torque, steps[0]).unwrap();
+        b.step(torque, steps[1]).unwrap();
+        let rows = [&*a, &*b].map(|robot| {
+            let (state, deflection) = (robot.state(), robot.payload());
+            let d = deflection.position;
+            [state.ball_position.x, state.ball_position.y, d.x, d.y, d.z]
+                .into_iter()
+                .chain(state.tilt_components().iter().copied().collect::<Vec<_>>())
+                .collect::<Vec<_>>()
+        });
+        worst = rows[0].iter().zip(&rows[1]).fold(worst, |worst, (a, b)| worst.max((a - b).abs()));
+    }
+    worst
+}
+
+#[test]
+fn contact_and_rigid_converge_to_spatial() {
+    for params in [lopsided(&Params::paper()), carrying(&Params::preset("kugle").unwrap(), 0.5, [1.5, 1.5, 6.0], 0.1)] {
+        let state = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.03), 0.4);
+        for (model, coarse) in [(ModelKind::Contact, 1e-3), (ModelKind::Rigid, 1e-3)] {
+            let errors = [coarse, 0.25 * coarse].map(|sim_dt| {
+                let mut exact = robot(&params, ModelKind::Spatial, 1e-3, &state);
+                difference(&mut robot(&params, model, sim_dt, &state), &mut exact, 0.4)
+            });
+            assert!(errors[1] < 0.4 * errors[0] && errors[0] < 1e-3, "{model}: {errors:?}");
+        }
+    }
+}
+
+#[test]
+fn a_stiff_payload_moves_as_a_fixed_payload() {
+    let params = carrying(&Params::paper(), 0.3, [60.0; 3], 0.5);
+    for model in MODELS {
+        let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
+        let fixed = params.with_payload_fixed();
+        let (mut loose, mut fixed) = (robot(&params, model, 2e-4, &state), robot(&fixed, model, 2e-4, &state));
+        let error = difference(&mut loose, &mut fixed, 0.3);
+        assert!(error < 3e-4, "{model}: {error:e}");
+    }
+}
+
+#[test]
+fn a_robot_at_rest_in_equilibrium_stays_with_its_payload_at_its_place() {
+    for name in Params::preset_names() {
+        let params = lopsided(&Params::preset(name).unwrap());
+        for model in MODELS {
+            let mut robot = robot(&params, model, 1e-3, &State::at_equilibrium(&params, 0.7));
+            robot.step([0.0; 3], 100).unwrap();
+            let d = robot.payload().position;
+            let error = d.x.abs().max(d.y.abs()).max(d.z.abs()) / params.body_com_height;
+            let limit = if model == ModelKind::Rigid { 1e-4 } else { 1e-9 };
+            assert!(error < limit, "{name}, {model}: {error:e}");
+        }
+    }
+}
+
+#[test]
+fn an_arm_moves_its_load_and_its_period_is_the_robots() {
+    let still = carrying(&Params::paper(), 0.1, [20.0; 3], 0.7);
+    let params = Params { payload_amplitude: [0.02, 0.0, 0.0], payload_period: 0.8, ..still };
+    for model in MODELS {
+        let mut robot = robot(&params, model, 1e-3, &State::upright(&params));
+        robot.step([0.0; 3], 200).unwrap();
+        let x = robot.payload().position.x;
+        assert!((x - 0.02).abs() < 2e-3, "{model}: {x}");
+        assert!(robot.state().ball_position.x.abs() > 1e-5);
+    }
+}
+
+#[test]
+fn a_load_is_picked_up_and_put_down_in_motion() {
+    let alone = Params { payload_stiffness: [400.0; 3], payload_damping: [5.0; 3], ..Params::paper() };
+    let loaded = alone.with_payload(1.5, [0.01, 0.0, 0.4]);
+    let again = loaded.with_payload(0.0, [0.0; 3]);
+    assert!((again.body_com() - alone.body_com()).norm() < 1e-12);
+    assert!((loaded.without_payload().body_inertia_matrix() - alone.body_inertia_matrix()).norm() < 1e-12);
+    for model in MODELS {
+        let state = State::tilted(&alone, Vector2::new(0.02, -0.03), 0.4);
+        let mut robot = robot(&alone, model, 1e-3, &state);
+        robot.step([0.0; 3], 100).unwrap();
+        let before = robot.state();
+        assert!(robot.set_params(&loaded).unwrap(), "{model}: the motion continues");
+        let change = |robot: &Ballbot| {
+            let pairs = robot.state().to_array().into_iter().zip(before.to_array());
+            pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
+        };
+        assert!(change(&robot) < 1e-9, "{model}: {}", change(&robot));
+        let began = robot.payload().to_array().into_iter().fold(0.0_f64, |most, number| most.max(number.abs()));
+        assert!(began < 1e-12, "{model}: {began:e}");
+        robot.step([0.0; 3], 50).unwrap();
+        assert!(robot.payload().position.x != 0.0);
+        assert!(robot.set_params(&again).unwrap());
+        robot.step([0.0; 3], 50).unwrap();
+        assert_eq!(robot.payload().position.x, 0.0);
+    }
+}
+
+#[test]
+fn a_snapshot_continues_to_the_last_bit() {
+    let params = lopsided(&Params::paper());
+    let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
+    for model in MODELS {
+        let mut one = robot(&params, model, 1e-3, &state);
+        one.step([0.01, 0.0, -0.01], 57).unwrap();
+        let mut other = Ballbot::new(&params, model, 1e-3).unwrap();
+        other.load(&one.save()).unwrap();
+        for robot in [&mut one, &mut other] {
+            robot.step([0.0, 0.02, -0.01], 80).unwrap();
+        }
+        assert_eq!(one.state().to_array(), other.state().to_array(), "{model}");
+        assert_eq!(one.payload(), other.payload(), "{model}");
+    }
+}
+
+#[test]
+fn invalid_payloads_are_rejected_by_name() {
+    let paper = Params::paper();
+    let loaded = carrying(&paper, 0.2, [2.0; 3], 0.1);
+    let cases = [
+        (Params { payload_mass: loaded.body_mass, ..loaded.clone() }, "payload_mass"),
+        (Params { payload_position: [0.0, 0.0, 30.0], ..loaded.clone() }, "moment of inertia of the body without"),
+        (Params { payload_stiffness: [0.0, 10.0, 10.0], ..loaded.clone() }, "payload_stiffness[0]"),
+        (Params { payload_stiffness: [1e7; 3], ..loaded.clone() }, "sim_dt"),
+        (Params { payload_damping: [1e6; 3], ..loaded }, "payload_damping[0]"),
+    ];
+    for (params, expected) in cases {
+        let error = Ballbot::new(&params, ModelKind::Contact, 1e-3).err().unwrap().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
+    let error = Ballbot::new(&loaded, ModelKind::Planar, 1e-3).err().unwrap();
+    assert!(matches!(&error, Error::Inconsistent(text) if text.contains("payload_mass")), "{error}");
+}
+
+#[test]
+fn events_load_a_robot_that_its_law_does_not_expect() {
+    let params = Params { payload_stiffness: [400.0; 3], payload_damping: [5.0; 3], ..Params::paper() };
+    let params = Params { payload_position: [0.0, 0.0, 0.4], ..params };
+    let config = BalanceConfig {
+        params: params.clone(),
+        events: vec![Event::new("payload_mass", [0.5, 1.5])],
+        ..BalanceConfig::default()
+    };
+    let mut batch = Batch::new(&config, 16, Autoreset::SameStep, Some(1), 3).unwrap();
+    let mut results = StepResults::new(&batch);
+    batch.reset(None, &mut results.observations).unwrap();
+    for i in 0..16 {
+        let changed = batch.params(i).unwrap();
+        assert!((0.5..=1.5).contains(&changed.payload_mass));
+        let expected = params.body_mass + changed.payload_mass;
+        assert!((changed.body_mass - expected).abs() < 1e-12);
+        assert!(changed.body_com_height > params.body_com_height);
+    }
+}
