@@ -64,6 +64,8 @@ from ballbot_rs.envs.registration import register, register_environments
 from ballbot_rs.envs.tasks import (
     BalanceEnv,
     BalanceVectorEnv,
+    CarryEnv,
+    CarryVectorEnv,
     GoalEnv,
     GoalVectorEnv,
     OpenBallBotEnv,
@@ -118,6 +120,8 @@ __all__ = [
     "BallbotVecEnv",
     "BallbotVectorEnv",
     "Batch",
+    "CarryEnv",
+    "CarryVectorEnv",
     "Contacts",
     "Controller",
     "ControllerError",

@@ -811,7 +811,7 @@ NOT_CALLED = {
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
     *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),
-    *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")
+    *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Carry", "Terrain", "OpenBallBot")
       for kind in ("Env", "VectorEnv")),
 }  # fmt: skip
 

@@ -75,6 +75,34 @@ def goal(batch, states, options):
     }
 
 
+class Water:
+    """The water of `carry`: a pendulum in the glass, by the exponential of its matrix."""
+
+    def __init__(self):
+        self.velocity = self.water = None
+
+    def __call__(self, batch, states, options):
+        turned = rows.body_axes_of(states)
+        arm = np.array([0.0, 0.0, options["glass_height"]])
+        turning = np.cross(states[:, rows.BODY_RATE], arm)
+        velocity = states[:, rows.BODY_VELOCITY] + np.einsum("nij,nj->ni", turned, turning)
+        change = np.zeros((N, 3)) if self.velocity is None else velocity - self.velocity
+        lifted = change / batch.control_dt + np.array([0.0, 0.0, batch.params(0).gravity])
+        force = np.einsum("nij,ni->nj", turned, lifted)
+        rest = force[:, :2] / force[:, 2:]
+        if self.velocity is None:
+            self.water = np.stack([rest, np.zeros((N, 2))])
+        else:
+            omega = 2.0 * np.pi * options["slosh_frequency"]
+            values, vectors = np.linalg.eig([[0.0, 1.0], [-(omega**2), -2.0 * options["slosh_damping"] * omega]])
+            moved = (vectors * np.exp(values * batch.control_dt)) @ np.linalg.inv(vectors)
+            still = np.stack([rest, np.zeros((N, 2))])
+            self.water = still + np.einsum("ij,jnk->ink", moved.real, self.water - still)
+        self.velocity = velocity
+        height = 0.5 * options["freeboard"] / options["glass_radius"]
+        return {**goal(batch, states, options), "slosh": bounded(squares(self.water[0]), height)}
+
+
 def path(batch, states, options):
     point = np.array([batch.setpoint(i)["position"] for i in range(N)])
     squared = squares(point - states[:, rows.BALL_POSITION][:, :2])
@@ -103,6 +131,7 @@ OF_TASKS = {
     "velocity": velocity,
     "goal": goal,
     "path": path,
+    "carry": Water,
     "push": standing,
     "terrain": terrain,
     "openballbot": published,
@@ -124,6 +153,7 @@ def test_terms_match_the_documentation(task):
     signs = [-1.0 if term["cost"] else 1.0 for term in TASKS[task]["rewards"]]
     scales = {name: sign * batch.options["reward"][name] for name, sign in zip(names, signs, strict=True)}
     last = np.zeros((N, 3))
+    recomputed = OF_TASKS[task]() if isinstance(OF_TASKS[task], type) else OF_TASKS[task]
     for step in range(STEPS):
         action = batch.control(lqr)
         # Different from the regulator's action, so that actions change.
@@ -138,7 +168,7 @@ def test_terms_match_the_documentation(task):
         states = batch.states()
         expected = {
             **effort(states, action.astype(float), last),
-            **OF_TASKS[task](batch, states, batch.options),
+            **recomputed(batch, states, batch.options),
         }
         if task == "openballbot":
             # Sums over steps of 2 ms.

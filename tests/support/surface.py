@@ -75,7 +75,10 @@ LEFT_OUT = {
     "show": "serves a page; tests/viewer has its bad input",
     "Page": "as show",
     "register": "changes what is registered; tests/envs has its bad input",
-    **{f"{name}VectorEnv": f"as {name}Env" for name in ("Velocity", "Goal", "Path", "Push", "Terrain", "OpenBallBot")},
+    **{
+        f"{name}VectorEnv": f"as {name}Env"
+        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Terrain", "OpenBallBot")
+    },
     "GroupedObservations": "a wrapper; tests/envs has it",
     "GroupedVectorObservations": "as GroupedObservations",
     "GroupedVecEnv": "as GroupedObservations",

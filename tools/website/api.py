@@ -61,6 +61,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "PathVectorEnv",
             "PushEnv",
             "PushVectorEnv",
+            "CarryEnv",
+            "CarryVectorEnv",
             "TerrainEnv",
             "TerrainVectorEnv",
             "OpenBallBotEnv",

@@ -8,6 +8,7 @@
 
 mod balance;
 mod bare;
+mod carry;
 mod description;
 mod goal;
 mod metrics;
@@ -22,6 +23,7 @@ mod velocity;
 
 pub use balance::Balance;
 pub use bare::Bare;
+pub use carry::Carry;
 pub use description::TaskDescription;
 pub use goal::Goal;
 pub use metrics::{Metric, Metrics};

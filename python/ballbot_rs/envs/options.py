@@ -400,6 +400,49 @@ class PushOptions(CommonOptions, total=False):
     fall_tilt: float
 
 
+class CarryOptions(CommonOptions, total=False):
+    """Options of the task `carry`."""
+
+    #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
+    goal_distance: npt.ArrayLike
+    #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
+    goal_seconds: npt.ArrayLike
+    #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
+    goal_radius: float
+    #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
+    #: d. (m/s², > 0 and <= 100)
+    approach_acceleration: float
+    #: Time constant of the end of that approach. (s, > 0 and <= 100)
+    approach_time: float
+    #: How long the ball must have been at its goal when the next goal is given. (s, >= 0 and <= 1e9)
+    hold_seconds: float
+    #: Height of the glass on the mast above the ball's center. (m, >= 0 and <= 100)
+    glass_height: float | None
+    #: Radius R of the surface of the water. (m, >= 0.001 and <= 10)
+    glass_radius: float
+    #: Frequency of the water's first mode: of a deep glass √(1.84 g / R) / 2π, less in a shallow one. (Hz, >= 0.01 and
+    #: <= 100)
+    slosh_frequency: float
+    #: Damping ratio ζ of that mode. (>= 0 and <= 2)
+    slosh_damping: float
+    #: Height of the rim above the water at rest: it spills when the surface is higher at the wall. (m, >= 1e-6 and <=
+    #: 10)
+    freeboard: float
+    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
 class TerrainOptions(CommonOptions, total=False):
     """Options of the task `terrain`."""
 
@@ -465,6 +508,7 @@ class TaskOptions(
     GoalOptions,
     PathOptions,
     PushOptions,
+    CarryOptions,
     TerrainOptions,
     OpenBallBotOptions,
     total=False,

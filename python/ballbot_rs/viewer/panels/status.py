@@ -234,6 +234,11 @@ WORDS: Final = {
     ("terrain", "level"): ("Terrain", 1.0, "level {:.0f}"),
     ("goal", "goals_held"): ("Goals reached", 100.0, "{:.0f} %"),
     ("goal", "time_ratio"): ("Time to a goal", 1.0, "{:.2f} × the fastest possible"),
+    ("carry", "goals_held"): ("Goals reached", 100.0, "{:.0f} %"),
+    ("carry", "time_ratio"): ("Time to a goal", 1.0, "{:.2f} × the fastest possible"),
+    ("carry", "spilled"): ("Spilled", 100.0, "{:.0f} %"),
+    ("carry", "slosh"): ("Highest water", 1e3, "{:.1f} mm at the wall of the glass"),
+    ("carry", "tray_acceleration"): ("Force on the glass", 1.0, "{:.2f} m/s² in the plane of the tray (rms)"),
     ("push", "distance"): ("Distance", 1.0, "{:.3f} m from the setpoint (rms)"),
     ("openballbot", "speed"): ("Mean speed", 1.0, "{:.2f} m/s along y"),
 }
