@@ -5,6 +5,7 @@ from validation.robots import (
     delay,
     friction,
     lag,
+    payload,
     perturbed_floor,
     preload,
     products_of_inertia,
@@ -31,6 +32,7 @@ BODY = [
         ripple,
         slope,
         perturbed_floor,
+        payload,
     )
 ]
 MOTORS = [Topic.of(module) for module in (delay, strength, lag, torque_speed)]
