@@ -193,6 +193,7 @@ class _ParamFields(TypedDict, total=False):
     roller_ripple: float
     roller_count: float
     roller_phases: npt.ArrayLike
+    roller_angle: float
     wheel_preload: float
     payload_mass: float
     payload_position: npt.ArrayLike
@@ -268,6 +269,7 @@ class Params:
         roller_ripple: float = 0.0,  # Ripple A of a wheel's rim: how much smaller its radius is between two rollers than at the middle of a roller; 0: round wheels. Of `contact` and `rigid` only. (m, >= 0 and <= 1000)
         roller_count: float = 12.0,  # Rollers n of a wheel, in all its rows, that pass the ball per turn; a whole number. (>= 3 and <= 1000)
         roller_phases: npt.ArrayLike = ...,  # Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)
+        roller_angle: float = 0.0,  # Angle γ by which the axes of the rollers are turned from the rim's direction: 0 for omniwheels, ±π/4 for mecanum wheels. At the contact, seen from the wheel's center, a positive angle turns them counterclockwise. (rad, >= -1.2 and <= 1.2)
         wheel_preload: float = 0.0,  # Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)
         payload_mass: float = 0.0,  # Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body with its payload at its place. Of `spatial`, `contact` and `rigid`. (kg, >= 0 and <= 1e6)
         payload_position: npt.ArrayLike = ...,  # Place of the payload, body frame, while the robot is at rest in equilibrium. (m, >= -1000 and <= 1000)
@@ -384,6 +386,9 @@ class Params:
     @property
     def roller_phases(self) -> tuple[float, float, float]:
         """Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below `wheel_radius`. (rad, >= -1000 and <= 1000)"""
+    @property
+    def roller_angle(self) -> float:
+        """Angle γ by which the axes of the rollers are turned from the rim's direction: 0 for omniwheels, ±π/4 for mecanum wheels. At the contact, seen from the wheel's center, a positive angle turns them counterclockwise. (rad, >= -1.2 and <= 1.2)"""
     @property
     def wheel_preload(self) -> float:
         """Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)"""

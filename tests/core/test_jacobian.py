@@ -90,10 +90,10 @@ class Case:
         params = sample_robots(1, seed)[0]
         changes = [
             {"wheel_dynamic_friction": 0.2, "wheel_static_friction": 0.3, "floor_dynamic_friction": 0.2},
-            {"roller_ripple": 2e-4, "roller_phases": (0.0, 1.0, 2.0)},
+            {"roller_ripple": 2e-4, "roller_phases": (0.0, 1.0, 2.0), "roller_angle": -0.6},
             {"floor_rolling_friction": 1e-3, "roller_friction": 0.02, "roller_friction_slope": 0.1},
             {"body_products_of_inertia": np.array([0.02, -0.01, 0.01]) * min(params.body_inertia)},
-            {"wheel_zenith_offsets": (0.01, -0.02, 0.0), "ball_viscous_friction": 2.0},
+            {"wheel_zenith_offsets": (0.01, -0.02, 0.0), "ball_viscous_friction": 2.0, "roller_angle": 0.4},
         ]
         for change in changes:
             # Not every body has these products of inertia.

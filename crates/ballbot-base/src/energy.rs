@@ -18,8 +18,8 @@ pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) ->
     let up = params.up();
     let height = |place: &Vector3<f64>| up.dot(place) - params.ball_radius * up.z;
     let com_height = height(&(state.body_position + state.body_quaternion * arm));
-    // The axle of wheel i is −u_i, so its absolute spin is ψ̇_i − u_i·Ω.
-    let spin = state.wheel_speeds.column() - wheels.u * rate;
+    // The axle of wheel i is −a_i, so its absolute spin is ψ̇_i − a_i·Ω.
+    let spin = state.wheel_speeds.column() - wheels.axles * rate;
     let twice_kinetic = params.ball_mass * state.ball_velocity.norm_squared()
         + params.ball_inertia * state.ball_angular_velocity.norm_squared()
         + params.body_mass * com_velocity.norm_squared()

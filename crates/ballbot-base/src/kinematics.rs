@@ -20,13 +20,17 @@ impl TorqueMap {
     /// Checks that the map is defined for the robot of `params`.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for [`TorqueMap::AsPrinted`] for unevenly placed wheels, naming the parameter.
+    /// [`Error::Inconsistent`] for [`TorqueMap::AsPrinted`] for unevenly placed wheels and for inclined rollers, naming
+    /// the parameter.
     pub fn require(self, params: &Params) -> Result<()> {
         match self {
             Self::Consistent => Ok(()),
-            Self::AsPrinted => params.require_even_wheels(
-                "eq. (8) as printed is for wheels of one zenith, 120 deg apart; the consistent map takes any",
-            ),
+            Self::AsPrinted => {
+                params.require_even_wheels(
+                    "eq. (8) as printed is for wheels of one zenith, 120 deg apart; the consistent map takes any",
+                )?;
+                params.require_omniwheels("eq. (8) as printed is for omniwheels; the consistent map takes any rollers")
+            }
         }
     }
 }
@@ -48,10 +52,17 @@ impl std::str::FromStr for TorqueMap {
 pub struct Omniwheels {
     /// Directions p_i from the ball center to each contact.
     pub contact_directions: Wheels<Vector3<f64>>,
-    /// Directions d_i in which each wheel drives the surface of the ball.
+    /// Directions d_i in which each wheel drives the surface of the ball: [`Params::drive_directions`].
     pub drive_directions: Wheels<Vector3<f64>>,
-    /// Matrix of the rows u_i = p_i × d_i; the axle of wheel i is −u_i.
+    /// Directions t_i in which the rim of each wheel moves at its contact; d_i if the rollers are not inclined.
+    pub rim_directions: Wheels<Vector3<f64>>,
+    /// Matrix of the rows a_i = p_i × t_i; the axle of wheel i is −a_i.
+    pub axles: Matrix3<f64>,
+    /// Matrix of the rows u_i, which map rates of the ball to rates of the wheels: [`Params::drive_matrix`]; a_i if the
+    /// rollers are not inclined.
     pub u: Matrix3<f64>,
+    /// Torque on a wheel's joint per traction, m.
+    pub traction_radius: f64,
     u_inverse_transposed: Matrix3<f64>,
     gear_ratio: f64,
 }
@@ -59,13 +70,21 @@ pub struct Omniwheels {
 impl Omniwheels {
     /// The wheels of `params`.
     pub fn new(params: &Params) -> Self {
-        let (contact_directions, drive_directions) = (params.contact_directions(), params.drive_directions());
         let u = params.drive_matrix();
         let u_inverse_transposed = u
             .try_inverse()
             .expect("the wheels of validated parameters drive the ball about every axis, so the map has an inverse")
             .transpose();
-        Self { contact_directions, drive_directions, u, u_inverse_transposed, gear_ratio: params.gear_ratio() }
+        Self {
+            contact_directions: params.contact_directions(),
+            drive_directions: params.drive_directions(),
+            rim_directions: params.rim_directions(),
+            axles: params.axle_matrix(),
+            u,
+            traction_radius: params.traction_radius(),
+            u_inverse_transposed,
+            gear_ratio: params.gear_ratio(),
+        }
     }
 
     /// Encoder rates without slip: ψ̇_i = (r_k/r_w) u_i · (Rᵀ ω_k − Ω), rad/s. `ball` is the angular velocity of the

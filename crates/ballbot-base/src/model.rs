@@ -115,6 +115,7 @@ pub fn same_geometry(a: &Params, b: &Params) -> bool {
         && a.wheel_zenith == b.wheel_zenith
         && a.wheel_azimuths == b.wheel_azimuths
         && a.wheel_zenith_offsets == b.wheel_zenith_offsets
+        && a.roller_angle == b.roller_angle
         && (a.body_com() == b.body_com() || differ_in_payload(a, b))
 }
 

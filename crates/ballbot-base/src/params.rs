@@ -122,6 +122,9 @@ fields! {
         /// Phase φ_i of the ripple of each wheel: with its angle ψ_i the rim is A (1 - cos(n ψ_i + φ_i)) / 2 below
         /// `wheel_radius`.
         pub roller_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
+        /// Angle γ by which the axes of the rollers are turned from the rim's direction: 0 for omniwheels, ±π/4 for mecanum
+        /// wheels. At the contact, seen from the wheel's center, a positive angle turns them counterclockwise.
+        pub roller_angle: f64 = 0.0, "rad", Limit::from(-1.2).to(1.2);
         /// Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as
         /// springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other.
         pub wheel_preload: f64 = 0.0, "N", Limit::from(0.0).to(1e6);

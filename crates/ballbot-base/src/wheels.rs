@@ -1,7 +1,7 @@
 //! Quantities with one value per wheel, which are not vectors (x, y, z), although both have three numbers.
 
 use crate::lanes::Lane;
-use nalgebra::Vector3;
+use nalgebra::{Matrix3, Vector3};
 use serde::{Deserialize, Serialize};
 use std::array;
 use std::ops::{Add, Div, Index, IndexMut, Mul, Neg, Sub};
@@ -97,6 +97,13 @@ impl Wheels<f64> {
     #[inline(always)]
     pub fn of_column(column: Vector3<f64>) -> Self {
         Self(column.into())
+    }
+}
+
+impl Wheels<Vector3<f64>> {
+    /// The vectors as the rows of a matrix.
+    pub fn rows(self) -> Matrix3<f64> {
+        Matrix3::from_columns(&self.0).transpose()
     }
 }
 

@@ -59,7 +59,7 @@ lane_struct! {
         pub wheel_rim_ratio: T,
         /// Centers of the wheels.
         pub wheel_centers: Wheels<[T; 3]>,
-        /// Vectors u_i; the axle of wheel i is −u_i.
+        /// Vectors a_i; the axle of wheel i is −a_i.
         pub u: Wheels<[T; 3]>,
         pub wheel_static_friction: T,
         pub wheel_dynamic_friction: T,
@@ -107,8 +107,8 @@ lane_struct! {
         pub spinning_loss: T,
         pub roller_friction: T,
         pub roller_friction_slope: T,
-        /// 1 for a robot with losses or with a ripple, else 0.
-        pub has_losses_or_ripple: T,
+        /// 1 for a robot with losses, with a ripple or with inclined rollers, else 0.
+        pub has_losses_or_rollers: T,
         /// 1 for a robot with a preload of the wheels, else 0.
         pub has_preload: T,
         /// Impulse of the preload on the ball in a step, along the mast.
@@ -118,6 +118,10 @@ lane_struct! {
         /// Ripples per turn of a wheel.
         pub roller_count: T,
         pub roller_phases: Wheels<T>,
+        /// 1 for a robot whose rollers are inclined, else 0.
+        pub inclined: T,
+        /// Cosine and sine of the rollers' angle.
+        pub roller_axis: [T; 2],
         pub payload: Payload<T>,
     }
 }
@@ -136,7 +140,8 @@ impl Constants<f64> {
         let com = alone.body_com();
         let of_body = |vector: Vector3<f64>| <[f64; 3]>::from(principal.of_body(&vector));
         let centers = wheel_centers(params, &wheels).map(|center| center - com);
-        let row = |i: usize| of_body(wheels.u.row(i).transpose());
+        let row = |i: usize| of_body(wheels.axles.row(i).transpose());
+        let inclined = params.has_inclined_rollers();
         let (bottom, top) = (shape.bottom - com.z, shape.top - com.z);
         let off_mast = com.xy().norm();
         let distance = |center: &Vector3<f64>| center.iter().map(|x| x * x).sum::<f64>().sqrt();
@@ -203,14 +208,21 @@ impl Constants<f64> {
             spinning_loss: params.floor_spinning_friction / params.ball_inertia,
             roller_friction: params.roller_friction,
             roller_friction_slope: params.roller_friction_slope,
-            has_losses_or_ripple: if params.has_losses() || params.has_ripple() { 1.0 } else { 0.0 },
+            has_losses_or_rollers: if params.has_losses() || params.has_ripple() || inclined { 1.0 } else { 0.0 },
             has_preload: if params.has_preload() { 1.0 } else { 0.0 },
             preload_impulse: params.wheel_preload * sim_dt,
             ripple_amplitude: 0.5 * params.roller_ripple,
             roller_count: params.roller_count,
             roller_phases: Wheels(params.roller_phases),
+            inclined: if inclined { 1.0 } else { 0.0 },
+            roller_axis: [params.roller_angle.cos(), params.roller_angle.sin()],
             payload: Payload::new(params),
         }
+    }
+
+    /// Whether the wheels have a ripple, or their rollers are inclined.
+    pub fn has_rollers(&self) -> bool {
+        self.ripple_amplitude > 0.0 || self.inclined > 0.0
     }
 }
 
@@ -244,7 +256,7 @@ impl<T: Cell> Constants<T> {
 }
 
 impl<V: Copy> Constants<V> {
-    /// u_i as a vector in the lanes of `like`.
+    /// a_i as a vector in the lanes of `like`.
     #[inline(always)]
     pub fn u<L: Lane>(&self, i: usize, like: L) -> Vec3<L>
     where
@@ -322,14 +334,10 @@ pub enum LaneConstants {
 }
 
 impl LaneConstants {
-    /// The same constants in every lane. Robots with a ripple have one set per lane, so that the step of shared constants
-    /// is compiled without.
+    /// The same constants in every lane. Robots with a ripple or with inclined rollers have one set per lane, so that the
+    /// step of shared constants is compiled without.
     pub fn of_all(constants: Constants<f64>) -> Self {
-        if constants.ripple_amplitude > 0.0 {
-            Self::PerLane(each(&constants))
-        } else {
-            Self::Shared(Box::new(constants))
-        }
+        if constants.has_rollers() { Self::PerLane(each(&constants)) } else { Self::Shared(Box::new(constants)) }
     }
 
     /// The constants of one robot.
@@ -350,7 +358,7 @@ impl LaneConstants {
         }
         if let Self::PerLane(each) = self {
             each.set_lane(index, one);
-            if one.ripple_amplitude == 0.0 && (0..EIGHT).all(|i| each.lane(i) == *one) {
+            if !one.has_rollers() && (0..EIGHT).all(|i| each.lane(i) == *one) {
                 *self = Self::of_all(one.clone());
             }
         }

@@ -20,6 +20,9 @@ pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
     }
     let Start { velocities: before, rows, rotation, .. } = Start::new::<false, V>(c, token, state);
     let like = before.ball.x;
+    let inclined = zero.lt(c.inclined.at(like));
+    let any_inclined = L::any(inclined);
+    let rows = rows.with_inclined_rollers(c, &rotation);
     let tiny = like.splat(f64::MIN_POSITIVE);
     let loads = state.impulses::<L>(token);
     let mut after = before;
@@ -36,21 +39,37 @@ pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
     let mut impulse = Vec3::zero(like);
     let (mut on_ball, mut on_body) = (impulse, impulse);
     for i in 0..WHEELS {
-        // Along the free direction the wheel touches the ball at its rim.
         let direction = rows.turns[i];
-        let in_body = rotation.apply_transposed(direction);
-        let rim = rotation.apply_transposed(rows.drives[i]) * c.wheel_radius.at(like);
-        let arm = c.wheel_center(i, like).cross(in_body) + rim;
+        let mut arm = rows.free_arm(c, &rotation, i);
+        let mut rim = zero;
+        if any_inclined {
+            // A wheel with inclined rollers also moves along their free direction where it turns.
+            let [cos, sin] = c.roller_axis.map(
+                #[inline(always)]
+                |number| number.at(like),
+            );
+            rim = L::select(inclined, -rows.spin_shares[i] * sin / cos * c.wheel_radius.at(like), zero);
+            arm = Vec3::select(inclined, arm.plus(c.u(i, like), rim), arm);
+        }
         let moved = arm.scaled_by(at3(c.body_inertia_inverse, like));
-        let compliance = moved.dot(arm) + c.relative_mass_inverse.at(like) + c.ball_surface_compliance.at(like);
+        let mut compliance = moved.dot(arm) + c.relative_mass_inverse.at(like) + c.ball_surface_compliance.at(like);
         let of_body = direction.dot(before.body - before.ball) + arm.dot(before.body_rate);
-        let speed = rows.drives[i].dot(before.ball_rate).mul_add(c.ball_radius.at(like), of_body);
+        let mut speed = rows.drives[i].dot(before.ball_rate).mul_add(c.ball_radius.at(like), of_body);
+        if any_inclined {
+            let with_spin = rim.squared().mul_add(c.wheel_inertia_inverse.at(like), compliance);
+            compliance = L::select(inclined, with_spin, compliance);
+            speed = L::select(inclined, rim.mul_add(before.spins[i], speed), speed);
+        }
         let grown = speed.abs().mul_add(c.roller_friction_slope.at(like), c.roller_friction.at(like));
         let most = grown.min(c.wheel_dynamic_friction.at(like)) * loads.normals[i].max(zero);
         let amount = speed * -(most / speed.abs().max(tiny)).min(share / compliance);
         impulse = impulse.plus(direction, amount);
         on_ball = on_ball.plus(rows.drives[i], amount);
         on_body = on_body.plus(arm, amount);
+        if any_inclined {
+            let spin = (rim * amount).mul_add(c.wheel_inertia_inverse.at(like), after.spins[i]);
+            after.spins[i] = L::select(inclined, spin, after.spins[i]);
+        }
     }
     after.ball = after.ball.plus(impulse, -c.ball_mass_inverse.at(like));
     after.ball_rate = after.ball_rate.plus(on_ball, c.ball_rim_ratio.at(like));

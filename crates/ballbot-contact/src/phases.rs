@@ -18,6 +18,8 @@ pub struct Start<L: Lane> {
 }
 
 impl<L: Lane> Start<L> {
+    /// The robot at the start of a step; with `RIPPLE` also with what only some robots have: inclined rollers and rims that
+    /// are not round.
     #[inline(always)]
     pub fn new<const RIPPLE: bool, V: Value<L>>(
         c: &Constants<V>,
@@ -28,7 +30,7 @@ impl<L: Lane> Start<L> {
         let rotation = pose.body_quaternion.rotation();
         let mut rows = Rows::new(c, &rotation, pose.ball, pose.body);
         if RIPPLE {
-            rows = rows.with_ripple(c, Ripple::new(c, &pose, &velocities));
+            rows = rows.with_inclined_rollers(c, &rotation).with_ripple(c, Ripple::new(c, &pose, &velocities));
         }
         Self { velocities, rows, rotation, pose }
     }

@@ -18,7 +18,7 @@ impl ContactState<f64> {
     /// Solver state at time zero in an accepted `state`.
     pub fn at(c: &Constants<f64>, wheels: &Omniwheels, ground: Option<&Ground>, state: &State) -> Self {
         let (com, axes) = (Vector3::from(c.com), rotation(c.principal_axes));
-        let spins = state.wheel_speeds - Wheels::of_column(wheels.u * state.body_angular_velocity);
+        let spins = state.wheel_speeds - Wheels::of_column(wheels.axles * state.body_angular_velocity);
         let (mut attitude, mut rate) = (state.body_quaternion, state.body_angular_velocity);
         if c.general > 0.0 {
             attitude *= axes;
@@ -149,7 +149,11 @@ impl ContactState<f64> {
         let u = body * Vector3::from(c.u[i]);
         let center = body * Vector3::from(c.wheel_centers[i]);
         let normal = (center + Vector3::from(self.body_position) - Vector3::from(self.ball_position)).normalize();
-        let drive = u.cross(&normal).normalize();
+        let mut drive = u.cross(&normal).normalize();
+        if c.inclined > 0.0 {
+            let [cos, sin] = c.roller_axis;
+            drive = drive * cos + normal.cross(&drive) * sin;
+        }
         // The wheel rotates with the body, except about its axle −u, where it has its own spin.
         let wheel_rate = body * rate - u * (self.wheel_spins[i] + Vector3::from(c.u[i]).dot(&rate));
         let rim = Vector3::from(self.body_velocity) + (body * rate).cross(&center)

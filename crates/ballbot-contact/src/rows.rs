@@ -28,7 +28,7 @@ pub struct Rows<L: Lane> {
     pub ball_in_body: Vec3<L>,
     /// Normals from the ball to each wheel, inertial frame.
     pub normals: Wheels<Vec3<L>>,
-    /// Drive directions, inertial frame.
+    /// Drive directions, along the axes of the rollers, inertial frame.
     pub drives: Wheels<Vec3<L>>,
     /// Products normal × drive, inertial frame.
     pub turns: Wheels<Vec3<L>>,
@@ -36,7 +36,8 @@ pub struct Rows<L: Lane> {
     pub normal_arms: Wheels<Vec3<L>>,
     /// Factors of the body rate in the drive rows, principal frame, m.
     pub drive_arms: Wheels<Vec3<L>>,
-    /// Sine of the angle between axle and normal: the component of a wheel's spin along its drive direction.
+    /// Part of the speed of a wheel's rim along its drive direction: the sine of the angle between axle and normal, times the
+    /// cosine of the rollers' angle.
     pub spin_shares: Wheels<L>,
     /// The rims of the wheels. Code generic over `RIPPLE` includes rim terms if it is true.
     pub ripple: Ripple<L>,
@@ -63,6 +64,38 @@ impl<L: Lane> Rows<L> {
             spin_shares: Wheels([a.spin_share, b.spin_share, d.spin_share]),
             ripple: Ripple::none(ball.z),
         }
+    }
+
+    /// The rows with the axes of the rollers inclined, in a plane parallel to the contact.
+    #[inline(always)]
+    pub fn with_inclined_rollers<V: Value<L>>(mut self, c: &Constants<V>, rotation: &Rotation<L>) -> Self {
+        let like = self.floor_gap;
+        let inclined = like.zero().lt(c.inclined.at(like));
+        if !L::any(inclined) {
+            return self;
+        }
+        let [cos, sin] = c.roller_axis.map(
+            #[inline(always)]
+            |number| number.at(like),
+        );
+        for i in 0..WHEELS {
+            let (drive, turn, arm, share) = (self.drives[i], self.turns[i], self.drive_arms[i], self.spin_shares[i]);
+            let free_arm = self.free_arm(c, rotation, i);
+            self.drives[i] = Vec3::select(inclined, (drive * cos).plus(turn, sin), drive);
+            self.turns[i] = Vec3::select(inclined, (turn * cos).plus(drive, -sin), turn);
+            self.drive_arms[i] = Vec3::select(inclined, (arm * cos).plus(free_arm, sin), arm);
+            self.spin_shares[i] = L::select(inclined, share * cos, share);
+        }
+        self
+    }
+
+    /// Factors of the body rate in the speed of the rim of wheel `i` along the direction `turns[i]`, without the wheel's
+    /// spin, principal frame, m. Along the free direction the wheel touches the ball at its rim.
+    #[inline(always)]
+    pub fn free_arm<V: Value<L>>(&self, c: &Constants<V>, rotation: &Rotation<L>, i: usize) -> Vec3<L> {
+        let in_body = rotation.apply_transposed(self.turns[i]);
+        let rim = rotation.apply_transposed(self.drives[i]) * c.wheel_radius.at(self.floor_gap);
+        c.wheel_center(i, self.floor_gap).cross(in_body) + rim
     }
 
     /// The rows with the rims of the wheels. A gap changes with the wheel angle, so the normal force acts on the joint:

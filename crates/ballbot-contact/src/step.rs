@@ -85,7 +85,7 @@ fn several<L: Lane, V: Value<L>>(
     let carries = L::any(zero.lt(c.payload.mass.at(like)));
     // One test of a step: a press or a force is rare.
     let is_loaded = L::any(zero.lt(c.has_preload.at(like)) | zero.lt(L::load(token, &state.force.left)));
-    let has_losses_or_ripple = L::any(zero.lt(c.has_losses_or_ripple.at(like)));
+    let has_losses_or_rollers = L::any(zero.lt(c.has_losses_or_rollers.at(like)));
     for _ in 0..steps {
         if carries {
             L::rarely(
@@ -112,7 +112,7 @@ fn several<L: Lane, V: Value<L>>(
                 },
             );
         }
-        let on_rollers = has_losses_or_ripple
+        let on_rollers = has_losses_or_rollers
             && L::rarely(
                 token,
                 #[inline(always)]
@@ -131,7 +131,8 @@ fn several<L: Lane, V: Value<L>>(
     }
 }
 
-/// Brakes robots with losses. If some have wheels with a ripple, it also runs the step of all robots and returns true.
+/// Brakes robots with losses. If some have wheels with a ripple or with inclined rollers, it also runs the step of all
+/// robots and returns true.
 #[inline(always)]
 fn brake_or_roll<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -141,19 +142,20 @@ fn brake_or_roll<L: Lane, V: Value<L>>(
     actions: &Actions<L::Cell>,
 ) -> bool {
     brake(c, token, state);
-    // Constants that robots share have no ripple: `LaneConstants::of_all`.
+    // Constants that robots share have neither: `LaneConstants::of_all`.
     if !V::PER_ROBOT {
         return false;
     }
     let ripple = c.ripple_amplitude.at(L::load(token, &state.steps));
-    let any = L::any(ripple.zero().lt(ripple));
+    let any = L::any(ripple.zero().lt(ripple) | ripple.zero().lt(c.inclined.at(ripple)));
     if any {
         step::<L, V, true>(c, token, state, footing, actions);
     }
     any
 }
 
-/// One step of all robots of the lanes, in the floor frame; with `RIPPLE` the wheels of some robots are not round.
+/// One step of all robots of the lanes, in the floor frame; with `RIPPLE` the wheels of some robots are not round, or their
+/// rollers are inclined.
 #[inline(always)]
 pub fn step<L: Lane, V: Value<L>, const RIPPLE: bool>(
     c: &Constants<V>,

@@ -116,10 +116,12 @@ impl Differentiated {
         }
     }
 
-    /// Whether steps need the rows of wheel joints and rims.
+    /// Whether steps need the rows of wheel joints, rims and inclined rollers.
     fn all_rows(&self) -> bool {
         let of_joints = |c: &Constants<f64>| c.joint_dry_impulse != 0.0 || c.joint_viscous_impulse != 0.0;
-        self.constants.ripple_amplitude > 0.0 || of_joints(&self.constants) || self.slopes.iter().any(of_joints)
+        self.constants.has_rollers()
+            || of_joints(&self.constants)
+            || self.slopes.iter().any(|slopes| of_joints(slopes) || inclines(slopes))
     }
 
     /// The motion without derivatives.
@@ -353,6 +355,11 @@ struct Moved<C> {
     forces: [DualCell<C>; FORCES],
 }
 
+/// Whether the derivatives are with respect to the angle of the rollers, at which they may not be inclined.
+fn inclines(slopes: &Constants<f64>) -> bool {
+    slopes.roller_axis != [0.0; 2]
+}
+
 /// The motion with derivatives along some directions.
 #[inline(always)]
 fn pass<D: Slopes, const PARAMETERS: bool, const ALL: bool>(
@@ -386,6 +393,9 @@ fn pass<D: Slopes, const PARAMETERS: bool, const ALL: bool>(
     let mut constants = Constants { general: 1.0, loss_share: problem.loss_share, ..problem.constants.clone() };
     if problem.slopes.iter().any(|slopes| slopes.preload_impulse != 0.0) {
         constants.has_preload = 1.0;
+    }
+    if problem.slopes.iter().any(inclines) {
+        constants.inclined = 1.0;
     }
     if !PARAMETERS {
         return moved::<D, f64, ALL>(&constants, token, problem, (seeds, state, torques));

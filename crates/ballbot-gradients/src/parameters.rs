@@ -80,8 +80,8 @@ impl Parameter {
             difference(step, |amount| Constants::in_axes(&self.changed(params, amount), sim_dt, &axes))
         };
         // What a parameter turns on or off.
-        let Constants { general, loss_share, has_losses_or_ripple, has_preload, .. } = &mut slopes;
-        for switch in [general, loss_share, has_losses_or_ripple, has_preload] {
+        let Constants { general, loss_share, has_losses_or_rollers, has_preload, inclined, .. } = &mut slopes;
+        for switch in [general, loss_share, has_losses_or_rollers, has_preload, inclined] {
             *switch = 0.0;
         }
         Ok(slopes)

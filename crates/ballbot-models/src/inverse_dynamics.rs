@@ -40,11 +40,13 @@ pub struct InverseDynamics {
     wheel_viscous_friction: f64,
     /// k.
     gear_ratio: f64,
-    /// W = J_w UᵀU.
+    /// W = J_w AᵀU, with the rows a_i of A: J_w UᵀU for omniwheels.
     spin: [[f64; 3]; 3],
-    /// H = I_O + (k + 1) W, with the inertia I_O about the ball's center.
+    /// V = J_w CᵀU / (k + 1) with C = k U + A: W for omniwheels.
+    drive: [[f64; 3]; 3],
+    /// H = I_O + J_w AᵀC, with the inertia I_O about the ball's center: I_O + (k + 1) W for omniwheels.
     momentum: [[f64; 3]; 3],
-    /// D = I_O + (k + 1)² W.
+    /// D = I_O + J_w CᵀC: I_O + (k + 1)² W for omniwheels.
     inertia: [[f64; 3]; 3],
     /// U⁻ᵀ / k: from the torque on the ball to the wheel torques.
     torques: Wheels<[f64; 3]>,
@@ -55,10 +57,17 @@ impl InverseDynamics {
     pub fn new(params: &Params) -> Self {
         let p = params;
         let to_balance = p.to_balance_frame().to_rotation_matrix().into_inner();
-        let u = Omniwheels::new(p).u * to_balance.transpose();
+        let wheels = Omniwheels::new(p);
+        let [u, axles] = [wheels.u, wheels.axles].map(|rows| rows * to_balance.transpose());
+        // U = A − L: the part of the rims' directions, zero for omniwheels.
+        let inclined = axles - u;
         let inverse = u.transpose().try_inverse().expect("the wheels drive the ball about every axis");
         let (k, com) = (p.gear_ratio(), p.body_com().norm());
-        let spin = u.transpose() * u * p.wheel_inertia;
+        let of_axles = axles.transpose() * axles * p.wheel_inertia;
+        let mixed = axles.transpose() * inclined * p.wheel_inertia;
+        let spin = of_axles - mixed;
+        let own = inclined.transpose() * u * p.wheel_inertia;
+        let both = mixed + mixed.transpose();
         let arm = Matrix3::from_diagonal(&[com * com, com * com, 0.0].into()) * p.body_mass;
         let about_ball = to_balance * p.body_inertia_matrix() * to_balance.transpose() + arm;
         Self {
@@ -73,8 +82,12 @@ impl InverseDynamics {
             wheel_viscous_friction: p.wheel_viscous_friction,
             gear_ratio: k,
             spin: rows(&spin),
-            momentum: rows(&(about_ball + spin * (k + 1.0))),
-            inertia: rows(&(about_ball + spin * (k + 1.0).powi(2))),
+            drive: rows(&(spin - own * (k / (k + 1.0)))),
+            momentum: rows(&(about_ball + of_axles * (k + 1.0) - mixed * k)),
+            inertia: rows(
+                &(about_ball + of_axles * (k + 1.0).powi(2) - both * (k * (k + 1.0))
+                    + inclined.transpose() * inclined * (p.wheel_inertia * k * k)),
+            ),
             torques: Wheels(rows(&(inverse / k))),
         }
     }
@@ -115,7 +128,7 @@ impl InverseDynamics {
         let coupling = ball_acceleration * (vertical.z * lean) - vertical * (ball_acceleration.z * lean);
         let k = self.gear_ratio;
         let torque = coupling + times(&self.inertia, acceleration) + moment
-            - times(&self.spin, relative) * like.splat(k * (k + 1.0));
+            - times(&self.drive, relative) * like.splat(k * (k + 1.0));
         let Vec3 { x, y, z } = times(&self.torques.0, -torque);
         let friction = self.wheel_viscous_friction;
         let Wheels([a, b, c]) = wheel_speeds;

@@ -73,13 +73,13 @@ struct Motion {
     com_acceleration: Vector3<f64>,
     /// Traction f_i of each wheel on the ball along d_i, N.
     tractions: Wheels<f64>,
-    /// Friction of the rollers of each wheel on the bot along u_i, N.
+    /// Friction of the rollers of each wheel on the bot along p_i × d_i, N.
     rollers: Wheels<f64>,
     /// Force from outside on the body, N.
     load: Vector3<f64>,
 }
 
-/// Contact forces: wheel loads from Rᵀ (M_b (a_b − g) − F) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i u_i with the force F from outside
+/// Contact forces: wheel loads from Rᵀ (M_b (a_b − g) − F) = Σ N_i p_i − P e_z − Σ f_i d_i + Σ h_i p_i × d_i with the force F from outside
 /// and the preload P, floor force from the momentum of ball and body. `weight` is the force of the floor per mass at rest, −g,
 /// m/s².
 fn contact_loads(params: &Params, wheels: &Omniwheels, weight: &Vector3<f64>, motion: &Motion) -> Contacts {
@@ -91,7 +91,7 @@ fn contact_loads(params: &Params, wheels: &Omniwheels, weight: &Vector3<f64>, mo
     }
     balance.z += params.wheel_preload;
     if motion.rollers != Wheels::default() {
-        balance -= wheels.u.transpose() * motion.rollers.column();
+        balance -= wheels.u.transpose() * (motion.rollers * params.roller_angle.cos()).column();
     }
     let loads = Matrix3::from_columns(&wheels.contact_directions.0)
         .lu()

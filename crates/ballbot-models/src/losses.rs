@@ -12,13 +12,13 @@ use nalgebra::{Matrix3x6, Matrix4, Matrix6x4, Vector3, Vector4, Vector6};
 pub struct Friction {
     /// Generalized force per load of the floor and of each wheel.
     pub per_load: Matrix6x4<f64>,
-    /// Force of the rollers on the bot along u_i per load of wheel i.
+    /// Force of the rollers on the bot along p_i × d_i per load of wheel i.
     pub along_free: Wheels<f64>,
 }
 
 impl Friction {
     /// Friction at the generalized velocity `velocity`. `ball_rate` maps it to the ball's angular velocity (inertial frame),
-    /// `free_speeds` to the speeds of the wheels along u_i against the ball's surface.
+    /// `free_speeds` to the speeds of the wheels along p_i × d_i against the ball's surface.
     pub fn new(
         params: &Params,
         ball_rate: &Matrix3x6<f64>,
@@ -47,7 +47,7 @@ impl Friction {
         Self { per_load, along_free }
     }
 
-    /// Forces of the rollers on the bot along u_i for given loads of the floor and the wheels, N.
+    /// Forces of the rollers on the bot along p_i × d_i for given loads of the floor and the wheels, N.
     pub fn rollers(&self, loads: &Vector4<f64>) -> Wheels<f64> {
         Wheels::from_fn(|i| self.along_free[i] * loads[1 + i])
     }

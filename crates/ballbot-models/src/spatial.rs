@@ -183,7 +183,7 @@ impl SpatialModel {
         let b = self.wheels.u * relative_rate * p.gear_ratio();
         let mut b_s = b;
         let mut own = b_s.fixed_view_mut::<3, 3>(0, 2);
-        own -= self.wheels.u * self.kappa;
+        own -= self.wheels.axles * self.kappa;
 
         let mut mass = s.transpose() * s * p.ball_inertia
             + j_c.transpose() * j_c * p.body_mass
@@ -219,7 +219,7 @@ impl SpatialModel {
         self.solve(&self.terms(body_quaternion), velocity, wheel_torques, loads).0
     }
 
-    /// ν' and the friction of the rollers on the bot along u_i, N.
+    /// ν' and the friction of the rollers on the bot along p_i × d_i, N.
     fn solve(
         &self,
         terms: &Terms,
@@ -235,8 +235,9 @@ impl SpatialModel {
         for i in 0..3 {
             relative_rate[(i, 2 + i)] -= 1.0;
         }
-        let drives = Matrix3::from_columns(&self.wheels.drive_directions.0);
-        let free_speeds = drives.transpose() * relative_rate * self.params.ball_radius;
+        // Includes the motion of the rim along the free direction of inclined rollers.
+        let rims = Matrix3::from_columns(&self.wheels.rim_directions.0);
+        let free_speeds = rims.transpose() * relative_rate * (self.params.ball_radius / self.params.roller_angle.cos());
         let friction = Friction::new(&self.params, &self.ball_rate_map(), &free_speeds, velocity);
         let changed = |normal: &Vector4<f64>| without + solve_mass(terms, &(friction.per_load * normal));
         let normal = consistent(|normal| {
@@ -261,7 +262,7 @@ impl SpatialModel {
         let spin = terms.b_s * velocity;
 
         let gyroscopic = rate.cross(&(self.inertia * rate))
-            - rate.cross(&(self.wheels.u.transpose() * spin)) * (self.kappa * p.wheel_inertia);
+            - rate.cross(&(self.wheels.axles.transpose() * spin)) * (self.kappa * p.wheel_inertia);
         let weight = self.weight;
 
         let mut force = terms.b.transpose() * shaft.column()
@@ -336,7 +337,7 @@ impl SpatialModel {
         self.contacts_of(&terms, velocity, wheel_torques, loads, &acceleration, rollers)
     }
 
-    /// Contact forces at ν' = `acceleration`, with the friction `rollers` on the bot along u_i, N.
+    /// Contact forces at ν' = `acceleration`, with the friction `rollers` on the bot along p_i × d_i, N.
     fn contacts_of(
         &self,
         terms: &Terms,
@@ -348,14 +349,18 @@ impl SpatialModel {
     ) -> Contacts {
         let rate = velocity.fixed_rows::<3>(2).into_owned();
         let spin_acceleration = terms.b_s * acceleration + self.spin_drift(terms, velocity, &rate);
-        let shaft = shaft_torques(&self.params, wheel_torques, Wheels::of_column(terms.b * velocity));
+        let mut shaft = shaft_torques(&self.params, wheel_torques, Wheels::of_column(terms.b * velocity));
+        if self.params.has_inclined_rollers() {
+            // The friction of the rollers turns the wheel.
+            shaft = shaft.plus(rollers, -self.params.wheel_radius * self.params.roller_angle.sin());
+        }
         let motion = Motion {
             body_quaternion: terms.body_quaternion,
             ball_velocity: Vector3::new(velocity[0], velocity[1], 0.0),
             ball_acceleration: Vector3::new(acceleration[0], acceleration[1], 0.0),
             com_acceleration: terms.j_c * acceleration + self.centripetal(terms, &rate),
             tractions: (shaft - Wheels::of_column(spin_acceleration) * self.params.wheel_inertia)
-                / self.params.wheel_radius,
+                / self.wheels.traction_radius,
             rollers,
             load: loads.iter().map(|load| load.force).sum(),
         };

@@ -33,7 +33,7 @@ fn ball(params: &Params) -> Part {
 fn wheel(params: &Params, wheels: &Omniwheels, i: usize, parts: &mut Vec<Part>) {
     let radius = params.wheel_radius;
     let direction = wheels.contact_directions[i];
-    let axle = -wheels.u.row(i).transpose();
+    let axle = -wheels.axles.row(i).transpose();
     let center = direction * (params.ball_radius + radius);
     // At wheel angle zero the mark points away from the ball.
     let frame = [direction, axle.cross(&direction), axle];

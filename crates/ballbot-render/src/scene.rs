@@ -93,7 +93,7 @@ impl Scene {
     /// A scene of parts fixed to the ball, the body and the wheels of a robot.
     pub fn new(params: &Params, parts: Vec<Part>) -> Self {
         let wheels = Omniwheels::new(params);
-        let axle = |i: usize| UnitVector3::new_normalize(-wheels.u.row(i).transpose());
+        let axle = |i: usize| UnitVector3::new_normalize(-wheels.axles.row(i).transpose());
         Self {
             parts,
             terrain: None,

@@ -35,7 +35,7 @@ impl BodyLink {
         let com = (whole_com * bot.body_mass - centers.iter().sum::<Vector3<f64>>() * params.wheel_mass) / mass;
         let mut inertia = bot.body_inertia_matrix() - steiner(mass, com - whole_com);
         let transverse = wheel_transverse_inertia(params);
-        for (center, axle) in centers.iter().zip(wheels.u.row_iter()) {
+        for (center, axle) in centers.iter().zip(wheels.axles.row_iter()) {
             // `body_inertia` excludes the inertia of the wheels about their axles.
             inertia -= (Matrix3::identity() - axle.transpose() * axle) * transverse;
             inertia -= steiner(params.wheel_mass, center - whole_com);

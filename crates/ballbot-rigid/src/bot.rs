@@ -74,7 +74,7 @@ impl Bot {
             mass,
             undamped: *undamped,
             centers: wheel_centers(params, wheels).map(|center| center - link.com),
-            axles: Wheels::from_fn(|i| -wheels.u.row(i).transpose()),
+            axles: Wheels::from_fn(|i| -wheels.axles.row(i).transpose()),
             body_inertia: link.inertia,
             total_mass: params.without_payload().body_mass,
             wheel_mass: params.wheel_mass,

@@ -39,13 +39,16 @@ impl RigidMotion {
         let mut losses = Losses::none();
         losses.on_ball[1] = braked(rolling, p.floor_rolling_friction) + braked(spinning, p.floor_spinning_friction);
 
-        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let [velocity, rate, joints] = split(&motion.velocities.bot);
         for (i, contact) in contacts.iter().enumerate() {
             let direction = contact.normal.cross(&contact.drive);
             let point = self.bot.centers[i] - contact.normal * parts.wheel_radius;
-            let on_bot = join(&[direction, point.cross(&direction), Vector3::zeros()]);
+            // A wheel with inclined rollers also moves along their free direction where it turns.
+            let on_bot = join(&[direction, point.cross(&direction), Vector3::ith(i, contact.free_rim)]);
             let on_ball = contact.drive * parts.ball_radius;
-            let speed = direction.dot(&(velocity + rate.cross(&point) - ball_velocity)) + on_ball.dot(&ball_rate);
+            let of_spin = contact.free_rim * joints[i];
+            let speed =
+                direction.dot(&(velocity + rate.cross(&point) - ball_velocity)) + on_ball.dot(&ball_rate) + of_spin;
             let compliance = on_bot.dot(&(self.bot.mass_inverse * on_bot))
                 + direction.norm_squared() / parts.ball_mass
                 + on_ball.norm_squared() / parts.ball_inertia;

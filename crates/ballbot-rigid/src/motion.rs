@@ -125,6 +125,7 @@ impl RigidMotion {
             parts: Parts {
                 ball_radius: params.ball_radius,
                 wheel_radius: params.wheel_radius,
+                roller_angle: params.roller_angle,
                 ball_mass: params.ball_mass,
                 ball_inertia: params.ball_inertia,
             },

@@ -16,6 +16,8 @@ const MIN_AXLE_SINE: f64 = 1e-3;
 pub struct Parts {
     pub ball_radius: f64,
     pub wheel_radius: f64,
+    /// Angle of the rollers' axes, rad.
+    pub roller_angle: f64,
     pub ball_mass: f64,
     pub ball_inertia: f64,
 }
@@ -57,7 +59,7 @@ impl Velocities {
 pub struct WheelContact {
     /// Unit vector from the ball center to the wheel center.
     pub normal: Vector3<f64>,
-    /// Drive direction in the plane of contact, unit vector.
+    /// Drive direction in the plane of contact, along the axis of the roller, unit vector.
     pub drive: Vector3<f64>,
     /// Gap between the surfaces, m; negative for an overlap.
     pub gap: f64,
@@ -69,6 +71,8 @@ pub struct WheelContact {
     curvature: [f64; 2],
     /// Rate of the drive row per joint rate, m.
     rim: f64,
+    /// Speed of the rim along normal × drive per joint rate, m.
+    pub free_rim: f64,
 }
 
 impl WheelContact {
@@ -84,7 +88,7 @@ impl WheelContact {
         let across = normal.cross(axle);
         let sine = across.norm();
         let drives = sine > MIN_AXLE_SINE;
-        let drive = if drives { across / sine } else { Vector3::zeros() };
+        let mut drive = if drives { across / sine } else { Vector3::zeros() };
 
         let spin = axle * joints[i];
         let wheel_rate = rate + spin;
@@ -93,7 +97,14 @@ impl WheelContact {
             relative - wheel_rate.cross(&normal) * parts.wheel_radius - ball_rate.cross(&normal) * parts.ball_radius;
         let normal_rate = (relative - normal * normal.dot(&relative)) / distance;
         let turning = normal_rate.cross(axle) + normal.cross(&rate.cross(axle));
-        let drive_rate = if drives { (turning - drive * drive.dot(&turning)) / sine } else { Vector3::zeros() };
+        let mut drive_rate = if drives { (turning - drive * drive.dot(&turning)) / sine } else { Vector3::zeros() };
+        let (mut rim, mut free_rim) = (parts.wheel_radius * sine, 0.0);
+        if parts.roller_angle != 0.0 {
+            let (sin, cos) = parts.roller_angle.sin_cos();
+            drive_rate = drive_rate * cos + (normal_rate.cross(&drive) + normal.cross(&drive_rate)) * sin;
+            drive = drive * cos + normal.cross(&drive) * sin;
+            (rim, free_rim) = (rim * cos, -rim * sin);
+        }
         let centripetal = rate.cross(&rate.cross(center));
         let of_wheel = wheel_rate.cross(&normal_rate) + rate.cross(&spin).cross(&normal);
         let of_surface =
@@ -104,7 +115,8 @@ impl WheelContact {
                 normal_rate.dot(&relative) + normal.dot(&centripetal),
                 drive_rate.dot(&surface) + drive.dot(&of_surface),
             ],
-            rim: parts.wheel_radius * sine,
+            rim,
+            free_rim,
             gap: distance - parts.ball_radius - parts.wheel_radius,
             slope: 0.0,
             normal,

@@ -255,7 +255,7 @@ impl World {
         i: usize,
     ) -> (RigidBodyHandle, ColliderHandle) {
         let center = to_rapier(&(wheel_centers(params, wheels)[i] - link.com));
-        let axle = Rotation::from_rotation_arc(Vector::X, to_rapier(&-wheels.u.row(i).transpose()));
+        let axle = Rotation::from_rotation_arc(Vector::X, to_rapier(&-wheels.axles.row(i).transpose()));
         let transverse = wheel_transverse_inertia(params);
         let mass = MassProperties::with_principal_inertia_frame(
             Vector::ZERO,

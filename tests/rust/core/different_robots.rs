@@ -63,8 +63,8 @@ fn mixed(config: &BalanceConfig, robots: &[Params], mode: Autoreset, threads: us
     Run::new(batch)
 }
 
-/// The same, with every other robot without symmetry, with losses at the ball and on a slope; some on wheels with a
-/// ripple, if the model has it.
+/// The same, with every other robot without symmetry, with losses at the ball and on a slope; some on inclined rollers, and
+/// on wheels with a ripple, if the model has it.
 fn general_robots(model: ModelKind) -> Vec<Params> {
     let rippled = model != ModelKind::Spatial;
     let mut robots = robots();
@@ -81,6 +81,9 @@ fn general_robots(model: ModelKind) -> Vec<Params> {
         }
         if i % 4 == 1 {
             params.wheel_preload = 40.0 * share;
+        }
+        if i % 6 == 3 {
+            params.roller_angle = 0.8 - share;
         }
         // A robot with only its CoM off the mast, and a robot whose only asymmetry is its principal axes.
         if i != 3 {

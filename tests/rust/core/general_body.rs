@@ -3,7 +3,7 @@
 mod slope;
 mod task;
 
-use crate::support::general::{any_general_robot, any_small_tilt, crooked};
+use crate::support::general::{any_robot_on_rollers, any_small_tilt, crooked};
 use crate::support::{any_start, natural_rate, torques, vector, without_losses};
 use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidGains, Sampled, Setpoint};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -26,7 +26,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn the_equilibrium_is_a_fixed_point_with_its_wheel_loads(params in any_general_robot(), yaw in -PI..PI) {
+    fn the_equilibrium_is_a_fixed_point_with_its_wheel_loads(params in any_robot_on_rollers(), yaw in -PI..PI) {
         let state = State::at_equilibrium(&params, yaw);
         let [x, y] = params.body_com_offset;
         let closed_form = x.hypot(y).atan2(params.body_com_height);
@@ -59,7 +59,7 @@ proptest! {
     /// Near the equilibrium the robot moves as the linear model, in the coordinates of the regulator.
     #[test]
     fn small_motion_matches_the_linear_model(
-        params in any_general_robot(),
+        params in any_robot_on_rollers(),
         tilt in any_small_tilt(1e-5),
         push in vector(1.0),
         yaw in -PI..PI,
@@ -92,7 +92,7 @@ proptest! {
 
     #[test]
     fn energy_is_conserved_and_equals_the_energy_of_the_bodies(
-        params in any_general_robot(),
+        params in any_robot_on_rollers(),
         start in any_start(0.5, 1.0),
     ) {
         let params = without_losses(&params);
@@ -112,7 +112,7 @@ proptest! {
     /// The work of an impulse is the change of the kinetic energy: its mean velocity times it.
     #[test]
     fn a_push_does_exactly_its_work(
-        params in any_general_robot(),
+        params in any_robot_on_rollers(),
         start in any_start(1.0, 1.0),
         impulse in vector(1.0),
         point in vector(1.0),
@@ -133,7 +133,7 @@ proptest! {
     }
 
     #[test]
-    fn traction_torque_is_where_the_first_wheel_slips(params in any_general_robot()) {
+    fn traction_torque_is_where_the_first_wheel_slips(params in any_robot_on_rollers()) {
         let params = Params { max_wheel_torque: 1e9, ..params };
         let torque = traction_torque(&params);
         prop_assert!(grips(&params, 0.9999 * torque), "a wheel slips below {torque} N·m");
@@ -179,7 +179,7 @@ proptest! {
     /// It leans with its ball at the setpoint: neither an offset nor a torque remains.
     #[test]
     fn lqr_brings_any_robot_to_rest_at_its_setpoint(
-        params in any_general_robot(),
+        params in any_robot_on_rollers(),
         tilt in any_small_tilt(0.02),
         yaw in -PI..PI,
     ) {
@@ -317,11 +317,12 @@ fn models_without_slip_reject_wheels_with_ripple() {
 #[test]
 fn planar_rejects_robots_that_are_not_symmetric() {
     let paper = Params::paper();
-    let cases: [(&str, &[f64], &str); 4] = [
+    let cases: [(&str, &[f64], &str); 5] = [
         ("body_com_offset", &[0.0, 1e-9], "body_com_offset = [0.0, 1e-9], but it requires zeros"),
         ("body_products_of_inertia", &[0.0, 1e-6, 0.0], "body_products_of_inertia = [0.0, 1e-6, 0.0]"),
         ("wheel_zenith_offsets", &[0.01, 0.0, 0.0], "wheel_zenith_offsets = [0.01, 0.0, 0.0]"),
         ("wheel_azimuths", &[0.01, 2.0, 4.0], "wheel_azimuths = [0.01, 2.0, 4.0], but it requires 2 pi / 3 rad"),
+        ("roller_angle", &[-1e-3], "roller_angle = -0.001 rad, but it requires 0"),
     ];
     for (name, values, words) in cases {
         let params = paper.replace([(name, values)]).unwrap();

@@ -1,6 +1,6 @@
 //! Inverse dynamics against the equations of motion.
 
-use crate::support::general::any_general_robot;
+use crate::support::general::any_robot_on_rollers;
 use crate::support::{any_floor_tilt, any_start, natural_rate, vector};
 use ballbot_core::lanes::{Quat, Vec3};
 use ballbot_core::models::{BallSpin, BodyMotion, InverseDynamics, SpatialModel, WheelSpin};
@@ -19,10 +19,10 @@ fn quat(q: &UnitQuaternion<f64>) -> Quat<f64> {
 proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
-    /// The torques of an acceleration produce that acceleration, on any floor.
+    /// The torques of an acceleration produce that acceleration, on any floor and on rollers at any angle.
     #[test]
     fn torques_give_the_desired_acceleration(
-        robot in any_general_robot(),
+        robot in any_robot_on_rollers(),
         floor_tilt in any_floor_tilt(0.4),
         start in any_start(0.5, 1.0),
         desired in vector(3.0),

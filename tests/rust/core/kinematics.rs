@@ -1,7 +1,7 @@
 //! Omniwheel kinematics: torques and rates are power conjugate, whatever the attitude.
 //!
 //! A wheel rolls on the ball without slip along its drive direction and freely across it, so an encoder rate is the
-//! relative rotation of ball and body along u_i = p_i × d_i, times the gear ratio. The map of torques is then fixed by
+//! relative rotation of ball and body along u_i = p_i × d_i / cos γ, times the gear ratio, with the angle γ of the rollers. The map of torques is then fixed by
 //! virtual work, Σ τ_i ψ̇_i = Σ (virtual torque · virtual rate), and eq. (8) as printed can be checked with it.
 
 use crate::support::{any_attitude, any_robot, vector};
@@ -19,10 +19,12 @@ fn high_wheels() -> (Params, Omniwheels) {
     (params, wheels)
 }
 
-/// Any robot, its wheels anywhere that is allowed; symmetric wheels in half of the robots.
+/// Any robot, its wheels and rollers anywhere that is allowed; symmetric wheels in half of the robots.
 fn any_wheels() -> impl Strategy<Value = Params> {
     let uneven = || prop_oneof![Just([0.0; 3]), uniform3(-0.15..0.15)];
-    (any_robot(), 0.2..1.3, uneven(), uneven()).prop_map(|(params, zenith, offsets, turns)| Params {
+    let angle = prop_oneof![Just(0.0), -1.2..1.2];
+    (any_robot(), 0.2..1.3, uneven(), uneven(), angle).prop_map(|(params, zenith, offsets, turns, angle)| Params {
+        roller_angle: angle,
         wheel_zenith: zenith,
         wheel_zenith_offsets: offsets,
         wheel_azimuths: std::array::from_fn(|i| params.wheel_azimuths[i] + turns[i]),
@@ -83,10 +85,15 @@ proptest! {
         let speeds = wheels.wheel_speeds(&q, &ball, &body);
         let relative = q.inverse_transform_vector(&ball) - body;
         for i in 0..3 {
-            let (p, d) = (wheels.contact_directions[i], wheels.drive_directions[i]);
-            // Velocities of the two surfaces at the contact, seen from the body; the axle is −u_i.
+            // The axis of the roller is the direction of the rim, rotated about the contact's normal.
+            let (zenith, (sin, cos)) = (params.wheel_zeniths()[i], params.wheel_azimuths[i].sin_cos());
+            let p = Vector3::new(zenith.sin() * cos, zenith.sin() * sin, zenith.cos());
+            let rim = Vector3::new(-sin, cos, 0.0);
+            let d = UnitQuaternion::from_scaled_axis(p * params.roller_angle) * rim;
+            prop_assert!((wheels.drive_directions[i] - d).norm() < 1e-14, "wheel {i}: drives along {d}");
+            // Velocities of the two surfaces at the contact, seen from the body.
             let of_ball = relative.cross(&(p * params.ball_radius)).dot(&d);
-            let axle = -p.cross(&d);
+            let axle = rim.cross(&p);
             let of_rim = (axle * speeds[i]).cross(&(-p * params.wheel_radius)).dot(&d);
             prop_assert!(close(of_rim, of_ball, 10.0), "wheel {i}: rim {of_rim}, ball {of_ball}");
         }

@@ -14,7 +14,8 @@
 //! | normals, 3 | p · (v_w − v_k) = 0, p from the ball's center to the wheel's | load N of the wheel |
 //! | drives, 3 | d · (v_w − r_w ω_w × p − v_k − r_k ω_k × p) = 0, surface against surface | −f, f the traction on the ball |
 //!
-//! Nothing holds wheel and ball together across d: there the rollers of the omniwheel turn. Since p, d, r and t turn
+//! Here d is along the axis of the roller that touches the ball: the direction of the rim, turned about p by the angle of the
+//! rollers. Nothing holds wheel and ball together across d: there the rollers turn. Since p, d, r and t turn
 //! with the body, the derivative of a condition is J v' + J' v, and with the momenta
 //!
 //! ```text
@@ -29,7 +30,7 @@
 
 mod bodies;
 
-use crate::support::general::{any_general_robot, crooked};
+use crate::support::general::{any_general_robot, crooked, inclined};
 use crate::support::{Start, any_floor_tilt, any_or_published_robot, any_start, torques, vector, without_losses};
 use ballbot_core::models::SpatialModel;
 use ballbot_core::{Params, Wheels};
@@ -110,6 +111,16 @@ proptest! {
     }
 
     #[test]
+    fn robots_on_inclined_rollers_move_like_the_spatial_model(
+        params in inclined(any_general_robot()),
+        start in any_start(1.5, 3.0),
+        shares in vector(1.0),
+        transverse in 0.0..1.0,
+    ) {
+        compare_all(&params, &start, &shares, transverse, GENERAL_LIMIT)?;
+    }
+
+    #[test]
     fn robots_on_a_slope_move_like_the_spatial_model(
         params in any_general_robot(),
         floor_tilt in any_floor_tilt(0.5),
@@ -144,8 +155,13 @@ fn compare_all(
 /// The comparison is sensitive: each of these is a term that a derivation may lose.
 #[test]
 fn missing_terms_are_detected() {
-    let params =
-        Params { ball_viscous_friction: 1.0, wheel_viscous_friction: 1e-3, floor_tilt: [0.1, -0.2], ..crooked() };
+    let params = Params {
+        ball_viscous_friction: 1.0,
+        wheel_viscous_friction: 1e-3,
+        floor_tilt: [0.1, -0.2],
+        roller_angle: 0.4,
+        ..crooked()
+    };
     let symmetric = Params::paper();
     let start = Start {
         tilt: [0.3, -0.2].into(),
@@ -163,6 +179,7 @@ fn missing_terms_are_detected() {
     let principal = Params { body_products_of_inertia: symmetric.body_products_of_inertia, ..params };
     let even = Params { wheel_azimuths: symmetric.wheel_azimuths, ..params };
     let level = Params { wheel_zenith_offsets: symmetric.wheel_zenith_offsets, ..params };
+    let straight = Params { roller_angle: 0.0, ..params };
     for (name, robot) in [
         ("drag and joint friction", Robot::new(&without_losses(&params), &state, 0.5, false, true)),
         ("the wheels' absolute spin", Robot::new(&params, &state, 0.5, false, false)),
@@ -170,6 +187,7 @@ fn missing_terms_are_detected() {
         ("the CoM's offset", Robot::new(&centered, &state, 0.5, false, true)),
         ("the products of inertia", Robot::new(&principal, &state, 0.5, false, true)),
         ("the wheels' azimuths", Robot::new(&even, &state, 0.5, false, true)),
+        ("the angle of the rollers", Robot::new(&straight, &state, 0.5, false, true)),
         ("the wheels' zeniths", Robot::new(&level, &state, 0.5, false, true)),
         ("the tilt of the floor", Robot::new(&params.on_level_floor(), &state, 0.5, false, true)),
     ] {

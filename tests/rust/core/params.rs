@@ -130,6 +130,8 @@ fn invalid_rollers_are_rejected() {
         ("roller_ripple", &[2e-3], ["roller_ripple = 0.002 ", &words]),
         ("roller_count", &[12.5], ["roller_count = 12.5 ", "a whole number"]),
         ("roller_count", &[2.0], ["roller_count = 2 ", ">= 3"]),
+        ("roller_angle", &[1.3], ["roller_angle = 1.3 ", "<= 1.2"]),
+        ("roller_angle", &[-1.3], ["roller_angle = -1.3 ", ">= -1.2"]),
     ]);
     for (count, ripple) in [(12.0, straight), (24.0, 4e-4), (3.0, 0.02)] {
         let fields = [("roller_count", &[count][..]), ("roller_ripple", &[ripple])];

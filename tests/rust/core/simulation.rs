@@ -18,6 +18,7 @@ mod preload;
 mod pushes;
 mod repetition;
 mod ripple;
+mod roller_angle;
 mod rolling;
 mod slipping;
 mod slope;

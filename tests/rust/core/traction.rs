@@ -12,9 +12,10 @@ const SHARE: f64 = 0.9;
 const SIM_DT: f64 = 0.001;
 const STEPS: usize = 10;
 
-/// The presets, and a robot without symmetry.
+/// The presets, and robots without symmetry, with inclined rollers and without.
 fn robots() -> impl Iterator<Item = Params> {
-    Params::preset_names().iter().map(|name| Params::preset(name).unwrap()).chain([crooked()])
+    let others = [0.0, 0.7, -0.4].map(|roller_angle| Params { roller_angle, ..crooked() });
+    Params::preset_names().iter().map(|name| Params::preset(name).unwrap()).chain(others)
 }
 
 fn apply(params: &Params, state: &State, torques: Wheels<f64>) -> Limited<f64> {

@@ -41,7 +41,7 @@ enum Kind {
     /// The same as the other calm robots; nothing happens to it.
     Calm,
     Eventful,
-    /// Eventful, on wheels with a ripple.
+    /// Eventful, on wheels with a ripple and inclined rollers.
     Rippled,
 }
 
@@ -53,6 +53,7 @@ fn params_of(i: usize, kind: Kind) -> Params {
     }
     if kind == Kind::Rippled {
         params = rippled(&params);
+        params.roller_angle = 0.2 * i as f64 - 0.5;
     }
     params.body_mass *= 1.0 + 0.02 * i as f64;
     match i {
@@ -317,6 +318,11 @@ fn rippled(params: &Params) -> Params {
     Params { roller_ripple: 5e-4, roller_count, roller_phases: [0.5, -1.0, 2.5], ..params.clone() }
 }
 
+/// With inclined rollers, and a ripple.
+fn inclined(params: &Params) -> Params {
+    Params { roller_angle: if params.is_symmetric() { 0.7 } else { -0.4 }, ..rippled(params) }
+}
+
 fn general() -> Params {
     let params = Params {
         body_com_offset: [0.03, -0.02],
@@ -345,8 +351,15 @@ fn displaced_robot(params: &Params) -> ContactMotion {
 
 #[test]
 fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
-    for robot in displaced() {
+    let inclined = displaced_robots(inclined).into_iter().map(|robot| {
+        let start = Start::<f64>::new::<true, f64>(robot.constants(), Scalar, robot.memory());
+        (robot, start)
+    });
+    let others = displaced().into_iter().map(|robot| {
         let start = Start::<f64>::new::<false, f64>(robot.constants(), Scalar, robot.memory());
+        (robot, start)
+    });
+    for (robot, start) in inclined.chain(others) {
         for (i, expected) in robot.contacts().wheel_slip_speeds.into_iter().enumerate() {
             let found = start.rows.slip_speed(robot.constants(), &start.velocities, i);
             println!("wheel {i}: {found}, expected {expected}");
@@ -360,6 +373,7 @@ fn slip_of_the_rows_is_the_slip_of_the_surfaces() {
 fn delassus_matrix_is_the_effect_of_impulses_on_the_rows() {
     displaced().iter().for_each(check_delassus_matrix::<false>);
     displaced_robots(rippled).iter().for_each(check_delassus_matrix::<true>);
+    displaced_robots(inclined).iter().for_each(check_delassus_matrix::<true>);
 }
 
 fn check_delassus_matrix<const RIPPLE: bool>(robot: &ContactMotion) {

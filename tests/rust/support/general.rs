@@ -68,6 +68,19 @@ pub fn any_general_robot() -> impl Strategy<Value = Params> {
     )
 }
 
+/// Robots of [`any_general_robot`], half of them with inclined rollers.
+pub fn any_robot_on_rollers() -> impl Strategy<Value = Params> {
+    prop_oneof![any_general_robot(), inclined(any_general_robot())]
+}
+
+/// Robots with rollers at any angle.
+pub fn inclined(robots: impl Strategy<Value = Params>) -> impl Strategy<Value = Params> {
+    (robots, -1.2..1.2).prop_filter_map("three wheels drive the ball about two axes", |(params, roller_angle)| {
+        let params = Params { roller_angle, ..params };
+        params.validate().is_ok().then_some(params)
+    })
+}
+
 /// The paper's robot with realistic build errors everywhere.
 pub fn crooked() -> Params {
     let [a, b, c] = Params::paper().wheel_azimuths;

@@ -84,7 +84,7 @@ impl Params {
     }
 
     /// Motor torques that hold a robot at the heading `yaw` (rad) still in [`Params::slope_lean`], N·m. With the vector
-    /// u = [`Params::up`] in the frame of the floor, the body attitude R and the matrix U of the axles, τ = r_w M g U⁻ᵀ
+    /// u = [`Params::up`] in the frame of the floor, the body attitude R and U = [`Params::drive_matrix`], τ = r_w M g U⁻ᵀ
     /// Rᵀ (e3 × u), zero on a level floor.
     ///
     /// # Errors

@@ -35,8 +35,8 @@ impl Params {
         self.uneven_wheels().is_none()
     }
 
-    /// Whether the center of mass is on the mast, the body axes are principal axes, and the wheels have equal zenith
-    /// angles and are 120 deg apart: the robot of the paper's planar equations.
+    /// Whether the center of mass is on the mast, the body axes are principal axes, the wheels have equal zenith angles
+    /// and are 120 deg apart, and their rollers are not inclined: the robot of the paper's planar equations.
     pub fn is_symmetric(&self) -> bool {
         self.asymmetry().is_none()
     }
@@ -64,6 +64,7 @@ impl Params {
         zero("body_com_offset", &self.body_com_offset)
             .or_else(|| zero("body_products_of_inertia", &self.body_products_of_inertia))
             .or_else(|| self.uneven_wheels())
+            .or_else(|| self.inclined_rollers())
     }
 
     fn uneven_wheels(&self) -> Option<String> {
@@ -125,20 +126,46 @@ impl Params {
         })
     }
 
-    /// Directions d_i in which each wheel drives the surface of the ball.
-    pub fn drive_directions(&self) -> Wheels<Vector3<f64>> {
+    /// Directions t_i in which the rim of each wheel moves at its contact.
+    pub fn rim_directions(&self) -> Wheels<Vector3<f64>> {
         Wheels(self.wheel_azimuths).map(|azimuth| Vector3::new(-azimuth.sin(), azimuth.cos(), 0.0))
     }
 
-    /// Matrix of the rows u_i = p_i × d_i.
-    pub fn drive_matrix(&self) -> Matrix3<f64> {
-        let (p, d) = (self.contact_directions(), self.drive_directions());
-        let row = |i: usize| p[i].cross(&d[i]).transpose();
+    /// Matrix of the rows a_i = p_i × t_i; the axle of wheel i is −a_i.
+    pub fn axle_matrix(&self) -> Matrix3<f64> {
+        let (p, t) = (self.contact_directions(), self.rim_directions());
+        let row = |i: usize| p[i].cross(&t[i]).transpose();
         Matrix3::from_rows(&[row(0), row(1), row(2)])
+    }
+
+    /// Directions d_i in which each wheel drives the surface of the ball: t_i cos γ + a_i sin γ along the axis of the
+    /// roller that touches the ball.
+    pub fn drive_directions(&self) -> Wheels<Vector3<f64>> {
+        let rims = self.rim_directions();
+        if !self.has_inclined_rollers() {
+            return rims;
+        }
+        let (axles, (sin, cos)) = (self.axle_matrix(), self.roller_angle.sin_cos());
+        Wheels::from_fn(|i| rims[i] * cos + axles.row(i).transpose() * sin)
+    }
+
+    /// Matrix of the rows u_i = p_i × d_i / cos γ = a_i − t_i tan γ: without slip a wheel turns at the gear ratio times
+    /// u_i times the ball's rate relative to the body.
+    pub fn drive_matrix(&self) -> Matrix3<f64> {
+        let axles = self.axle_matrix();
+        if !self.has_inclined_rollers() {
+            return axles;
+        }
+        axles - self.rim_directions().rows() * self.roller_angle.tan()
+    }
+
+    /// Torque on a wheel's joint per traction, m: r_w cos γ.
+    pub fn traction_radius(&self) -> f64 {
+        self.wheel_radius * self.roller_angle.cos()
     }
 }
 
 /// The error of `what` for a reason, if there is one.
-fn reject(what: &str, reason: Option<String>) -> Result<()> {
+pub(super) fn reject(what: &str, reason: Option<String>) -> Result<()> {
     reason.map_or(Ok(()), |reason| Err(Error::Inconsistent(format!("{what}: {reason}"))))
 }

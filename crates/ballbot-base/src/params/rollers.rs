@@ -1,7 +1,8 @@
-//! The rim of an omniwheel, which consists of its rollers.
+//! The rim of a wheel, which consists of its rollers.
 
 use super::Params;
-use crate::error::{Error, Result, check};
+use super::geometry::reject;
+use crate::error::{Result, check};
 use std::f64::consts::PI;
 
 impl Params {
@@ -15,11 +16,26 @@ impl Params {
     /// # Errors
     /// [`Error::Inconsistent`] naming the ripple.
     pub fn require_round_wheels(&self, what: &str) -> Result<()> {
-        if self.has_ripple() {
-            let ripple = self.roller_ripple;
-            return Err(Error::Inconsistent(format!("{what}: roller_ripple = {ripple} m, but it requires 0")));
-        }
-        Ok(())
+        let ripple = self.roller_ripple;
+        reject(what, self.has_ripple().then(|| format!("roller_ripple = {ripple} m, but it requires 0")))
+    }
+
+    /// Whether the axes of the rollers are inclined, as on mecanum wheels.
+    pub fn has_inclined_rollers(&self) -> bool {
+        self.roller_angle != 0.0
+    }
+
+    /// Checks that the rollers are not inclined, as `what` requires.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] naming the angle.
+    pub fn require_omniwheels(&self, what: &str) -> Result<()> {
+        reject(what, self.inclined_rollers())
+    }
+
+    pub(super) fn inclined_rollers(&self) -> Option<String> {
+        let angle = self.roller_angle;
+        self.has_inclined_rollers().then(|| format!("roller_angle = {angle} rad, but it requires 0"))
     }
 
     pub(super) fn validate_rollers(&self) -> Result<()> {

@@ -45,7 +45,7 @@ impl Params {
         let body = self.to_balance_frame().inverse().to_rotation_matrix().into_inner();
         // Per sine of the slope, for the unit vector h of the moment that holds the robot, heading frame, N: tractions,
         // and changes of the loads by the body's weight at the lean, h × e3, and by the reaction to the tractions.
-        let tractions = wheels.u.transpose().try_inverse().expect(spans) * body * weight;
+        let tractions = wheels.u.transpose().try_inverse().expect(spans) * body * (weight / self.roller_angle.cos());
         let across =
             Matrix3::new(0.0, 1.0, 0.0, -1.0, 0.0, 0.0, 0.0, 0.0, 0.0) * (lean * self.body_mass * self.gravity);
         let reaction = Matrix3::from_columns(&wheels.drive_directions.0) * tractions - body * across;
@@ -58,7 +58,7 @@ impl Params {
             // sin γ (±pull - gain)·h = μ (N cos(lean) + N_P), for the worst direction of h, with the load N_P by the preload.
             let worst = (pull - gain).norm().max((pull + gain).norm());
             traction = traction.min(slipping_sine(worst, friction, [load - preloads[i], preloads[i]], lean));
-            motor = motor.min(self.max_wheel_torque / (self.wheel_radius * pull.norm()));
+            motor = motor.min(self.max_wheel_torque / (wheels.traction_radius * pull.norm()));
         }
         Ok(SlopeLimits { fall: angle(fall_tilt.sin() / lean), traction: angle(traction), motor: angle(motor) })
     }

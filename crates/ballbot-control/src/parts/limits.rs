@@ -162,14 +162,15 @@ impl Traction {
         let frame = BalanceFrame::new(params);
         let vertical = frame.in_body(&Vector3::z());
         let inverse = wheels.u.transpose().try_inverse().expect("the wheels drive the ball about every axis");
+        let surface = params.ball_radius * params.roller_angle.cos();
         Self {
             rows,
             loads: map.loads.map(|load| load.at_rest),
             frame,
             yaw: Wheels::of_column(wheels.u * vertical),
             turning: Wheels::of_column(inverse * vertical),
-            surface: Wheels::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * params.ball_radius)),
-            wheel_radius: params.wheel_radius,
+            surface: Wheels::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * surface)),
+            wheel_radius: wheels.traction_radius,
             slipping_torque: default_max_torque(params),
         }
     }

@@ -37,6 +37,7 @@ SHAPE = (
     "wheel_zenith",
     "wheel_azimuths",
     "wheel_zenith_offsets",
+    "roller_angle",
     "body_com_height",
     "body_com_offset",
 )

@@ -1,7 +1,7 @@
 //! A tilted floor: the direction of gravity, rest, energy, and controllers, which assume that it is level.
 
 use super::regulator;
-use crate::support::general::any_general_robot;
+use crate::support::general::any_robot_on_rollers;
 use crate::support::{any_floor_tilt, any_start, natural_rate, without_losses};
 use ballbot_core::control::{Pid, PidGains};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
@@ -69,7 +69,7 @@ proptest! {
     #![proptest_config(ProptestConfig { cases: 500, failure_persistence: None, ..ProptestConfig::default() })]
 
     #[test]
-    fn gravity_turns_against_the_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
+    fn gravity_turns_against_the_floor(params in any_robot_on_rollers(), tilt in any_floor_tilt(0.5)) {
         let params = on_slope(&params, tilt);
         let floor = Rotation3::from_scaled_axis(Vector3::new(tilt[0], tilt[1], 0.0));
         let expected = floor.inverse() * Vector3::new(0.0, 0.0, -params.gravity);
@@ -79,7 +79,7 @@ proptest! {
 
     #[test]
     fn a_robot_held_in_its_slope_lean_is_at_rest(
-        params in any_general_robot(), tilt in any_floor_tilt(0.5), yaw in -PI..PI,
+        params in any_robot_on_rollers(), tilt in any_floor_tilt(0.5), yaw in -PI..PI,
     ) {
         let params = on_slope(&params, tilt);
         let (mass, length) = (params.ball_mass + params.body_mass, params.body_com().norm());
@@ -107,7 +107,7 @@ proptest! {
 
     #[test]
     fn slope_limits_match_the_worst_heading(
-        params in any_general_robot(), torque in 0.02..1.0_f64, fall_tilt in 0.1..1.5,
+        params in any_robot_on_rollers(), torque in 0.02..1.0_f64, fall_tilt in 0.1..1.5,
         weights in prop_oneof![Just(0.0), 0.0..3.0],
     ) {
         let weight = (params.ball_mass + params.body_mass) * params.gravity;
@@ -146,7 +146,7 @@ proptest! {
 
     #[test]
     fn energy_is_conserved_on_a_slope_and_equals_the_energy_of_the_bodies(
-        params in any_general_robot(), tilt in any_floor_tilt(0.5), start in any_start(0.5, 1.0),
+        params in any_robot_on_rollers(), tilt in any_floor_tilt(0.5), start in any_start(0.5, 1.0),
     ) {
         let params = on_slope(&without_losses(&params), tilt);
         let mut robot = SpatialMotion::new(&params, 5e-4 / natural_rate(&params));
@@ -163,7 +163,7 @@ proptest! {
     }
 
     #[test]
-    fn controllers_are_designed_for_a_level_floor(params in any_general_robot(), tilt in any_floor_tilt(0.5)) {
+    fn controllers_are_designed_for_a_level_floor(params in any_robot_on_rollers(), tilt in any_floor_tilt(0.5)) {
         let sloped = on_slope(&params, tilt);
         prop_assert_eq!(LinearModel::new(&sloped), LinearModel::new(&params));
         prop_assert_eq!(traction_torque(&sloped).to_bits(), traction_torque(&params).to_bits());

@@ -51,6 +51,9 @@ pub struct Robot {
     bodies: [Body; BODIES],
     /// From the ball's center to each wheel's, unit vectors.
     p: [Vector3<f64>; 3],
+    /// Directions in which the rims move, across the axles.
+    rims: [Vector3<f64>; 3],
+    /// Along the axes of the rollers, which hold the ball.
     d: [Vector3<f64>; 3],
     axles: [Vector3<f64>; 3],
     wheel_speeds: Wheels<f64>,
@@ -70,7 +73,7 @@ impl Robot {
     pub fn new(params: &Params, state: &State, transverse: f64, pinned: bool, absolute_wheel_spin: bool) -> Self {
         let rotation = state.body_quaternion.to_rotation_matrix().into_inner();
         let local_p = contacts_and_axles(params).map(|(contact, _)| contact);
-        let local_d = params.wheel_azimuths.map(|b| Vector3::new(-b.sin(), b.cos(), 0.0));
+        let local_rims = params.wheel_azimuths.map(|b| Vector3::new(-b.sin(), b.cos(), 0.0));
         let across = transverse * params.wheel_inertia;
         let reach = params.ball_radius + params.wheel_radius;
 
@@ -83,13 +86,14 @@ impl Robot {
         let [xy, xz, yz] = params.body_products_of_inertia;
         let mut link_inertia = Matrix3::new(xx, xy, xz, xy, yy, yz, xz, yz, zz) - steiner(link_mass, link - whole);
         for i in 0..3 {
-            let axle = local_d[i].cross(&local_p[i]);
+            let axle = local_rims[i].cross(&local_p[i]);
             link_inertia -= steiner(params.wheel_mass, local_p[i] * reach - whole);
             link_inertia -= (Matrix3::identity() - axle * axle.transpose()) * across;
         }
 
-        let [p, d] = [local_p, local_d].map(|vectors| vectors.map(|v| rotation * v));
-        let axles = [0, 1, 2].map(|i| d[i].cross(&p[i]));
+        let [p, rims] = [local_p, local_rims].map(|vectors| vectors.map(|v| rotation * v));
+        let axles = [0, 1, 2].map(|i| rims[i].cross(&p[i]));
+        let d = [0, 1, 2].map(|i| Rotation3::from_scaled_axis(p[i] * params.roller_angle) * rims[i]);
         let rate = rotation * state.body_angular_velocity;
         let ball_rate = rolling_rate(params, &state.ball_velocity) + Vector3::z() * state.ball_angular_velocity.z;
         // The ball's center moves with the body: p spans space.
@@ -97,7 +101,7 @@ impl Robot {
         let wheel_speeds = Wheels::from_fn(|i| {
             let ball_surface = state.ball_velocity + ball_rate.cross(&(p[i] * params.ball_radius));
             let carried = moving(p[i] * params.ball_radius);
-            (ball_surface - carried).dot(&d[i]) / params.wheel_radius
+            (ball_surface - carried).dot(&d[i]) / (params.wheel_radius * rims[i].dot(&d[i]))
         });
         let body = |mass, inertia, arm: Vector3<f64>, rate| Body {
             mass,
@@ -107,7 +111,7 @@ impl Robot {
             rate,
         };
         let wheel = |i: usize| {
-            let axle = local_d[i].cross(&local_p[i]);
+            let axle = local_rims[i].cross(&local_p[i]);
             let along = if absolute_wheel_spin { params.wheel_inertia } else { 0.0 };
             let along_axle = axle * axle.transpose();
             let inertia = along_axle * along + (Matrix3::identity() - along_axle) * across;
@@ -121,7 +125,7 @@ impl Robot {
             wheel(1),
             wheel(2),
         ];
-        Self { params: params.clone(), pinned, absolute_wheel_spin, bodies, p, d, axles, wheel_speeds }
+        Self { params: params.clone(), pinned, absolute_wheel_spin, bodies, p, rims, d, axles, wheel_speeds }
     }
 
     /// The conditions, with the numbers of the first row of the floor, of the normals and of the drives.
@@ -145,7 +149,7 @@ impl Robot {
                 let terms = [(at, axis, Vector3::zeros()), (BODY, -axis, -r.cross(&axis))];
                 c.add(&terms, -centripetal.dot(&axis));
             }
-            for t in [self.p[i], self.d[i]] {
+            for t in [self.p[i], self.rims[i]] {
                 let terms = [(at, Vector3::zeros(), t), (BODY, Vector3::zeros(), -t)];
                 c.add(&terms, omega.cross(&t).dot(&(wheel.rate - omega)));
             }

@@ -230,17 +230,18 @@ fn falls_do_not_depend_on_the_body_axes() {
 }
 
 /// The robot behind a mirror in the xz-plane.
-fn mirror_image(params: &Params) -> Params {
+pub(super) fn mirror_image(params: &Params) -> Params {
     let ([x, y], [xy, xz, yz]) = (params.body_com_offset, params.body_products_of_inertia);
     Params {
         wheel_azimuths: params.wheel_azimuths.map(|azimuth| -azimuth),
+        roller_angle: -params.roller_angle,
         body_com_offset: [x, -y],
         body_products_of_inertia: [-xy, xz, -yz],
         ..params.clone()
     }
 }
 
-fn mirrored(state: &State) -> State {
+pub(super) fn mirrored(state: &State) -> State {
     let vector = |v: &Vector3<f64>| Vector3::new(v.x, -v.y, v.z);
     let turning = |v: &Vector3<f64>| Vector3::new(-v.x, v.y, -v.z);
     let attitude = |q: &UnitQuaternion<f64>| UnitQuaternion::new_unchecked(Quaternion::new(q.w, -q.i, q.j, -q.k));

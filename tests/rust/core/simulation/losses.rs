@@ -186,7 +186,7 @@ fn lossy() -> Params {
 }
 
 /// State after 0.2 s of rolling, spinning and turning.
-fn rolled(robot: &mut dyn Model, params: &Params) -> State {
+pub(super) fn rolled(robot: &mut dyn Model, params: &Params) -> State {
     robot.set_params(params).unwrap();
     let rate = Vector3::new(0.1, -0.2, 0.6);
     let start = State::rolling(params, Vector2::new(0.4, 0.1), 0.8, attitude(Vector2::new(0.02, -0.01), 0.3), rate);

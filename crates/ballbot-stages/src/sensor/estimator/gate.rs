@@ -12,7 +12,8 @@ use ballbot_base::wheels::Wheels;
 /// About the ball's lowest point the forces have at most the torque r_k Σ N_i (sin α_i + 2 μ_s cos(α_i / 2)), less r_k
 /// N_P sin α_i for the loads N_P by a preload, whose moment the preload cancels. It turns the rolling ball with the inertia
 /// J_k + M_k r_k²; about the vertical at most r_k Σ μ_s N_i sin α_i, with J_k.
-/// Without the body's own rotation, a wheel rate follows the ball by k cos α_i and k sin α_i.
+/// Without the body's own rotation, a wheel rate follows the ball by k √(cos² α_i + tan² γ) and k sin α_i, with the angle γ
+/// of the rollers.
 ///
 /// A rate is the difference of two angles over dt, and its change the difference of two rates that share an angle: with
 /// the angle error σ the change has the deviation √6 σ / dt. Its margin is as many deviations as for two wheels that disagree.
@@ -37,11 +38,12 @@ impl JumpLimit {
         rolling *= radius / (params.ball_mass * radius).mul_add(radius, params.ball_inertia);
         spinning *= radius / params.ball_inertia;
         let scale = options.jump_gate * params.gear_ratio() * dt;
+        let incline = params.roller_angle.tan();
         let margin = options.slip_gate * 6.0_f64.sqrt() * options.encoder_noise / dt;
         Self {
             change: params
                 .wheel_zeniths()
-                .map(|zenith| scale * (zenith.cos().abs() * rolling + zenith.sin().abs() * spinning) + margin),
+                .map(|zenith| scale * (zenith.cos().hypot(incline) * rolling + zenith.sin().abs() * spinning) + margin),
         }
     }
 
