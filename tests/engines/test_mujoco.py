@@ -104,6 +104,28 @@ def test_a_preload_holds_wheels_that_slip_without_it_in_both_engines():
     assert all(speeds[engine, 0.0] > 2.0 * speeds[engine, 1.0] for engine in (None, "mujoco"))
 
 
+@pytest.mark.parametrize("angle", [np.pi / 4, -0.3])
+def test_inclined_rollers_move_the_robot_alike_in_both_engines(angle):
+    params = bb.Params.paper().replace(roller_angle=angle, body_com_offset=(0.003, -0.002))
+    start = bb.State.at_equilibrium(params, (0.03, -0.02), 0.4)
+    torques = np.array([0.05, -0.03, 0.06])
+    found = []
+    for robot in (MujocoRobot(robot_geometry(params), accurate(2e-4)), bb.Ballbot(params, sim_dt=2e-4)):
+        robot.reset(start)
+        robot.step(torques, 1000)
+        found.append(robot.state() if isinstance(robot, MujocoRobot) else robot.state)
+    theirs, ours = found
+    straight = bb.Ballbot(params.replace(roller_angle=0.0), sim_dt=2e-4)
+    straight.reset(start)
+    straight.step(torques, 1000)
+    for name in ("ball_position", "ball_velocity", "body_angular_velocity", "wheel_speeds"):
+        expected = getattr(ours, name)
+        effect = np.linalg.norm(getattr(straight.state, name) - expected)
+        assert np.linalg.norm(getattr(theirs, name) - expected) < 0.02 * effect, name
+    with pytest.raises(ValueError, match=r"roller_angle = .* must be 0"):
+        MujocoRobot(robot_geometry(params), accurate(turned=False))
+
+
 def test_motors_weakened_by_an_event_are_weak_in_the_engine():
     events = [{"term": "max_wheel_torque", "mode": "reset", "op": "abs", "dist": "uniform", "range": [0.02, 0.021]}]
     speeds = []

@@ -78,6 +78,9 @@ class PybulletRobot(ExternalRobot):
         if p.wheel_preload != 0.0:
             # Forces of PyBullet act for one step, not along a body that turns in substeps.
             raise bb.InvalidInputError(f"PyBullet does not simulate wheel_preload = {p.wheel_preload}: it must be 0")
+        if p.roller_angle != 0.0:
+            # Anisotropic friction is along the axes of the link.
+            raise bb.InvalidInputError(f"PyBullet does not simulate roller_angle = {p.roller_angle}: it must be 0")
         check_still_floor(p, "PyBullet")
         self.sim_dt = sim_dt
         self._com = robot.body.com

@@ -8,6 +8,7 @@ import numpy as np
 
 from ballbot_rs import _state_rows as rows
 from ballbot_rs._core import Params, State, Terrain
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.engines.moving_floor import contact_plane
 from ballbot_rs.engines.robot_geometry import Array, RobotGeometry, without_payload
 
@@ -100,8 +101,15 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
     """MJCF of the robot on a floor, minimal: four contact pairs, three motors, no other collision.
 
     A moving floor is a mocap body. A preload of the wheels is a fourth actuator, without control.
+
+    Raises:
+        ValueError: inclined rollers without turned contacts.
     """
     p = robot.params
+    if p.roller_angle != 0.0 and not setup.turned:
+        raise InvalidInputError(
+            f"MuJoCo's own contact frames are not along inclined rollers: roller_angle = {p.roller_angle} must be 0"
+        )
     stiffness = setup.stiffness
     friction = f'damping="{p.wheel_viscous_friction:.17g}" frictionloss="{p.wheel_coulomb_friction:.17g}"'
     wheels, pairs, motors = "", "", ""

@@ -33,7 +33,9 @@ class RobotGeometry:
     params: Params
     #: p_i, unit vectors from the ball's center to each wheel contact, (3, 3).
     contacts: Array
-    #: d_i, unit vectors along which each wheel drives the ball's surface, (3, 3).
+    #: Unit vectors along which the rim of each wheel moves at its contact, (3, 3).
+    rims: Array
+    #: d_i, unit vectors along which each wheel drives the ball's surface: along the axes of its rollers, (3, 3).
     drives: Array
     #: Unit vectors of the wheel axles; a positive torque pushes the ball along d_i, (3, 3).
     axles: Array
@@ -47,7 +49,10 @@ class RobotGeometry:
     @property
     def wheel_map(self) -> Array:
         """Map from a ball rate relative to the body, body frame, to wheel speeds: (3, 3), dimensionless."""
-        return -self.axles * (self.params.ball_radius / self.params.wheel_radius)
+        # The ball's surface and the rim move alike along the axes of the rollers.
+        surface = np.cross(self.contacts, self.drives) * self.params.ball_radius
+        rims = self.params.wheel_radius * np.sum(self.rims * self.drives, axis=1, keepdims=True)
+        return np.asarray(surface / rims)
 
 
 def _offset_inertia(mass: float, offset: Array) -> Array:
@@ -75,8 +80,10 @@ def robot_geometry(params: Params | None = None) -> RobotGeometry:
     zenith = (params.wheel_zenith + np.array(params.wheel_zenith_offsets))[:, np.newaxis]
     flat = np.stack([np.cos(azimuth), np.sin(azimuth), np.zeros(3)], axis=1)
     contacts = np.sin(zenith) * flat + np.cos(zenith) * np.array([0.0, 0.0, 1.0])
-    drives = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(3)], axis=1)
-    axles = -np.cross(contacts, drives)
+    rims = np.stack([-np.sin(azimuth), np.cos(azimuth), np.zeros(3)], axis=1)
+    axles = -np.cross(contacts, rims)
+    # Rotated about the outward normal; the axle points away from the mast.
+    drives = np.cos(params.roller_angle) * rims - np.sin(params.roller_angle) * axles
     centers = contacts * (params.ball_radius + params.wheel_radius)
 
     whole_com = np.array([*params.body_com_offset, params.body_com_height])
@@ -92,4 +99,5 @@ def robot_geometry(params: Params | None = None) -> RobotGeometry:
         wheel_inertias.append(across * (np.eye(3) - about_axle) + params.wheel_inertia * about_axle)
     # Rounding errors off the diagonal would make Bullet rotate the frame.
     inertia[np.abs(inertia) < 1e-12 * np.abs(inertia).max()] = 0.0
-    return RobotGeometry(params, contacts, drives, axles, centers, Link(mass, com, inertia), np.array(wheel_inertias))
+    body = Link(mass, com, inertia)
+    return RobotGeometry(params, contacts, rims, drives, axles, centers, body, np.array(wheel_inertias))

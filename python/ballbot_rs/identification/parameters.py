@@ -47,6 +47,7 @@ SIGNED: Final = (
     "body_products_of_inertia",
     "wheel_azimuths",
     "wheel_zenith_offsets",
+    "roller_angle",
     "gyro_bias",
     "acc_bias",
 )
@@ -216,6 +217,7 @@ def _scale(base: Robot, field: str, value: float) -> float:
         "wheel_preload": 0.1 * params.body_mass * params.gravity,
         "wheel_zenith_offsets": 0.05,
         "wheel_azimuths": 0.1,
+        "roller_angle": 0.1,
         **{name: typical for name, (_, typical) in BIASES.items()},
     }
     if field == "wheel_azimuths":

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from ballbot_rs._core import Params
 from ballbot_rs._quaternions import about_vertical, conjugate, product
 from ballbot_rs.identification.logs.log import SensorLog
-from ballbot_rs.identification.starts import axles_of, quaternions_of
+from ballbot_rs.identification.starts import drive_matrix, quaternions_of
 from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
@@ -95,7 +95,7 @@ def _turns(time: Array, params: Params, rows: Array, row: npt.NDArray[np.int64])
     """Rotation vectors of body and ball since the row before, body frame, rad, shape (n, 3)."""
     turn = 0.5 * (rows[row, 3:6] + rows[row - 1, 3:6]) * (time[row] - time[row - 1])[:, None]
     relative = (rows[row, :3] - rows[row - 1, :3]) * params.wheel_radius / params.ball_radius
-    return turn, turn + np.linalg.solve(axles_of(params), relative.T).T
+    return turn, turn + np.linalg.solve(drive_matrix(params), relative.T).T
 
 
 def _chained(time: Array, windows: Windows, params: Params, relative: Poses, measured: Array) -> tuple[Array, Array]:

@@ -42,7 +42,7 @@ def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
 
     Encoders and gyroscope give the ball's angular velocity without a model: psi' = k U (R^T w_k - Omega).
     """
-    axles = axles_of(params)
+    rows_of_wheels = drive_matrix(params)
     ratio = params.ball_radius / params.wheel_radius
     found = np.zeros((len(windows), 8))
     for index in range(len(windows)):
@@ -50,14 +50,16 @@ def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
         times = log.time[rows] - log.time[rows[0]]
         rates = np.polyfit(times, log.gyro[rows], 1)[-1]
         wheel_speeds = np.polyfit(times, log.wheel_angles[rows], 2)[-2]
-        ball = np.linalg.solve(axles, wheel_speeds) / ratio + rates
+        ball = np.linalg.solve(rows_of_wheels, wheel_speeds) / ratio + rates
         found[index] = [0.0, 0.0, *rates, params.ball_radius * ball[1], -params.ball_radius * ball[0], ball[2]]
     return found
 
 
-def axles_of(params: Params) -> Array:
-    """Unit vectors u of docs/conventions.md along the axles, body frame, a row for each wheel."""
+def drive_matrix(params: Params) -> Array:
+    """Vectors u of docs/conventions.md, body frame, a row for each wheel."""
     zeniths, azimuths = np.array(params.wheel_zeniths), np.array(params.wheel_azimuths)
-    return np.stack(
+    axles = np.stack(
         [-np.cos(zeniths) * np.cos(azimuths), -np.cos(zeniths) * np.sin(azimuths), np.sin(zeniths)], axis=-1
     )
+    rims = np.stack([-np.sin(azimuths), np.cos(azimuths), np.zeros(3)], axis=-1)
+    return axles - np.tan(params.roller_angle) * rims

@@ -68,7 +68,7 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
     """The `symmetries` of the robots of a batch and its observations.
 
     Raises:
-        ValueError: robots whose wheels are not alike, or rows without symmetry.
+        ValueError: robots whose wheels are not alike or have inclined rollers, or rows without symmetry.
     """
     for i, robot in enumerate(robots_in(batch)):
         apart = np.subtract(robot.wheel_azimuths, WHEEL_AZIMUTHS)
@@ -77,6 +77,8 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
                 f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
                 f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
             )
+        if robot.roller_angle != 0.0:
+            raise ValueError(f"a mirror reverses roller_angle = {robot.roller_angle} of robot {i}: it must be 0")
     rows = tuple(row["name"] for row in description_of(batch.task)["observation"])
     ages = len(history_ages(batch.history))
     if ages * len(rows) != batch.observation_len:

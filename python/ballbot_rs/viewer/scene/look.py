@@ -95,7 +95,7 @@ def from_params(params: Params) -> Look:
         by_color([_of_shape(one) for one in shapes]) for shapes in (body_of(robot), wheel_of(params.wheel_radius))
     )
     mounts = np.tile(np.eye(4), (3, 1, 1))
-    mounts[:, :3, :3] = np.stack([-robot.contacts, robot.drives, robot.axles], axis=2)
+    mounts[:, :3, :3] = np.stack([-robot.contacts, robot.rims, robot.axles], axis=2)
     mounts[:, :3, 3] = robot.centers
     return Look(ball_of(params.ball_radius), body, [Wheel(wheel, mount, np.array([0.0, 0.0, 1.0])) for mount in mounts])
 
