@@ -20,7 +20,8 @@ STATES = 1000
 UNEVEN = bb.Params.paper().replace(
     body_com_offset=(5e-3, -3e-3), wheel_azimuths=(0.02, 2.0 * np.pi / 3.0 - 0.03, 4.0 * np.pi / 3.0 + 0.01)
 )
-ROBOTS = {**{name: bb.Params.preset(name) for name in ("paper", "kugle", "rezero", "asroballet")}, "uneven": UNEVEN}
+PRESETS = {name: bb.Params.preset(name) for name in ("paper", "kugle", "rezero", "asroballet")}
+ROBOTS = {**PRESETS, "uneven": UNEVEN, "inclined": UNEVEN.replace(roller_angle=0.6)}
 
 
 def slips(params, states):
