@@ -539,8 +539,8 @@ class Params:
         """
     @property
     def is_symmetric(self) -> bool:
-        """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith and are
-        120 deg apart. The model `planar` takes only such robots.
+        """Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith, are 120 deg
+        apart and have no inclined rollers. The model `planar` takes only such robots.
         """
     @staticmethod
     def paper() -> Params:
@@ -1472,7 +1472,7 @@ def virtual_to_wheel_torques(
     ```
 
     `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
-    ValueError for wheels without a common zenith and 120 deg spacing.
+    ValueError for wheels without a common zenith and 120 deg spacing, and for inclined rollers.
     """
 
 def wheel_to_virtual_torques(robot: _Robot, wheel_torques: npt.ArrayLike) -> _Array:

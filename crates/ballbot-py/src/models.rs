@@ -306,7 +306,7 @@ fn finite_vector(name: &str, value: &Bound<'_, PyAny>) -> PyResult<Vector3<f64>>
 /// ```
 ///
 /// `mapping` "consistent" conserves power; "as_printed" is eq. (8), whose tilt and yaw torques are too large; it is a
-/// ValueError for wheels without a common zenith and 120 deg spacing.
+/// ValueError for wheels without a common zenith and 120 deg spacing, and for inclined rollers.
 #[pyfunction]
 #[pyo3(
     signature = (robot, virtual_torques, mapping="consistent", **others),

@@ -320,8 +320,8 @@ impl PyParams {
         self.0.equilibrium_wheel_loads().0.into()
     }
 
-    /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith and are
-    /// 120 deg apart. The model `planar` takes only such robots.
+    /// Whether the CoM is on the mast, the body axes are principal axes, and the wheels have a common zenith, are 120 deg
+    /// apart and have no inclined rollers. The model `planar` takes only such robots.
     #[getter]
     fn is_symmetric(&self) -> bool {
         self.0.is_symmetric()
