@@ -49,8 +49,8 @@ fn momenta(robot: &Ballbot) -> [Vector3<f64>; 2] {
     let place = state.body_position + turn * arm;
     let momentum = (state.body_velocity + turn * rate.cross(&arm)) * alone.body_mass;
     let wheels = Omniwheels::new(params);
-    let spins = state.wheel_speeds.column() - wheels.u * rate;
-    let own = turn * (alone.body_inertia_matrix() * rate - wheels.u.transpose() * spins * params.wheel_inertia);
+    let spins = state.wheel_speeds.column() - wheels.axles * rate;
+    let own = turn * (alone.body_inertia_matrix() * rate - wheels.axles.transpose() * spins * params.wheel_inertia);
     let [position, velocity] = payload(robot);
     let of_payload = velocity * params.payload_mass;
     [momentum + of_payload, place.cross(&momentum) + own + position.cross(&of_payload)]
