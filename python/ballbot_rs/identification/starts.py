@@ -62,4 +62,4 @@ def drive_matrix(params: Params) -> Array:
         [-np.cos(zeniths) * np.cos(azimuths), -np.cos(zeniths) * np.sin(azimuths), np.sin(zeniths)], axis=-1
     )
     rims = np.stack([-np.sin(azimuths), np.cos(azimuths), np.zeros(3)], axis=-1)
-    return axles - np.tan(params.roller_angle) * rims
+    return np.asarray(axles - np.tan(params.roller_angle) * rims)
