@@ -89,7 +89,10 @@ def configurations_that_require_success():
 def test_a_law_has_the_success_that_a_training_requires(parsed):
     left_out = ("events", "history", "observation", "scale_by_robot")
     options = {name: value for name, value in without_curriculum(parsed.env).items() if name not in left_out}
-    found = evaluate("mpc", task=task_of(parsed.env_id), episodes=20, **options)
+    task = task_of(parsed.env_id)
+    # The fastest law spills.
+    law = "lqr" if task == "carry" else "mpc"
+    found = evaluate(law, task=task, episodes=20, **options)
     assert found.success_rate >= parsed.evaluation.success
 
 

@@ -61,10 +61,12 @@ its 95 % interval.
 Where it falls short: 0.2 % of the family's episodes end in a fall, with a law that is given the robot 0.1 %. Most
 are of the robots that can lean least: the policy cannot observe how much torque their wheels transmit. An action of 1
 is 0.4 N·m on the paper's robot, and on another as large in proportion to the torque that holds its largest lean, within
-the limit of its motors; `lqr` uses all torque that its wheels transmit, which is more the more the robot leans. So from
-the largest tilts and pushes the policy falls earlier; the table compares it with `lqr` limited to the torque of an
-action, too. Sensors do not limit it: with them `lqr` recovers from the same tilts
-(`ballbot compare S2-rest --controller lqr --sensors kugle --robot ROBOT`). One training seed.
+the limit of its motors. From the largest tilts and pushes the policy falls earlier than `lqr`, which knows the robot.
+Little of that is the limit: in the table, `lqr` within the torque of an action recovers from nearly the same tilts.
+Sensors do not limit it either: with them `lqr` recovers from the same tilts
+(`ballbot compare S2-rest --controller lqr --sensors kugle --robot ROBOT`). What remains is the error of the fit, in
+which a policy that cannot observe traction averages over it: with more torque it would recover from more on most
+robots, and spin on the slipping wheels of others. One training seed.
 """
 
 

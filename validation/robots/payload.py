@@ -4,7 +4,7 @@ A load on a compliant tray, in an arm or in a glass is a point of the mass $m$ o
 ([payloads](simulate.md#payloads)). In free fall its springs, which held its weight, push it up: with the mass $M$ of
 the body alone it moves along the mast by
 
-$$d = \frac{m g}{k}\,(1 - \cos\omega t), \qquad \omega^2 = k\left(\frac{1}{m} + \frac{1}{M}\right).$$
+$$d = \frac{m g}{k}\ (1 - \cos\omega t), \qquad \omega^2 = k\left(\frac{1}{m} + \frac{1}{M}\right).$$
 
 The table has the heaviest payload, in masses of the body alone, that each preset balances in all of 50 episodes of the
 [balance task](tasks/balance.md), up to 2; at 1.5 times the height of the CoM, with a damping ratio of 0.05. *Rigid*: it

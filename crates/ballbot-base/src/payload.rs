@@ -159,11 +159,13 @@ impl<L: Lane> Payload<L> {
     #[inline(always)]
     pub fn force(&self, deflection: &Deflection<L>, time: L) -> Vec3<L> {
         let Deflection { position: d, velocity: v } = deflection;
-        let along = |i: usize, d: L, v: L| {
-            let [rest, rate] = self.rest(i, time);
-            self.hold[i] - self.stiffness[i] * (d - rest) - self.damping[i] * (v - rate)
-        };
-        Vec3::new(along(0, d.x, v.x), along(1, d.y, v.y), along(2, d.z, v.z))
+        Vec3::new(self.along(0, d.x, v.x, time), self.along(1, d.y, v.y, time), self.along(2, d.z, v.z, time))
+    }
+
+    #[inline(always)]
+    fn along(&self, i: usize, d: L, v: L, time: L) -> L {
+        let [rest, rate] = self.rest(i, time);
+        self.hold[i] - self.stiffness[i] * (d - rest) - self.damping[i] * (v - rate)
     }
 
     /// Kinetic energy, potential energy of gravity towards −`up` (of length g, m/s²) above `height_zero`, and energy of the

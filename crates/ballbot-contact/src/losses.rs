@@ -44,10 +44,8 @@ pub fn brake<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
         let mut rim = zero;
         if any_inclined {
             // A wheel with inclined rollers also moves along their free direction where it turns.
-            let [cos, sin] = c.roller_axis.map(
-                #[inline(always)]
-                |number| number.at(like),
-            );
+            let [cos, sin] = c.roller_axis;
+            let (cos, sin) = (cos.at(like), sin.at(like));
             rim = L::select(inclined, -rows.spin_shares[i] * sin / cos * c.wheel_radius.at(like), zero);
             arm = Vec3::select(inclined, arm.plus(c.u(i, like), rim), arm);
         }

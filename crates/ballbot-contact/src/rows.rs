@@ -74,10 +74,8 @@ impl<L: Lane> Rows<L> {
         if !L::any(inclined) {
             return self;
         }
-        let [cos, sin] = c.roller_axis.map(
-            #[inline(always)]
-            |number| number.at(like),
-        );
+        let [cos, sin] = c.roller_axis;
+        let (cos, sin) = (cos.at(like), sin.at(like));
         for i in 0..WHEELS {
             let (drive, turn, arm, share) = (self.drives[i], self.turns[i], self.drive_arms[i], self.spin_shares[i]);
             let free_arm = self.free_arm(c, rotation, i);

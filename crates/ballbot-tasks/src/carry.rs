@@ -111,15 +111,14 @@ impl Task for Carry {
         let force = (step.up * memory.get(GRAVITY)).plus(rotation.apply_transposed(change), zero.splat(dt.recip()));
         // In free fall the water has no surface.
         let down = force.z.max(memory.get(GRAVITY) * 0.1);
-        let limit = |slope: L| slope.max(slope.splat(-STEEPEST)).min(slope.splat(STEEPEST));
-        let rest = [limit(force.x / down), limit(force.y / down)];
+        let rest = [limited(force.x / down), limited(force.y / down)];
         let mut squared = zero;
         let [[a, b], [c, d]] = transition(TAU * self.slosh_frequency, self.slosh_damping, dt);
         for (i, rest) in rest.into_iter().enumerate() {
             let (offset, rate) = (memory.get(SLOPE[i]) - rest, memory.get(RATE[i]));
             let slope = offset.mul_add_all(a, rate.mul_add_all(b, rest));
             let rate = offset.mul_add_all(c, rate * d);
-            let slope = L::select(is_first, rest, limit(slope));
+            let slope = L::select(is_first, rest, limited(slope));
             memory.set(SLOPE[i], slope);
             memory.set(RATE[i], L::select(is_first, zero, rate));
             squared += slope.squared();
@@ -187,6 +186,12 @@ impl Carry {
             fall_tilt: self.fall_tilt,
         }
     }
+}
+
+/// A slope that is simulated.
+#[inline(always)]
+fn limited<L: Lane>(slope: L) -> L {
+    slope.max(slope.splat(-STEEPEST)).min(slope.splat(STEEPEST))
 }
 
 /// Matrix of x, x' after `dt` seconds of x'' + 2 ζ ω x' + ω² x = 0.
