@@ -11,6 +11,8 @@ from ballbot_rs.envs.registration import description_of
 
 #: Columns of a printed line.
 WIDTH = 100
+#: Least width of the names in a table.
+LEAST_NAME = 16
 
 _COLUMNS: dict[str, Callable[[Result], str]] = {
     "controller": lambda r: r.controller,
@@ -135,7 +137,8 @@ def print_table(results: Sequence[Result], task: str, options: Mapping[str, Any]
         *body,
     ]
     widths = [max(len(line[i]) for line in lines) for i in range(len(header))]
-    widths[0] = min(widths[0], WIDTH - sum(width + 2 for width in widths[1:]))
+    # Tables of many metrics are wider than that: names stay legible.
+    widths[0] = min(widths[0], max(LEAST_NAME, WIDTH - sum(width + 2 for width in widths[1:])))
     lines.insert(2, ["-" * width for width in widths])
     for first, *rest in lines:
         cells = [_shortened(first, widths[0]).ljust(widths[0])]

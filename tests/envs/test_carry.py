@@ -5,6 +5,7 @@ import pytest
 
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
+from ballbot_rs._text_table import print_table
 
 ALIKE = {
     "goal_distance": (0.5, 1.5),
@@ -62,3 +63,10 @@ def test_the_glass_changes_its_water(name):
     plain = metrics(driven("carry", 300, **ALIKE), "slosh")
     low = {"glass_height": 0.1, "slosh_frequency": 1.5, "slosh_damping": 0.5, "glass_radius": 0.02}
     assert (metrics(driven("carry", 300, **ALIKE, **{name: low[name]}), "slosh") != plain).all()
+
+
+def test_a_table_of_its_metrics_has_the_names_of_the_laws(capsys):
+    print_table(bb.compare(["lqr", "hierarchical_sliding_mode"], task="carry", episodes=2), "carry", {})
+    out = capsys.readouterr().out
+    assert "\nlqr " in out
+    assert "…al_sliding_mode " in out

@@ -14,7 +14,7 @@ impl Params {
     /// Checks that the wheels are round, as `what` requires.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] naming the ripple.
+    /// [`crate::Error::Inconsistent`] naming the ripple.
     pub fn require_round_wheels(&self, what: &str) -> Result<()> {
         let ripple = self.roller_ripple;
         reject(what, self.has_ripple().then(|| format!("roller_ripple = {ripple} m, but it requires 0")))
@@ -28,7 +28,7 @@ impl Params {
     /// Checks that the rollers are not inclined, as `what` requires.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] naming the angle.
+    /// [`crate::Error::Inconsistent`] naming the angle.
     pub fn require_omniwheels(&self, what: &str) -> Result<()> {
         reject(what, self.inclined_rollers())
     }
