@@ -113,3 +113,15 @@ def test_what_has_no_payload_rejects_one():
         bb.Ballbot(params, model="planar")
     with pytest.raises(ValueError, match="derivatives of motions: payload_mass"):
         bb.Ballbot(params).jacobian(np.zeros(3))
+
+
+def test_a_payload_taken_off_leaves_the_robot_as_it_was():
+    paper = bb.Params.paper()
+    robot = paper.with_payload(1.0, position=(0.02, -0.01, 0.4), stiffness=300.0).with_payload(0.0)
+    assert robot.is_symmetric
+    assert robot.body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
+
+
+def test_scales_take_the_payload_as_fixed():
+    robot = tray("paper", share=0.5)
+    assert bb.Scale.of(robot) == bb.Scale.of(robot.with_payload_fixed())

@@ -67,3 +67,9 @@ def test_the_engine_of_tasks_rejects_a_payload():
     robot = bb.Params.paper().with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=100.0)
     with pytest.raises(ValueError, match=r"payload_mass = 0\.5"):
         bb.compare(["lqr"], robot=robot, episodes=1, engine="mujoco")
+
+
+def test_an_arm_is_rejected():
+    arm = loaded(1).replace(payload_amplitude=(0.01, 0.0, 0.0))
+    with pytest.raises(ValueError, match="payload_amplitude"):
+        MujocoRobot(robot_geometry(arm), accurate(SIM_DT))

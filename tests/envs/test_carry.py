@@ -70,3 +70,16 @@ def test_a_table_of_its_metrics_has_the_names_of_the_laws(capsys):
     out = capsys.readouterr().out
     assert "\nlqr " in out
     assert "…al_sliding_mode " in out
+
+
+def test_water_on_a_floor_that_moves_is_rejected():
+    with pytest.raises(ValueError, match="the water of the task carry: floor_acceleration"):
+        bb.Batch(1, "carry", robot=bb.Params.paper().replace(floor_acceleration=(0.5, 0.0)))
+
+
+def test_water_as_thick_as_honey_comes_to_rest():
+    batch = bb.Batch(1, "carry", slosh_frequency=100.0, slosh_damping=2.0, control_dt=0.1, sim_dt=0.002)
+    batch.reset(starts=[bb.State.at_rest(batch.params(0))])
+    for _ in range(3):
+        batch.step(np.zeros((1, 3)))
+    assert metrics(batch, "slosh")[0] < 1e-6

@@ -87,7 +87,7 @@ class Water:
         turning = np.cross(states[:, rows.BODY_RATE], arm)
         velocity = states[:, rows.BODY_VELOCITY] + np.einsum("nij,nj->ni", turned, turning)
         change = np.zeros((N, 3)) if self.velocity is None else velocity - self.velocity
-        lifted = change / batch.control_dt + np.array([0.0, 0.0, batch.params(0).gravity])
+        lifted = change / batch.control_dt - batch.params(0).gravity_vector
         force = np.einsum("nij,ni->nj", turned, lifted)
         rest = force[:, :2] / force[:, 2:]
         if self.velocity is None:
@@ -142,11 +142,14 @@ def test_every_task_is_here():
     assert set(OF_TASKS) == set(TASKS)
 
 
-@pytest.mark.parametrize("task", OF_TASKS)
-def test_terms_match_the_documentation(task):
+@pytest.mark.parametrize(
+    ("task", "floor"), [*((task, {}) for task in OF_TASKS), ("carry", {"floor_tilt": (0.03, -0.02)})]
+)
+def test_terms_match_the_documentation(task, floor):
     # Terms that count for nothing by default count here.
     reward = {term["name"]: term["scale"] or 0.2 for term in TASKS[task]["rewards"]}
-    batch = bb.Batch(N, task, autoreset="disabled", seed=3, max_wheel_torque=0.5, reward=reward)
+    robot = bb.Params.paper().replace(**floor)
+    batch = bb.Batch(N, task, autoreset="disabled", seed=3, robot=robot, max_wheel_torque=0.5, reward=reward)
     lqr = bb.Lqr(batch.params(0).replace(max_wheel_torque=0.5), batch.control_dt)
     batch.reset()
     names = [term["name"] for term in TASKS[task]["rewards"]]

@@ -131,7 +131,7 @@ fields! {
         /// Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body
         /// with its payload at its place. Of `spatial`, `contact` and `rigid`.
         pub payload_mass: f64 = 0.0, "kg", Limit::from(0.0).to(1e6);
-        /// Place of the payload, body frame, while the robot is at rest in equilibrium.
+        /// Place of the payload, body frame, while the robot is at rest in equilibrium on a level floor.
         pub payload_position: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
         /// Stiffness of the springs between body and payload along the body axes.
         pub payload_stiffness: [f64; 3] = [0.0; 3], "N/m", Limit::from(0.0).to(1e12);

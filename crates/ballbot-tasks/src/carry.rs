@@ -45,15 +45,15 @@ task_fields! {
 }
 
 /// Memory after the memory of [`Goal`]: slope of the surface and its rate, body x and y; velocity of the glass after the last
-/// step; gravity, 0 before the first command; steps; largest height of the water at the wall; sum over steps of the squared
+/// step; acceleration of gravity, upwards, inertial frame; steps; largest height of the water at the wall; sum over steps of the squared
 /// force per mass in the plane of the tray.
 const SLOPE: [usize; 2] = [Goal::MEMORY, Goal::MEMORY + 1];
 const RATE: [usize; 2] = [Goal::MEMORY + 2, Goal::MEMORY + 3];
 const VELOCITY: [usize; 3] = [Goal::MEMORY + 4, Goal::MEMORY + 5, Goal::MEMORY + 6];
-const GRAVITY: usize = Goal::MEMORY + 7;
-const STEPS: usize = Goal::MEMORY + 8;
-const HIGHEST: usize = Goal::MEMORY + 9;
-const FORCE: usize = Goal::MEMORY + 10;
+const GRAVITY: [usize; 3] = [Goal::MEMORY + 7, Goal::MEMORY + 8, Goal::MEMORY + 9];
+const STEPS: usize = Goal::MEMORY + 10;
+const HIGHEST: usize = Goal::MEMORY + 11;
+const FORCE: usize = Goal::MEMORY + 12;
 
 /// Largest slope of the surface that is simulated.
 const STEEPEST: f64 = 10.0;
@@ -66,9 +66,10 @@ impl Task for Carry {
     const SUCCESS: &'static str = "not terminated, nothing spilled, and every goal held within `goal_radius` for the last `hold_seconds` of its time";
     const GEOMETRY: Option<Geometry> = Some(Geometry::Point);
     const COMMAND: &'static [Row] = Goal::COMMAND;
-    const MEMORY: usize = Goal::MEMORY + 11;
+    const MEMORY: usize = Goal::MEMORY + 13;
 
     fn validate(&self, params: &Params) -> Result<()> {
+        params.require_still_floor("the water of the task carry")?;
         self.goal().validate(params)
     }
 
@@ -79,7 +80,8 @@ impl Task for Carry {
     }
 
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
-        memory[GRAVITY] = moment.params.gravity;
+        let gravity = moment.params.gravity_vector();
+        GRAVITY.into_iter().zip(&gravity).for_each(|(at, g)| memory[at] = 0.0 - g);
         self.goal().commanded(moment, memory);
     }
 
@@ -108,9 +110,10 @@ impl Task for Carry {
         let before = Vec3::new(memory.get(VELOCITY[0]), memory.get(VELOCITY[1]), memory.get(VELOCITY[2]));
         let is_first = memory.get(STEPS).le(zero);
         let change = Vec3::select(is_first, Vec3::zero(zero), velocity - before);
-        let force = (step.up * memory.get(GRAVITY)).plus(rotation.apply_transposed(change), zero.splat(dt.recip()));
+        let gravity = Vec3::new(memory.get(GRAVITY[0]), memory.get(GRAVITY[1]), memory.get(GRAVITY[2]));
+        let force = rotation.apply_transposed(gravity.plus(change, zero.splat(dt.recip())));
         // In free fall the water has no surface.
-        let down = force.z.max(memory.get(GRAVITY) * 0.1);
+        let down = force.z.max(gravity.z * 0.1);
         let rest = [limited(force.x / down), limited(force.y / down)];
         let mut squared = zero;
         let [[a, b], [c, d]] = transition(TAU * self.slosh_frequency, self.slosh_damping, dt);
@@ -199,14 +202,16 @@ fn transition(omega: f64, damping: f64, dt: f64) -> [[f64; 2]; 2] {
     let decay = damping * omega;
     let squared = omega * omega * (1.0 - damping * damping);
     let turned = squared.abs().sqrt() * dt;
-    // cos and sin / rate of the damped frequency, or their hyperbolic counterparts of an overdamped mode.
-    let (cos, sine) = if turned < 1e-6 {
-        (1.0, dt)
-    } else if squared > 0.0 {
-        (turned.cos(), turned.sin() * dt / turned)
-    } else {
-        (turned.cosh(), turned.sinh() * dt / turned)
-    };
+    // cos and sin / rate of the damped frequency, or their hyperbolic counterparts of an overdamped mode, with the decay.
     let scale = (-decay * dt).exp();
-    [[scale * (cos + decay * sine), scale * sine], [-scale * omega * omega * sine, scale * (cos - decay * sine)]]
+    let (cos, sine) = if turned < 1e-6 {
+        (scale, scale * dt)
+    } else if squared > 0.0 {
+        (scale * turned.cos(), scale * turned.sin() * dt / turned)
+    } else {
+        // The hyperbolic functions alone overflow.
+        let (slow, fast) = ((turned - decay * dt).exp(), (-turned - decay * dt).exp());
+        (0.5 * (slow + fast), 0.5 * (slow - fast) * dt / turned)
+    };
+    [[cos + decay * sine, sine], [-omega * omega * sine, cos - decay * sine]]
 }

@@ -86,6 +86,8 @@ def _payload(p: Params) -> str:
     """MJCF of the payload on the body: three slides whose springs hold it at its place in equilibrium."""
     if not p.has_payload:
         return ""
+    if any(p.payload_amplitude):
+        raise InvalidInputError(f"MuJoCo does not simulate payload_amplitude = {p.payload_amplitude}: it must be zeros")
     com = np.array(p.body_com)
     hold = p.payload_mass * p.gravity * com / np.linalg.norm(com)
     slides = "".join(

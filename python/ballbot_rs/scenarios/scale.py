@@ -93,7 +93,8 @@ def _holdable(params: Params, turning: npt.NDArray[np.float64], toppling: float,
 
 def _rate_per_impulse(params: Params) -> float:
     """Tilt rate per impulse at the center of mass, rad/(N·m·s²)."""
-    robot = Ballbot(params.on_still_floor().replace(floor_tilt=(0.0, 0.0), roller_ripple=0.0), "spatial")
+    fixed = params.with_payload_fixed().on_still_floor()
+    robot = Ballbot(fixed.replace(floor_tilt=(0.0, 0.0), roller_ripple=0.0), "spatial")
     impulse = 1e-3 * params.body_mass
     robot.push((impulse, 0.0, 0.0))
     return float(abs(robot.state.body_angular_velocity[1]) / impulse)

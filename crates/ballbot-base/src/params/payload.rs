@@ -7,6 +7,9 @@ use nalgebra::{Matrix3, Vector3};
 /// Least eigenvalue of the inertia of the body without its payload, as a fraction of the inertia with it.
 const LEAST_INERTIA: f64 = 1e-6;
 
+/// Offsets and products of inertia below this fraction of the lengths and of the inertia are rounding.
+const ROUNDING: f64 = 1e-14;
+
 /// Largest stiffness and damping of a payload for a time step: k dt² / m and c dt / m with the reduced mass m. The integration
 /// gains energy above 4 and 2.
 const MOST_PER_STEP: f64 = 1.0;
@@ -53,6 +56,11 @@ impl Params {
         let inertia = self.body_inertia_matrix()
             + steiner(self.body_mass, &(com - whole_com))
             + steiner(mass, &(place - whole_com));
+        // A payload that is taken off leaves no offsets by rounding.
+        let far = com.norm().max(place.norm());
+        let whole_com = whole_com.map(|x| if x.abs() < ROUNDING * far { 0.0 } else { x });
+        let largest = inertia.amax();
+        let inertia = inertia.map(|x| if x.abs() < ROUNDING * largest { 0.0 } else { x });
         Self {
             body_mass: whole_mass,
             body_com_height: whole_com.z,
