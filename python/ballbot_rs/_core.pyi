@@ -272,7 +272,7 @@ class Params:
         roller_angle: float = 0.0,  # Angle γ by which the axes of the rollers are turned from the rim's direction: 0 for omniwheels, ±π/4 for mecanum wheels. At the contact, seen from the wheel's center, a positive angle turns them counterclockwise. (rad, >= -1.2 and <= 1.2)
         wheel_preload: float = 0.0,  # Preload P: constant force with which body and ball pull each other along the mast through the ball's center, as springs, magnets or a keeper below the ball's equator do. It adds to the wheel loads, and to no other. (N, >= 0 and <= 1e6)
         payload_mass: float = 0.0,  # Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body with its payload at its place. Of `spatial`, `contact` and `rigid`. (kg, >= 0 and <= 1e6)
-        payload_position: npt.ArrayLike = ...,  # Place of the payload, body frame, while the robot is at rest in equilibrium. (m, >= -1000 and <= 1000)
+        payload_position: npt.ArrayLike = ...,  # Place of the payload, body frame, while the robot is at rest in equilibrium on a level floor. (m, >= -1000 and <= 1000)
         payload_stiffness: npt.ArrayLike = ...,  # Stiffness of the springs between body and payload along the body axes. (N/m, >= 0 and <= 1e12)
         payload_damping: npt.ArrayLike = ...,  # Viscous damping between body and payload along the body axes. (N/(m/s), >= 0 and <= 1e9)
         payload_amplitude: npt.ArrayLike = ...,  # Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load. (m, >= -1000 and <= 1000)
@@ -397,7 +397,7 @@ class Params:
         """Mass of a payload that moves on the body, as a point; 0: none. It is part of `body_mass`: `body_*` describe the body with its payload at its place. Of `spatial`, `contact` and `rigid`. (kg, >= 0 and <= 1e6)"""
     @property
     def payload_position(self) -> tuple[float, float, float]:
-        """Place of the payload, body frame, while the robot is at rest in equilibrium. (m, >= -1000 and <= 1000)"""
+        """Place of the payload, body frame, while the robot is at rest in equilibrium on a level floor. (m, >= -1000 and <= 1000)"""
     @property
     def payload_stiffness(self) -> tuple[float, float, float]:
         """Stiffness of the springs between body and payload along the body axes. (N/m, >= 0 and <= 1e12)"""
