@@ -85,6 +85,8 @@ OPTIONS: dict[str, list[Any]] = {
     "hardest": [With(0.1, terrain=None)],
     "openballbot.speed": [0.01],
     "fall_tilt": [0.1],
+    # Its first tilts are smaller.
+    "carry.fall_tilt": [0.055],
 }
 
 
