@@ -168,8 +168,8 @@ impl<L: Lane> Payload<L> {
         self.hold[i] - self.stiffness[i] * (d - rest) - self.damping[i] * (v - rate)
     }
 
-    /// Kinetic energy, potential energy of gravity towards −`up` (of length g, m/s²) above `height_zero`, and energy of the
-    /// springs, J: with the payload at its place and the springs' rest there, the energy of a point mass on the body.
+    /// Kinetic energy, potential energy under the gravity −`up`, m/s², zero at the origin, and energy of the springs, J: with the
+    /// payload at its place and the springs' rest there, the energy of a point mass on the body.
     #[inline(always)]
     pub fn energy(&self, body: &LaneState<L>, payload: &PayloadMotion<L>, up: Vec3<L>, time: L) -> L {
         let Deflection { position: d, .. } = self.deflection(body, payload);

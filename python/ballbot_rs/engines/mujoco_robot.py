@@ -17,7 +17,7 @@ BALL_POSITION, BALL_QUATERNION, BODY_POSITION = slice(0, 3), slice(3, 7), slice(
 BODY_QUATERNION, WHEEL_ANGLES = slice(10, 14), slice(14, 17)
 BALL_VELOCITY, BALL_RATE, BODY_VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 BODY_RATE, WHEEL_SPEEDS = slice(9, 12), slice(12, 15)
-PAYLOAD, PAYLOAD_SPEED = slice(17, 20), slice(15, 18)
+PAYLOAD = slice(17, 20)
 
 #: Index of the wheel's drive direction among a contact's two friction directions, where the robot faces along x.
 #: MuJoCo derives them from the normal and the world's axes, not from the wheel.
@@ -50,12 +50,12 @@ class Setup:
 
     def options(self, params: Params) -> str:
         """The MJCF element."""
-        frictions = {
-            "frictionloss": params.wheel_coulomb_friction,
-            "damper": max(params.wheel_viscous_friction, params.payload_mass),
-            "spring": params.payload_mass,
+        used = {
+            "frictionloss": params.wheel_coulomb_friction != 0.0,
+            "damper": params.wheel_viscous_friction != 0.0 or params.has_payload,
+            "spring": params.has_payload,
         }
-        unused = [*_UNUSED, *(flag for flag, friction in frictions.items() if friction == 0.0)]
+        unused = [*_UNUSED, *(flag for flag, is_used in used.items() if not is_used)]
         flags = " ".join(f'{flag}="disable"' for flag in unused)
         return (
             f'<option timestep="{self.sim_dt}" cone="elliptic" solver="Newton" {self.solver}><flag {flags}/></option>'

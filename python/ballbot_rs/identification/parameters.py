@@ -22,7 +22,7 @@ SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
 #: Parameters of a payload, and of a floor that moves or on which friction differs from place to place.
-PERTURBED: Final = tuple(
+NOT_IN_LOGS: Final = tuple(
     parameter["name"]
     for parameter in PARAMETERS
     if parameter["name"].startswith(
@@ -32,7 +32,7 @@ PERTURBED: Final = tuple(
 #: Parameters that a fit cannot find: the motor limit; the direction of a slope and the motion of a floor, since logs
 #: have no heading; the payload, whose deflection is not in logs; and the roller ripple, which is faster than the
 #: steps of a log.
-EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases", *PERTURBED)
+EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases", *NOT_IN_LOGS)
 #: Components of vectors, as printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),
