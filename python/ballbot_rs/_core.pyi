@@ -740,7 +740,7 @@ class Terrain:
     print(ground.height(0.5, 0.0), ground.normal(0.5, 0.0))
     ```
 
-    Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
+    Made by `plane`, `from_heights`, `from_function` or `generate`; `with_obstacles` adds posts, boxes and walls. Its center is the origin. Beyond its edges it
     continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
 
     Raises:
@@ -767,7 +767,7 @@ class Terrain:
     @staticmethod
     def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
         """A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-        "curb", "cobbles" or "mix". `terrain_kinds()` lists their parameters.
+        "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters.
         """
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
         """Height at `x` and `y`, m: a number, or an array of their broadcast shape."""
@@ -799,7 +799,7 @@ class Terrain:
     @property
     def recipe(self) -> dict[str, Any] | None:
         """Arguments of `generate` for this terrain: a dict with `kind`, `seed` and all parameters, as the option `terrain`
-        of environments takes it; None for a terrain from heights or a function.
+        of environments takes it, with `obstacles` of `with_obstacles`; None for a terrain from heights or a function.
         """
     def __eq__(self, other: object, /) -> bool: ...
     def __ne__(self, other: object, /) -> bool: ...
@@ -1387,11 +1387,14 @@ def _params_of(robot: _Robot) -> Params:
 
 def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
     """Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
-    the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+    the floor, forces of the floor on the bot and of obstacles, shape (20,), whether the bot touches the floor and anything
+    an obstacle, and the counts of searched and unsolved steps.
     """
 
 def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
-    """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m."""
+    """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y, their distance, m, and its
+    obstacles.
+    """
 
 def _policy_controller(
     name: str,

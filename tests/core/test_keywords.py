@@ -811,9 +811,9 @@ NOT_CALLED = {
     # tests/link and tests/deployment call them.
     *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised", "NativeLaw", "StateFeedback"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),
-    *("evaluate", "controllers", "terrain_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
+    *("evaluate", "controllers", "terrain_kinds", "obstacle_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),
-    *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Carry", "Terrain", "OpenBallBot")
+    *(f"{name}{kind}" for name in ("Balance", "Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")
       for kind in ("Env", "VectorEnv")),
 }  # fmt: skip
 

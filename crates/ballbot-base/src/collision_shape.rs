@@ -9,8 +9,8 @@ use crate::wheels::Wheels;
 use nalgebra::{UnitQuaternion, Vector3};
 use std::f64::consts::TAU;
 
-/// Largest overlap of bot and floor in an accepted state, m.
-const MAX_FLOOR_OVERLAP: f64 = 1e-3;
+/// Largest overlap of the bot with the floor, and of the robot with obstacles, in an accepted state, m.
+const MAX_OVERLAP: f64 = 1e-3;
 
 /// Points around a rim that are compared with uneven ground.
 const RIM_POINTS: usize = 16;
@@ -51,6 +51,7 @@ pub struct CollisionShape {
     /// Centers of the wheels, body frame, m.
     pub wheel_centers: Wheels<Vector3<f64>>,
     wheel_radius: f64,
+    ball_radius: f64,
 }
 
 impl CollisionShape {
@@ -60,6 +61,7 @@ impl CollisionShape {
             body: BodyShape::new(params),
             wheel_centers: wheel_centers(params, wheels),
             wheel_radius: params.wheel_radius,
+            ball_radius: params.ball_radius,
         }
     }
 
@@ -108,18 +110,29 @@ impl CollisionShape {
         }
     }
 
-    /// Rejects a state in which the bot overlaps the ground (a level floor if `None`).
+    /// Rejects a state in which the bot overlaps the ground (a level floor if `None`), or the robot overlaps an obstacle.
     ///
     /// # Errors
-    /// [`crate::Error::OutOfRange`] naming the part and its height.
+    /// [`crate::Error::OutOfRange`] naming the part and its distance.
     pub fn require_above(&self, ground: Option<&Ground>, state: &State) -> Result<()> {
         let (part, height) = self.lowest(ground, &state.body_position, &state.body_quaternion);
         check(
             format_args!("height of the lowest point of the {part}"),
             height,
             "at least 0 m, the floor, within 1 mm",
-            |h| h >= -MAX_FLOOR_OVERLAP,
+            |h| h >= -MAX_OVERLAP,
         )?;
+        let Some(obstacles) = ground.map(|ground| ground.terrain().obstacles()).filter(|all| !all.is_empty()) else {
+            return Ok(());
+        };
+        let place =
+            |height: f64| <[f64; 3]>::from(state.body_position + state.body_quaternion * (Vector3::z() * height));
+        let of_body = obstacles.distance_of_segment([place(self.body.bottom), place(self.body.top)], self.body.radius);
+        let of_ball = obstacles.distance(state.ball_position.into()) - self.ball_radius;
+        for (part, distance) in [("ball", of_ball), ("body", of_body)] {
+            let name = format_args!("distance of the {part} from the nearest obstacle");
+            check(name, distance, "at least 0 m within 1 mm", |d| d >= -MAX_OVERLAP)?;
+        }
         Ok(())
     }
 }

@@ -40,6 +40,8 @@ pub struct LaneRobot<L: Lane> {
     pub healthy: L::Mask,
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    pub on_obstacle: L::Mask,
 }
 
 lane_struct! {
@@ -50,6 +52,8 @@ lane_struct! {
         pub healthy: T,
         /// As in [`LaneRobot`].
         pub on_floor: T,
+        /// As in [`LaneRobot`].
+        pub on_obstacle: T,
     }
 }
 
@@ -57,9 +61,14 @@ impl<L: Lane> LaneRobot<L> {
     /// Reads the output of [`LaneRobot::store`].
     #[inline(always)]
     pub fn load(token: L::Token, state: &LaneState<L::Cell>, conditions: &ConditionCells<L::Cell>) -> Self {
-        let (healthy, on_floor) = (L::load(token, &conditions.healthy), L::load(token, &conditions.on_floor));
-        let zero = healthy.zero();
-        Self { state: state.load(token), healthy: zero.lt(healthy), on_floor: zero.lt(on_floor) }
+        let conditions = conditions.load::<L>(token);
+        let zero = conditions.healthy.zero();
+        Self {
+            state: state.load(token),
+            healthy: zero.lt(conditions.healthy),
+            on_floor: zero.lt(conditions.on_floor),
+            on_obstacle: zero.lt(conditions.on_obstacle),
+        }
     }
 
     /// Writes state and conditions.
@@ -70,6 +79,7 @@ impl<L: Lane> LaneRobot<L> {
         let one = zero.splat(1.0);
         L::select(self.healthy, one, zero).store(&mut conditions.healthy);
         L::select(self.on_floor, one, zero).store(&mut conditions.on_floor);
+        L::select(self.on_obstacle, one, zero).store(&mut conditions.on_obstacle);
     }
 }
 

@@ -56,6 +56,11 @@ pub trait Model: Send + Sync {
         false
     }
 
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    fn on_obstacle(&self) -> bool {
+        false
+    }
+
     /// Kinetic energy plus potential energies of body and ball, the body's above the ball center's resting height, J.
     fn energy(&self) -> f64;
 

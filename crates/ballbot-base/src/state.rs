@@ -231,8 +231,12 @@ pub struct Contacts {
     pub bot_floor_force: Vector3<f64>,
     /// Velocity of the ball's lowest point along the floor, m/s; zero without slip.
     pub floor_slip_velocity: Vector2<f64>,
+    /// Force of obstacles on ball, body and wheels, inertial frame, N.
+    pub obstacle_force: Vector3<f64>,
     /// Whether the body or a wheel touches the floor.
     pub bot_on_floor: bool,
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    pub on_obstacle: bool,
     /// Steps since the reset in which the sticking and slipping contacts were not found at the first attempt; zero for
     /// models without slip.
     pub searched_steps: u64,
@@ -252,6 +256,7 @@ impl Contacts {
         finite("wheel_slip_speeds", self.wheel_slip_speeds.as_slice())?;
         finite("floor_force", self.floor_force.as_slice())?;
         finite("bot_floor_force", self.bot_floor_force.as_slice())?;
+        finite("obstacle_force", self.obstacle_force.as_slice())?;
         finite("floor_slip_velocity", self.floor_slip_velocity.as_slice())
     }
 

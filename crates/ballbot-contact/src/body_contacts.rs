@@ -1,12 +1,15 @@
-//! Rare contacts: bot on the floor, and ball against the body.
+//! Rare contacts: bot on the floor, ball against the body, and both against obstacles.
 //!
 //! They are not part of the rows. A step is solved without them first. Robots that would close such a contact get their
 //! impulses from Gauss-Seidel sweeps over these contacts and the rows together. The others keep the exact solution, and
 //! so do robots that are marked near but touch nothing: their motion keeps every bit.
 
 mod ball_on_body;
-mod floor_point;
+mod ball_on_obstacle;
+mod bot_point;
 mod mast;
+mod on_obstacles;
+mod plane;
 
 use super::constants::{Constants, at3};
 use super::delassus::Delassus;
@@ -14,12 +17,13 @@ use super::footing::{Footing, Relief};
 use super::friction::{Friction, JointFriction};
 use super::phases::{Start, finish, free_velocities};
 use super::state::ContactState;
-use super::types::{Actions, PerRow, Pose, Velocities, select3, with_positive_zero};
+use super::types::{Actions, PerRow, Pose, Velocities, with_positive_zero};
 use ball_on_body::BallOnBody;
 use ballbot_base::lanes::{Lane, Own, Value, Vec3};
 use ballbot_base::wheels::Wheels;
-use floor_point::{FloorPoint, POINTS, floor_points};
+use bot_point::{BotPoint, POINTS, floor_points};
 use mast::MastFrame;
+use on_obstacles::OnObstacles;
 
 /// Smallest number of sweeps. Chosen by experiment.
 const SWEEPS: usize = 3;
@@ -30,6 +34,10 @@ const MOST_SWEEPS: usize = 20;
 /// Root of the squared changes of the impulses in a sweep above which the sweeps continue, as a fraction of the impulse
 /// of a wheel's static load. Chosen by experiment.
 const SETTLED_SHARE: f64 = 1e-4;
+
+/// The same two of robots near obstacles: an impact on a wall passes through ball and wheels. Chosen by experiment.
+const MOST_SWEEPS_AT_OBSTACLES: usize = 200;
+const SETTLED_SHARE_AT_OBSTACLES: f64 = 1e-6;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
 const FLOOR_MARGIN: f64 = 2e-3;
@@ -47,6 +55,8 @@ pub struct Near<'a, L: Lane> {
     pub mask: L::Mask,
     /// Robots of `mask` whose ball may touch wheels or body, so that all contacts are solved together.
     pub coupled: L::Mask,
+    /// Robots of `mask` that may touch an obstacle.
+    obstacle: L::Mask,
     /// Robots of `mask` whose ball may touch the body's cylinder.
     ball_on_body: L::Mask,
     /// Height below which a point of the bot may touch the floor, m.
@@ -114,8 +124,14 @@ impl<'a, L: Lane> Near<'a, L> {
             let Wheels([a, b, d]) = start.rows.gaps;
             wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
         }
-        let mask = lowest.lt(floor_limit) | ball_near;
-        Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit, footing, token }
+        let mut mask = lowest.lt(floor_limit) | ball_near;
+        let mut coupled = mask & (wheels_near | ball_near);
+        let mut obstacle = zero.lt(zero);
+        if let Some(near) = footing.and_then(Footing::near_obstacles) {
+            obstacle = zero.le(L::load(token, &near.limit));
+            (mask, coupled) = (mask | obstacle, coupled | obstacle);
+        }
+        Self { mask, coupled, obstacle, ball_on_body: ball_near, floor_limit, footing, token }
     }
 }
 
@@ -154,6 +170,7 @@ pub fn finish_near<L: Lane>(
             ] {
                 L::select(closing, L::load(token, cell), L::load(token, counted)).store(cell);
             }
+            contacts.store_obstacles(token, state, &near);
             let touches = contacts.bot_touches(near.mask);
             let zero = start.pose.body.x.zero();
             let on_floor = L::select(touches, zero.splat(1.0), zero);
@@ -213,10 +230,11 @@ struct System<L, V> {
 
 /// The rare contacts of robots, and the impulses of the rows and the velocities with all contacts.
 struct Contacts<L: Lane> {
-    points: [FloorPoint<L>; POINTS],
+    points: [BotPoint<L>; POINTS],
     /// Whether any robot may touch the floor with the point.
     used: [bool; POINTS],
     ball: BallOnBody<L>,
+    obstacles: Option<OnObstacles<L>>,
     impulses: PerRow<L>,
     normal_estimate: Wheels<L>,
     velocities: Velocities<L>,
@@ -248,7 +266,11 @@ impl<L: Lane> Contacts<L> {
             *used = point.may_touch(near.mask);
         }
         let ball = BallOnBody::new(c, start);
-        Self { points, used, ball, normal_estimate: impulses.normals, impulses, velocities }
+        let obstacles = near.footing.and_then(
+            #[inline(always)]
+            |footing| OnObstacles::new(c, start, near.token, footing),
+        );
+        Self { points, used, ball, obstacles, normal_estimate: impulses.normals, impulses, velocities }
     }
 
     /// Robots near rare contacts that close a rare contact at the present velocities.
@@ -257,8 +279,11 @@ impl<L: Lane> Contacts<L> {
         let mut closing = near.ball_on_body & self.ball.closes(c, &self.velocities);
         for (point, used) in self.points.iter().zip(self.used) {
             if used {
-                closing = closing | point.closes(c, &self.velocities);
+                closing = closing | point.closes(&self.velocities);
             }
+        }
+        if let Some(obstacles) = &self.obstacles {
+            closing = closing | obstacles.closes(&self.velocities);
         }
         closing & near.mask
     }
@@ -288,11 +313,15 @@ impl<L: Lane> Contacts<L> {
             friction: Friction::new(c, &start.rows, &start.velocities),
             joint_friction: JointFriction::new(c, zero),
         };
-        let threshold = (c.static_wheel_load.at(zero) * c.sim_dt.at(zero) * SETTLED_SHARE).squared();
+        let share = L::select(near.obstacle, zero.splat(SETTLED_SHARE_AT_OBSTACLES), zero.splat(SETTLED_SHARE));
+        let threshold = (c.static_wheel_load.at(zero) * c.sim_dt.at(zero) * share).squared();
         let mut open = near.mask;
-        for sweep in 0..MOST_SWEEPS {
+        for sweep in 1..=MOST_SWEEPS_AT_OBSTACLES {
             let change = self.sweep(c, start, &system, near, open);
-            if sweep + 1 >= SWEEPS {
+            if sweep >= MOST_SWEEPS {
+                open = open & near.obstacle;
+            }
+            if sweep >= SWEEPS {
                 open = open & threshold.lt(change);
                 if !L::any(open) {
                     break;
@@ -321,10 +350,11 @@ impl<L: Lane> Contacts<L> {
         let mut change = zero;
         for (point, used) in self.points.iter_mut().zip(self.used) {
             if used {
-                let before = point.impulses;
-                change += point.sweep(c, system.friction.floor, &mut v);
-                point.impulses = select3(open, point.impulses, before);
+                change += point.sweep_open(c, system.friction.floor, open, &mut v);
             }
+        }
+        if let Some(obstacles) = &mut self.obstacles {
+            change += obstacles.sweep(c, open, &mut v);
         }
         let coupled = open & near.coupled;
         if L::any(open & near.ball_on_body) {
@@ -349,6 +379,18 @@ impl<L: Lane> Contacts<L> {
         }
         self.velocities = Velocities::select(open, &v, &self.velocities);
         change
+    }
+
+    /// Stores what obstacles do, for robots that have not diverged.
+    #[inline(always)]
+    fn store_obstacles(&self, token: L::Token, state: &mut ContactState<L::Cell>, near: &Near<'_, L>) {
+        let (Some(obstacles), Some(footing)) = (&self.obstacles, near.footing) else { return };
+        let touches = obstacles.touches() & near.mask & state.stays_finite(token, &self.velocities);
+        let zero = self.ball.impulse.zero();
+        L::select(touches, zero.splat(1.0), zero).store(&mut state.on_obstacle);
+        let impulse = footing.relief(token).inertial(obstacles.impulse());
+        let before = Vec3::load(token, &state.obstacle_impulse);
+        Vec3::select(touches, impulse, before).store(&mut state.obstacle_impulse);
     }
 
     /// Robots of the mask whose bot touches the floor.

@@ -1,6 +1,8 @@
-//! The ground under robots: a step on terrain is a step on a level floor in the frame of the ground under the ball.
+//! The ground under robots and the obstacles around them: a step on terrain is a step on a level floor in the frame of the
+//! ground under the ball.
 
 use super::constants::{Constants, at3};
+use super::obstacles::NearObstacles;
 use super::state::ContactState;
 use super::types::Actions;
 use ballbot_base::lanes::{Cell, Lane, Quat, Rotation, Value, Vec3};
@@ -11,6 +13,10 @@ use std::sync::Arc;
 /// follows from the ball positions.
 pub struct Footing<T> {
     pub ground: Arc<Ground>,
+    /// Obstacles near the robots; `None` on ground without obstacles.
+    obstacles: Option<Box<NearObstacles<T>>>,
+    /// Whether robots need no transformation.
+    is_level: bool,
     patch: Patch<T>,
     /// Normal of the ground under the ball, inertial frame.
     normal: [T; 3],
@@ -22,13 +28,63 @@ pub struct Footing<T> {
 
 impl<T: Cell> Footing<T> {
     pub fn new(ground: &Arc<Ground>) -> Self {
+        let terrain = ground.terrain();
+        let has_obstacles = !terrain.obstacles().is_empty();
         Self {
             ground: Arc::clone(ground),
+            obstacles: has_obstacles.then(|| Box::new(NearObstacles::new())),
+            // Level ground without obstacles keeps its bits.
+            is_level: has_obstacles && terrain.is_level(),
             patch: Patch::default(),
             normal: [T::default(); 3],
             ball: [T::default(); 3],
             height: T::default(),
         }
+    }
+
+    /// Finds the obstacles near robots, and transforms robots to the frame of the step.
+    #[inline(always)]
+    pub fn begin<L: Lane<Cell = T>, V: Value<L>>(
+        &mut self,
+        c: &Constants<V>,
+        token: L::Token,
+        state: &mut ContactState<T>,
+        actions: &mut Actions<T>,
+    ) {
+        if let Some(near) = &mut self.obstacles {
+            L::rarely(
+                token,
+                #[inline(always)]
+                || near.look(c, token, state, self.ground.terrain().obstacles()),
+            );
+        }
+        if !self.is_level {
+            self.enter(c, token, state, actions);
+        }
+    }
+
+    /// The obstacles near the robots; `None` on ground without obstacles.
+    pub fn near_obstacles(&self) -> Option<&NearObstacles<T>> {
+        self.obstacles.as_deref()
+    }
+
+    /// Transforms robots back to the inertial frame after a step.
+    #[inline(always)]
+    pub fn end<L: Lane<Cell = T>>(&self, token: L::Token, state: &mut ContactState<T>) {
+        if !self.is_level {
+            self.leave::<L>(token, state);
+        }
+    }
+
+    /// The frame of the step.
+    #[inline(always)]
+    fn frame<L: Lane<Cell = T>>(&self, token: L::Token) -> Frame<L> {
+        let normal = Vec3::<L>::load(token, &self.normal);
+        if !self.is_level {
+            return Frame::of_normal(normal);
+        }
+        let zero = normal.x.zero();
+        Frame::of_normal(Vec3::new(zero, zero, zero.splat(1.0)))
     }
 
     /// Transforms robots to the frame of the ground, whose origin is on the tangent plane below the ball, and gravity for
@@ -66,10 +122,10 @@ impl<T: Cell> Footing<T> {
         }
     }
 
-    /// Transforms robots back to the inertial frame after a step.
+    /// Inverse of [`Footing::enter`].
     #[inline(always)]
     pub fn leave<L: Lane<Cell = T>>(&self, token: L::Token, state: &mut ContactState<T>) {
-        let frame = Frame::of_normal(Vec3::<L>::load(token, &self.normal));
+        let frame = self.frame::<L>(token);
         let back = frame.rotation.transposed();
         let center = Vec3::<L>::load(token, &state.ball_position);
         let moved = Vec3::new(center.x, center.y, center.z - L::load(token, &self.height));
@@ -80,19 +136,19 @@ impl<T: Cell> Footing<T> {
         turn(token, state, &frame.quaternion().conjugated(), &back);
     }
 
-    /// A vector of the inertial frame in the frame of [`Footing::enter`].
+    /// A vector of the inertial frame in the frame of the step.
     #[inline(always)]
     pub fn in_frame<L: Lane<Cell = T>>(&self, token: L::Token, vector: Vec3<L>) -> Vec3<L> {
-        Frame::of_normal(Vec3::<L>::load(token, &self.normal)).rotation.apply(vector)
+        self.frame(token).rotation.apply(vector)
     }
 
-    /// The ground near the robots, in the frame of [`Footing::enter`].
+    /// The ground near the robots, in the frame of the step.
     #[inline(always)]
     pub fn relief<L: Lane<Cell = T>>(&self, token: L::Token) -> Relief<'_, L> {
         Relief {
             ground: &self.ground,
             token,
-            frame: Frame::of_normal(Vec3::load(token, &self.normal)),
+            frame: self.frame(token),
             ball: Vec3::load(token, &self.ball),
             height: L::load(token, &self.height),
         }
@@ -132,11 +188,23 @@ impl<L: Lane> Relief<'_, L> {
         self.frame.rotation.transposed().apply(vector)
     }
 
+    /// A vector of the inertial frame in the frame of the step.
+    #[inline(always)]
+    pub fn in_frame(&self, vector: Vec3<L>) -> Vec3<L> {
+        self.frame.rotation.apply(vector)
+    }
+
+    /// A point in the inertial frame.
+    #[inline(always)]
+    pub fn place(&self, point: Vec3<L>) -> Vec3<L> {
+        let center = Vec3::new(point.x.zero(), point.x.zero(), self.height);
+        self.ball + self.frame.rotation.apply_transposed(point - center)
+    }
+
     /// Distance of a point from the ground's tangent plane below it, m, and the plane's normal.
     #[inline(always)]
     pub fn below(&self, point: Vec3<L>) -> (L, Vec3<L>) {
-        let center = Vec3::new(point.x.zero(), point.x.zero(), self.height);
-        let there = self.ball + self.frame.rotation.apply_transposed(point - center);
+        let there = self.place(point);
         let mut patch = Patch::default();
         let height = self.ground.terrain().surface().at(self.token, [there.x, there.y], &mut patch);
         let normal = Frame::of_gradient(height.gradient).normal;

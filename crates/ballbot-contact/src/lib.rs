@@ -22,6 +22,7 @@ mod held_force;
 mod losses;
 #[warn(missing_docs)]
 mod motion;
+mod obstacles;
 mod payload;
 mod perturbed;
 mod phases;

@@ -131,6 +131,10 @@ impl Model for ContactMotion {
         self.memory.bot_on_floor > 0.0
     }
 
+    fn on_obstacle(&self) -> bool {
+        self.memory.on_obstacle > 0.0
+    }
+
     fn energy(&self) -> f64 {
         energy_with_payload(&self.params, &self.wheels, &self.state(), &self.memory.payload, self.time())
     }

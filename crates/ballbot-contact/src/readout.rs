@@ -93,7 +93,13 @@ impl ContactState<f64> {
                     self.ball_velocity[1] + r * self.ball_rate[0],
                 ),
             },
+            obstacle_force: if self.on_obstacle > 0.0 {
+                Vector3::from(self.obstacle_impulse) * per_second
+            } else {
+                Vector3::zeros()
+            },
             bot_on_floor: self.bot_on_floor > 0.0,
+            on_obstacle: self.on_obstacle > 0.0,
             searched_steps: self.searched_steps as u64,
             unsolved_steps: self.unsolved_steps as u64,
         }

@@ -52,6 +52,12 @@ lane_struct! {
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.
         pub bot_floor_impulse: [T; 3],
+        /// Lower bound of the distance from obstacles, m.
+        pub clearance: T,
+        /// 1 while ball or bot touch an obstacle, else 0.
+        pub on_obstacle: T,
+        /// Impulse of obstacles on ball and bot in the last step in which they touched.
+        pub obstacle_impulse: [T; 3],
         /// 1 after a step with non-finite numbers, else 0.
         pub diverged: T,
         /// Steps since the reset in which all modes of the contacts were tried.
@@ -134,7 +140,7 @@ impl<T: Cell> ContactState<T> {
         encoder_rates(c, &self.velocities::<L>(token))
     }
 
-    /// State, health and floor contact for tasks and controllers.
+    /// State, health and contacts for tasks and controllers.
     #[inline(always)]
     pub fn robot<L: Lane<Cell = T>, V: Value<L>>(&self, token: L::Token, c: &Constants<V>) -> LaneRobot<L> {
         let diverged = L::load(token, &self.diverged);
@@ -142,6 +148,7 @@ impl<T: Cell> ContactState<T> {
             state: self.lane_state(token, c),
             healthy: diverged.le(diverged.zero()),
             on_floor: diverged.zero().lt(L::load(token, &self.bot_on_floor)),
+            on_obstacle: diverged.zero().lt(L::load(token, &self.on_obstacle)),
         }
     }
 

@@ -99,7 +99,7 @@ fn several<L: Lane, V: Value<L>>(
             L::rarely(
                 token,
                 #[inline(always)]
-                || footing.enter(c, token, state, &mut actions),
+                || footing.begin(c, token, state, &mut actions),
             );
         }
         if is_loaded {
@@ -125,7 +125,7 @@ fn several<L: Lane, V: Value<L>>(
             L::rarely(
                 token,
                 #[inline(always)]
-                || footing.leave::<L>(token, state),
+                || footing.end::<L>(token, state),
             );
         }
     }

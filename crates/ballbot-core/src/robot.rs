@@ -338,6 +338,11 @@ impl Ballbot {
         self.model.bot_on_floor()
     }
 
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    pub fn on_obstacle(&self) -> bool {
+        self.model.on_obstacle()
+    }
+
     /// Applies an impulse (inertial frame, N·s) to the body at `point` (body frame, m; its CoM if `None`). Models with
     /// contacts spread it over their next time step.
     ///

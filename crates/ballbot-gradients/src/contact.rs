@@ -38,7 +38,8 @@ impl Differentiated {
     ///
     /// # Errors
     /// [`Error::Inconsistent`] for a parameter without derivative: a ripple of zero, and inertia of a body with equal
-    /// principal moments; for a payload, for a floor that moves, and for floor friction that differs from place to place.
+    /// principal moments; for a payload, for a floor that moves, for floor friction that differs from place to place, and for
+    /// obstacles.
     pub fn new(
         params: &Params,
         constants: &Constants<f64>,
@@ -50,6 +51,7 @@ impl Differentiated {
         params.require_no_payload("derivatives of motions")?;
         params.require_still_floor("derivatives of motions")?;
         params.require_even_friction("derivatives of motions")?;
+        Ground::require_no_obstacles(ground, "derivatives of motions")?;
         let slopes = parameters.iter().map(|parameter| parameter.slopes(params, constants.sim_dt));
         Ok(Self {
             constants: constants.clone(),

@@ -234,6 +234,7 @@ impl Model for SpatialMotion {
     }
 
     fn set_ground(&mut self, ground: Option<&Arc<Ground>>) -> Result<()> {
+        Ground::require_no_obstacles(ground, "the model 'spatial'")?;
         let slope = ground.map(|ground| Slope::new(ground, &self.params)).transpose()?;
         *self = Self::on(&self.params.clone(), slope, self.sim_dt);
         Ok(())

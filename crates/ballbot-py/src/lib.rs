@@ -74,6 +74,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<estimator::PyEstimator>()?;
     module.add_class::<render::PyRenderer>()?;
     module.add_function(wrap_pyfunction!(terrain::terrain_kinds, module)?)?;
+    module.add_function(wrap_pyfunction!(terrain::obstacle_kinds, module)?)?;
     module.add("MOST_HEIGHTS", ballbot_core::terrain::MOST_NODES)?;
     module.add_function(wrap_pyfunction!(params::_params_of, module)?)?;
     module.add_function(wrap_pyfunction!(networks::_policy_controller, module)?)?;

@@ -319,18 +319,19 @@ fn tilted(
 }
 
 /// Pickled contacts: the arguments of [`_contacts_of`].
-type Pickled<'py> = (PyParams, Array<'py>, bool, (u64, u64));
+type Pickled<'py> = (PyParams, Array<'py>, (bool, bool), (u64, u64));
 
 /// Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
-/// the floor, force of the floor on the bot, shape (17,), whether the bot touches the floor, and the counts of searched and unsolved steps.
+/// the floor, forces of the floor on the bot and of obstacles, shape (20,), whether the bot touches the floor and anything
+/// an obstacle, and the counts of searched and unsolved steps.
 #[pyfunction]
 pub(crate) fn _contacts_of(
     params: &PyParams,
     numbers: &Bound<'_, PyAny>,
-    bot_on_floor: bool,
+    touches: (bool, bool),
     steps: (u64, u64),
 ) -> PyResult<PyContacts> {
-    let n = crate::convert::numbers::<17>("numbers", numbers)?;
+    let n = crate::convert::numbers::<20>("numbers", numbers)?;
     let three = |first: usize| [n[first], n[first + 1], n[first + 2]];
     let contacts = Contacts {
         wheel_normal_forces: Wheels(three(0)),
@@ -339,7 +340,9 @@ pub(crate) fn _contacts_of(
         floor_force: three(9).into(),
         floor_slip_velocity: [n[12], n[13]].into(),
         bot_floor_force: three(14).into(),
-        bot_on_floor,
+        obstacle_force: three(17).into(),
+        bot_on_floor: touches.0,
+        on_obstacle: touches.1,
         searched_steps: steps.0,
         unsolved_steps: steps.1,
     };
@@ -392,6 +395,12 @@ impl PyContacts {
         array(py, self.contacts.bot_floor_force.as_slice())
     }
 
+    /// Force of obstacles on ball, body and wheels, inertial frame, N.
+    #[getter]
+    fn obstacle_force<'py>(&self, py: Python<'py>) -> Array<'py> {
+        array(py, self.contacts.obstacle_force.as_slice())
+    }
+
     /// Velocity (x, y) of the lowest point of the ball, m/s.
     #[getter]
     fn floor_slip_velocity<'py>(&self, py: Python<'py>) -> Array<'py> {
@@ -402,6 +411,12 @@ impl PyContacts {
     #[getter]
     fn bot_on_floor(&self) -> bool {
         self.contacts.bot_on_floor
+    }
+
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    #[getter]
+    fn on_obstacle(&self) -> bool {
+        self.contacts.on_obstacle
     }
 
     /// Steps since the reset in which sticking and slipping contacts were not found at the first attempt.
@@ -427,20 +442,24 @@ impl PyContacts {
     fn __reduce__<'py>(&self, py: Python<'py>) -> PyResult<(Bound<'py, PyAny>, Pickled<'py>)> {
         let c = &self.contacts;
         let wheels = [c.wheel_normal_forces.0, c.wheel_tractions.0, c.wheel_slip_speeds.0].concat();
-        let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice(), c.bot_floor_force.as_slice()].concat();
+        let floor = [c.floor_force.as_slice(), c.floor_slip_velocity.as_slice()].concat();
+        let others = [c.bot_floor_force.as_slice(), c.obstacle_force.as_slice()].concat();
+        let touches = (c.bot_on_floor, c.on_obstacle);
         let steps = (c.searched_steps, c.unsolved_steps);
         let restore = py.import("ballbot_rs._core")?.getattr("_contacts_of")?;
-        Ok((restore, (PyParams(self.params.clone()), array(py, &[wheels, floor].concat()), c.bot_on_floor, steps)))
+        Ok((restore, (PyParams(self.params.clone()), array(py, &[wheels, floor, others].concat()), touches, steps)))
     }
 
     fn __repr__(&self) -> String {
-        let Contacts { wheel_normal_forces, wheel_slip_speeds, floor_force, bot_on_floor, .. } = &self.contacts;
+        let Contacts { wheel_normal_forces, wheel_slip_speeds, floor_force, bot_on_floor, on_obstacle, .. } =
+            &self.contacts;
         format!(
-            "<Contacts: loads {} N, slip {} m/s, floor {} N{}>",
+            "<Contacts: loads {} N, slip {} m/s, floor {} N{}{}>",
             short::numbers(wheel_normal_forces.as_slice()),
             short::numbers(wheel_slip_speeds.as_slice()),
             short::number(floor_force.norm()),
-            if *bot_on_floor { ", the bot touches it" } else { "" }
+            if *bot_on_floor { ", the bot touches it" } else { "" },
+            if *on_obstacle { ", on an obstacle" } else { "" }
         )
     }
 
@@ -452,6 +471,7 @@ impl PyContacts {
             ("wheel_slip_speeds", c.wheel_slip_speeds.0.to_vec(), "m/s"),
             ("floor_force", c.floor_force.as_slice().to_vec(), "N"),
             ("bot_floor_force", c.bot_floor_force.as_slice().to_vec(), "N"),
+            ("obstacle_force", c.obstacle_force.as_slice().to_vec(), "N"),
             ("floor_slip_velocity", c.floor_slip_velocity.as_slice().to_vec(), "m/s"),
             ("friction_utilization", c.friction_utilization(&self.params).to_vec(), ""),
         ])

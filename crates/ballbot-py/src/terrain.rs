@@ -3,7 +3,8 @@
 use crate::convert::{ANY_COUNT, elements, numbers, read_elements, shaped};
 use crate::errors::{call, to_python};
 use crate::numbers::{count, real, whole};
-use ballbot_core::terrain::{MOST_NODES, Terrain, TerrainKind};
+use ballbot_core::fields::OptionDescription;
+use ballbot_core::terrain::{MOST_NODES, Obstacle, Terrain, TerrainKind};
 use ballbot_core::{check_bounded, require_memory, try_reserve};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
@@ -19,7 +20,7 @@ use std::sync::Arc;
 /// print(ground.height(0.5, 0.0), ground.normal(0.5, 0.0))
 /// ```
 ///
-/// Made by `plane`, `from_heights`, `from_function` or `generate`. Its center is the origin. Beyond its edges it
+/// Made by `plane`, `from_heights`, `from_function` or `generate`; `with_obstacles` adds posts, boxes and walls. Its center is the origin. Beyond its edges it
 /// continues straight, with the slope at the edge; an episode of an environment that leaves it is truncated.
 ///
 /// Raises:
@@ -106,7 +107,7 @@ impl PyTerrain {
     }
 
     /// A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-    /// "curb", "cobbles" or "mix". `terrain_kinds()` lists their parameters.
+    /// "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters.
     #[staticmethod]
     #[pyo3(signature = (kind, seed=0, **parameters))]
     fn generate(
@@ -124,6 +125,34 @@ impl PyTerrain {
         }
         let numbers: Vec<_> = numbers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
         made(py, || Terrain::generate(kind, seed, &numbers))
+    }
+
+    /// This terrain with more obstacles, each a dict of its `kind`, "post", "box" or "wall", and its parameters;
+    /// `obstacle_kinds()` lists them. The models `contact` and `rigid` simulate them.
+    ///
+    /// Raises:
+    ///     ValueError: a parameter outside its limit, or more than 4096 obstacles.
+    fn with_obstacles(&self, py: Python<'_>, obstacles: &Bound<'_, PyAny>) -> PyResult<Self> {
+        let more = obstacles_of(obstacles)?;
+        made(py, || (*self.0).clone().with_obstacles(&more))
+    }
+
+    /// Its obstacles, each a dict as for `with_obstacles`.
+    #[getter]
+    fn obstacles<'py>(&self, py: Python<'py>) -> PyResult<Vec<Bound<'py, PyDict>>> {
+        obstacle_dicts(py, self.0.obstacles().shapes())
+    }
+
+    /// Horizontal distance of `x` and `y` from the outline of the nearest obstacle, m, negative inside; infinite without
+    /// obstacles.
+    fn obstacle_distance<'py>(
+        &self,
+        py: Python<'py>,
+        x: &Bound<'py, PyAny>,
+        y: &Bound<'py, PyAny>,
+    ) -> PyResult<Bound<'py, PyAny>> {
+        let obstacles = self.0.obstacles();
+        mapped(py, x, y, |x, y, out| out.push(obstacles.aside([x, y])), 1)
     }
 
     /// Height at `x` and `y`, m: a number, or an array of their broadcast shape.
@@ -223,7 +252,7 @@ impl PyTerrain {
     }
 
     /// Arguments of `generate` for this terrain: a dict with `kind`, `seed` and all parameters, as the option `terrain`
-    /// of environments takes it; None for a terrain from heights or a function.
+    /// of environments takes it, with `obstacles` of `with_obstacles`; None for a terrain from heights or a function.
     #[getter]
     fn recipe<'py>(&self, py: Python<'py>) -> PyResult<Option<Bound<'py, PyDict>>> {
         let Some(recipe) = self.0.recipe() else { return Ok(None) };
@@ -232,6 +261,10 @@ impl PyTerrain {
         out.set_item("seed", recipe.seed)?;
         for (name, value) in &recipe.parameters {
             out.set_item(name, value)?;
+        }
+        let added = self.0.added_obstacles();
+        if !added.is_empty() {
+            out.set_item("obstacles", obstacle_dicts(py, added)?)?;
         }
         Ok(Some(out))
     }
@@ -244,14 +277,20 @@ impl PyTerrain {
         let surface = self.0.surface();
         let coefficients = PyArray1::from_slice(py, surface.coefficients());
         let [along, across] = surface.nodes();
-        Ok((restore, (coefficients, (along, across), surface.cell())).into_pyobject(py)?.into_any())
+        let obstacles = self.obstacles(py)?;
+        Ok((restore, (coefficients, (along, across), surface.cell(), obstacles)).into_pyobject(py)?.into_any())
     }
 
     fn __repr__(&self) -> String {
         let name = self.0.recipe().map_or("heights", |recipe| recipe.kind);
         let ([x, y], [valley, crest]) = (self.0.half_size(), self.0.curvature());
+        let obstacles = match self.0.obstacles().shapes().len() {
+            0 => String::new(),
+            1 => ", 1 obstacle".into(),
+            count => format!(", {count} obstacles"),
+        };
         format!(
-            "Terrain({name}, {:.6} x {:.6} m, slope up to {:.3} rad, curvature from -{crest:.3} to {valley:.3} 1/m)",
+            "Terrain({name}, {:.6} x {:.6} m, slope up to {:.3} rad, curvature from -{crest:.3} to {valley:.3} 1/m{obstacles})",
             2.0 * x,
             2.0 * y,
             self.0.slope()
@@ -270,34 +309,104 @@ impl PyTerrain {
 pub(crate) fn terrain_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
     let out = PyDict::new(py);
     for kind in TerrainKind::ALL {
-        let parameters = PyDict::new(py);
-        for parameter in (kind.parameters)() {
-            let one = PyDict::new(py);
-            one.set_item("default", parameter.default[0])?;
-            one.set_item("unit", parameter.unit)?;
-            one.set_item("limit", parameter.limit)?;
-            one.set_item("doc", parameter.doc)?;
-            parameters.set_item(parameter.name, one)?;
-        }
-        out.set_item(kind.name, parameters)?;
+        out.set_item(kind.name, parameters_of(py, (kind.parameters)())?)?;
     }
     Ok(out)
 }
 
-/// The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y and their distance, m.
+/// Kinds of obstacles by name, each a dict of the parameters that `Terrain.with_obstacles` takes.
+///
+/// ```python
+/// print(bb.obstacle_kinds()["post"]["radius"])
+/// ```
+///
+/// A parameter has `default`, `unit`, `limit` and `doc`.
 #[pyfunction]
-#[pyo3(signature = (source, nodes=(0, 0), cell=0.0))]
-pub(crate) fn _terrain_of(source: &Bound<'_, PyAny>, nodes: (usize, usize), cell: f64) -> PyResult<PyTerrain> {
+pub(crate) fn obstacle_kinds(py: Python<'_>) -> PyResult<Bound<'_, PyDict>> {
+    let out = PyDict::new(py);
+    for (name, parameters) in ballbot_core::terrain::obstacle_kinds() {
+        out.set_item(name, parameters_of(py, parameters)?)?;
+    }
+    Ok(out)
+}
+
+fn parameters_of(py: Python<'_>, parameters: Vec<OptionDescription>) -> PyResult<Bound<'_, PyDict>> {
+    let out = PyDict::new(py);
+    for parameter in parameters {
+        let one = PyDict::new(py);
+        one.set_item("default", parameter.default[0])?;
+        one.set_item("unit", parameter.unit)?;
+        one.set_item("limit", parameter.limit)?;
+        one.set_item("doc", parameter.doc)?;
+        out.set_item(parameter.name, one)?;
+    }
+    Ok(out)
+}
+
+/// Obstacles from dicts.
+fn obstacles_of(list: &Bound<'_, PyAny>) -> PyResult<Vec<Obstacle>> {
+    let wrong = |what: String| PyTypeError::new_err(format!("obstacles: {what}"));
+    let items = list.try_iter().map_err(|_| wrong("must be a list of dicts".into()))?;
+    let mut out = Vec::new();
+    for (i, item) in items.enumerate() {
+        let item = item?;
+        let dict = item.cast::<PyMapping>().map_err(|_| wrong(format!("obstacles[{i}] must be a dict")))?;
+        let (mut kind, mut numbers) = (None, Vec::new());
+        for pair in dict.items()? {
+            let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = pair.extract()?;
+            let name: String = name.extract().map_err(|_| wrong(format!("the keys of obstacles[{i}] are names")))?;
+            if name == "kind" {
+                let found = value.extract::<String>();
+                kind = Some(found.map_err(|_| wrong(format!("'kind' of obstacles[{i}] must be a name")))?);
+            } else {
+                numbers.push((
+                    real(&value).map_err(|_| wrong(format!("{name} of obstacles[{i}] must be a number")))?,
+                    name,
+                ));
+            }
+        }
+        let kind = kind.ok_or_else(|| PyValueError::new_err(format!("obstacles[{i}] needs its 'kind'")))?;
+        let numbers: Vec<_> = numbers.iter().map(|(value, name)| (name.as_str(), *value)).collect();
+        out.push(Obstacle::named(&kind, &numbers).map_err(to_python)?);
+    }
+    Ok(out)
+}
+
+fn obstacle_dicts<'py>(py: Python<'py>, obstacles: &[Obstacle]) -> PyResult<Vec<Bound<'py, PyDict>>> {
+    let dict = |obstacle: &Obstacle| {
+        let out = PyDict::new(py);
+        out.set_item("kind", obstacle.kind())?;
+        for (name, value) in obstacle.parameters() {
+            out.set_item(name, value)?;
+        }
+        Ok(out)
+    };
+    obstacles.iter().map(dict).collect()
+}
+
+/// The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y, their distance, m, and its
+/// obstacles.
+#[pyfunction]
+#[pyo3(signature = (source, nodes=(0, 0), cell=0.0, obstacles=None))]
+pub(crate) fn _terrain_of(
+    source: &Bound<'_, PyAny>,
+    nodes: (usize, usize),
+    cell: f64,
+    obstacles: Option<&Bound<'_, PyAny>>,
+) -> PyResult<PyTerrain> {
     if let Ok(recipe) = source.cast::<PyMapping>() {
         return of_recipe(recipe);
     }
     let coefficients = elements::<f64>("coefficients", source, &[None], 3 * MOST_NODES)?;
-    made(source.py(), || Terrain::from_coefficients(&coefficients, [nodes.0, nodes.1], cell))
+    let obstacles = obstacles.map(obstacles_of).transpose()?.unwrap_or_default();
+    made(source.py(), || {
+        Terrain::from_coefficients(&coefficients, [nodes.0, nodes.1], cell)?.with_obstacles(&obstacles)
+    })
 }
 
 fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
     let parameters = PyDict::new(recipe.py());
-    let (mut kind, mut seed) = (None, 0);
+    let (mut kind, mut seed, mut obstacles) = (None, 0, None);
     for item in recipe.items()? {
         let wrong = |what: &str| PyTypeError::new_err(format!("terrain: {what}"));
         let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
@@ -305,6 +414,7 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
         match name.as_str() {
             "kind" => kind = Some(value.extract::<String>().map_err(|_| wrong("'kind' must be the name of a kind"))?),
             "seed" => seed = whole(&value).map_err(|_| wrong("'seed' must be a whole number"))?,
+            "obstacles" => obstacles = Some(value),
             "fingerprint" => {
                 return Err(PyValueError::new_err(
                     "this terrain was made of heights or a function, which options do not keep: pass it as terrain=",
@@ -314,7 +424,11 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
         }
     }
     let kind = kind.ok_or_else(|| PyValueError::new_err("terrain: a dict needs the name of a kind, 'kind'"))?;
-    PyTerrain::generate(recipe.py(), &kind, seed, Some(&parameters))
+    let terrain = PyTerrain::generate(recipe.py(), &kind, seed, Some(&parameters))?;
+    match obstacles {
+        Some(obstacles) => terrain.with_obstacles(recipe.py(), &obstacles),
+        None => Ok(terrain),
+    }
 }
 
 /// A terrain from None (level ground), a `Terrain`, the name of a kind or a recipe.

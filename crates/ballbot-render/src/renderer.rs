@@ -287,6 +287,15 @@ impl Frame<'_> {
         let length_squared = direction.norm_squared();
         let mut first = None;
         let (mut limit, floor_normal) = self.floor(direction);
+        let obstacle = self
+            .renderer
+            .scene
+            .terrain
+            .as_ref()
+            .and_then(|terrain| terrain.obstacles().cast((*origin).into(), (*direction).into(), limit));
+        if let Some((share, _)) = obstacle {
+            limit = share;
+        }
         for &i in near {
             let part = &self.parts[i];
             if part.near(origin, direction, length_squared)
@@ -301,6 +310,10 @@ impl Frame<'_> {
             Some((part, hit)) => (part.label, &|| {
                 let point = origin + direction * hit.distance;
                 self.light.surface(&part.color(&point), &point, &hit.normal, direction, self.parts)
+            }),
+            None if obstacle.is_some() => (Label::Obstacle, &|| {
+                let normal = obstacle.map_or(Vector3::z(), |(_, normal)| normal.into());
+                self.light.obstacle(&(origin + direction * limit), &normal, direction, limit, self.parts)
             }),
             None if limit.is_finite() => (Label::Floor, &|| {
                 let point = origin + direction * limit;

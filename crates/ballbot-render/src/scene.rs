@@ -43,11 +43,14 @@ pub enum Label {
     Wheel2 = 6,
     /// An arrow.
     Arrow = 7,
+    /// An obstacle.
+    Obstacle = 8,
 }
 
 impl Label {
     /// Names of the labels, indexed by label.
-    pub const NAMES: [&'static str; 8] = ["sky", "floor", "ball", "body", "wheel_0", "wheel_1", "wheel_2", "arrow"];
+    pub const NAMES: [&'static str; 9] =
+        ["sky", "floor", "ball", "body", "wheel_0", "wheel_1", "wheel_2", "arrow", "obstacle"];
 }
 
 impl Link {

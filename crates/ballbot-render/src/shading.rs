@@ -33,6 +33,7 @@ pub(super) struct Light {
     zenith: Color,
     squares: [Color; 2],
     line: Color,
+    obstacle: Color,
 }
 
 impl Light {
@@ -57,6 +58,7 @@ impl Light {
             zenith: srgb(0xb9d3e6),
             squares: [srgb(0xe3e8ec), srgb(0xccd5dc)],
             line: srgb(0x9fb0bd),
+            obstacle: srgb(0xc58a5c),
         }
     }
 
@@ -106,6 +108,19 @@ impl Light {
         let shade = 0.36 * self.openness(point, parts) + 0.76 * lit;
         let haze = (t / HAZE_DISTANCE).powi(2);
         (color * shade).lerp(&self.horizon, 1.0 - (-haze).exp())
+    }
+
+    /// Color of a point of an obstacle, with its outward normal, at depth `t` of a ray.
+    pub fn obstacle(
+        &self,
+        point: &Vector3<f64>,
+        normal: &Vector3<f64>,
+        direction: &Vector3<f64>,
+        t: f64,
+        parts: &[Placed<'_>],
+    ) -> Color {
+        let color = self.surface(&self.obstacle, point, normal, direction, parts);
+        color.lerp(&self.horizon, 1.0 - (-(t / HAZE_DISTANCE).powi(2)).exp())
     }
 
     /// Unoccluded fraction of the sky above a point of the floor, from the bounding spheres of the parts.

@@ -38,6 +38,8 @@ pub struct RigidMotion {
     pub(super) parts: Parts,
     pub(super) template: World,
     pub(super) handles: Handles,
+    /// Colliders of the obstacles.
+    pub(super) obstacles: Vec<ColliderHandle>,
     pub(super) settings: IntegrationParameters,
     pub(super) pipeline: PhysicsPipeline,
     pub(super) world: World,
@@ -65,6 +67,10 @@ pub(super) struct SimulationState {
     pub(super) force: HeldForce<f64>,
     /// Motion of the payload; of no meaning without one.
     pub(super) payload: PayloadMotion<f64>,
+    /// Lower bound of the distance from obstacles at the start of the last step, m.
+    pub(super) clearance: f64,
+    /// Whether the robot was near an obstacle in the last step.
+    pub(super) near_obstacle: bool,
     /// False after a non-finite state, which rapier freezes.
     pub(super) is_finite: bool,
     /// Steps since the reset in which the modes of the contacts did not settle at the first attempt.
@@ -83,6 +89,8 @@ impl SimulationState {
             push: [0.0; 6],
             force: HeldForce::default(),
             payload: PayloadMotion::default(),
+            clearance: 0.0,
+            near_obstacle: false,
             is_finite: true,
             searched_steps: 0,
             unsolved_steps: 0,
@@ -114,7 +122,7 @@ impl RigidMotion {
 
     fn on(params: &Params, ground: Option<&Arc<Ground>>, sim_dt: f64) -> Result<Self> {
         let wheels = Omniwheels::new(params);
-        let (template, handles) = World::new(params, &wheels, ground.is_none())?;
+        let (template, handles, obstacles) = World::new(params, &wheels, ground.map(|ground| &**ground))?;
         let link = BodyLink::new(params, &wheels)?;
         let mass = template.upright_mass(&handles);
         let mut motion = Self {
@@ -133,6 +141,7 @@ impl RigidMotion {
             world: template.clone(),
             template,
             handles,
+            obstacles,
             settings: integration_parameters(sim_dt),
             pipeline: new_pipeline(),
             sim_state: SimulationState::new(),
@@ -176,6 +185,15 @@ impl RigidMotion {
         for i in 0..WHEELS {
             bot.damping_mut()[6 + i] = self.params.wheel_viscous_friction;
         }
+    }
+
+    /// Impulse of all obstacles on the robot in the last step, inertial frame, N·s.
+    fn obstacle_impulse(&self) -> Vector3<f64> {
+        let obstacles = if self.sim_state.near_obstacle { &*self.obstacles } else { &[] };
+        let of_parts = |obstacle: &ColliderHandle| -> Vector3<f64> {
+            self.handles.parts().map(|part| self.world.obstacle_impulse(*obstacle, part)).sum()
+        };
+        obstacles.iter().map(of_parts).sum()
     }
 
     fn set_motion(&mut self, state: &State) {
@@ -322,7 +340,9 @@ impl Model for RigidMotion {
             floor_force: self.sim_state.floor_force.into(),
             bot_floor_force: self.world.bot_floor_impulse(&self.handles) / self.settings.dt,
             floor_slip_velocity: self.floor_slip().xy(),
+            obstacle_force: self.obstacle_impulse() / self.settings.dt,
             bot_on_floor: self.bot_on_floor(),
+            on_obstacle: self.on_obstacle(),
             searched_steps: self.sim_state.searched_steps,
             unsolved_steps: self.sim_state.unsolved_steps,
         }
@@ -330,6 +350,11 @@ impl Model for RigidMotion {
 
     fn bot_on_floor(&self) -> bool {
         self.handles.bot_on_planes().any(|(part, plane)| self.world.touch(plane, part))
+    }
+
+    fn on_obstacle(&self) -> bool {
+        self.sim_state.near_obstacle
+            && self.obstacles.iter().any(|obstacle| self.handles.parts().any(|part| self.world.touch(*obstacle, part)))
     }
 
     fn energy(&self) -> f64 {

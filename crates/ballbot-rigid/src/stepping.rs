@@ -59,7 +59,8 @@ impl RigidMotion {
         }
         self.move_floor();
         let plan = self.plan(wheel_torques);
-        let alone = self.only_wheels_and_ball_touch(&plan.motion);
+        self.sim_state.near_obstacle = self.comes_near_obstacle(&plan.motion);
+        let alone = !self.sim_state.near_obstacle && self.only_wheels_and_ball_touch(&plan.motion);
         self.world.set_bot_colliders(&self.handles, !alone);
         if !alone {
             self.move_bot_planes();
@@ -285,6 +286,31 @@ impl RigidMotion {
         let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
         shape.lowest(self.ground.as_deref(), &position, &attitude).1
             > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
+    }
+
+    /// Whether the robot may touch an obstacle within the step. A lower bound of the distance saves most computations of it.
+    fn comes_near_obstacle(&mut self, motion: &Motion) -> bool {
+        let Some(ground) = self.ground.as_deref().filter(|_| !self.obstacles.is_empty()) else { return false };
+        let shape = &self.collision_shape;
+        let [velocity, rate, _] = split(&motion.velocities.bot);
+        let lateral = shape.body.radius + self.params.wheel_radius;
+        let fastest = (velocity.norm() + rate.norm() * (shape.body.top + lateral + self.root.norm()))
+            .max(motion.velocities.ball[0].norm());
+        let moved = fastest * self.settings.dt;
+        let limit = FLOOR_CLEARANCE + 2.0 * moved;
+        self.sim_state.clearance -= moved;
+        if self.sim_state.clearance > limit {
+            return false;
+        }
+        let pose = self.world.bodies[self.handles.body].position();
+        let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
+        let place = |height: f64| <[f64; 3]>::from(position + attitude * (Vector3::z() * height - self.root));
+        let ball = from_rapier(self.world.bodies[self.handles.ball].translation()).into();
+        let obstacles = ground.terrain().obstacles();
+        let of_ball = obstacles.distance(ball) - self.params.ball_radius;
+        let of_body = obstacles.distance_of_segment([place(shape.body.bottom), place(shape.body.top)], lateral);
+        self.sim_state.clearance = of_ball.min(of_body);
+        self.sim_state.clearance <= limit
     }
 
     /// Friction limits from the slip at the start of the step. Also sets the friction of rapier's floor.

@@ -2,11 +2,12 @@
 
 use super::bodies::{BodyLink, wheel_transverse_inertia};
 use super::bot::{DOFS, Mass};
-use super::convert::to_rapier;
+use super::convert::{from_rapier, to_rapier};
 use ballbot_base::collision_shape::{BodyShape, wheel_centers};
 use ballbot_base::error::Result;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
+use ballbot_base::terrain::{Ground, Obstacle, Prism};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
 use rapier3d_f64::prelude::*;
@@ -63,6 +64,11 @@ impl Handles {
         body.into_iter().flatten().chain(self.wheel_colliders.into_iter().zip(wheel_planes))
     }
 
+    /// All parts of the robot that touch obstacles.
+    pub fn parts(&self) -> impl Iterator<Item = ColliderHandle> {
+        [self.ball_collider, self.body_collider].into_iter().chain(self.wheel_colliders)
+    }
+
     /// Body and wheels.
     fn bot_colliders(&self) -> impl Iterator<Item = ColliderHandle> {
         let ends = self.uneven.into_iter().flat_map(|uneven| uneven.ends);
@@ -90,6 +96,8 @@ const PLANE: Group = Group::GROUP_4;
 const WHEEL_GROUPS: Wheels<Group> = Wheels([Group::GROUP_5, Group::GROUP_6, Group::GROUP_7]);
 /// Collision group of each end of the body.
 const END_GROUPS: [Group; 2] = [Group::GROUP_8, Group::GROUP_9];
+/// Collision group of obstacles.
+const OBSTACLE: Group = Group::GROUP_10;
 /// Thickness of the ends of the body, as a fraction of its length.
 const END: f64 = 1e-3;
 
@@ -97,6 +105,38 @@ const END: f64 = 1e-3;
 /// compliance, so that a contact carries its load from the first step on.
 fn softness() -> SpringCoefficients<Real> {
     SpringCoefficients::new(2e5, 5e3)
+}
+
+/// An obstacle as a collider.
+fn collider(shape: &Obstacle, prism: &Prism<f64>) -> ColliderBuilder {
+    let (half, [cos, sin]) = (prism.half, prism.axis);
+    let center = Vector3::new(prism.center.x, prism.center.y, prism.center.z);
+    let turned = Rotation::from_rotation_z(sin.atan2(cos));
+    let (builder, place) = match shape {
+        Obstacle::Post(_) => {
+            // Cylinders of rapier are along y.
+            let upright = Rotation::from_rotation_x(std::f64::consts::FRAC_PI_2);
+            (ColliderBuilder::cylinder(half.z, prism.radius), Pose::from_parts(to_rapier(&center), upright))
+        }
+        Obstacle::Box(_) => {
+            (ColliderBuilder::cuboid(half.x, half.y, half.z), Pose::from_parts(to_rapier(&center), turned))
+        }
+        Obstacle::Wall(_) => {
+            let face = center + Vector3::new(cos, sin, 0.0) * half.x;
+            let normal = Vector::new(cos, sin, 0.0);
+            (
+                ColliderBuilder::new(SharedShape::halfspace(normal)),
+                Pose::from_parts(to_rapier(&face), Rotation::IDENTITY),
+            )
+        }
+    };
+    builder
+        .position(place)
+        .friction(prism.friction)
+        .friction_combine_rule(CoefficientCombineRule::Max)
+        .restitution(prism.restitution)
+        .restitution_combine_rule(CoefficientCombineRule::Max)
+        .collision_groups(InteractionGroups::new(OBSTACLE, BALL | BODY | WHEEL, InteractionTestMode::And))
 }
 
 /// Solver settings, validated by growth rate, traction and loads of the robot. Each step sets the number of sweeps.
@@ -128,8 +168,14 @@ pub fn new_pipeline() -> PhysicsPipeline {
 }
 
 impl World {
-    /// World of a robot upright at rest at the origin, on level ground or on planes that follow it.
-    pub fn new(params: &Params, wheels: &Omniwheels, level: bool) -> Result<(Self, Handles)> {
+    /// World of a robot upright at rest at the origin, on level ground or on planes that follow it, and the colliders of the
+    /// obstacles.
+    pub fn new(
+        params: &Params,
+        wheels: &Omniwheels,
+        ground: Option<&Ground>,
+    ) -> Result<(Self, Handles, Vec<ColliderHandle>)> {
+        let level = ground.is_none();
         let mut world = Self {
             bodies: RigidBodySet::new(),
             colliders: ColliderSet::new(),
@@ -175,7 +221,12 @@ impl World {
             body_collider,
             wheel_colliders: links.map(|(_, collider)| collider),
         };
-        Ok((world, handles))
+        let obstacles = ground
+            .map(|ground| ground.terrain().obstacles())
+            .into_iter()
+            .flat_map(|obstacles| obstacles.shapes().iter().zip(obstacles.prisms()));
+        let obstacles = obstacles.map(|(shape, prism)| world.colliders.insert(collider(shape, prism))).collect();
+        Ok((world, handles, obstacles))
     }
 
     fn insert_ball(&mut self, params: &Params) -> (RigidBodyHandle, ColliderHandle) {
@@ -363,7 +414,7 @@ impl World {
         };
         let on_other = if pair.collider1 == plane { -1.0 } else { 1.0 };
         for point in self.points(plane, other) {
-            impulse += super::convert::from_rapier(point.data.warmstart_tangent_world) * on_other;
+            impulse += from_rapier(point.data.warmstart_tangent_world) * on_other;
             impulse += normal * point.data.impulse;
         }
         impulse
@@ -372,10 +423,27 @@ impl World {
     /// Impulse of the floor on the bot in the last step, inertial frame, N·s.
     pub fn bot_floor_impulse(&self, handles: &Handles) -> Vector3<f64> {
         let impulse = |(part, plane): (ColliderHandle, ColliderHandle)| {
-            let normal = super::convert::from_rapier(self.colliders[plane].rotation() * Vector::Z);
+            let normal = from_rapier(self.colliders[plane].rotation() * Vector::Z);
             self.plane_impulse(plane, part, &normal)
         };
         handles.bot_on_planes().map(impulse).sum()
+    }
+
+    /// Impulse of an obstacle on another collider in the last step, inertial frame, N·s.
+    pub fn obstacle_impulse(&self, obstacle: ColliderHandle, other: ColliderHandle) -> Vector3<f64> {
+        let mut impulse = Vector3::zeros();
+        let Some(pair) = self.narrow_phase.contact_pair(obstacle, other) else {
+            return impulse;
+        };
+        // Normals are from the first to the second collider; tangential impulses are of the first.
+        let on_other = if pair.collider1 == obstacle { 1.0 } else { -1.0 };
+        for manifold in pair.solver_manifolds() {
+            let normal = from_rapier(manifold.data.normal);
+            for point in &manifold.points {
+                impulse += (normal * point.data.impulse - from_rapier(point.data.warmstart_tangent_world)) * on_other;
+            }
+        }
+        impulse
     }
 
     /// Whether two colliders carried each other in the last step.

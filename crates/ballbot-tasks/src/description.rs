@@ -80,8 +80,10 @@ impl TaskDescription {
             up: Vec3::new(0.0, 0.0, 1.0),
             tilt: 0.0,
             on_floor: false,
+            on_obstacle: false,
             action: Wheels::default(),
             last_action: Wheels::default(),
+            terrain: None,
             control_dt: 0.01,
         };
         task.reward(&step, false, &memory, &mut seen);

@@ -12,6 +12,7 @@ mod carry;
 mod description;
 mod goal;
 mod metrics;
+mod navigate;
 mod open_ball_bot;
 mod path;
 mod push;
@@ -27,6 +28,7 @@ pub use carry::Carry;
 pub use description::TaskDescription;
 pub use goal::Goal;
 pub use metrics::{Metric, Metrics};
+pub use navigate::Navigate;
 pub use open_ball_bot::OpenBallBot;
 pub use path::Path;
 pub use push::Push;
@@ -307,6 +309,8 @@ pub struct Moment<'a> {
     pub control_dt: f64,
     /// Level of the terrain tile; 0 without tiles.
     pub level: usize,
+    /// The ground; `None` is level.
+    pub terrain: Option<&'a Terrain>,
 }
 
 /// Input of a task's observation.
@@ -328,10 +332,14 @@ pub struct Step<'a, L: Lane> {
     pub tilt: L,
     /// Whether the body or a wheel touches the floor.
     pub on_floor: L::Mask,
+    /// Whether the ball, the body or a wheel touches an obstacle.
+    pub on_obstacle: L::Mask,
     /// The action, in [-1, 1].
     pub action: Wheels<L>,
     /// The previous action.
     pub last_action: Wheels<L>,
+    /// The ground; `None` is level.
+    pub terrain: Option<&'a Terrain>,
     /// Duration of a control step, s.
     pub control_dt: f64,
 }

@@ -234,7 +234,7 @@ impl Task for Velocity {
 
 /// Third derivative of a velocity that follows its command with three poles at −`p`.
 #[inline(always)]
-fn third_derivative<L: Lane>(p: f64, command: L, velocity: L, first: L, second: L) -> L {
+pub(super) fn third_derivative<L: Lane>(p: f64, command: L, velocity: L, first: L, second: L) -> L {
     (command - velocity) * (p * p * p) - first * (3.0 * p * p) - second * (3.0 * p)
 }
 

@@ -307,11 +307,11 @@ class GoalOptions(CommonOptions, total=False):
     """Options of the task `goal`."""
 
     #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
-    goal_distance: npt.ArrayLike
+    goal_distance: npt.ArrayLike | None
     #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
-    goal_seconds: npt.ArrayLike
+    goal_seconds: npt.ArrayLike | None
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
-    goal_radius: float
+    goal_radius: float | None
     #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
     #: d. (m/s², > 0 and <= 100)
     approach_acceleration: float
@@ -404,11 +404,11 @@ class CarryOptions(CommonOptions, total=False):
     """Options of the task `carry`."""
 
     #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
-    goal_distance: npt.ArrayLike
+    goal_distance: npt.ArrayLike | None
     #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
-    goal_seconds: npt.ArrayLike
+    goal_seconds: npt.ArrayLike | None
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
-    goal_radius: float
+    goal_radius: float | None
     #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
     #: d. (m/s², > 0 and <= 100)
     approach_acceleration: float
@@ -428,6 +428,46 @@ class CarryOptions(CommonOptions, total=False):
     #: Height of the rim above the water at rest: it spills when the surface is higher at the wall. (m, >= 1e-6 and <=
     #: 10)
     freeboard: float
+    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
+class NavigateOptions(CommonOptions, total=False):
+    """Options of the task `navigate`."""
+
+    #: Smallest and largest distance of a goal from the ball, uniform, in any direction in which it is free. (m, >= 0
+    #: and <= 100)
+    goal_distance: npt.ArrayLike | None
+    #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
+    goal_seconds: npt.ArrayLike | None
+    #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
+    goal_radius: float | None
+    #: How long the ball must have been at its goal when the next goal is given. (s, >= 0 and <= 1e9)
+    hold_seconds: float
+    #: Guide of the motion that a controller tracks: 0 leads straight to the goal, 1 is a potential field, 2 a control
+    #: barrier function. (>= 0 and <= 2)
+    guide: float
+    #: Largest speed of the guided motion. (m/s, > 0 and <= 10)
+    speed: float | None
+    #: Rate at which it approaches the goal, and obstacles with guide 2. (1/s, > 0 and <= 100)
+    approach: float | None
+    #: The guided motion follows its guide with three poles at minus this value. (1/s, > 0 and <= 1000)
+    smoothing: float | None
+    #: Distance that guides keep between the robot upright and obstacles. (m, >= 0 and <= 10)
+    margin: float | None
+    #: Distance from obstacles at which guides begin to avoid them. (m, > 0 and <= 100)
+    range: float | None
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -509,6 +549,7 @@ class TaskOptions(
     PathOptions,
     PushOptions,
     CarryOptions,
+    NavigateOptions,
     TerrainOptions,
     OpenBallBotOptions,
     total=False,

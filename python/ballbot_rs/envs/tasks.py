@@ -13,6 +13,7 @@ from ballbot_rs.envs.options import (
     BalanceOptions,
     CarryOptions,
     GoalOptions,
+    NavigateOptions,
     OpenBallBotOptions,
     PathOptions,
     PushOptions,
@@ -1298,6 +1299,238 @@ class CarryVectorEnv(BallbotVectorEnv):
         super().__init__(
             num_envs,
             task="carry",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class NavigateEnv(BallbotEnv):
+    """Reach goals among posts without touching them.
+
+    ```python
+    env = bb.NavigateEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (25,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                                                 | unit  | bound | at rest | typical |
+    | --- | ---------------------------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x                            |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y                            |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z                            |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x                               | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y                               | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z                               | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                                        | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                                        | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                                        | rad/s | 200   | 0       | 5       |
+    | 9   | goal from the ball, at most 1 m, heading x           | m     | 1     | 0       | 0.1     |
+    | 10  | goal from the ball, at most 1 m, heading y           | m     | 1     | 0       | 0.1     |
+    | 11  | distance of the goal                                 | m     | 10    | 0       | 1       |
+    | 12  | ball velocity, heading x                             | m/s   | 10    | 0       | 0.2     |
+    | 13  | ball velocity, heading y                             | m/s   | 10    | 0       | 0.2     |
+    | 14  | last action, wheel 0                                 |       | 1     | 0       | 0.5     |
+    | 15  | last action, wheel 1                                 |       | 1     | 0       | 0.5     |
+    | 16  | last action, wheel 2                                 |       | 1     | 0       | 0.5     |
+    | 17  | way to the guided motion, heading x                  | m     | 1     | 0       | 0.1     |
+    | 18  | way to the guided motion, heading y                  | m     | 1     | 0       | 0.1     |
+    | 19  | guided velocity, heading x                           | m/s   | 1     | 0       | 0.2     |
+    | 20  | guided velocity, heading y                           | m/s   | 1     | 0       | 0.2     |
+    | 21  | nearest obstacle from the ball, up to 2 m, heading x | m     | 2     | 0       | 0.5     |
+    | 22  | nearest obstacle from the ball, up to 2 m, heading y | m     | 2     | 0       | 0.5     |
+    | 23  | second obstacle from the ball, up to 2 m, heading x  | m     | 2     | 0       | 0.5     |
+    | 24  | second obstacle from the ball, up to 2 m, heading y  | m     | 2     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term              | scale | formula                                                                 |
+    | ----------------- | ----- | ----------------------------------------------------------------------- |
+    | `alive`           | 1     | 1, unless the step ends in a fall                                       |
+    | `approach`        | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity minus the approach velocity |
+    | `distance`        | -0.2  | d / (d + 0.5 m)                                                         |
+    | `position`        | -0.2  | d² / (d² + (0.05 m)²)                                                   |
+    | `rate`            | -0.01 | squared body rate in rad/s, at most 100                                 |
+    | `action`          | -0.02 | mean squared action                                                     |
+    | `action_change`   | -0.02 | mean squared change of the action                                       |
+    | `guided_position` | -0.2  | d² / (d² + (0.1 m)²), d the distance from the guided motion             |
+    | `guided_velocity` | -0.2  | e² / (e² + (0.2 m/s)²), e the difference from the guided velocity       |
+    | `collision`       | -1    | 1 while the robot touches an obstacle, else 0                           |
+
+    ## Episode end
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (4000). A success is: not terminated, no obstacle touched, and every goal held
+    within `goal_radius` for the last `hold_seconds` of its time.
+
+    ## Command
+    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    set after a reset holds to the end of the episode.
+
+    | part | what             | unit | bound |
+    | ---- | ---------------- | ---- | ----- |
+    | 0    | goal, inertial x | m    | 10000 |
+    | 1    | goal, inertial y | m    | 10000 |
+
+    ## Metrics
+    Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
+
+    | metric       | unit | what                                                                             |
+    | ------------ | ---- | -------------------------------------------------------------------------------- |
+    | `goals_held` |      | fraction of the goals at which the ball was when the next goal was given         |
+    | `time_ratio` |      | mean time to these goals, relative to the fastest flat move there                |
+    | `collisions` |      | how often the robot came to touch an obstacle                                    |
+    | `clearance`  | m    | smallest distance from an obstacle, of an upright robot at the ball, at most 2 m |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
+
+    ## Options
+    Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
+
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 4000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
+      FILE.toml, or a list of dicts)
+    - `goal_distance`: Smallest and largest distance of a goal from the ball, uniform, in any direction in which it is
+      free. (default (1, 3) m, scaled; >= 0 and <= 100)
+    - `goal_seconds`: Shortest and longest time from one goal to the next, uniform. (default (20, 20) s, scaled; > 0 and
+      <= 1e9)
+    - `goal_radius`: Distance within which the ball is at its goal. (default 0.05 m, scaled; >= 1e-6 and <= 10)
+    - `hold_seconds`: How long the ball must have been at its goal when the next goal is given. (default 1 s; >= 0 and
+      <= 1e9)
+    - `guide`: Guide of the motion that a controller tracks: 0 leads straight to the goal, 1 is a potential field, 2 a
+      control barrier function. (default 2; >= 0 and <= 2)
+    - `speed`: Largest speed of the guided motion. (default 0.4 m/s, scaled; > 0 and <= 10)
+    - `approach`: Rate at which it approaches the goal, and obstacles with guide 2. (default 0.8 1/s, scaled; > 0 and <=
+      100)
+    - `smoothing`: The guided motion follows its guide with three poles at minus this value. (default 4 1/s, scaled; > 0
+      and <= 1000)
+    - `margin`: Distance that guides keep between the robot upright and obstacles. (default 0.1 m, scaled; >= 0 and <=
+      10)
+    - `range`: Distance from obstacles at which guides begin to avoid them. (default 0.5 m, scaled; > 0 and <= 100)
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+      opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[NavigateOptions],
+    ) -> None:
+        super().__init__(
+            "navigate",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class NavigateVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `NavigateEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.NavigateVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[NavigateOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="navigate",
             render_mode=render_mode,
             width=width,
             height=height,

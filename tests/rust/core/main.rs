@@ -15,6 +15,7 @@ mod limits;
 mod motion;
 mod motors;
 mod newton_euler;
+mod obstacles;
 mod params;
 mod payload;
 mod perception;

@@ -77,6 +77,19 @@ impl Ground {
         &self.terrain
     }
 
+    /// Checks that a ground has no obstacles; `what` begins the error.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a ground with obstacles.
+    pub fn require_no_obstacles(ground: Option<&Arc<Self>>, what: &str) -> Result<()> {
+        match ground.map_or(0, |ground| ground.terrain.obstacles().shapes().len()) {
+            0 => Ok(()),
+            count => Err(Error::Inconsistent(format!(
+                "{what}: no obstacles, but the terrain has {count}; the models 'contact' and 'rigid' simulate them"
+            ))),
+        }
+    }
+
     /// Ball radius of its design, m.
     pub fn ball_radius(&self) -> f64 {
         self.ball_radius

@@ -2,6 +2,7 @@
 
 use super::noise::{self, Uniform};
 use super::parameters::{Grid, Height, Kind, LENGTHS, SLOPES, Surface, smooth_step};
+use super::posts::Posts;
 use super::tiled::{Hills, Levels};
 use super::{Recipe, STEEPEST, Terrain};
 use crate::error::{Error, Result, check};
@@ -33,7 +34,7 @@ type Generate = fn(u64, &[(&str, f64)]) -> Result<Terrain>;
 
 impl TerrainKind {
     /// All kinds.
-    pub const ALL: [Self; 10] = [
+    pub const ALL: [Self; 11] = [
         Self::of::<Plane>(),
         Self::of::<Wave>(),
         Self::of::<Bowl>(),
@@ -44,6 +45,7 @@ impl TerrainKind {
         Self::of::<Mix>(),
         Self::of::<Levels>(),
         Self::of::<Hills>(),
+        Self::of::<Posts>(),
     ];
 
     const fn of<K: Kind>() -> Self {

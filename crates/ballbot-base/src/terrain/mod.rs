@@ -9,10 +9,13 @@ mod ground;
 mod kinds;
 mod limits;
 mod noise;
+mod obstacles;
 mod parameters;
 mod patch;
 mod placement;
 mod places;
+mod posts;
+mod prism;
 mod ray;
 mod sharing;
 mod spline;
@@ -23,10 +26,12 @@ pub use frame::Frame;
 pub use ground::Ground;
 pub use kinds::TerrainKind;
 pub use limits::SlopeLimits;
+pub use obstacles::{Block, MOST_OBSTACLES, Obstacle, Obstacles, Post, Wall, obstacle_kinds};
 pub use patch::Patch;
 pub use placement::static_lean;
 pub use placement::upright_on;
 pub use places::{PLACES, each};
+pub use prism::Prism;
 pub use ray::Rays;
 pub use spline::{Height, Jet, Spline};
 pub use tiles::Tiles;
@@ -58,6 +63,9 @@ pub struct Terrain {
     fingerprint: u64,
     recipe: Option<Recipe>,
     tiles: Option<Tiles>,
+    obstacles: Obstacles,
+    /// Number of the obstacles that are not of its recipe.
+    added: usize,
 }
 
 /// Inputs from which a generator creates a terrain.
@@ -197,6 +205,8 @@ impl Terrain {
             fingerprint: surface.fingerprint(),
             recipe: None,
             tiles: None,
+            obstacles: Obstacles::default(),
+            added: 0,
             surface,
         })
     }
@@ -284,6 +294,36 @@ impl Terrain {
     /// Its tiles, if it has any.
     pub fn tiles(&self) -> Option<&Tiles> {
         self.tiles.as_ref()
+    }
+
+    /// The terrain with more obstacles.
+    ///
+    /// # Errors
+    /// [`Error::OutOfRange`] for a parameter outside its limit, and for more than [`MOST_OBSTACLES`].
+    pub fn with_obstacles(mut self, more: &[Obstacle]) -> Result<Self> {
+        let shapes = [self.obstacles.shapes(), more].concat();
+        self.obstacles = Obstacles::new(&self, shapes)?;
+        self.added += more.len();
+        // Their numbers of parameters differ by kind.
+        let numbers = more.iter().flat_map(|one| one.parameters().into_iter().map(|(_, value)| value));
+        self.fingerprint = spline::hash(self.fingerprint.rotate_left(23), numbers);
+        Ok(self)
+    }
+
+    /// Its obstacles.
+    pub fn obstacles(&self) -> &Obstacles {
+        &self.obstacles
+    }
+
+    /// Its obstacles that are not of its recipe.
+    pub fn added_obstacles(&self) -> &[Obstacle] {
+        let shapes = self.obstacles.shapes();
+        &shapes[shapes.len() - self.added..]
+    }
+
+    /// Whether the ground is the plane z = 0.
+    pub fn is_level(&self) -> bool {
+        self.plane == Some([0.0; 2])
     }
 
     /// A number that differs between different terrains with a probability of 1 - 2⁻⁶⁴.

@@ -93,8 +93,7 @@ impl Spline {
     /// FNV-1a hash of the numbers that define it.
     pub(super) fn fingerprint(&self) -> u64 {
         let own = [self.columns as f64, self.corner[0], self.corner[1], self.cell];
-        let bits = own.iter().chain(&self.coefficients).map(|value| value.to_bits());
-        bits.fold(0xcbf2_9ce4_8422_2325, |hash, bits| (hash ^ bits).wrapping_mul(0x0000_0100_0000_01b3))
+        hash(0xcbf2_9ce4_8422_2325, own.iter().chain(&self.coefficients).copied())
     }
 
     /// Distance between neighboring nodes, m.
@@ -267,4 +266,9 @@ fn product<L: Lane>(values: &[L; 4], weights: &[L; 4]) -> L {
 #[inline(always)]
 fn of_rows<L: Lane>(rows: &[[L; 4]; 4], weights: &[L; 4]) -> [L; 4] {
     [product(&rows[0], weights), product(&rows[1], weights), product(&rows[2], weights), product(&rows[3], weights)]
+}
+
+/// A hash of numbers that continues from another.
+pub(super) fn hash(start: u64, numbers: impl Iterator<Item = f64>) -> u64 {
+    numbers.fold(start, |hash, number| (hash ^ number.to_bits()).wrapping_mul(0x0000_0100_0000_01b3))
 }

@@ -12,7 +12,9 @@ use crate::actuator::MotorOptions;
 use crate::perception::Instruments;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
-use crate::task::{Balance, Bare, Carry, Goal, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity};
+use crate::task::{
+    Balance, Bare, Carry, Goal, Navigate, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity,
+};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
 use ballbot_base::registry::{Named, Registry};
@@ -144,13 +146,14 @@ impl<T: Task> TaskKind for Kind<T> {
 }
 
 /// The tasks of this crate.
-static TASKS: [&dyn TaskKind; 8] = [
+static TASKS: [&dyn TaskKind; 9] = [
     &Kind::<Balance>(PhantomData),
     &Kind::<Velocity>(PhantomData),
     &Kind::<Goal>(PhantomData),
     &Kind::<Path>(PhantomData),
     &Kind::<Push>(PhantomData),
     &Kind::<Carry>(PhantomData),
+    &Kind::<Navigate>(PhantomData),
     &Kind::<Traverse>(PhantomData),
     &Kind::<OpenBallBot>(PhantomData),
 ];

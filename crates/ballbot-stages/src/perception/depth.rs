@@ -1,7 +1,7 @@
 //! The depth camera: distances to ground and ball along the optical axis of a camera on the body.
 
 use super::instrument::{Instrument, Random, Range, Reads, Sample};
-use super::rays::{require_outside_ball, to_ground, to_sphere};
+use super::rays::{require_outside_ball, to_ground, to_obstacle, to_sphere};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::Limit;
@@ -63,7 +63,7 @@ impl Instrument for DepthOptions {
     const TITLE: &'static str = "Depth camera";
     const ABOUT: &'static str = "\
 A pinhole camera on the body. A pixel reads the distance along the optical axis (not along its ray) of the first object
-that the ray through its center hits: the ground or the robot's own ball. Anything nearer than `near` reads as `near`;
+that the ray through its center hits: the ground, an obstacle or the robot's own ball. Anything nearer than `near` reads as `near`;
 anything farther than `far`, and the sky, as `far`. Beyond the edges of a terrain there is nothing. The robot's body and
 wheels are not in the image. A reading has the rows of the picture from the top, each from the left. Scaled observations
 are fractions of `far`.";
@@ -168,10 +168,11 @@ impl Reads for Depth {
                             let course = Course::of(&ray);
                             rays.from[i] = course.clear_share(&lower[i], steepest);
                             lower[i] = course;
-                            rays.limit[i] = match to_sphere(&arm, &ray, outside) {
+                            let limit = match to_sphere(&arm, &ray, outside) {
                                 Some(share) if share < far => share,
                                 _ => far,
                             };
+                            rays.limit[i] = to_obstacle(terrain, &eye, &ray, limit);
                         }
                         let met = to_ground(terrain, &eye, &rays);
                         let pixels = &mut out[row * self.columns..][columns.clone()];

@@ -1,7 +1,7 @@
 //! The lidar: ranges to ground and ball along the beams of a ring.
 
 use super::instrument::{Instrument, Random, Range, Reads, Sample};
-use super::rays::{require_outside_ball, to_ground, to_sphere};
+use super::rays::{require_outside_ball, to_ground, to_obstacle, to_sphere};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields;
 use ballbot_base::fields::Limit;
@@ -63,7 +63,7 @@ impl Instrument for LidarOptions {
     const TITLE: &'static str = "Lidar";
     const ABOUT: &'static str = "\
 A range finder that turns about an axis of the body, or, with `stabilized`, about the vertical. A reading has a number for
-each beam: the distance along the beam to the first object that it hits, the ground or the robot's own ball. Beam k of n,
+each beam: the distance along the beam to the first object that it hits, the ground, an obstacle or the robot's own ball. Beam k of n,
 from 0 on, is at `((k + 1/2) / n - 1/2) * field_of_view` from the axis ahead towards the left. Anything nearer than `min_range` reads as `min_range`; anything
 farther than `max_range`, and nothing, as `max_range`. Beyond the edges of a terrain there is nothing. The robot's body
 and wheels are not hit. All beams of a turn are taken at the same time. Scaled observations are fractions of `max_range`.";
@@ -146,6 +146,7 @@ impl Reads for Lidar {
                         if let Some(range) = to_sphere(&arm, &ray, outside) {
                             rays.limit[i] = range.min(max_range);
                         }
+                        rays.limit[i] = to_obstacle(terrain, &eye, &ray, rays.limit[i]);
                     }
                     let hit = to_ground(terrain, &eye, &rays);
                     for (i, range) in ranges.iter_mut().enumerate() {

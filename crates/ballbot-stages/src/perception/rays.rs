@@ -1,4 +1,4 @@
-//! What rays of an instrument hit: the ground, and the robot's ball.
+//! What rays of an instrument hit: the ground, obstacles, and the robot's ball.
 
 use ballbot_base::error::{Result, check};
 use ballbot_base::params::Params;
@@ -14,6 +14,16 @@ pub fn to_ground<const N: usize>(terrain: Option<&Terrain>, eye: &Vector3<f64>, 
     match terrain {
         Some(terrain) => terrain.meet(eye, rays, MET),
         None => level(eye, rays),
+    }
+}
+
+/// The fraction of `ray` at which it enters an obstacle, or `limit` if it enters none before.
+pub fn to_obstacle(terrain: Option<&Terrain>, eye: &Vector3<f64>, ray: &Vector3<f64>, limit: f64) -> f64 {
+    match terrain.map(Terrain::obstacles) {
+        Some(obstacles) if !obstacles.is_empty() => {
+            obstacles.cast((*eye).into(), (*ray).into(), limit).map_or(limit, |(share, _)| share)
+        }
+        _ => limit,
     }
 }
 

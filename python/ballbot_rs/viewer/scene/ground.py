@@ -1,4 +1,6 @@
-"""The ground: a level floor, or a patch of uneven ground that moves along with robot 0; its intersections with rays."""
+"""The ground: a level floor, or a patch of uneven ground that moves along with robot 0, and obstacles; its intersections
+with rays.
+"""
 
 import dataclasses
 from collections.abc import Callable
@@ -12,6 +14,7 @@ from ballbot_rs._core import Terrain
 from ballbot_rs.viewer.scene.cameras import Camera
 from ballbot_rs.viewer.scene.heading import about_z
 from ballbot_rs.viewer.scene.look import Color
+from ballbot_rs.viewer.scene.obstacles import obstacle_mesh
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -32,6 +35,9 @@ class Colors:
 
 LIGHT = Colors((246, 248, 250), (214, 219, 226), (172, 180, 190), (214, 220, 227), (150, 160, 172))
 DARK = Colors((31, 36, 43), (48, 55, 64), (78, 87, 99), (62, 70, 80), (104, 114, 126))
+
+#: Color of obstacles.
+OBSTACLES = (197, 138, 92)
 
 #: Half the patch's edge, the spacing of its corners and of its lines, and how far the robot gets from its middle, m.
 HALF, CELL, LINES, AWAY = 4.0, 0.05, 0.5, 1.5
@@ -80,6 +86,8 @@ class Ground:
         self._lines = server.scene.add_line_segments(
             f"{name}/lines", np.zeros((1, 2, 3)), LIGHT.lines, thickness=0.004, visible=False
         )
+        self._server, self._name = server, name
+        self._obstacles: viser.MeshHandle | None = None
         #: The ground shown; None is level.
         self.terrain: Terrain | None = None
         self._middle = np.zeros(2)
@@ -91,6 +99,7 @@ class Ground:
         if is_new:
             self._grid.visible = self._floor.visible = terrain is None
             self._patch.visible = self._lines.visible = terrain is not None
+            self._show_obstacles(terrain)
         if terrain is None or (not is_new and np.abs(around - self._middle).max() < AWAY):
             return
         # Lines do not move when the patch moves.
@@ -98,6 +107,14 @@ class Ground:
         points = patch(terrain, self._middle)
         self._patch.vertices = np.float32(points.reshape(-1, 3))
         self._lines.points = np.float32(_lines(points))
+
+    def _show_obstacles(self, terrain: Terrain | None) -> None:
+        if self._obstacles is not None:
+            self._obstacles.remove()
+        mesh = None if terrain is None else obstacle_mesh(terrain)
+        self._obstacles = mesh and self._server.scene.add_mesh_simple(
+            f"{self._name}/obstacles", np.float32(mesh[0]), mesh[1], color=OBSTACLES
+        )
 
     def set_dark(self, is_dark: bool) -> None:
         """Shows it in light or dark colors."""

@@ -15,7 +15,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         let state = self.robots.lane_state(i);
         let params = self.robots.params(i);
         let level = self.one.episode.level as usize;
-        let moment = Moment { state: &state, params, control_dt: self.config.control_dt, level };
+        let terrain = self.robots.ground().map(|ground| &**ground.terrain());
+        let moment = Moment { state: &state, params, control_dt: self.config.control_dt, level, terrain };
         let memory = &mut self.one.task;
         let steps = self.step.task.command(&moment, &mut self.rngs[i], memory);
         self.step.task.commanded(&moment, memory);
@@ -48,7 +49,8 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Environments<R, T, A, S> {
         self.take_before_reading(i);
         let state = self.robots.lane_state(i);
         let level = self.one.episode.level as usize;
-        let moment = Moment { state: &state, params: self.robots.params(i), control_dt: self.config.control_dt, level };
+        let (params, terrain) = (self.robots.params(i), self.robots.ground().map(|ground| &**ground.terrain()));
+        let moment = Moment { state: &state, params, control_dt: self.config.control_dt, level, terrain };
         self.one.task[..command.len()].copy_from_slice(command);
         self.step.task.commanded(&moment, &mut self.one.task);
         self.one.episode.next_command = f64::INFINITY;

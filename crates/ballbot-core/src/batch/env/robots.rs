@@ -192,6 +192,7 @@ impl Robots for Single {
             state: LaneState::from(&self.robot.state()),
             healthy: self.robot.healthy(),
             on_floor: self.robot.bot_on_floor(),
+            on_obstacle: self.robot.on_obstacle(),
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);

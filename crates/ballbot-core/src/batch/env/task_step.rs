@@ -11,6 +11,7 @@ use crate::task::{DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, Wri
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, run_one};
+use ballbot_base::terrain::Terrain;
 use ballbot_base::wheels::Wheels;
 use std::sync::Arc;
 
@@ -21,6 +22,7 @@ pub struct TaskStep<T, S> {
     scales: Vec<f64>,
     scaling: Option<RowScaling>,
     control_dt: f64,
+    terrain: Option<Arc<Terrain>>,
     /// Half lengths of the terrain, or of a terrain tile, along x and y, m.
     half_size: Option<[f64; 2]>,
     pub perception: Option<Arc<Perception>>,
@@ -49,6 +51,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             scales: config.reward.values().collect(),
             scaling: config.row_scaling(description),
             control_dt: config.control_dt,
+            terrain: config.terrain.clone(),
             half_size: config
                 .terrain
                 .as_ref()
@@ -145,8 +148,10 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             up,
             tilt,
             on_floor: robot.on_floor,
+            on_obstacle: robot.on_obstacle,
             action,
             last_action: Wheels::load(token, &episode.last_action),
+            terrain: self.terrain.as_deref(),
             control_dt: self.control_dt,
         };
 

@@ -1,14 +1,14 @@
-//! Contact points of bot and floor: one per wheel, and three on the rims of the body cylinder.
+//! Contact points of the bot with the floor or an obstacle: one per wheel, and three on the body cylinder.
 
 use super::mast::MastFrame;
+use super::plane::{Floor, Obstacle, Plane, Surface, required};
 use crate::constants::{Constants, at3};
 use crate::footing::Relief;
 use crate::friction::in_disc;
 use crate::phases::Start;
 use crate::rows::allowance;
-use crate::types::Velocities;
+use crate::types::{Velocities, select3};
 use ballbot_base::lanes::{Lane, Value, Vec3, map3};
-use ballbot_base::terrain::Frame;
 
 /// Number of points.
 pub const POINTS: usize = 6;
@@ -36,14 +36,16 @@ struct Row<L> {
     compliance: L,
 }
 
-/// A contact point of bot and floor.
-pub struct FloorPoint<L: Lane> {
+/// A contact point of the bot.
+pub struct BotPoint<L: Lane> {
     /// Wheel of the point; `None` for a point of the body.
     wheel: Option<usize>,
-    /// Normal and two tangents of the floor at the point, inertial frame.
+    /// Normal and two tangents of the surface at the point, inertial frame.
     axes: [Vec3<L>; 3],
-    /// Height above the floor, m.
+    /// Distance from the surface, m.
     gap: L,
+    /// Least velocity of the normal row, negated, m/s.
+    required: L,
     /// Whether the point may touch in this step.
     candidate: L::Mask,
     /// Rows along the axes.
@@ -55,7 +57,7 @@ pub struct FloorPoint<L: Lane> {
     /// Change of the tangential velocities per normal impulse, 1/kg.
     couplings: [L; 2],
     /// Impulses along the axes, N·s.
-    pub impulses: [L; 3],
+    impulses: [L; 3],
 }
 
 impl<L: Lane> Row<L> {
@@ -93,43 +95,6 @@ impl<L: Lane> Row<L> {
     }
 }
 
-/// The floor below a point of the bot.
-struct Below<L> {
-    /// Normal and two tangents, inertial frame.
-    axes: [Vec3<L>; 3],
-    /// The axes in the principal frame.
-    turned: [Vec3<L>; 3],
-    /// Height of the point above the floor, m.
-    height: L,
-}
-
-impl<L: Lane> Below<L> {
-    /// The floor below a point (principal frame); a `relief`, or the plane z = 0.
-    #[inline(always)]
-    fn new(start: &Start<L>, relief: Option<&Relief<'_, L>>, point: Vec3<L>) -> Self {
-        let rotation = &start.rotation;
-        let Some(relief) = relief else {
-            let (zero, one) = (point.x.zero(), point.x.splat(1.0));
-            let [x, y, z] = rotation.rows;
-            return Self {
-                axes: [Vec3::new(zero, zero, one), Vec3::new(one, zero, zero), Vec3::new(zero, one, zero)],
-                turned: [z, x, y],
-                height: start.pose.body.z + z.dot(point),
-            };
-        };
-        let (height, normal) = relief.below(start.pose.body + rotation.apply(point));
-        // The smallest rotation from z to the normal.
-        let [x, y, _] = Frame::of_normal(normal).rotation.rows;
-        let axes = [normal, x, y];
-        let turned = map3(
-            axes,
-            #[inline(always)]
-            |axis| rotation.apply_transposed(axis),
-        );
-        Self { axes, turned, height }
-    }
-}
-
 /// Points of a robot that touch the floor in this step if they are below `limit`.
 #[inline(always)]
 pub fn floor_points<L: Lane, V: Value<L>>(
@@ -137,11 +102,12 @@ pub fn floor_points<L: Lane, V: Value<L>>(
     start: &Start<L>,
     limit: L,
     relief: Option<&Relief<'_, L>>,
-) -> [FloorPoint<L>; POINTS] {
+) -> [BotPoint<L>; POINTS] {
+    let floor = &Floor(relief);
     let like = start.pose.body.z;
     let frame = MastFrame::new(c, like);
     // Up axis of the floor below the CoM.
-    let up = frame.vector(Below::new(start, relief, Vec3::zero(like)).turned[0]);
+    let up = frame.vector(floor.near_bot(start, Vec3::zero(like)).turned[0]);
     let radius = c.body_radius.at(like);
     let (bottom, top) = (c.body_bottom.at(like), c.body_top.at(like));
     let inverted = up.z.lt(up.z.zero());
@@ -171,12 +137,12 @@ pub fn floor_points<L: Lane, V: Value<L>>(
     );
     let third_limit = L::select(lies, limit.splat(f64::NEG_INFINITY), limit);
     [
-        FloorPoint::of_wheel(c, start, relief, limit, 0),
-        FloorPoint::of_wheel(c, start, relief, limit, 1),
-        FloorPoint::of_wheel(c, start, relief, limit, 2),
-        FloorPoint::of_body(c, start, relief, limit, arms[0]),
-        FloorPoint::of_body(c, start, relief, limit, arms[1]),
-        FloorPoint::of_body(c, start, relief, third_limit, arms[2]),
+        BotPoint::of_wheel(c, start, floor, limit, 0),
+        BotPoint::of_wheel(c, start, floor, limit, 1),
+        BotPoint::of_wheel(c, start, floor, limit, 2),
+        BotPoint::of_body(c, start, floor, limit, arms[0]),
+        BotPoint::of_body(c, start, floor, limit, arms[1]),
+        BotPoint::of_body(c, start, floor, third_limit, arms[2]),
     ]
 }
 
@@ -196,10 +162,61 @@ fn nearest_direction<L: Lane>(
         for _ in 0..REFINEMENTS {
             let [x, y] = direction;
             let point = frame.principal_point(Vec3::new(x * radius, y * radius, height));
-            direction = lowest_direction(frame.vector(Below::new(start, relief, point).turned[0]));
+            direction = lowest_direction(frame.vector(Floor(relief).near_bot(start, point).turned[0]));
         }
     }
     direction
+}
+
+/// Points of a robot that touch an obstacle in this step if they are nearer than `limit`: on the rims of both ends of the
+/// body, and where its side is nearest.
+#[inline(always)]
+pub fn obstacle_points<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    start: &Start<L>,
+    limit: L,
+    obstacle: &Obstacle<'_, '_, L>,
+) -> [BotPoint<L>; POINTS] {
+    let frame = MastFrame::new(c, limit);
+    let (bottom, top): (Vec3<L>, Vec3<L>) = (at3(c.body_ends[0], limit).into(), at3(c.body_ends[1], limit).into());
+    let (from, to) = (obstacle.place(start, bottom), obstacle.place(start, top));
+    let nearest = obstacle.prism.nearest_on(from, to);
+    let along = to - from;
+    let share = (nearest - from).dot(along) / along.norm_squared();
+    let arms = map3(
+        [bottom, top, bottom.plus(top - bottom, share)],
+        #[inline(always)]
+        |center| on_side(c, start, &frame, obstacle, center),
+    );
+    let restitution = obstacle.prism.restitution;
+    [
+        BotPoint::of_wheel(c, start, obstacle, limit, 0).bouncing(c, start, restitution),
+        BotPoint::of_wheel(c, start, obstacle, limit, 1).bouncing(c, start, restitution),
+        BotPoint::of_wheel(c, start, obstacle, limit, 2).bouncing(c, start, restitution),
+        BotPoint::of_body(c, start, obstacle, limit, arms[0]).bouncing(c, start, restitution),
+        BotPoint::of_body(c, start, obstacle, limit, arms[1]).bouncing(c, start, restitution),
+        BotPoint::of_body(c, start, obstacle, limit, arms[2]).bouncing(c, start, restitution),
+    ]
+}
+
+/// The point of a circle about the mast through the body's side, with this center (principal frame), that is nearest to
+/// an obstacle.
+#[inline(always)]
+fn on_side<L: Lane, V: Value<L>>(
+    c: &Constants<V>,
+    start: &Start<L>,
+    frame: &MastFrame<L>,
+    obstacle: &Obstacle<'_, '_, L>,
+    center: Vec3<L>,
+) -> Vec3<L> {
+    let (radius, center) = (c.body_radius.at(center.x), frame.point(center));
+    let mut point = center;
+    for _ in 0..REFINEMENTS {
+        let outward = frame.vector(obstacle.near_bot(start, frame.principal_point(point)).turned[0]);
+        let [x, y] = lowest_direction(outward);
+        point = Vec3::new(x.mul_add(radius, center.x), y.mul_add(radius, center.y), center.z);
+    }
+    frame.principal_point(point)
 }
 
 /// Horizontal downward direction in the body frame, a unit vector, from the upward direction; x for a vertical mast.
@@ -212,22 +229,22 @@ fn lowest_direction<L: Lane>(up: Vec3<L>) -> [L; 2] {
     [L::select(upright, one, -up.x * inverse), L::select(upright, zero, -up.y * inverse)]
 }
 
-impl<L: Lane> FloorPoint<L> {
-    /// The point of wheel `i` nearest to the floor. About the axle the wheel rotates at its spin, not at the body rate.
+impl<L: Lane> BotPoint<L> {
+    /// The point of wheel `i` nearest to a surface. About the axle the wheel rotates at its spin, not at the body rate.
     #[inline(always)]
     fn of_wheel<V: Value<L>>(
         c: &Constants<V>,
         start: &Start<L>,
-        relief: Option<&Relief<'_, L>>,
+        surface: &impl Surface<L>,
         limit: L,
         i: usize,
     ) -> Self {
         let (center, u) = (c.wheel_center(i, limit), c.u(i, limit));
         let radius = c.wheel_radius.at(limit);
-        let below = Below::new(start, relief, center);
-        let normal = below.turned[0];
+        let plane: Plane<L> = surface.near_bot(start, center);
+        let normal = plane.turned[0];
         let rows = map3(
-            below.turned,
+            plane.turned,
             #[inline(always)]
             |axis| {
                 let across = normal.cross(axis);
@@ -236,7 +253,7 @@ impl<L: Lane> FloorPoint<L> {
                 Row::new(c, arm, along * radius)
             },
         );
-        Self::new(Some(i), below.axes, below.height - radius, limit, rows)
+        Self::new(c, Some(i), plane.axes, plane.height - radius, limit, rows)
     }
 
     /// A point fixed to the body.
@@ -244,21 +261,28 @@ impl<L: Lane> FloorPoint<L> {
     fn of_body<V: Value<L>>(
         c: &Constants<V>,
         start: &Start<L>,
-        relief: Option<&Relief<'_, L>>,
+        surface: &impl Surface<L>,
         limit: L,
         arm: Vec3<L>,
     ) -> Self {
-        let below = Below::new(start, relief, arm);
+        let plane = surface.near_bot(start, arm);
         let rows = map3(
-            below.turned,
+            plane.turned,
             #[inline(always)]
             |axis| Row::new(c, arm.cross(axis), limit.zero()),
         );
-        Self::new(None, below.axes, below.height, limit, rows)
+        Self::new(c, None, plane.axes, plane.height, limit, rows)
     }
 
     #[inline(always)]
-    fn new(wheel: Option<usize>, axes: [Vec3<L>; 3], gap: L, limit: L, rows: [Row<L>; 3]) -> Self {
+    fn new<V: Value<L>>(
+        c: &Constants<V>,
+        wheel: Option<usize>,
+        axes: [Vec3<L>; 3],
+        gap: L,
+        limit: L,
+        rows: [Row<L>; 3],
+    ) -> Self {
         let one = gap.splat(1.0);
         let [normal, x, y] = &rows;
         // The larger eigenvalue of the tangential matrix. One value for both axes keeps friction opposite to the slip.
@@ -269,6 +293,7 @@ impl<L: Lane> FloorPoint<L> {
             wheel,
             axes,
             gap,
+            required: allowance(c, gap),
             candidate: gap.lt(limit),
             normal_inverse: one / normal.compliance,
             tangent_inverse: one / largest,
@@ -278,22 +303,31 @@ impl<L: Lane> FloorPoint<L> {
         }
     }
 
-    /// Whether any of the robots in `mask` may touch the floor with this point.
+    /// The point with an impact on an obstacle that bounces.
+    #[inline(always)]
+    fn bouncing<V: Value<L>>(mut self, c: &Constants<V>, start: &Start<L>, restitution: L) -> Self {
+        let v = &start.velocities;
+        let speed = self.rows[0].speed(self.wheel, self.axes[0].dot(v.body), v);
+        self.required = required(c, self.gap, speed, restitution);
+        self
+    }
+
+    /// Whether any of the robots in `mask` may touch the surface with this point.
     #[inline(always)]
     pub fn may_touch(&self, mask: L::Mask) -> bool {
         L::any(self.candidate & mask)
     }
 
-    /// Robots whose point reaches the floor at these velocities.
+    /// Robots whose point reaches the surface at these velocities.
     #[inline(always)]
-    pub fn closes<V: Value<L>>(&self, c: &Constants<V>, v: &Velocities<L>) -> L::Mask {
+    pub fn closes(&self, v: &Velocities<L>) -> L::Mask {
         let speed = self.rows[0].speed(self.wheel, self.axes[0].dot(v.body), v);
-        self.candidate & (speed + allowance(c, self.gap)).lt(speed.zero())
+        self.candidate & (speed + self.required).lt(speed.zero())
     }
 
     /// One Gauss-Seidel sweep over the rows of this point. Returns the sum of the squared changes of its impulses.
     #[inline(always)]
-    pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, friction: L, v: &mut Velocities<L>) -> L {
+    fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, friction: L, v: &mut Velocities<L>) -> L {
         let zero = friction.zero();
         let [normal, x, y] = &self.rows;
         let [n, tx, ty] = self.impulses;
@@ -302,7 +336,7 @@ impl<L: Lane> FloorPoint<L> {
         let sn = normal.speed(self.wheel, up.dot(v.body), v);
         let sx = x.speed(self.wheel, across.dot(v.body), v);
         let sy = y.speed(self.wheel, along.dot(v.body), v);
-        let pressed = (sn + allowance(c, self.gap)).neg_mul_add(self.normal_inverse, n).max(zero);
+        let pressed = (sn + self.required).neg_mul_add(self.normal_inverse, n).max(zero);
         let pressed = L::select(self.candidate, pressed, zero);
         let dn = pressed - n;
         let stick = [
@@ -316,7 +350,22 @@ impl<L: Lane> FloorPoint<L> {
         change.norm_squared()
     }
 
-    /// Impulse of the floor on the bot at this point, N·s.
+    /// [`BotPoint::sweep`], after which robots outside of `open` have their impulses from before.
+    #[inline(always)]
+    pub fn sweep_open<V: Value<L>>(
+        &mut self,
+        c: &Constants<V>,
+        friction: L,
+        open: L::Mask,
+        v: &mut Velocities<L>,
+    ) -> L {
+        let before = self.impulses;
+        let change = self.sweep(c, friction, v);
+        self.impulses = select3(open, self.impulses, before);
+        change
+    }
+
+    /// Impulse on the bot at this point, N·s.
     #[inline(always)]
     pub fn impulse(&self) -> Vec3<L> {
         self.along_axes(self.impulses)
@@ -336,7 +385,7 @@ impl<L: Lane> FloorPoint<L> {
         }
     }
 
-    /// Mask of the robots whose point presses on the floor or overlaps it.
+    /// Mask of the robots whose point presses on the surface or overlaps it.
     #[inline(always)]
     pub fn touches(&self) -> L::Mask {
         let zero = self.gap.zero();
