@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 if TYPE_CHECKING:
-    from ballbot_rs._core import Params
+    from ballbot_rs._core import Params, Terrain
 
 #: Similarity from which on two names are close: 'delay' is not meant to be 'model'.
 _ALIKE: Final = 0.65
@@ -152,6 +152,16 @@ def check_no_payload(params: "Params", what: str) -> None:
     """
     if params.has_payload:
         raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as of robot.with_payload_fixed()")
+
+
+def check_no_obstacles(terrain: "Terrain | None", what: str) -> None:
+    """Checks that a terrain has no obstacles, as `what` requires.
+
+    Raises:
+        ValueError: naming their number.
+    """
+    if terrain is not None and terrain.obstacles:
+        raise ValueError(f"{what}: the terrain has {len(terrain.obstacles)} obstacles, it must have none")
 
 
 def check_options(who: str, given: Iterable[str], known: Sequence[str]) -> None:

@@ -100,6 +100,14 @@ export class Scene {
     return new Float64Array(this.simulator.exports.memory.buffer, place, count * count);
   }
 
+  /** Rows of the obstacles: x, y, top, angle, length, width, radius. */
+  obstacles() {
+    const { obstacles, obstacle_count: count, memory } = this.simulator.exports;
+    const place = this.opened(obstacles(this.number));
+    const numbers = new Float64Array(memory.buffer, place, 7 * count(this.number));
+    return Array.from({ length: numbers.length / 7 }, (_, i) => numbers.slice(7 * i, 7 * i + 7));
+  }
+
   /** A place in memory, unless it is null. */
   opened(place) {
     if (place === 0) throw new Error("the scene is closed");

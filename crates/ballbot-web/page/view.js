@@ -13,6 +13,20 @@ const SQUARE = 0.5;
 /** Nodes along an edge of the patch of uneven ground. */
 const PATCH = 321;
 
+const OBSTACLE = new THREE.MeshStandardMaterial({ color: 0xc58a5c, roughness: 0.8 });
+
+/** An obstacle from the ground up. */
+function obstacleMesh([x, y, top, angle, length, width, radius]) {
+  const geometry =
+    radius > 0
+      ? new THREE.CylinderGeometry(radius, radius, top, 24).rotateX(0.5 * Math.PI)
+      : new THREE.BoxGeometry(length, width, top);
+  const mesh = new THREE.Mesh(geometry.rotateZ(angle), OBSTACLE);
+  mesh.position.set(x, y, 0.5 * top);
+  mesh.castShadow = mesh.receiveShadow = true;
+  return mesh;
+}
+
 export class View {
   constructor(parent, looks) {
     Object.assign(this, { parent, looks, robots: [], ghosts: [], arrows: [] });
@@ -112,13 +126,18 @@ export class View {
     this.patch = new THREE.Mesh(geometry, this.floor.material);
     this.patch.position.set(x, y, 0);
     this.patch.receiveShadow = true;
-    this.world.add(this.patch);
+    this.obstacles = new THREE.Group();
+    this.obstacles.add(...scene.obstacles().map(obstacleMesh));
+    this.world.add(this.patch, this.obstacles);
   }
 
   dropPatch() {
     this.patch?.removeFromParent();
     this.patch?.geometry.dispose();
     this.patch = undefined;
+    for (const { geometry } of this.obstacles?.children ?? []) geometry.dispose();
+    this.obstacles?.removeFromParent();
+    this.obstacles = undefined;
   }
 
   /** Where the camera is from the ball. */

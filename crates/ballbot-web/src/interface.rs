@@ -140,6 +140,24 @@ pub extern "C" fn heights(scene: usize, x: f64, y: f64, half: f64, count: usize)
     })
 }
 
+/// [`Scene::obstacles`]; null for a scene that is not open.
+#[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
+pub extern "C" fn obstacles(scene: usize) -> *const f64 {
+    SCENES.with_borrow(|scenes| match scenes.get(scene) {
+        Some(Some(scene)) => scene.obstacles().as_ptr(),
+        _ => std::ptr::null(),
+    })
+}
+
+/// Number of rows of [`obstacles`]; 0 for a scene that is not open.
+#[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
+pub extern "C" fn obstacle_count(scene: usize) -> usize {
+    SCENES.with_borrow(|scenes| match scenes.get(scene) {
+        Some(Some(scene)) => scene.obstacles().len() / 7,
+        _ => 0,
+    })
+}
+
 /// [`Scene::time`]; NaN for a scene that is not open.
 #[cfg_attr(target_arch = "wasm32", unsafe(no_mangle))]
 pub extern "C" fn time(scene: usize) -> f64 {

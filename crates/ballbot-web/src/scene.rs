@@ -4,6 +4,7 @@ use crate::settings::{SIM_DT, Settings, changed_by};
 use crate::target::Target;
 use ballbot_core::control::{Controller, LaneSetpoint, Setpoint};
 use ballbot_core::nalgebra::{Vector2, Vector3};
+use ballbot_core::terrain::{Prism, Terrain};
 use ballbot_core::{Ballbot, Error, Force, LaneState, Params, Result, Wheels, check_finite, wxyz};
 
 /// Names and lengths of the parts of a robot's row. SI units; quaternions are `w, x, y, z`; `fallen` is 1 or 0.
@@ -71,6 +72,7 @@ pub struct Scene {
     steps: u64,
     rows: Vec<f64>,
     heights: Vec<f64>,
+    obstacles: Vec<f64>,
 }
 
 impl Scene {
@@ -124,6 +126,7 @@ impl Scene {
             steps: 0,
             rows,
             heights: Vec::new(),
+            obstacles: terrain.as_ref().map_or_else(Vec::new, |terrain| obstacle_rows(terrain)),
         };
         scene.write_rows();
         Ok(scene)
@@ -335,6 +338,12 @@ impl Scene {
         &self.heights
     }
 
+    /// The obstacles, a row of seven each: x and y of the center, height of the top, m, angle of the length, rad, length, width
+    /// and radius, m; a post has only a radius. Walls end after 40 m.
+    pub fn obstacles(&self) -> &[f64] {
+        &self.obstacles
+    }
+
     fn robot(&mut self, index: usize) -> Result<&mut Robot> {
         let limit = format!("below {}, the number of robots", self.robots.len());
         let missing = Error::OutOfRange { name: "robot".into(), value: index as f64, limit };
@@ -382,4 +391,19 @@ impl Robot {
         self.torques = Wheels::default();
         self.fell = None;
     }
+}
+
+/// Half the length of a wall that is shown, m.
+const SHOWN: f64 = 20.0;
+
+fn obstacle_rows(terrain: &Terrain) -> Vec<f64> {
+    let row = |prism: &Prism<f64>| {
+        let [length, width] = [prism.half.x, prism.half.y].map(|half| 2.0 * half.min(SHOWN));
+        // Of a wall, the part behind its face.
+        let behind = (prism.half.x - SHOWN).max(0.0);
+        let [x, y] = [prism.center.x + behind * prism.axis[0], prism.center.y + behind * prism.axis[1]];
+        let top = (prism.center.z + prism.half.z).min(1.0);
+        [x, y, top, prism.axis[1].atan2(prism.axis[0]), length, width, prism.radius]
+    };
+    terrain.obstacles().prisms().iter().flat_map(row).collect()
 }

@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 
 from ballbot_rs import _state_rows as rows
+from ballbot_rs._checks import check_no_obstacles
 from ballbot_rs._core import Params, State, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.engines.moving_floor import contact_plane
@@ -164,6 +165,7 @@ class MujocoRobot:
     """
 
     def __init__(self, robot: RobotGeometry, setup: Setup, terrain: Terrain | None = None) -> None:
+        check_no_obstacles(terrain, "the engine 'mujoco'")
         self.model = mujoco.MjModel.from_xml_string(mjcf(robot, setup, moving_floor=terrain is not None))
         self._terrain, self._ball_radius = terrain, robot.params.ball_radius
         self.data = mujoco.MjData(self.model)

@@ -307,11 +307,11 @@ class GoalOptions(CommonOptions, total=False):
     """Options of the task `goal`."""
 
     #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
-    goal_distance: npt.ArrayLike | None
+    goal_distance: npt.ArrayLike
     #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
-    goal_seconds: npt.ArrayLike | None
+    goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
-    goal_radius: float | None
+    goal_radius: float
     #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
     #: d. (m/s², > 0 and <= 100)
     approach_acceleration: float
@@ -404,11 +404,11 @@ class CarryOptions(CommonOptions, total=False):
     """Options of the task `carry`."""
 
     #: Smallest and largest distance of a goal from the ball, uniform, in any direction. (m, >= 0 and <= 100)
-    goal_distance: npt.ArrayLike | None
+    goal_distance: npt.ArrayLike
     #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
-    goal_seconds: npt.ArrayLike | None
+    goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
-    goal_radius: float | None
+    goal_radius: float
     #: Deceleration a of the approach that costs nothing, with the speed d / (`approach_time` + √(d / 2a)) at distance
     #: d. (m/s², > 0 and <= 100)
     approach_acceleration: float
@@ -448,11 +448,11 @@ class NavigateOptions(CommonOptions, total=False):
 
     #: Smallest and largest distance of a goal from the ball, uniform, in any direction in which it is free. (m, >= 0
     #: and <= 100)
-    goal_distance: npt.ArrayLike | None
+    goal_distance: npt.ArrayLike
     #: Shortest and longest time from one goal to the next, uniform. (s, > 0 and <= 1e9)
-    goal_seconds: npt.ArrayLike | None
+    goal_seconds: npt.ArrayLike
     #: Distance within which the ball is at its goal. (m, >= 1e-6 and <= 10)
-    goal_radius: float | None
+    goal_radius: float
     #: How long the ball must have been at its goal when the next goal is given. (s, >= 0 and <= 1e9)
     hold_seconds: float
     #: Guide of the motion that a controller tracks: 0 leads straight to the goal, 1 is a potential field, 2 a control
@@ -465,9 +465,9 @@ class NavigateOptions(CommonOptions, total=False):
     #: The guided motion follows its guide with three poles at minus this value. (1/s, > 0 and <= 1000)
     smoothing: float | None
     #: Distance that guides keep between the robot upright and obstacles. (m, >= 0 and <= 10)
-    margin: float | None
+    margin: float
     #: Distance from obstacles at which guides begin to avoid them. (m, > 0 and <= 100)
-    range: float | None
+    range: float
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float

@@ -1362,18 +1362,16 @@ class NavigateEnv(BallbotEnv):
     The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
     sign), `reward_terms()` has the last step's terms.
 
-    | term              | scale | formula                                                                 |
-    | ----------------- | ----- | ----------------------------------------------------------------------- |
-    | `alive`           | 1     | 1, unless the step ends in a fall                                       |
-    | `approach`        | -0.4  | e² / (e² + (0.3 m/s)²), e the ball velocity minus the approach velocity |
-    | `distance`        | -0.2  | d / (d + 0.5 m)                                                         |
-    | `position`        | -0.2  | d² / (d² + (0.05 m)²)                                                   |
-    | `rate`            | -0.01 | squared body rate in rad/s, at most 100                                 |
-    | `action`          | -0.02 | mean squared action                                                     |
-    | `action_change`   | -0.02 | mean squared change of the action                                       |
-    | `guided_position` | -0.2  | d² / (d² + (0.1 m)²), d the distance from the guided motion             |
-    | `guided_velocity` | -0.2  | e² / (e² + (0.2 m/s)²), e the difference from the guided velocity       |
-    | `collision`       | -1    | 1 while the robot touches an obstacle, else 0                           |
+    | term              | scale | formula                                                           |
+    | ----------------- | ----- | ----------------------------------------------------------------- |
+    | `alive`           | 1     | 1, unless the step ends in a fall                                 |
+    | `guided_position` | -0.3  | d² / (d² + (0.1 m)²), d the distance from the guided motion       |
+    | `guided_velocity` | -0.3  | e² / (e² + (0.2 m/s)²), e the difference from the guided velocity |
+    | `position`        | -0.2  | d² / (d² + (0.05 m)²), d the distance of the goal                 |
+    | `rate`            | -0.01 | squared body rate in rad/s, at most 100                           |
+    | `action`          | -0.02 | mean squared action                                               |
+    | `action_change`   | -0.02 | mean squared change of the action                                 |
+    | `collision`       | -1    | 1 while the robot touches an obstacle, else 0                     |
 
     ## Episode end
     Terminated, with the number of the reason, from 1 on, as `termination` in the info:
@@ -1455,10 +1453,9 @@ class NavigateEnv(BallbotEnv):
     - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
       FILE.toml, or a list of dicts)
     - `goal_distance`: Smallest and largest distance of a goal from the ball, uniform, in any direction in which it is
-      free. (default (1, 3) m, scaled; >= 0 and <= 100)
-    - `goal_seconds`: Shortest and longest time from one goal to the next, uniform. (default (20, 20) s, scaled; > 0 and
-      <= 1e9)
-    - `goal_radius`: Distance within which the ball is at its goal. (default 0.05 m, scaled; >= 1e-6 and <= 10)
+      free. (default (1, 3) m; >= 0 and <= 100)
+    - `goal_seconds`: Shortest and longest time from one goal to the next, uniform. (default (20, 20) s; > 0 and <= 1e9)
+    - `goal_radius`: Distance within which the ball is at its goal. (default 0.05 m; >= 1e-6 and <= 10)
     - `hold_seconds`: How long the ball must have been at its goal when the next goal is given. (default 1 s; >= 0 and
       <= 1e9)
     - `guide`: Guide of the motion that a controller tracks: 0 leads straight to the goal, 1 is a potential field, 2 a
@@ -1468,9 +1465,8 @@ class NavigateEnv(BallbotEnv):
       100)
     - `smoothing`: The guided motion follows its guide with three poles at minus this value. (default 4 1/s, scaled; > 0
       and <= 1000)
-    - `margin`: Distance that guides keep between the robot upright and obstacles. (default 0.1 m, scaled; >= 0 and <=
-      10)
-    - `range`: Distance from obstacles at which guides begin to avoid them. (default 0.5 m, scaled; > 0 and <= 100)
+    - `margin`: Distance that guides keep between the robot upright and obstacles. (default 0.1 m; >= 0 and <= 10)
+    - `range`: Distance from obstacles at which guides begin to avoid them. (default 0.5 m; > 0 and <= 100)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
       opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
     - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs import _files
-from ballbot_rs._checks import check_real
+from ballbot_rs._checks import check_no_obstacles, check_real
 from ballbot_rs._core import MOST_HEIGHTS, Terrain
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._extras import require
@@ -50,7 +50,7 @@ def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None)
             by facets, on which a ball rolls less smoothly than here: docs/terrain.md.
 
     Raises:
-        ValueError: a plane, another suffix, or a cell that does not give a grid.
+        ValueError: a plane, obstacles, another suffix, or a cell that does not give a grid.
         OSError: the file cannot be written.
         ModuleNotFoundError: Pillow, for pictures, is not installed.
     """
@@ -58,6 +58,7 @@ def write_terrain(terrain: Terrain, path: str | Path, cell: float | None = None)
     writers = {".xml": _mjcf, ".png": _png, ".stl": _stl}
     if path.suffix not in writers:
         raise ValueError(f"{path}: a terrain is written as {', '.join(writers)}, not '{path.suffix}'")
+    check_no_obstacles(terrain, f"the file {path}")
     heights, distance = terrain.heights(cell)
     writers[path.suffix](heights, distance, path)
     return path

@@ -305,8 +305,9 @@ impl Terrain {
         self.obstacles = Obstacles::new(&self, shapes)?;
         self.added += more.len();
         // Their numbers of parameters differ by kind.
-        let numbers = more.iter().flat_map(|one| one.parameters().into_iter().map(|(_, value)| value));
-        self.fingerprint = spline::hash(self.fingerprint.rotate_left(23), numbers);
+        let shapes = self.obstacles.shapes();
+        let numbers = shapes.iter().flat_map(|one| one.parameters().into_iter().map(|(_, value)| value));
+        self.fingerprint = spline::hash(self.surface.fingerprint(), numbers);
         Ok(self)
     }
 

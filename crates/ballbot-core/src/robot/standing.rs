@@ -26,7 +26,14 @@ impl Ballbot {
             self.params().require_level("a robot on a terrain")?;
         }
         let ground = terrain.map(|terrain| Ground::shared(terrain, self.params().ball_radius)).transpose()?;
-        self.set_ground(ground.as_ref())
+        let before = self.ground.clone();
+        self.set_ground(ground.as_ref())?;
+        // An obstacle may be where the robot stands.
+        if let Err(error) = self.model.accepts(&self.model.state()) {
+            self.set_ground(before.as_ref())?;
+            return Err(error);
+        }
+        Ok(())
     }
 
     /// [`Ballbot::set_terrain`] with ground that robots share.

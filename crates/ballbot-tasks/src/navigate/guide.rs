@@ -1,7 +1,8 @@
 //! Guides: a velocity that leads to a goal past obstacles.
 //!
 //! Both know only the outlines of the nearest obstacles. The potential field adds velocities away from them (Khatib,
-//! "Real-time obstacle avoidance for manipulators and mobile robots", IJRR 5(1), 1986). The control barrier function
+//! "Real-time obstacle avoidance for manipulators and mobile robots", IJRR 5(1), 1986), which fade near the goal (Ge, Cui,
+//! "New potential functions for mobile robot path planning", IEEE T-RA 16(5), 2000). The control barrier function
 //! keeps the velocity nearest to the desired velocity with which no distance h falls faster than α h (Ames et al.,
 //! "Control barrier functions: theory and applications", ECC 2019).
 
@@ -67,15 +68,21 @@ fn select<L: Lane>(mask: L::Mask, yes: Near<L>, no: Near<L>) -> Near<L> {
     }
 }
 
-/// The desired velocity plus velocities away from obstacles nearer than `range`, at most `speed`. Distances are of the
-/// robot from the outlines.
+/// The desired velocity plus velocities away from obstacles nearer than `range` times `fades`, at most `speed`. Distances
+/// are of the robot from the outlines.
 #[inline(always)]
-pub fn potential_field<L: Lane>(desired: [L; 2], near: &[Near<L>; CONSIDERED], range: f64, speed: f64) -> [L; 2] {
+pub fn potential_field<L: Lane>(
+    desired: [L; 2],
+    near: &[Near<L>; CONSIDERED],
+    range: f64,
+    speed: f64,
+    fades: L,
+) -> [L; 2] {
     let [mut x, mut y] = desired;
     for Near { distance, away } in near {
         let share = distance.splat(range) / distance.max(distance.splat(NEAREST * range));
         let closeness = (share - 1.0).max(distance.zero());
-        let size = closeness.squared() * (STRENGTH * speed);
+        let size = closeness.squared() * fades * (STRENGTH * speed);
         x = away[0].mul_add(size, x);
         y = away[1].mul_add(size, y);
     }

@@ -2,10 +2,10 @@
 
 mod guide;
 
-use super::start::{check_range, in_range, starts_and_falls, task_fields};
+use super::shared::{alive, bounded_error, effort, squared_norm};
+use super::start::{check_range, drawn_steps, in_range, starts_and_falls, task_fields};
 use super::velocity::third_derivative;
 use super::{Geometry, Goal, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
-use crate::start::drawn_steps;
 use ballbot_base::collision_shape::BodyShape;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::fields::Limit;
@@ -25,11 +25,11 @@ task_fields! {
     /// Options of the navigate task. SI units and radians. Tilts are from the equilibrium.
     pub struct Navigate {
         /// Smallest and largest distance of a goal from the ball, uniform, in any direction in which it is free.
-        pub goal_distance: [f64; 2] = [1.0, 3.0], "m", Limit::from(0.0).to(100.0), scaled;
+        pub goal_distance: [f64; 2] = [1.0, 3.0], "m", Limit::from(0.0).to(100.0);
         /// Shortest and longest time from one goal to the next, uniform.
-        pub goal_seconds: [f64; 2] = [20.0, 20.0], "s", Limit::above(0.0).to(1e9), scaled;
+        pub goal_seconds: [f64; 2] = [20.0, 20.0], "s", Limit::above(0.0).to(1e9);
         /// Distance within which the ball is at its goal.
-        pub goal_radius: f64 = 0.05, "m", Limit::from(1e-6).to(10.0), scaled;
+        pub goal_radius: f64 = 0.05, "m", Limit::from(1e-6).to(10.0);
         /// How long the ball must have been at its goal when the next goal is given.
         pub hold_seconds: f64 = 1.0, "s", Limit::from(0.0).to(1e9);
         /// Guide of the motion that a controller tracks: 0 leads straight to the goal, 1 is a potential field, 2 a control
@@ -42,9 +42,9 @@ task_fields! {
         /// The guided motion follows its guide with three poles at minus this value.
         pub smoothing: f64 = 4.0, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Distance that guides keep between the robot upright and obstacles.
-        pub margin: f64 = 0.1, "m", Limit::from(0.0).to(10.0), scaled;
+        pub margin: f64 = 0.1, "m", Limit::from(0.0).to(10.0);
         /// Distance from obstacles at which guides begin to avoid them.
-        pub range: f64 = 0.5, "m", Limit::above(0.0).to(100.0), scaled;
+        pub range: f64 = 0.5, "m", Limit::above(0.0).to(100.0);
     }
 }
 
@@ -175,6 +175,9 @@ impl Task for Navigate {
         let [x, y] = heading.of(memory.get(VELOCITY[0]), memory.get(VELOCITY[1]));
         rows.row(Row::new("guided velocity, heading x", "m/s", 1.0, 0.2), x);
         rows.row(Row::new("guided velocity, heading y", "m/s", 1.0, 0.2), y);
+        let [x, y] = heading.of(memory.get(FIRST[0]), memory.get(FIRST[1]));
+        rows.row(Row::new("guided acceleration, heading x", "m/s²", 10.0, 0.2), x);
+        rows.row(Row::new("guided acceleration, heading y", "m/s²", 10.0, 0.2), y);
         let [x, y] = heading.of(memory.get(OBSTACLES[0]), memory.get(OBSTACLES[1]));
         rows.row(Row::new("nearest obstacle from the ball, up to 2 m, heading x", "m", 2.0, 0.5), x);
         rows.row(Row::new("nearest obstacle from the ball, up to 2 m, heading y", "m", 2.0, 0.5), y);
@@ -218,18 +221,24 @@ impl Task for Navigate {
         memory: &Memory<'_, L>,
         terms: &mut impl Terms<L>,
     ) {
-        self.goal().reward(step, terminated, memory, terms);
         let (ball, velocity) = (step.state.ball_position, step.state.ball_velocity);
+        let to_goal = [memory.get(0) - ball.x, memory.get(1) - ball.y];
         let way = [memory.get(PLACE[0]) - ball.x, memory.get(PLACE[1]) - ball.y];
         let slower = [memory.get(VELOCITY[0]) - velocity.x, memory.get(VELOCITY[1]) - velocity.y];
+        alive(terminated, 1.0, step.tilt, terms);
         terms.term(
-            Term::cost("guided_position", 0.2, "d² / (d² + (0.1 m)²), d the distance from the guided motion"),
-            super::shared::bounded_error(super::shared::squared_norm(way), 0.1),
+            Term::cost("guided_position", 0.3, "d² / (d² + (0.1 m)²), d the distance from the guided motion"),
+            bounded_error(squared_norm(way), 0.1),
         );
         terms.term(
-            Term::cost("guided_velocity", 0.2, "e² / (e² + (0.2 m/s)²), e the difference from the guided velocity"),
-            super::shared::bounded_error(super::shared::squared_norm(slower), 0.2),
+            Term::cost("guided_velocity", 0.3, "e² / (e² + (0.2 m/s)²), e the difference from the guided velocity"),
+            bounded_error(squared_norm(slower), 0.2),
         );
+        terms.term(
+            Term::cost("position", 0.2, "d² / (d² + (0.05 m)²), d the distance of the goal"),
+            bounded_error(squared_norm(to_goal), 0.05),
+        );
+        effort(step, terms);
         terms.term(Term::cost("collision", 1.0, "1 while the robot touches an obstacle, else 0"), memory.get(TOUCHES));
     }
 
@@ -303,7 +312,10 @@ impl Navigate {
                 near.distance -= kept;
             }
             if self.guide == 1.0 {
-                potential_field(desired, &near, self.range, self.speed)
+                // Without this factor an obstacle next to the goal would keep the robot away from it.
+                let to_goal = [memory.get(0) - place[0], memory.get(1) - place[1]];
+                let fades = (squared_norm(to_goal).sqrt() * (1.0 / self.range)).min(kept.splat(1.0));
+                potential_field(desired, &near, self.range, self.speed, fades)
             } else {
                 barrier(desired, &near, self.range, self.speed, self.approach)
             }

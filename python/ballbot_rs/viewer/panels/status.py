@@ -239,6 +239,10 @@ WORDS: Final = {
     ("carry", "spilled"): ("Spilled", 100.0, "{:.0f} %"),
     ("carry", "slosh"): ("Highest water", 1e3, "{:.1f} mm at the wall of the glass"),
     ("carry", "tray_acceleration"): ("Force on the glass", 1.0, "{:.2f} m/s² in the plane of the tray (rms)"),
+    ("navigate", "goals_held"): ("Goals reached", 100.0, "{:.0f} %"),
+    ("navigate", "time_ratio"): ("Time to a goal", 1.0, "{:.2f} × a fast move from rest to rest"),
+    ("navigate", "collisions"): ("Collisions", 1.0, "{:.0f}"),
+    ("navigate", "clearance"): ("Nearest obstacle", 1.0, "{:.2f} m from the robot"),
     ("push", "distance"): ("Distance", 1.0, "{:.3f} m from the setpoint (rms)"),
     ("openballbot", "speed"): ("Mean speed", 1.0, "{:.2f} m/s along y"),
 }
