@@ -1324,7 +1324,7 @@ class NavigateEnv(BallbotEnv):
     `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
 
     ## Observation space
-    `Box(-10, 10, (25,), float32)`. The heading frame has the yaw of the
+    `Box(-10, 10, (27,), float32)`. The heading frame has the yaw of the
     robot and a vertical z axis.
 
     | row | what                                                 | unit  | bound | at rest | typical |
@@ -1350,10 +1350,12 @@ class NavigateEnv(BallbotEnv):
     | 18  | way to the guided motion, heading y                  | m     | 1     | 0       | 0.1     |
     | 19  | guided velocity, heading x                           | m/s   | 1     | 0       | 0.2     |
     | 20  | guided velocity, heading y                           | m/s   | 1     | 0       | 0.2     |
-    | 21  | nearest obstacle from the ball, up to 2 m, heading x | m     | 2     | 0       | 0.5     |
-    | 22  | nearest obstacle from the ball, up to 2 m, heading y | m     | 2     | 0       | 0.5     |
-    | 23  | second obstacle from the ball, up to 2 m, heading x  | m     | 2     | 0       | 0.5     |
-    | 24  | second obstacle from the ball, up to 2 m, heading y  | m     | 2     | 0       | 0.5     |
+    | 21  | guided acceleration, heading x                       | m/s²  | 10    | 0       | 0.2     |
+    | 22  | guided acceleration, heading y                       | m/s²  | 10    | 0       | 0.2     |
+    | 23  | nearest obstacle from the ball, up to 2 m, heading x | m     | 2     | 0       | 0.5     |
+    | 24  | nearest obstacle from the ball, up to 2 m, heading y | m     | 2     | 0       | 0.5     |
+    | 25  | second obstacle from the ball, up to 2 m, heading x  | m     | 2     | 0       | 0.5     |
+    | 26  | second obstacle from the ball, up to 2 m, heading y  | m     | 2     | 0       | 0.5     |
 
     Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
