@@ -1,6 +1,6 @@
 """The Rust core. SI units and radians; quaternions are `[w, x, y, z]` and map body to inertial."""
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from os import PathLike
 from typing import Any, ClassVar, Literal, TypedDict, final, overload
 
@@ -58,6 +58,7 @@ __all__ = [
     "load_actuators",
     "load_events",
     "load_sensors",
+    "obstacle_kinds",
     "reading_bounds",
     "terrain_kinds",
     "virtual_to_wheel_torques",
@@ -710,11 +711,17 @@ class Contacts:
     def bot_floor_force(self) -> _Array:
         """Force of the floor on body and wheels, inertial frame, N; zero in the models `spatial` and `planar`."""
     @property
+    def obstacle_force(self) -> _Array:
+        """Force of obstacles on ball, body and wheels, inertial frame, N."""
+    @property
     def floor_slip_velocity(self) -> _Array:
         """Velocity (x, y) of the lowest point of the ball, m/s."""
     @property
     def bot_on_floor(self) -> bool:
         """Whether the body or a wheel touches the floor."""
+    @property
+    def on_obstacle(self) -> bool:
+        """Whether the ball, the body or a wheel touches an obstacle."""
     @property
     def searched_steps(self) -> int:
         """Steps since the reset in which sticking and slipping contacts were not found at the first attempt."""
@@ -728,7 +735,7 @@ class Contacts:
         """Fraction of the dynamic friction limit in use, three wheels and floor, shape (4,). Models without slip are valid
         up to 1.
         """
-    def __reduce__(self) -> tuple[Any, tuple[Params, _Array, bool, tuple[int, int]]]: ...
+    def __reduce__(self) -> tuple[Any, tuple[Params, _Array, tuple[bool, bool], tuple[int, int]]]: ...
     def _repr_html_(self) -> str: ...
 
 @final
@@ -768,6 +775,20 @@ class Terrain:
     def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
         """A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
         "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters.
+        """
+    def with_obstacles(self, obstacles: Iterable[Mapping[str, Any]]) -> Terrain:
+        """This terrain with more obstacles, each a dict of its `kind`, "post", "box" or "wall", and its parameters;
+        `obstacle_kinds()` lists them. The models `contact` and `rigid` simulate them.
+
+        Raises:
+            ValueError: a parameter outside its limit, or more than 4096 obstacles.
+        """
+    @property
+    def obstacles(self) -> list[dict[str, Any]]:
+        """Its obstacles, each a dict as for `with_obstacles`."""
+    def obstacle_distance(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
+        """Horizontal distance of `x` and `y` from the outline of the nearest obstacle, m, negative inside; infinite without
+        obstacles.
         """
     def height(self, x: npt.ArrayLike, y: npt.ArrayLike) -> Any:
         """Height at `x` and `y`, m: a number, or an array of their broadcast shape."""
@@ -1382,16 +1403,33 @@ def terrain_kinds() -> dict[str, dict[str, dict[str, Any]]]:
     An argument has `default`, `unit`, `limit` and `doc`.
     """
 
+def obstacle_kinds() -> dict[str, dict[str, dict[str, Any]]]:
+    """Kinds of obstacles by name, each a dict of the parameters that `Terrain.with_obstacles` takes.
+
+    ```python
+    print(bb.obstacle_kinds()["post"]["radius"])
+    ```
+
+    A parameter has `default`, `unit`, `limit` and `doc`.
+    """
+
 def _params_of(robot: _Robot) -> Params:
     """What the argument `robot` takes as parameters, for Python."""
 
-def _contacts_of(params: Params, numbers: npt.ArrayLike, bot_on_floor: bool, steps: tuple[int, int]) -> Contacts:
+def _contacts_of(
+    params: Params, numbers: npt.ArrayLike, touches: tuple[bool, bool], steps: tuple[int, int]
+) -> Contacts:
     """Contacts of a robot from their pickled form: loads, tractions and slip speeds of the wheels, force and slip velocity of
     the floor, forces of the floor on the bot and of obstacles, shape (20,), whether the bot touches the floor and anything
     an obstacle, and the counts of searched and unsolved steps.
     """
 
-def _terrain_of(source: Mapping[str, Any] | npt.ArrayLike, nodes: tuple[int, int] = ..., cell: float = 0.0) -> Terrain:
+def _terrain_of(
+    source: Mapping[str, Any] | npt.ArrayLike,
+    nodes: tuple[int, int] = ...,
+    cell: float = 0.0,
+    obstacles: Iterable[Mapping[str, Any]] | None = None,
+) -> Terrain:
     """The terrain of a recipe, or of the coefficients of its surface with the nodes along x and y, their distance, m, and its
     obstacles.
     """

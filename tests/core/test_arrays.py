@@ -136,7 +136,10 @@ WITHOUT = {
     *("DifferentiableBatch", "DifferentiableJaxBatch"),
     # As others of the same class.
     *("GroupedVectorObservations", "GroupedVecEnv", "SafetyEnv"),
-    *(f"{name}VectorEnv" for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")),
+    *(
+        f"{name}VectorEnv"
+        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")
+    ),
 }
 #: Arguments of methods that need some and that `surface` does not call.
 ARGUMENTS: dict[str, dict[str, Any]] = {

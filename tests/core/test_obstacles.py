@@ -1,4 +1,4 @@
-"""Obstacles of terrains: how they are given, kept, drawn and perceived. tests/rust/core/obstacles.rs has the physics."""
+"""Obstacles of terrains: how they are given, kept, drawn and seen. tests/rust/core/obstacles.rs has the physics."""
 
 import math
 import pickle
@@ -27,7 +27,7 @@ def test_obstacles_survive_recipes_pickles_and_options():
     assert pickle.loads(pickle.dumps(terrain)) == terrain
     batch = bb.Batch(2, "balance", terrain=terrain.recipe)
     assert batch.terrain == terrain
-    hills = bb.Terrain.from_function(lambda x, y: 0.02 * np.sin(x), (4.0, 4.0), 0.1).with_obstacles([POST])
+    hills = bb.Terrain.from_function(lambda x, y: 0.02 * np.sin(x + y), (4.0, 4.0), 0.1).with_obstacles([POST])
     assert pickle.loads(pickle.dumps(hills)) == hills
     assert hills != hills.with_obstacles([POST])
     posts = bb.Terrain.generate("posts", 3)
@@ -64,7 +64,7 @@ def test_bad_obstacles_are_named(obstacles, words):
 def test_what_has_no_obstacles_rejects_them(tmp_path):
     terrain = level(POST)
     for model in ("spatial", "planar"):
-        with pytest.raises(ValueError, match="obstacles|level ground"):
+        with pytest.raises(ValueError, match=r"obstacles|level ground"):
             bb.Ballbot(model=model, terrain=terrain)
     with pytest.raises(ValueError, match="1 obstacles"):
         MujocoRobot(robot_geometry(bb.Params.paper()), accurate(), terrain)
@@ -90,7 +90,13 @@ def test_a_robot_that_drives_against_a_wall_leans_on_it():
 
 
 def test_a_lidar_sees_obstacles():
-    lidar = {"beams": 4, "field_of_view": 2.0 * math.pi, "depression": 0.0, "max_range": 5.0, "position": (0.0, 0.0, 0.3)}
+    lidar = {
+        "beams": 4,
+        "field_of_view": 2.0 * math.pi,
+        "depression": 0.0,
+        "max_range": 5.0,
+        "position": (0.0, 0.0, 0.3),
+    }
     batch = bb.Batch(1, "balance", terrain=level(POST, WALL), lidar=lidar)
     batch.reset(starts=[bb.State.at_rest(batch.params(0))])
     seen = batch.perceived("lidar", 0)
@@ -109,6 +115,8 @@ def test_the_page_has_the_triangles_of_all_obstacles():
     vertices, faces = obstacle_mesh(level(POST, BOX, WALL))
     assert faces.max() < len(vertices)
     low, high = vertices.min(axis=0), vertices.max(axis=0)
-    assert high[0] == pytest.approx(0.9, abs=1e-9) and high[2] == pytest.approx(1.0)
-    assert low[0] == pytest.approx(-1.1) and low[2] == pytest.approx(-0.5)
+    assert high[0] == pytest.approx(0.9, abs=1e-9)
+    assert high[2] == pytest.approx(1.0)
+    assert low[0] == pytest.approx(-1.1)
+    assert low[2] == pytest.approx(-0.5)
     assert obstacle_mesh(bb.Terrain.plane(0.0)) is None

@@ -53,10 +53,11 @@ def test_heights_have_rows_along_y():
 def test_a_recipe_reproduces_its_terrain(kind):
     parameters = bb.terrain_kinds()[kind]
     assert all(entry["doc"] and entry["limit"] is not None for entry in parameters.values())
-    coarse = {"plane": {}, "levels": {"cell": 0.1}, "hills": {"cell": 0.1}}.get(
+    coarse = {"plane": {}, "levels": {"cell": 0.1}, "hills": {"cell": 0.1}, "posts": {}}.get(
         kind, {"cell": 0.03, "size_x": 4.0, "size_y": 4.0}
     )
-    terrain = bb.Terrain.generate(kind, seed=3, slope=0.12, **coarse)
+    own = {"radius": 0.12} if kind == "posts" else {"slope": 0.12}
+    terrain = bb.Terrain.generate(kind, seed=3, **own, **coarse)
     recipe = json.loads(json.dumps(terrain.recipe))
     assert set(recipe) == {"kind", "seed", *parameters}
     again = bb.Ballbot(terrain=recipe).terrain

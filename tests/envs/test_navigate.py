@@ -30,7 +30,9 @@ def test_a_barrier_leads_every_preset_to_its_goals_without_a_collision(robot):
 
 
 def test_a_straight_way_collides_and_guides_do_not():
-    collisions = [bb.evaluate("lqr", task="navigate", episodes=64, guide=guide).metrics["collisions"] for guide in range(3)]
+    collisions = [
+        bb.evaluate("lqr", task="navigate", episodes=64, guide=guide).metrics["collisions"] for guide in range(3)
+    ]
     assert collisions[0] > 0.1
     assert collisions[1:] == [0.0, 0.0]
 
@@ -56,7 +58,9 @@ def test_guided_motions_keep_their_distance():
 def test_collisions_are_counted_once_each():
     """A robot that is driven against a wall touches it; a success has no collision."""
     wall = {"kind": "plane", "slope": 0.0, "obstacles": [{"kind": "wall", "x": 0.6, "yaw": np.pi}]}
-    batch = bb.Batch(1, "navigate", autoreset="disabled", terrain=wall, guide=0, goal_distance=(0.0, 0.0), max_episode_steps=1500)
+    batch = bb.Batch(
+        1, "navigate", autoreset="disabled", terrain=wall, guide=0, goal_distance=(0.0, 0.0), max_episode_steps=1500
+    )
     batch.reset(starts=[bb.State.at_rest(batch.params(0))])
     batch.set_command(0, [1.0, 0.0])
     law = bb.Controller("lqr", batch.params(0), batch.control_dt)
@@ -69,7 +73,12 @@ def test_collisions_are_counted_once_each():
 
 @pytest.mark.parametrize(
     ("options", "words"),
-    [({"guide": 1.5}, "guide"), ({"guide": 3}, "guide"), ({"approach": 3.0}, "approach = 3"), ({"goal_distance": (2.0, 1.0)}, "goal_distance")],
+    [
+        ({"guide": 1.5}, "guide"),
+        ({"guide": 3}, "guide"),
+        ({"approach": 3.0}, "approach = 3"),
+        ({"goal_distance": (2.0, 1.0)}, "goal_distance"),
+    ],
 )
 def test_bad_options_are_named(options, words):
     with pytest.raises(ValueError, match=words):

@@ -122,6 +122,18 @@ def standing(batch, states, options):
     }
 
 
+def navigate(batch, states, _options):
+    setpoints = [batch.setpoint(i) for i in range(N)]
+    place, velocity = (np.array([setpoint[name] for setpoint in setpoints]) for name in ("position", "velocity"))
+    ball = states[:, rows.BALL_POSITION][:, :2]
+    return {
+        "guided_position": bounded(squares(place - ball), 0.1),
+        "guided_velocity": bounded(squares(velocity - states[:, rows.BALL_VELOCITY][:, :2]), 0.2),
+        "position": bounded(squares(batch.command() - ball), 0.05),
+        "collision": batch.contacts()["on_obstacle"].astype(float),
+    }
+
+
 def published(_batch, states, _options):
     return {"progress": states[:, rows.BALL_VELOCITY][:, 1] * 5.0}
 
@@ -132,6 +144,7 @@ OF_TASKS = {
     "goal": goal,
     "path": path,
     "carry": Water,
+    "navigate": navigate,
     "push": standing,
     "terrain": terrain,
     "openballbot": published,

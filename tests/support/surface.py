@@ -580,6 +580,7 @@ _READABLE = {
         "wheel_slip_speeds",
         "floor_force",
         "bot_floor_force",
+        "obstacle_force",
         "floor_slip_velocity",
     ),
     "Ballbot": ("state", "contacts", "energy", "time"),

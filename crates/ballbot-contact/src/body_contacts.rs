@@ -36,8 +36,8 @@ const MOST_SWEEPS: usize = 20;
 const SETTLED_SHARE: f64 = 1e-4;
 
 /// The same two of robots near obstacles: an impact on a wall passes through ball and wheels. Chosen by experiment.
-const MOST_SWEEPS_AT_OBSTACLES: usize = 200;
-const SETTLED_SHARE_AT_OBSTACLES: f64 = 1e-6;
+const MOST_SWEEPS_AT_OBSTACLES: usize = 60;
+const SETTLED_SHARE_AT_OBSTACLES: f64 = 1e-5;
 
 /// Distance in addition to the motion within a step at which a contact of bot and floor is considered, m.
 const FLOOR_MARGIN: f64 = 2e-3;
@@ -55,8 +55,6 @@ pub struct Near<'a, L: Lane> {
     pub mask: L::Mask,
     /// Robots of `mask` whose ball may touch wheels or body, so that all contacts are solved together.
     pub coupled: L::Mask,
-    /// Robots of `mask` that may touch an obstacle.
-    obstacle: L::Mask,
     /// Robots of `mask` whose ball may touch the body's cylinder.
     ball_on_body: L::Mask,
     /// Height below which a point of the bot may touch the floor, m.
@@ -124,14 +122,17 @@ impl<'a, L: Lane> Near<'a, L> {
             let Wheels([a, b, d]) = start.rows.gaps;
             wheels_near = wheels_near | a.min(b).min(d).lt(along + across);
         }
-        let mut mask = lowest.lt(floor_limit) | ball_near;
-        let mut coupled = mask & (wheels_near | ball_near);
-        let mut obstacle = zero.lt(zero);
-        if let Some(near) = footing.and_then(Footing::near_obstacles) {
-            obstacle = zero.le(L::load(token, &near.limit));
-            (mask, coupled) = (mask | obstacle, coupled | obstacle);
-        }
-        Self { mask, coupled, obstacle, ball_on_body: ball_near, floor_limit, footing, token }
+        let mask = lowest.lt(floor_limit) | ball_near;
+        Self { mask, coupled: mask & (wheels_near | ball_near), ball_on_body: ball_near, floor_limit, footing, token }
+    }
+}
+
+/// Robots that may touch an obstacle.
+#[inline(always)]
+fn near_obstacles<L: Lane>(token: L::Token, footing: Option<&Footing<L::Cell>>, zero: L) -> L::Mask {
+    match footing.and_then(Footing::near_obstacles) {
+        Some(near) => zero.le(L::load(token, &near.limit)),
+        None => zero.lt(zero),
     }
 }
 
@@ -152,7 +153,9 @@ pub fn finish_near<L: Lane>(
         || {
             let c = &constants.owned::<L>(token);
             let start = Start::new::<true, Own<L>>(c, token, state);
-            let near = Near::new(c, &start, token, state, footing);
+            let mut near = Near::new(c, &start, token, state, footing);
+            // At an obstacle all contacts are solved together.
+            near.coupled = near.coupled | near_obstacles(token, footing, start.pose.ball.x.zero());
             let (velocities, impulses) = (without.velocities(token), without.impulses(token));
             let mut contacts = Contacts::new(c, &start, &near, (impulses, velocities));
             let closing = contacts.closing(c, &near);
@@ -186,7 +189,8 @@ pub fn finish_near<L: Lane>(
     );
 }
 
-/// Lower bound of the height of a part of the bot above the highest possible ground below it.
+/// Lower bound of the height of a part of the bot above the highest possible ground below it; of robots near an obstacle,
+/// which need the contacts of this module as well, none.
 #[inline(always)]
 fn lowest_over<L: Lane, V: Value<L>>(
     c: &Constants<V>,
@@ -205,7 +209,8 @@ fn lowest_over<L: Lane, V: Value<L>>(
     lowest = lowest.min(clearance(&relief, body + rotation.apply(c.wheel_center(1, like)), [wheel, wheel]));
     lowest = lowest.min(clearance(&relief, body + rotation.apply(c.wheel_center(2, like)), [wheel, wheel]));
     lowest = lowest.min(clearance(&relief, body + rotation.apply(bottom.into()), [radius, sine * radius]));
-    lowest.min(clearance(&relief, body + rotation.apply(top.into()), [radius, sine * radius]))
+    lowest = lowest.min(clearance(&relief, body + rotation.apply(top.into()), [radius, sine * radius]));
+    L::select(near_obstacles(token, Some(footing), like.zero()), like.splat(f64::NEG_INFINITY), lowest)
 }
 
 /// Lower bound of the height of a part that extends `lateral` and `below` its center.
@@ -313,13 +318,14 @@ impl<L: Lane> Contacts<L> {
             friction: Friction::new(c, &start.rows, &start.velocities),
             joint_friction: JointFriction::new(c, zero),
         };
-        let share = L::select(near.obstacle, zero.splat(SETTLED_SHARE_AT_OBSTACLES), zero.splat(SETTLED_SHARE));
+        let at_obstacle = near_obstacles(token, near.footing, zero);
+        let share = L::select(at_obstacle, zero.splat(SETTLED_SHARE_AT_OBSTACLES), zero.splat(SETTLED_SHARE));
         let threshold = (c.static_wheel_load.at(zero) * c.sim_dt.at(zero) * share).squared();
         let mut open = near.mask;
         for sweep in 1..=MOST_SWEEPS_AT_OBSTACLES {
             let change = self.sweep(c, start, &system, near, open);
             if sweep >= MOST_SWEEPS {
-                open = open & near.obstacle;
+                open = open & at_obstacle;
             }
             if sweep >= SWEEPS {
                 open = open & threshold.lt(change);

@@ -775,9 +775,9 @@ impl PyBatch {
 
     /// Contact forces of the last model step: of environment `index` as `Contacts`, or of all as a dict of arrays.
     ///
-    /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s), `floor_force` and `bot_floor_force` (N) have the shape
-    /// (num_envs, 3), `floor_slip_velocity` (m/s) (num_envs, 2), `bot_on_floor`, `searched_steps` and
-    /// `unsolved_steps` (num_envs,); see `Contacts`.
+    /// `wheel_normal_forces`, `wheel_tractions` (N), `wheel_slip_speeds` (m/s), `floor_force`, `bot_floor_force` and
+    /// `obstacle_force` (N) have the shape (num_envs, 3), `floor_slip_velocity` (m/s) (num_envs, 2), `bot_on_floor`,
+    /// `on_obstacle`, `searched_steps` and `unsolved_steps` (num_envs,); see `Contacts`.
     #[pyo3(signature = (index=None))]
     fn contacts<'py>(
         &self,
@@ -807,6 +807,7 @@ impl PyBatch {
         };
         dict.set_item("floor_slip_velocity", rows(py, n, 2, slip)?)?;
         dict.set_item("bot_on_floor", PyArray1::from_iter(py, all.iter().map(|c| c.bot_on_floor)))?;
+        dict.set_item("on_obstacle", PyArray1::from_iter(py, all.iter().map(|c| c.on_obstacle)))?;
         dict.set_item("searched_steps", PyArray1::from_iter(py, all.iter().map(|c| c.searched_steps)))?;
         dict.set_item("unsolved_steps", PyArray1::from_iter(py, all.iter().map(|c| c.unsolved_steps)))?;
         Ok(dict.into_any())

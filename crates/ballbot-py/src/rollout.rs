@@ -23,12 +23,13 @@ pub(crate) struct ContactPart {
 }
 
 /// The parts of [`Contacts`] that have three numbers.
-pub(crate) static CONTACT_PARTS: [ContactPart; 5] = [
+pub(crate) static CONTACT_PARTS: [ContactPart; 6] = [
     ContactPart { name: "wheel_normal_forces", of: |c| c.wheel_normal_forces.0 },
     ContactPart { name: "wheel_tractions", of: |c| c.wheel_tractions.0 },
     ContactPart { name: "wheel_slip_speeds", of: |c| c.wheel_slip_speeds.0 },
     ContactPart { name: "floor_force", of: |c| [c.floor_force.x, c.floor_force.y, c.floor_force.z] },
     ContactPart { name: "bot_floor_force", of: |c| [c.bot_floor_force.x, c.bot_floor_force.y, c.bot_floor_force.z] },
+    ContactPart { name: "obstacle_force", of: |c| [c.obstacle_force.x, c.obstacle_force.y, c.obstacle_force.z] },
 ];
 
 /// Where the numbers of a [`Record`] come from.

@@ -41,7 +41,7 @@ fn flying(params: &Params) -> State {
 }
 
 #[test]
-fn distances_are_those_of_the_shapes() {
+fn distances_follow_from_the_shapes() {
     let terrain = level(&[
         obstacle("post", &[("x", 1.0), ("y", 2.0), ("radius", 0.3), ("height", 1.0)]),
         obstacle("box", &[("x", -2.0), ("yaw", FRAC_PI_2), ("length", 2.0), ("width", 0.5), ("height", 0.4)]),
@@ -49,12 +49,12 @@ fn distances_are_those_of_the_shapes() {
     ]);
     let all = terrain.obstacles();
     for (point, expected) in [
-        ([1.0, 2.7, 0.5], 0.4),      // beside the post
+        ([1.0, 2.7, 0.5], 0.4),      // next to the post
         ([1.0, 2.0, 1.6], 0.6),      // above it
-        ([1.7, 2.0, 1.3], 0.5),      // beside its rim: 3, 4, 5
+        ([1.7, 2.0, 1.3], 0.5),      // outside of its rim: 3, 4, 5
         ([1.2, 2.0, 0.5], -0.1),     // in it
         ([-2.0, 1.5, 0.2], 0.5),     // beyond the end of the box, which is turned
-        ([-1.45, 1.4, 0.2], 0.5),    // beside its corner
+        ([-1.45, 1.4, 0.2], 0.5),    // outside of its corner
         ([-2.05, 0.0, 0.7], 0.3),    // above it
         ([-2.05, 0.0, 0.2], -0.2),   // in it, nearest to a side and to the top
         ([4.75, -300.0, 9.0], 0.25), // before the wall
@@ -113,7 +113,7 @@ fn rays_meet_obstacles_where_their_distance_is_zero() {
 /// A ball that spins about the vertical hits a wall: the impulse of friction is the smaller of what stops the slip and of
 /// the friction of the normal impulse.
 #[test]
-fn a_ball_leaves_a_wall_as_the_closed_form_says() {
+fn a_ball_leaves_a_wall_as_in_the_closed_form() {
     // A ball that falls slips along z, too.
     let params = Params { gravity: 1e-6, ..Params::paper() };
     let r = params.ball_radius;

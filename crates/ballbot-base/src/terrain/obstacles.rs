@@ -40,7 +40,7 @@ fields! {
 }
 
 fields! {
-    /// A box that stands upright.
+    /// A box with vertical sides.
     pub struct Block {
         /// x of its center
         pub x: f64 = 0.0, "m", PLACES;

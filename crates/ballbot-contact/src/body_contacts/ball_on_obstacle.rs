@@ -34,6 +34,12 @@ impl<L: Lane> BallOnObstacle<L> {
         }
     }
 
+    /// Whether any robot may touch the obstacle with its ball.
+    #[inline(always)]
+    pub fn may_touch(&self) -> bool {
+        L::any(self.candidate)
+    }
+
     /// Robots whose ball reaches the obstacle at these velocities.
     #[inline(always)]
     pub fn closes(&self, v: &Velocities<L>) -> L::Mask {

@@ -18,6 +18,8 @@ struct OnObstacle<L: Lane> {
     friction: L,
     ball: BallOnObstacle<L>,
     points: [BotPoint<L>; POINTS],
+    /// Whether any robot may touch the obstacle with its ball, and with each point.
+    used: (bool, [bool; POINTS]),
 }
 
 impl<L: Lane> OnObstacles<L> {
@@ -84,11 +86,14 @@ impl<L: Lane> OnObstacle<L> {
     #[inline(always)]
     fn new<V: Value<L>>(c: &Constants<V>, start: &Start<L>, obstacle: &Obstacle<'_, '_, L>, limit: L) -> Self {
         let plane = obstacle.near(start, start.pose.ball);
-        Self {
-            friction: obstacle.prism.friction,
-            ball: BallOnObstacle::new(c, start, &plane, obstacle.prism.restitution, limit),
-            points: obstacle_points(c, start, limit, obstacle),
+        let ball = BallOnObstacle::new(c, start, &plane, obstacle.prism.restitution, limit);
+        let points = obstacle_points(c, start, limit, obstacle);
+        let all = limit.le(limit);
+        let mut used = [false; POINTS];
+        for (used, point) in used.iter_mut().zip(&points) {
+            *used = point.may_touch(all);
         }
+        Self { friction: obstacle.prism.friction, used: (ball.may_touch(), used), ball, points }
     }
 
     #[inline(always)]
@@ -102,9 +107,14 @@ impl<L: Lane> OnObstacle<L> {
 
     #[inline(always)]
     fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, open: L::Mask, v: &mut Velocities<L>) -> L {
-        let mut change = self.ball.sweep_open(c, self.friction, open, v);
-        for point in &mut self.points {
-            change += point.sweep_open(c, self.friction, open, v);
+        let mut change = self.friction.zero();
+        if self.used.0 {
+            change += self.ball.sweep_open(c, self.friction, open, v);
+        }
+        for (point, used) in self.points.iter_mut().zip(self.used.1) {
+            if used {
+                change += point.sweep_open(c, self.friction, open, v);
+            }
         }
         change
     }

@@ -28,7 +28,7 @@ impl Ballbot {
         let ground = terrain.map(|terrain| Ground::shared(terrain, self.params().ball_radius)).transpose()?;
         let before = self.ground.clone();
         self.set_ground(ground.as_ref())?;
-        // An obstacle may be where the robot stands.
+        // An obstacle may be at the origin.
         if let Err(error) = self.model.accepts(&self.model.state()) {
             self.set_ground(before.as_ref())?;
             return Err(error);

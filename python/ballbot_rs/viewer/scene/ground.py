@@ -1,6 +1,4 @@
-"""The ground: a level floor, or a patch of uneven ground that moves along with robot 0, and obstacles; its intersections
-with rays.
-"""
+"""The ground: a level floor or a patch of uneven ground around robot 0, obstacles; its intersections with rays."""
 
 import dataclasses
 from collections.abc import Callable
