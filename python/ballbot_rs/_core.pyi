@@ -772,9 +772,10 @@ class Terrain:
         at most `cell`, m. `height(x, y)` gets two arrays of the same shape and returns an array.
         """
     @staticmethod
-    def generate(kind: str, seed: int = 0, **parameters: float) -> Terrain:
+    def generate(kind: str, seed: int = 0, **parameters: Any) -> Terrain:
         """A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-        "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters.
+        "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters. `obstacles`
+        are as for `with_obstacles`.
         """
     def with_obstacles(self, obstacles: Iterable[Mapping[str, Any]]) -> Terrain:
         """This terrain with more obstacles, each a dict of its `kind`, "post", "box" or "wall", and its parameters;

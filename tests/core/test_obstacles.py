@@ -25,6 +25,7 @@ def test_obstacles_survive_recipes_pickles_and_options():
     assert [one["kind"] for one in terrain.obstacles] == ["post", "box", "wall"]
     assert terrain.obstacles[0]["friction"] == bb.obstacle_kinds()["post"]["friction"]["default"]
     assert pickle.loads(pickle.dumps(terrain)) == terrain
+    assert bb.Terrain.generate(**terrain.recipe) == terrain
     batch = bb.Batch(2, "balance", terrain=terrain.recipe)
     assert batch.terrain == terrain
     hills = bb.Terrain.from_function(lambda x, y: 0.02 * np.sin(x + y), (4.0, 4.0), 0.1).with_obstacles([POST])
@@ -49,10 +50,11 @@ def test_distances_are_from_outlines():
         ([{"x": 1.0}], "obstacles\\[0\\] needs its 'kind'"),
         ([POST, {"kind": "post", "depth": 1.0}], "depth"),
         ([{"kind": "post", "radius": -1.0}], "obstacles\\[0\\].*radius = -1"),
-        ([{"kind": "wall", "restitution": 1.5}], "restitution = 1.5"),
+        ([{"kind": "wall", "restitution": 0.6}], "restitution = 0.6"),
         ([POST] * 4097, "4097"),
         ([5], "obstacles\\[0\\] must be a dict"),
         (5, "list of dicts"),
+        (POST, "list of dicts"),
         ([{"kind": "post", "x": "far"}], "x of obstacles\\[0\\] must be a number"),
     ],
 )
@@ -73,6 +75,25 @@ def test_what_has_no_obstacles_rejects_them(tmp_path):
         bb.write_terrain(hills, tmp_path / "hills.stl")
     with pytest.raises(ValueError, match="nearest obstacle"):
         bb.Ballbot(terrain=level({**POST, "x": 0.1}))
+    # A wheel reaches beyond the side of the body.
+    with pytest.raises(ValueError, match="distance of the wheels from the nearest obstacle"):
+        bb.Ballbot(terrain=level({**BOX, "y": 0.0, "x": 0.64, "yaw": 0.0, "width": 4.0, "height": 5.0}))
+
+
+def test_a_robot_that_gets_no_place_is_unchanged():
+    robot = bb.Ballbot(terrain=level({**WALL, "x": -0.17}))
+    robot.step([0.1, 0.0, 0.0], 30)
+    before = robot.state
+    for change in (
+        lambda: robot.set_terrain(level({**POST, "x": 0.0})),
+        lambda: robot.set_params(robot.params.replace(ball_radius=0.18)),
+    ):
+        with pytest.raises(ValueError, match="nearest obstacle"):
+            change()
+        assert robot.state == before
+        assert robot.time == pytest.approx(0.03)
+    robot.step([0.1, 0.0, 0.0], 30)
+    assert robot.params.ball_radius == bb.Params.paper().ball_radius
 
 
 def test_a_robot_that_drives_against_a_wall_leans_on_it():

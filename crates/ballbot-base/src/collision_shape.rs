@@ -129,7 +129,11 @@ impl CollisionShape {
             |height: f64| <[f64; 3]>::from(state.body_position + state.body_quaternion * (Vector3::z() * height));
         let of_body = obstacles.distance_of_segment([place(self.body.bottom), place(self.body.top)], self.body.radius);
         let of_ball = obstacles.distance(state.ball_position.into()) - self.ball_radius;
-        for (part, distance) in [("ball", of_ball), ("body", of_body)] {
+        let of_wheel = |center: &Vector3<f64>| {
+            obstacles.distance((state.body_position + state.body_quaternion * center).into()) - self.wheel_radius
+        };
+        let of_wheels = self.wheel_centers.iter().map(of_wheel).fold(f64::INFINITY, f64::min);
+        for (part, distance) in [("ball", of_ball), ("body", of_body), ("wheels", of_wheels)] {
             let name = format_args!("distance of the {part} from the nearest obstacle");
             check(name, distance, "at least 0 m within 1 mm", |d| d >= -MAX_OVERLAP)?;
         }

@@ -387,16 +387,20 @@ impl<L: Lane> Contacts<L> {
         change
     }
 
-    /// Stores what obstacles do, for robots that have not diverged.
+    /// Stores what obstacles do, for robots that have not diverged; steps near more obstacles than contacts count as
+    /// unsolved.
     #[inline(always)]
     fn store_obstacles(&self, token: L::Token, state: &mut ContactState<L::Cell>, near: &Near<'_, L>) {
         let (Some(obstacles), Some(footing)) = (&self.obstacles, near.footing) else { return };
-        let touches = obstacles.touches() & near.mask & state.stays_finite(token, &self.velocities);
         let zero = self.ball.impulse.zero();
+        let is_finite = state.stays_finite(token, &self.velocities);
+        let touches = obstacles.touches(zero) & near.mask & is_finite;
         L::select(touches, zero.splat(1.0), zero).store(&mut state.on_obstacle);
-        let impulse = footing.relief(token).inertial(obstacles.impulse());
+        let impulse = footing.relief(token).inertial(obstacles.impulse(zero));
         let before = Vec3::load(token, &state.obstacle_impulse);
         Vec3::select(touches, impulse, before).store(&mut state.obstacle_impulse);
+        let unsolved = L::select(obstacles.crowded() & near.mask & is_finite, zero.splat(1.0), zero);
+        (L::load(token, &state.unsolved_steps) + unsolved).store(&mut state.unsolved_steps);
     }
 
     /// Robots of the mask whose bot touches the floor.

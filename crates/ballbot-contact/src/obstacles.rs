@@ -8,8 +8,9 @@ use super::state::ContactState;
 use ballbot_base::lanes::{Cell, Lane, Value, Vec3};
 use ballbot_base::terrain::{Obstacles, Prism};
 
-/// Number of obstacles that a robot may touch at the same time: the two nearest, as in a corner.
-pub const NEAREST: usize = 2;
+/// Number of obstacles that a robot may touch at the same time: the nearest. Boxes of which a wall is built meet in a
+/// corner with two each.
+pub const NEAREST: usize = 4;
 
 /// Distance in addition to the motion within a step at which a contact is considered, m.
 const MARGIN: f64 = 2e-3;
@@ -26,11 +27,13 @@ pub struct NearObstacles<T> {
     pub limit: T,
     /// The nearest obstacles.
     pub nearest: [Prism<T>; NEAREST],
+    /// Lower bounds of their distances, and of the distance of the next, m.
+    pub distances: [T; NEAREST + 1],
 }
 
 impl<T: Cell> NearObstacles<T> {
     pub fn new() -> Self {
-        Self { limit: T::default(), nearest: [Prism::default(); NEAREST] }
+        Self { limit: T::default(), nearest: [Prism::default(); NEAREST], distances: [T::default(); NEAREST + 1] }
     }
 
     /// Finds robots that may touch an obstacle within the coming step, in the inertial frame, and marks all as touching none.
@@ -63,9 +66,13 @@ impl<T: Cell> NearObstacles<T> {
             none.store(&mut self.limit);
             return;
         }
-        let (left, nearest) = nearest::<L, V>(c, token, state, obstacles);
+        let (distances, nearest) = nearest::<L, V>(c, token, state, obstacles);
+        let left = distances[0];
         left.store(&mut state.clearance);
         L::select(left.lt(limit), limit, none).store(&mut self.limit);
+        for (cell, distance) in self.distances.iter_mut().zip(distances) {
+            distance.store(cell);
+        }
         for (cell, prism) in self.nearest.iter_mut().zip(&nearest) {
             cell.store(prism);
         }
@@ -79,7 +86,7 @@ fn nearest<L: Lane, V: Value<L>>(
     token: L::Token,
     state: &ContactState<L::Cell>,
     obstacles: &Obstacles,
-) -> (L, [Prism<L>; NEAREST]) {
+) -> ([L; NEAREST + 1], [Prism<L>; NEAREST]) {
     let pose = state.pose::<L>(token);
     let like = pose.body.x;
     let rotation = pose.body_quaternion.rotation();
@@ -87,10 +94,11 @@ fn nearest<L: Lane, V: Value<L>>(
     let top = pose.body + rotation.apply(at3(c.body_ends[1], like).into());
     let (dx, dy) = (top.x - bottom.x, top.y - bottom.y);
     let leaning = dx.mul_add(dx, dy.squared()).sqrt();
+    let length = norm(top - bottom);
     let wide = c.body_radius.at(like) + c.wheel_radius.at(like);
     let (ball_radius, reach) = (c.ball_radius.at(like), c.reach.at(like));
     let far = like.splat(FAR);
-    let mut distances = [far; NEAREST];
+    let mut distances = [far; NEAREST + 1];
     let deep = Vec3 { x: 0.0, y: 0.0, z: -DEEP };
     let nothing = prism_of(like, &Prism { center: deep, ..Prism::default() });
     let mut nearest = [nothing; NEAREST];
@@ -102,17 +110,21 @@ fn nearest<L: Lane, V: Value<L>>(
             continue;
         }
         let prism = prism_of(like, prism);
-        // The distance from a convex outline is a convex function with slopes of at most 1.
-        let of_segment = (prism.aside(bottom) + prism.aside(top) - leaning) * 0.5 - wide;
-        let of_body = of_segment.max(prism.aside(pose.body) - reach);
-        let distance = (prism.aside(pose.ball) - ball_radius).min(of_body);
-        let (is_first, is_second) = (distance.lt(distances[0]), distance.lt(distances[1]));
-        let second = L::select(is_second, distance, distances[1]);
-        distances = [L::select(is_first, distance, distances[0]), L::select(is_first, distances[0], second)];
-        let second = Prism::select(is_second, &prism, &nearest[1]);
-        nearest = [Prism::select(is_first, &prism, &nearest[0]), Prism::select(is_first, &nearest[0], &second)];
+        // The distance from a convex shape is a convex function with slopes of at most 1.
+        let sideways = (prism.aside(bottom) + prism.aside(top) - leaning) * 0.5;
+        let along = (prism.distance(bottom).0 + prism.distance(top).0 - length) * 0.5;
+        let of_body = (sideways.max(along) - wide).max(prism.distance(pose.body).0 - reach);
+        let mut found = (prism.distance(pose.ball).0 - ball_radius).min(of_body);
+        let mut shape = prism;
+        for (distance, kept) in distances.iter_mut().zip(&mut nearest) {
+            let nearer = found.lt(*distance);
+            let (first, second) = (L::select(nearer, found, *distance), L::select(nearer, *distance, found));
+            let (one, other) = (Prism::select(nearer, &shape, kept), Prism::select(nearer, kept, &shape));
+            (*distance, found, *kept, shape) = (first, second, one, other);
+        }
+        distances[NEAREST] = distances[NEAREST].min(found);
     }
-    (distances[0], nearest)
+    (distances, nearest)
 }
 
 #[inline(always)]

@@ -214,9 +214,19 @@ impl Ballbot {
             }
             _ => None,
         };
+        let before = (self.params().clone(), self.ground.clone(), self.model.save(), self.diverged.clone());
         let continues = self.change_params(params)?;
         if ground.is_some() {
             self.set_ground(ground.as_ref())?;
+        }
+        // A larger robot may be in an obstacle.
+        if !continues && let Err(error) = self.model.accepts(&self.model.state()) {
+            let (params, ground, motion, diverged) = before;
+            self.model.set_params(&params)?;
+            self.set_ground(ground.as_ref())?;
+            self.model.load(&motion)?;
+            self.diverged = diverged;
+            return Err(error);
         }
         Ok(continues)
     }

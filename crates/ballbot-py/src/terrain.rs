@@ -9,7 +9,7 @@ use ballbot_core::{check_bounded, require_memory, try_reserve};
 use numpy::{IntoPyArray, PyArray1, PyArray2, PyArrayMethods, PyUntypedArrayMethods};
 use pyo3::exceptions::{PyTypeError, PyValueError};
 use pyo3::prelude::*;
-use pyo3::types::{PyDict, PyMapping};
+use pyo3::types::{PyDict, PyMapping, PyString};
 use std::path::PathBuf;
 use std::sync::Arc;
 
@@ -107,7 +107,8 @@ impl PyTerrain {
     }
 
     /// A terrain of a kind, the same for the same seed and parameters everywhere: "plane", "wave", "bowl", "noise", "bumps",
-    /// "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters.
+    /// "curb", "cobbles", "mix", "levels", "hills" or "posts". `terrain_kinds()` lists their parameters. `obstacles`
+    /// are as for `with_obstacles`.
     #[staticmethod]
     #[pyo3(signature = (kind, seed=0, **parameters))]
     fn generate(
@@ -117,14 +118,18 @@ impl PyTerrain {
         parameters: Option<&Bound<'_, PyDict>>,
     ) -> PyResult<Self> {
         let seed = count("seed", seed, 0)? as u64;
-        let mut numbers = Vec::new();
+        let (mut numbers, mut obstacles) = (Vec::new(), Vec::new());
         for (name, value) in parameters.into_iter().flatten() {
             let name: String = name.extract()?;
+            if name == "obstacles" {
+                obstacles = obstacles_of(&value)?;
+                continue;
+            }
             let value = real(&value).map_err(|_| PyTypeError::new_err(format!("{name} must be a number")))?;
             numbers.push((name, value));
         }
         let numbers: Vec<_> = numbers.iter().map(|(name, value)| (name.as_str(), *value)).collect();
-        made(py, || Terrain::generate(kind, seed, &numbers))
+        made(py, || Terrain::generate(kind, seed, &numbers)?.with_obstacles(&obstacles))
     }
 
     /// This terrain with more obstacles, each a dict of its `kind`, "post", "box" or "wall", and its parameters;
@@ -345,8 +350,10 @@ fn parameters_of(py: Python<'_>, parameters: Vec<OptionDescription>) -> PyResult
 
 /// Obstacles from dicts.
 fn obstacles_of(list: &Bound<'_, PyAny>) -> PyResult<Vec<Obstacle>> {
-    let wrong = |what: String| PyTypeError::new_err(format!("obstacles: {what}"));
-    let items = list.try_iter().map_err(|_| wrong("must be a list of dicts".into()))?;
+    let wrong = PyTypeError::new_err::<String>;
+    let is_list = !list.is_instance_of::<PyDict>() && !list.is_instance_of::<PyString>();
+    let items = list.try_iter().ok().filter(|_| is_list);
+    let items = items.ok_or_else(|| wrong("obstacles must be a list of dicts".into()))?;
     let mut out = Vec::new();
     for (i, item) in items.enumerate() {
         let item = item?;
@@ -406,7 +413,7 @@ pub(crate) fn _terrain_of(
 
 fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
     let parameters = PyDict::new(recipe.py());
-    let (mut kind, mut seed, mut obstacles) = (None, 0, None);
+    let (mut kind, mut seed) = (None, 0);
     for item in recipe.items()? {
         let wrong = |what: &str| PyTypeError::new_err(format!("terrain: {what}"));
         let (name, value): (Bound<'_, PyAny>, Bound<'_, PyAny>) = item.extract()?;
@@ -414,7 +421,6 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
         match name.as_str() {
             "kind" => kind = Some(value.extract::<String>().map_err(|_| wrong("'kind' must be the name of a kind"))?),
             "seed" => seed = whole(&value).map_err(|_| wrong("'seed' must be a whole number"))?,
-            "obstacles" => obstacles = Some(value),
             "fingerprint" => {
                 return Err(PyValueError::new_err(
                     "this terrain was made of heights or a function, which options do not keep: pass it as terrain=",
@@ -424,11 +430,7 @@ fn of_recipe(recipe: &Bound<'_, PyMapping>) -> PyResult<PyTerrain> {
         }
     }
     let kind = kind.ok_or_else(|| PyValueError::new_err("terrain: a dict needs the name of a kind, 'kind'"))?;
-    let terrain = PyTerrain::generate(recipe.py(), &kind, seed, Some(&parameters))?;
-    match obstacles {
-        Some(obstacles) => terrain.with_obstacles(recipe.py(), &obstacles),
-        None => Ok(terrain),
-    }
+    PyTerrain::generate(recipe.py(), &kind, seed, Some(&parameters))
 }
 
 /// A terrain from None (level ground), a `Terrain`, the name of a kind or a recipe.

@@ -462,7 +462,8 @@ class NavigateOptions(CommonOptions, total=False):
     speed: float | None
     #: Rate at which it approaches the goal, and obstacles with guide 2. (1/s, > 0 and <= 100)
     approach: float | None
-    #: The guided motion follows its guide with three poles at minus this value. (1/s, > 0 and <= 1000)
+    #: The guided motion follows its guide with three poles at minus this value, at most 0.5 / control_dt. (1/s, > 0 and
+    #: <= 1000)
     smoothing: float | None
     #: Distance that guides keep between the robot upright and obstacles. (m, >= 0 and <= 10)
     margin: float

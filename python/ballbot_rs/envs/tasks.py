@@ -1327,35 +1327,35 @@ class NavigateEnv(BallbotEnv):
     `Box(-10, 10, (27,), float32)`. The heading frame has the yaw of the
     robot and a vertical z axis.
 
-    | row | what                                                 | unit  | bound | at rest | typical |
-    | --- | ---------------------------------------------------- | ----- | ----- | ------- | ------- |
-    | 0   | gravity direction, body x                            |       | 1     | 0       | 0.1     |
-    | 1   | gravity direction, body y                            |       | 1     | 0       | 0.1     |
-    | 2   | gravity direction, body z                            |       | 1     | -1      | 0.1     |
-    | 3   | body rate about body x                               | rad/s | 20    | 0       | 1       |
-    | 4   | body rate about body y                               | rad/s | 20    | 0       | 1       |
-    | 5   | body rate about body z                               | rad/s | 20    | 0       | 1       |
-    | 6   | wheel speed 0                                        | rad/s | 200   | 0       | 5       |
-    | 7   | wheel speed 1                                        | rad/s | 200   | 0       | 5       |
-    | 8   | wheel speed 2                                        | rad/s | 200   | 0       | 5       |
-    | 9   | goal from the ball, at most 1 m, heading x           | m     | 1     | 0       | 0.1     |
-    | 10  | goal from the ball, at most 1 m, heading y           | m     | 1     | 0       | 0.1     |
-    | 11  | distance of the goal                                 | m     | 10    | 0       | 1       |
-    | 12  | ball velocity, heading x                             | m/s   | 10    | 0       | 0.2     |
-    | 13  | ball velocity, heading y                             | m/s   | 10    | 0       | 0.2     |
-    | 14  | last action, wheel 0                                 |       | 1     | 0       | 0.5     |
-    | 15  | last action, wheel 1                                 |       | 1     | 0       | 0.5     |
-    | 16  | last action, wheel 2                                 |       | 1     | 0       | 0.5     |
-    | 17  | way to the guided motion, heading x                  | m     | 1     | 0       | 0.1     |
-    | 18  | way to the guided motion, heading y                  | m     | 1     | 0       | 0.1     |
-    | 19  | guided velocity, heading x                           | m/s   | 1     | 0       | 0.2     |
-    | 20  | guided velocity, heading y                           | m/s   | 1     | 0       | 0.2     |
-    | 21  | guided acceleration, heading x                       | m/s²  | 10    | 0       | 0.2     |
-    | 22  | guided acceleration, heading y                       | m/s²  | 10    | 0       | 0.2     |
-    | 23  | nearest obstacle from the ball, up to 2 m, heading x | m     | 2     | 0       | 0.5     |
-    | 24  | nearest obstacle from the ball, up to 2 m, heading y | m     | 2     | 0       | 0.5     |
-    | 25  | second obstacle from the ball, up to 2 m, heading x  | m     | 2     | 0       | 0.5     |
-    | 26  | second obstacle from the ball, up to 2 m, heading y  | m     | 2     | 0       | 0.5     |
+    | row | what                                         | unit  | bound | at rest | typical |
+    | --- | -------------------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x                    |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y                    |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z                    |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x                       | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y                       | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z                       | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                                | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                                | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                                | rad/s | 200   | 0       | 5       |
+    | 9   | goal from the ball, at most 1 m, heading x   | m     | 1     | 0       | 0.1     |
+    | 10  | goal from the ball, at most 1 m, heading y   | m     | 1     | 0       | 0.1     |
+    | 11  | distance of the goal                         | m     | 10    | 0       | 1       |
+    | 12  | ball velocity, heading x                     | m/s   | 10    | 0       | 0.2     |
+    | 13  | ball velocity, heading y                     | m/s   | 10    | 0       | 0.2     |
+    | 14  | last action, wheel 0                         |       | 1     | 0       | 0.5     |
+    | 15  | last action, wheel 1                         |       | 1     | 0       | 0.5     |
+    | 16  | last action, wheel 2                         |       | 1     | 0       | 0.5     |
+    | 17  | way to the guided motion, heading x          | m     | 1     | 0       | 0.1     |
+    | 18  | way to the guided motion, heading y          | m     | 1     | 0       | 0.1     |
+    | 19  | guided velocity, heading x                   | m/s   | 1     | 0       | 0.2     |
+    | 20  | guided velocity, heading y                   | m/s   | 1     | 0       | 0.2     |
+    | 21  | guided acceleration, heading x               | m/s²  | 10    | 0       | 0.2     |
+    | 22  | guided acceleration, heading y               | m/s²  | 10    | 0       | 0.2     |
+    | 23  | closeness of the nearest obstacle, heading x |       | 1     | 0       | 0.2     |
+    | 24  | closeness of the nearest obstacle, heading y |       | 1     | 0       | 0.2     |
+    | 25  | closeness of the next obstacle, heading x    |       | 1     | 0       | 0.2     |
+    | 26  | closeness of the next obstacle, heading y    |       | 1     | 0       | 0.2     |
 
     Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
     `scale_observations=False` gives the rows in their units.
@@ -1382,8 +1382,8 @@ class NavigateEnv(BallbotEnv):
     - "bot_on_floor": the body or a wheel touches the floor.
     - "diverged": the state left the bounds of the simulation.
 
-    Truncated after `max_episode_steps` (4000). A success is: not terminated, no obstacle touched, and every goal held
-    within `goal_radius` for the last `hold_seconds` of its time.
+    Truncated after `max_episode_steps` (4000). A success is: not terminated, no obstacle touched, and every goal free
+    and held within `goal_radius` for the last `hold_seconds` of its time.
 
     ## Command
     Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
@@ -1465,8 +1465,8 @@ class NavigateEnv(BallbotEnv):
     - `speed`: Largest speed of the guided motion. (default 0.4 m/s, scaled; > 0 and <= 10)
     - `approach`: Rate at which it approaches the goal, and obstacles with guide 2. (default 0.8 1/s, scaled; > 0 and <=
       100)
-    - `smoothing`: The guided motion follows its guide with three poles at minus this value. (default 4 1/s, scaled; > 0
-      and <= 1000)
+    - `smoothing`: The guided motion follows its guide with three poles at minus this value, at most 0.5 / control_dt.
+      (default 4 1/s, scaled; > 0 and <= 1000)
     - `margin`: Distance that guides keep between the robot upright and obstacles. (default 0.1 m; >= 0 and <= 10)
     - `range`: Distance from obstacles at which guides begin to avoid them. (default 0.5 m; > 0 and <= 100)
     - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its

@@ -61,7 +61,7 @@ fn distances_follow_from_the_shapes() {
         ([5.5, 7.0, 0.0], -0.5),     // behind it
     ] {
         let found = all.distance(point);
-        assert!((found - expected).abs() < 1e-12, "{point:?}: {found}, not {expected}");
+        assert!((found - expected).abs() < 1e-10, "{point:?}: {found}, not {expected}");
     }
     // Gradients are normals: of length 1, and the slope of the distance.
     for prism in all.prisms() {
@@ -119,7 +119,7 @@ fn a_ball_leaves_a_wall_as_in_the_closed_form() {
     let r = params.ball_radius;
     for model in MODELS {
         for (friction, restitution, spin) in
-            [(0.0, 0.0, 3.0), (0.0, 0.6, 0.0), (0.0, 1.0, 0.0), (0.1, 0.0, 40.0), (5.0, 0.0, 3.0), (0.2, 0.5, -50.0)]
+            [(0.0, 0.0, 3.0), (0.0, 0.3, 0.0), (0.0, 0.5, 0.0), (0.1, 0.0, 40.0), (5.0, 0.0, 3.0), (0.2, 0.5, -50.0)]
         {
             // Rapier's friction does not count all of an impact.
             if model == ModelKind::Rigid && friction * spin != 0.0 && friction < 1.0 {
@@ -206,7 +206,7 @@ fn cage(size: f64) -> Arc<Terrain> {
         obstacle("post", &[("x", 0.6 * size), ("y", 0.1), ("radius", 0.15), ("height", 0.35)]),
         obstacle("box", &[("y", -0.6 * size), ("yaw", 0.3), ("height", 0.1), ("width", 0.3)]),
         obstacle("wall", &[("x", -0.5 * size), ("yaw", 0.0)]),
-        obstacle("wall", &[("y", 0.5 * size), ("yaw", -FRAC_PI_2), ("restitution", 0.7)]),
+        obstacle("wall", &[("y", 0.5 * size), ("yaw", -FRAC_PI_2), ("restitution", 0.5)]),
     ])
 }
 
@@ -230,6 +230,44 @@ fn robots_without_torque_gain_no_energy_and_enter_no_obstacle() {
             assert!(most < first + 0.02 * first.abs() + 0.02, "{name} {i}: {first} J, then {most} J");
         }
         assert!(touched > 200 && deepest < 1e-3, "{name}: {touched} steps on obstacles, {deepest} m deep");
+    }
+}
+
+/// Rooms of which each wall is many boxes, a wall behind boxes on which the robot rolls, and a wall that is listed twice.
+#[test]
+fn no_obstacle_is_missing_among_many() {
+    let params = Params::paper();
+    let segment = |x: f64, y: f64, yaw: f64| {
+        obstacle("box", &[("x", x), ("y", y), ("yaw", yaw), ("length", 0.2), ("width", 0.1)])
+    };
+    let along: Vec<_> = (0..10).map(|i| 0.5 - 0.2 * f64::from(i)).collect();
+    let room: Vec<_> = along.iter().flat_map(|&at| [segment(0.6, at, FRAC_PI_2), segment(at, 0.6, 0.0)]).collect();
+    let low = |length: f64, height: f64| {
+        obstacle("box", &[("x", 3.0), ("length", length), ("width", length), ("height", height)])
+    };
+    let face = |x: f64, y: f64, yaw: f64| obstacle("wall", &[("x", x), ("y", y), ("yaw", yaw)]);
+    let scenes = [
+        (level(&room), [0.3, 0.3], 0.0),
+        (level(&[low(4.0, 0.02), low(3.9, 0.01), face(3.0, 0.0, PI)]), [1.0, 0.0], 2.0),
+        (level(&[face(0.5, 0.0, PI), face(0.5, 0.0, PI), face(0.0, 0.5, -FRAC_PI_2)]), [1.0, 1.0], 0.0),
+    ];
+    for (k, (terrain, [vx, vy], x)) in scenes.into_iter().enumerate() {
+        let mut start = State::upright(&params);
+        let velocity = Vector3::new(vx, vy, 0.0);
+        (start.ball_velocity, start.body_velocity) = (velocity, velocity);
+        start.ball_angular_velocity = Vector3::z().cross(&velocity) / params.ball_radius;
+        let up = if x > 0.0 { 0.0201 } else { 0.0 };
+        start.ball_position += Vector3::new(x, 0.0, up);
+        start.body_position += Vector3::new(x, 0.0, up);
+        let mut robot = robot(&params, ModelKind::Contact, 1e-3, &terrain, &start);
+        let mut touched = 0;
+        for _ in 0..2000 {
+            robot.step([0.0; 3], 1).unwrap();
+            let depth = params.ball_radius - terrain.obstacles().distance(robot.state().ball_position.into());
+            assert!(depth < 1e-3, "scene {k}: the ball is {depth} m in an obstacle");
+            touched += u32::from(robot.on_obstacle());
+        }
+        assert!(touched > 20, "scene {k}: {touched}");
     }
 }
 
@@ -366,7 +404,7 @@ fn what_no_model_or_terrain_can_have_is_named() {
     }
     assert!(matches!(Obstacle::named("tree", &[]), Err(Error::UnknownName { .. })));
     assert!(matches!(Obstacle::named("post", &[("depth", 1.0)]), Err(Error::UnknownName { .. })));
-    for (kind, name, value) in [("post", "radius", 0.0), ("wall", "friction", -0.1), ("box", "restitution", 1.1)] {
+    for (kind, name, value) in [("post", "radius", 0.0), ("wall", "friction", -0.1), ("box", "restitution", 0.6)] {
         let bad = obstacle(kind, &[(name, value)]);
         let error = Terrain::plane(0.0, 0.0).unwrap().with_obstacles(&[bad]).unwrap_err().to_string();
         assert!(error.contains("obstacles[0]") && error.contains(name), "{error}");

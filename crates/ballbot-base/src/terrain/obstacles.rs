@@ -11,6 +11,9 @@ use std::f64::consts::PI;
 /// Largest number of obstacles of a terrain.
 pub const MOST_OBSTACLES: usize = 4096;
 
+/// Half the thickness of a wall, m: beyond the positions of states.
+const THICK: f64 = 1e5;
+
 /// Depth to which an obstacle extends below the ground at its place, m: nothing is below it.
 const BURIED: f64 = 100.0;
 
@@ -19,7 +22,8 @@ const SIZES: Limit = Limit::from(1e-3).to(1e3);
 const HEIGHTS: Limit = Limit::from(1e-3).to(1e3);
 const ANGLES: Limit = Limit::from(-PI).to(PI);
 const FRICTION: Limit = Limit::from(0.0).to(10.0);
-const RESTITUTION: Limit = Limit::from(0.0).to(1.0);
+/// With more, impacts with friction at several points could add energy.
+const RESTITUTION: Limit = Limit::from(0.0).to(0.5);
 
 fields! {
     /// A round post.
@@ -173,8 +177,8 @@ impl Obstacle {
             Self::Wall(wall) => {
                 let axis = [wall.yaw.cos(), wall.yaw.sin()];
                 Prism {
-                    center: Vec3 { x: wall.x - BURIED * axis[0], y: wall.y - BURIED * axis[1], z: 0.0 },
-                    half: Vec3 { x: BURIED, y: f64::INFINITY, z: f64::INFINITY },
+                    center: Vec3 { x: wall.x - THICK * axis[0], y: wall.y - THICK * axis[1], z: 0.0 },
+                    half: Vec3 { x: THICK, y: f64::INFINITY, z: f64::INFINITY },
                     axis,
                     radius: 0.0,
                     friction: wall.friction,

@@ -11,7 +11,11 @@ use crate::types::Velocities;
 use ballbot_base::lanes::{Lane, Value, Vec3};
 
 /// The contacts with all near obstacles.
-pub struct OnObstacles<L: Lane>([OnObstacle<L>; NEAREST]);
+pub struct OnObstacles<L: Lane> {
+    contacts: [Option<OnObstacle<L>>; NEAREST],
+    /// Robots that are near more obstacles.
+    crowded: L::Mask,
+}
 
 /// The contacts with one obstacle.
 struct OnObstacle<L: Lane> {
@@ -38,47 +42,64 @@ impl<L: Lane> OnObstacles<L> {
         }
         let limit = L::select(limit.zero().le(limit), limit, limit.splat(f64::NEG_INFINITY));
         let relief = &footing.relief(token);
-        let [first, second] = &near.nearest;
-        Some(Self([
-            L::rarely(
-                token,
-                #[inline(always)]
-                || OnObstacle::new(c, start, &Obstacle { prism: &first.load(token), relief }, limit),
-            ),
-            L::rarely(
-                token,
-                #[inline(always)]
-                || OnObstacle::new(c, start, &Obstacle { prism: &second.load(token), relief }, limit),
-            ),
-        ]))
+        let mut contacts = [const { None }; NEAREST];
+        for ((contact, prism), distance) in contacts.iter_mut().zip(&near.nearest).zip(&near.distances) {
+            if L::any(L::load(token, distance).lt(limit)) {
+                *contact = Some(L::rarely(
+                    token,
+                    #[inline(always)]
+                    || OnObstacle::new(c, start, &Obstacle { prism: &prism.load(token), relief }, limit),
+                ));
+            }
+        }
+        Some(Self { contacts, crowded: L::load(token, &near.distances[NEAREST]).lt(limit) })
+    }
+
+    /// Robots that are near more obstacles than they can touch.
+    #[inline(always)]
+    pub fn crowded(&self) -> L::Mask {
+        self.crowded
     }
 
     /// Robots that reach an obstacle at these velocities.
     #[inline(always)]
     pub fn closes(&self, v: &Velocities<L>) -> L::Mask {
-        let [first, second] = &self.0;
-        first.closes(v) | second.closes(v)
+        let zero = v.ball.x.zero();
+        let mut closing = zero.lt(zero);
+        for contact in self.contacts.iter().flatten() {
+            closing = closing | contact.closes(v);
+        }
+        closing
     }
 
     /// One Gauss-Seidel sweep for robots in `open`; the impulses of the others stay. Returns the sum of the squared changes.
     #[inline(always)]
     pub fn sweep<V: Value<L>>(&mut self, c: &Constants<V>, open: L::Mask, v: &mut Velocities<L>) -> L {
-        let [first, second] = &mut self.0;
-        first.sweep(c, open, v) + second.sweep(c, open, v)
+        let mut change = v.ball.x.zero();
+        for contact in self.contacts.iter_mut().flatten() {
+            change += contact.sweep(c, open, v);
+        }
+        change
     }
 
     /// Robots that touch an obstacle.
     #[inline(always)]
-    pub fn touches(&self) -> L::Mask {
-        let [first, second] = &self.0;
-        first.touches() | second.touches()
+    pub fn touches(&self, zero: L) -> L::Mask {
+        let mut touching = zero.lt(zero);
+        for contact in self.contacts.iter().flatten() {
+            touching = touching | contact.touches();
+        }
+        touching
     }
 
     /// Impulse on ball and bot, N·s.
     #[inline(always)]
-    pub fn impulse(&self) -> Vec3<L> {
-        let [first, second] = &self.0;
-        first.impulse() + second.impulse()
+    pub fn impulse(&self, zero: L) -> Vec3<L> {
+        let mut impulse = Vec3::zero(zero);
+        for contact in self.contacts.iter().flatten() {
+            impulse += contact.impulse();
+        }
+        impulse
     }
 }
 

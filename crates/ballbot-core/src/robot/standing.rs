@@ -26,11 +26,13 @@ impl Ballbot {
             self.params().require_level("a robot on a terrain")?;
         }
         let ground = terrain.map(|terrain| Ground::shared(terrain, self.params().ball_radius)).transpose()?;
-        let before = self.ground.clone();
+        let (before, motion, diverged) = (self.ground.clone(), self.model.save(), self.diverged.clone());
         self.set_ground(ground.as_ref())?;
         // An obstacle may be at the origin.
         if let Err(error) = self.model.accepts(&self.model.state()) {
             self.set_ground(before.as_ref())?;
+            self.model.load(&motion)?;
+            self.diverged = diverged;
             return Err(error);
         }
         Ok(())

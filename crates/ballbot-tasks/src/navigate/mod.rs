@@ -13,7 +13,7 @@ use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::terrain::{Obstacles, Terrain};
-use guide::{barrier, limited, nearest, potential_field};
+use guide::{Near, barrier, limited, nearest, potential_field};
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
@@ -39,7 +39,7 @@ task_fields! {
         pub speed: f64 = 0.4, "m/s", Limit::above(0.0).to(10.0), scaled;
         /// Rate at which it approaches the goal, and obstacles with guide 2.
         pub approach: f64 = 0.8, "1/s", Limit::above(0.0).to(100.0), scaled;
-        /// The guided motion follows its guide with three poles at minus this value.
+        /// The guided motion follows its guide with three poles at minus this value, at most 0.5 / control_dt.
         pub smoothing: f64 = 4.0, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Distance that guides keep between the robot upright and obstacles.
         pub margin: f64 = 0.1, "m", Limit::from(0.0).to(10.0);
@@ -49,8 +49,8 @@ task_fields! {
 }
 
 /// Memory after the memory of [`Goal`]: place of the guided motion, its velocity, acceleration and jerk; its guide; the
-/// vectors from the ball to the two nearest obstacles; radius of the robot; whether it touched an obstacle in the last
-/// step; collisions; least distance.
+/// closeness of the two nearest obstacles; radius of the robot; whether it touched an obstacle in the last
+/// step; collisions; least distance; whether the episode has begun; the poles of the guided motion; goals that were not free.
 const PLACE: [usize; 2] = [Goal::MEMORY, Goal::MEMORY + 1];
 const VELOCITY: [usize; 2] = [Goal::MEMORY + 2, Goal::MEMORY + 3];
 const FIRST: [usize; 2] = [Goal::MEMORY + 4, Goal::MEMORY + 5];
@@ -62,11 +62,16 @@ const TOUCHES: usize = Goal::MEMORY + 15;
 const COLLISIONS: usize = Goal::MEMORY + 16;
 const LEAST: usize = Goal::MEMORY + 17;
 const STARTED: usize = Goal::MEMORY + 18;
+const POLE: usize = Goal::MEMORY + 19;
+const BLOCKED: usize = Goal::MEMORY + 20;
 
-/// Distance up to which obstacles are observed and measured, m: also in the names and bounds of rows.
+/// Distance up to which obstacles are observed and measured, m: also in docs/obstacles.md.
 const SIGHT: f64 = 2.0;
 
-/// Tries to find a free goal; then the goal is where the ball is.
+/// Largest product of a pole of the guided motion and a control step: beyond 0.55 its integration is not stable.
+const FASTEST_POLE: f64 = 0.5;
+
+/// Tries to find a free goal; then the goal is where the ball is, and the episode no success.
 const TRIES: usize = 100;
 
 /// Lengths of the default terrain, in ball radii: mean radius of posts, their gap, the clear place, the tile.
@@ -83,12 +88,12 @@ impl Task for Navigate {
     const ID: &'static str = "ballbot/Navigate-v0";
     const SUMMARY: &'static str = "Reach goals among posts without touching them.";
     const MAX_EPISODE_STEPS: usize = 4000;
-    const SUCCESS: &'static str = "not terminated, no obstacle touched, and every goal held within `goal_radius` for the last `hold_seconds` of its time";
+    const SUCCESS: &'static str = "not terminated, no obstacle touched, and every goal free and held within `goal_radius` for the last `hold_seconds` of its time";
     const ANYWHERE: bool = true;
     const HAS_TERRAIN: bool = true;
     const GEOMETRY: Option<Geometry> = Some(Geometry::Point);
     const COMMAND: &'static [Row] = Goal::COMMAND;
-    const MEMORY: usize = Goal::MEMORY + 19;
+    const MEMORY: usize = Goal::MEMORY + 21;
 
     fn validate(&self, params: &Params) -> Result<()> {
         check_range("goal_distance", self.goal_distance)?;
@@ -123,12 +128,14 @@ impl Task for Navigate {
         let ball = moment.state.ball_position;
         let needed = radius_of(moment.params) + self.margin + self.goal_radius;
         [memory[0], memory[1]] = [ball.x, ball.y];
+        memory[BLOCKED] += 1.0;
         for _ in 0..TRIES {
             let distance = in_range(rng, self.goal_distance);
             let (sin, cos) = (TAU * rng.random::<f64>()).sin_cos();
             let goal = [distance.mul_add(cos, ball.x), distance.mul_add(sin, ball.y)];
             if is_free(moment.terrain, [ball.x, ball.y], goal, needed) {
                 [memory[0], memory[1]] = goal;
+                memory[BLOCKED] -= 1.0;
                 break;
             }
         }
@@ -143,10 +150,10 @@ impl Task for Navigate {
             memory[RADIUS] = radius_of(moment.params);
             memory[LEAST] = f64::INFINITY;
             memory[STARTED] = 1.0;
+            memory[POLE] = self.smoothing.min(FASTEST_POLE / moment.control_dt);
             let near = nearest(moment.terrain.map(Terrain::obstacles), [ball.x, ball.y], SIGHT);
-            for (i, near) in near.iter().take(2).enumerate() {
-                memory[OBSTACLES[2 * i]] = -(near.away[0] * near.distance);
-                memory[OBSTACLES[2 * i + 1]] = -(near.away[1] * near.distance);
+            for i in 0..2 {
+                [memory[OBSTACLES[2 * i]], memory[OBSTACLES[2 * i + 1]]] = closeness(&near[i]);
             }
         }
     }
@@ -159,7 +166,7 @@ impl Task for Navigate {
             velocity,
             acceleration: first,
             jerk: second,
-            snap: Vector2::from_fn(|i, _| third_derivative(self.smoothing, guide[i], velocity[i], first[i], second[i])),
+            snap: Vector2::from_fn(|i, _| third_derivative(memory[POLE], guide[i], velocity[i], first[i], second[i])),
             ..Setpoint::default()
         }
     }
@@ -179,11 +186,11 @@ impl Task for Navigate {
         rows.row(Row::new("guided acceleration, heading x", "m/s²", 10.0, 0.2), x);
         rows.row(Row::new("guided acceleration, heading y", "m/s²", 10.0, 0.2), y);
         let [x, y] = heading.of(memory.get(OBSTACLES[0]), memory.get(OBSTACLES[1]));
-        rows.row(Row::new("nearest obstacle from the ball, up to 2 m, heading x", "m", 2.0, 0.5), x);
-        rows.row(Row::new("nearest obstacle from the ball, up to 2 m, heading y", "m", 2.0, 0.5), y);
+        rows.row(Row::new("closeness of the nearest obstacle, heading x", "", 1.0, 0.2), x);
+        rows.row(Row::new("closeness of the nearest obstacle, heading y", "", 1.0, 0.2), y);
         let [x, y] = heading.of(memory.get(OBSTACLES[2]), memory.get(OBSTACLES[3]));
-        rows.row(Row::new("second obstacle from the ball, up to 2 m, heading x", "m", 2.0, 0.5), x);
-        rows.row(Row::new("second obstacle from the ball, up to 2 m, heading y", "m", 2.0, 0.5), y);
+        rows.row(Row::new("closeness of the next obstacle, heading x", "", 1.0, 0.2), x);
+        rows.row(Row::new("closeness of the next obstacle, heading y", "", 1.0, 0.2), y);
     }
 
     #[inline(always)]
@@ -194,9 +201,9 @@ impl Task for Navigate {
         let near = nearest(obstacles, [ball.x, ball.y], SIGHT);
         let radius = memory.get(RADIUS);
         for i in 0..2 {
-            let distance = near[i].distance;
-            memory.set(OBSTACLES[2 * i], -(near[i].away[0] * distance));
-            memory.set(OBSTACLES[2 * i + 1], -(near[i].away[1] * distance));
+            let [x, y] = closeness(&near[i]);
+            memory.set(OBSTACLES[2 * i], x);
+            memory.set(OBSTACLES[2 * i + 1], y);
         }
         memory.set(LEAST, memory.get(LEAST).min(near[0].distance - radius));
         let zero = radius.zero();
@@ -210,7 +217,8 @@ impl Task for Navigate {
     #[inline(always)]
     fn success<L: Lane>(&self, step: &Step<'_, L>, terminated: L::Mask, memory: &mut Memory<'_, L>) -> L::Mask {
         let collisions = memory.get(COLLISIONS);
-        self.goal().success(step, terminated, memory) & collisions.le(collisions.zero())
+        let failed = collisions + memory.get(BLOCKED);
+        self.goal().success(step, terminated, memory) & failed.le(failed.zero())
     }
 
     #[inline(always)]
@@ -260,6 +268,13 @@ impl Task for Navigate {
 /// Horizontal radius of an upright robot, m.
 fn radius_of(params: &Params) -> f64 {
     params.ball_radius.max(BodyShape::new(params).radius + params.wheel_radius)
+}
+
+/// The direction to an obstacle, with a length of 1 at its outline that falls to 0 at the end of sight.
+#[inline(always)]
+fn closeness<L: Lane>(near: &Near<L>) -> [L; 2] {
+    let size = near.distance * (1.0 / SIGHT) - 1.0;
+    [near.away[0] * size, near.away[1] * size]
 }
 
 /// Whether a goal is at least `needed`, m, from obstacles and, on a terrain, within the tile of the ball.
@@ -323,7 +338,11 @@ impl Navigate {
         let dt = step.control_dt;
         for i in 0..2 {
             let (velocity, first, second) = (memory.get(VELOCITY[i]), memory.get(FIRST[i]), memory.get(SECOND[i]));
-            let second = second + third_derivative(self.smoothing, guide[i], velocity, first, second) * dt;
+            let pole = memory.get(POLE);
+            let third = (guide[i] - velocity) * (pole * pole.squared())
+                - first * (pole.squared() * 3.0)
+                - second * (pole * 3.0);
+            let second = second + third * dt;
             let first = first + second * dt;
             let velocity = velocity + first * dt;
             memory.set(GUIDE[i], guide[i]);
