@@ -74,25 +74,23 @@ impl<L: Lane> Prism<L> {
     }
 }
 
-/// Steps to the point of a segment that is nearest to a prism: from the segment to the prism and back.
-const APPROACHES: usize = 8;
+/// Halvings of a segment in the search for its point that is nearest to a prism: to a ten-millionth of its length.
+const HALVINGS: usize = 24;
 
 impl<L: Lane> Prism<L> {
-    /// The point of a segment that is nearest to the prism, or, for a segment parallel to its surface, near that.
+    /// The point of a segment that is nearest to the prism; of a part that is parallel to its surface, one point.
     #[inline(always)]
     pub fn nearest_on(&self, from: Vec3<L>, to: Vec3<L>) -> Vec3<L> {
         let along = to - from;
         let zero = along.x.zero();
-        let (one, half) = (zero.splat(1.0), zero.splat(0.5));
-        let inverse = one / along.norm_squared().max(zero.splat(TINY));
-        let mut share = half;
-        for _ in 0..APPROACHES {
-            let point = from.plus(along, share);
-            let (distance, normal) = self.distance(point);
-            // A point of a segment through the prism is moved out through the nearest side.
-            let target = point.plus(normal, -distance) - from;
-            share = (target.dot(along) * inverse).max(zero).min(one);
+        let (mut low, mut high) = (zero, zero.splat(1.0));
+        // The distance is a convex function along the segment: its slope has the sign of the way to the minimum.
+        for _ in 0..HALVINGS {
+            let middle = (low + high) * 0.5;
+            let (_, normal) = self.distance(from.plus(along, middle));
+            let slope = normal.dot(along);
+            (low, high) = (L::select(zero.lt(slope), low, middle), L::select(slope.lt(zero), high, middle));
         }
-        from.plus(along, share)
+        from.plus(along, (low + high) * 0.5)
     }
 }

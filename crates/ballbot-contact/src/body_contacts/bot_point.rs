@@ -20,6 +20,8 @@ const THIRD: [f64; 2] = [-0.5, 0.866_025_403_784_438_6];
 const UPRIGHT: f64 = 1e-6;
 /// Steps of the search for the point of a rim that is nearest to a floor with relief.
 const REFINEMENTS: usize = 2;
+/// The same for an obstacle, which may have edges.
+const SIDE_REFINEMENTS: usize = 4;
 
 /// A row of a contact point, along an axis of its plane.
 #[derive(Clone, Copy)]
@@ -211,7 +213,7 @@ fn on_side<L: Lane, V: Value<L>>(
 ) -> Vec3<L> {
     let (radius, center) = (c.body_radius.at(center.x), frame.point(center));
     let mut point = center;
-    for _ in 0..REFINEMENTS {
+    for _ in 0..SIDE_REFINEMENTS {
         let outward = frame.vector(obstacle.near_bot(start, frame.principal_point(point)).turned[0]);
         let [x, y] = lowest_direction(outward);
         point = Vec3::new(x.mul_add(radius, center.x), y.mul_add(radius, center.y), center.z);

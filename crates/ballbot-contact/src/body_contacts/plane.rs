@@ -10,6 +10,9 @@ use ballbot_base::terrain::{Frame, Prism};
 /// Slowest approach after which a part bounces, m/s.
 const SLOWEST_BOUNCE: f64 = 0.01;
 
+/// Largest speed of recovery from an overlap with an obstacle, m/s.
+const FASTEST_RECOVERY: f64 = 0.1;
+
 /// The plane tangent to a surface near a point of the robot.
 pub struct Plane<L> {
     /// Outward normal and two tangents, inertial frame.
@@ -96,5 +99,7 @@ impl<L: Lane> Surface<L> for Obstacle<'_, '_, L> {
 pub fn required<L: Lane, V: Value<L>>(c: &Constants<V>, gap: L, speed: L, restitution: L) -> L {
     let closes = speed.mul_add(c.sim_dt.at(gap), gap).lt(gap.zero());
     let bounces = closes & speed.lt(gap.splat(-SLOWEST_BOUNCE)) & gap.zero().lt(restitution);
-    L::select(bounces, speed * restitution, allowance(c, gap))
+    // A robot that is wedged in, and is pushed out of an overlap, gains energy with this speed.
+    let out = allowance(c, gap).max(gap.splat(-FASTEST_RECOVERY));
+    L::select(bounces, speed * restitution, out)
 }

@@ -148,7 +148,7 @@ impl Task for Navigate {
             let ball = moment.state.ball_position;
             [memory[PLACE[0]], memory[PLACE[1]]] = [ball.x, ball.y];
             memory[RADIUS] = radius_of(moment.params);
-            memory[LEAST] = f64::INFINITY;
+            memory[LEAST] = SIGHT;
             memory[STARTED] = 1.0;
             memory[POLE] = self.smoothing.min(FASTEST_POLE / moment.control_dt);
             let near = nearest(moment.terrain.map(Terrain::obstacles), [ball.x, ball.y], SIGHT);

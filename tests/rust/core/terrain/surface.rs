@@ -194,7 +194,8 @@ fn a_ball_of_another_radius_touches_to_the_second_order() {
 
 #[test]
 fn every_kind_has_the_requested_slope() {
-    for kind in TerrainKind::ALL {
+    // Posts are on level ground.
+    for kind in TerrainKind::ALL.into_iter().filter(|kind| kind.name != "posts") {
         for slope in [0.05, 0.15] {
             let coarse: &[_] = match kind.name {
                 "plane" => &[],
