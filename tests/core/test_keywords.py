@@ -87,8 +87,15 @@ OPTIONS: dict[str, list[Any]] = {
     "fall_tilt": [0.1],
     # Its first tilts are smaller.
     "carry.fall_tilt": [0.055],
+    "navigate.fall_tilt": [0.055],
+    "guide": [1.0],
+    # Of its fading near the goal.
+    "range": [With(4.0, guide=1.0)],
 }
 
+
+#: A wall next to robots at the origin.
+WALL = bb.Terrain.plane(0.0).with_obstacles([{"kind": "wall", "x": 0.175, "yaw": np.pi}])
 
 #: Smaller ground than in the task, which takes seconds.
 GROUNDS = {"terrain": "levels", "openballbot": "noise"}
@@ -104,6 +111,9 @@ def episodes(task: str, **options: Any) -> list[Any]:
     """The motion of robots in an environment, and what it reports."""
     if task in GROUNDS:
         options = {"terrain": ground(GROUNDS[task]), **options}
+    if task == "navigate":
+        # A wall that robots touch, as fast and for as long as that takes.
+        options = {"terrain": WALL, "max_episode_steps": 30, "reset_ball_speed": 0.6, **options}
     batch = bb.Batch(4, task, seed=3, num_threads=1, **{"model": "contact", "max_episode_steps": 12, **options})
     found: list[Any] = [batch.reset(), batch.states()]
     for step in range(30):

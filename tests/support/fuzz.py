@@ -64,14 +64,14 @@ def complaints(target: surface.Target, instance: Any, arguments: dict[str, Any])
         return [message] if wrong else []
     finally:
         faulthandler.cancel_dump_traceback_later()
-    # The sky is infinitely far, so are other modes of a motion without any; a short episode has no metrics, and values
+    # The sky is infinitely far, so are obstacles and other modes of a motion without any; a short episode has no metrics, and values
     # not sampled yet are NaN.
     if target.name == "Renderer.depth" or target.name.endswith((".metrics", ".draws")):
         return []
     found = [
         place
         for place in surface.numbers_that_are_not_finite(results, "results")
-        if not (".margin = " in place and "nan" not in place)
+        if not ((".margin = " in place or target.name == "Terrain.obstacle_distance") and "nan" not in place)
     ]
     return found if instance is None else found + surface.numbers_that_are_not_finite(instance, "self")
 

@@ -47,7 +47,7 @@ def fingerprint(value: Any) -> Any:
         return fingerprint(value.to_dict())
     if isinstance(value, bb.Terrain):
         x, y = np.meshgrid(np.linspace(-3.9, 3.9, 60), np.linspace(-3.8, 3.8, 61))
-        return fingerprint([value.height(x, y), value.size])
+        return fingerprint([value.height(x, y), value.size, value.obstacles])
     if isinstance(value, bb.Reference):
         return fingerprint([value.sample(np.linspace(0.0, 9.0, 50)), value.demand])
     if isinstance(value, bb.Controller):
