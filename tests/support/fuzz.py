@@ -64,8 +64,8 @@ def complaints(target: surface.Target, instance: Any, arguments: dict[str, Any])
         return [message] if wrong else []
     finally:
         faulthandler.cancel_dump_traceback_later()
-    # The sky is infinitely far, so are obstacles and other modes of a motion without any; a short episode has no metrics, and values
-    # not sampled yet are NaN.
+    # The sky is infinitely far, so are obstacles and other modes of a motion without any; a short episode has no
+    # metrics, and values not sampled yet are NaN.
     if target.name == "Renderer.depth" or target.name.endswith((".metrics", ".draws")):
         return []
     found = [
