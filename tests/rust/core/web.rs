@@ -264,3 +264,19 @@ fn the_catalog_has_every_preset_and_the_width_of_a_row() {
     assert!(of("controller") >= 11);
     assert!(catalog.lines().all(|line| line.split('\t').count() >= 2));
 }
+
+/// Rows of x, y, top, angle, length, width and radius; posts have only a radius.
+#[test]
+fn posts_are_rows_for_the_page_and_robots_keep_out_of_them() {
+    assert!(Scene::new("").unwrap().obstacles().is_empty());
+    let mut scene = Scene::new("robots = 1\n[terrain]\nkind = 'posts'\nheight = 0.5").unwrap();
+    let posts: Vec<_> = scene.obstacles().chunks(7).map(<[f64]>::to_vec).collect();
+    assert!(posts.len() > 50 && posts.iter().all(|post| post.len() == 7));
+    for post in &posts {
+        assert!((post[2] - 0.5).abs() < 1e-9 && post[4..6] == [0.0; 2] && post[6] > 0.05, "{post:?}");
+    }
+    scene.advance(500);
+    let ball = part(&scene, 0, "ball_position");
+    let nearest = posts.iter().map(|post| (post[0] - ball[0]).hypot(post[1] - ball[1]) - post[6]);
+    assert!(nearest.fold(f64::INFINITY, f64::min) > 0.11);
+}
