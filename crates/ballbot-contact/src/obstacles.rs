@@ -100,16 +100,17 @@ fn nearest<L: Lane, V: Value<L>>(
     let far = like.splat(FAR);
     let mut distances = [far; NEAREST + 1];
     let deep = Vec3 { x: 0.0, y: 0.0, z: -DEEP };
-    let nothing = prism_of(like, &Prism { center: deep, ..Prism::default() });
+    let nothing = Prism { center: deep, ..Prism::default() }.in_lanes(like);
     let mut nearest = [nothing; NEAREST];
     let farthest = far + reach.max(ball_radius);
     for (prism, circle) in obstacles.prisms().iter().zip(obstacles.reach()) {
-        let (x, y) = (pose.body.x - prism.center.x, pose.body.y - prism.center.y);
-        let within = farthest + *circle;
-        if !L::any(x.mul_add(x, y.squared()).lt(within.squared())) {
+        let within = (farthest + *circle).squared();
+        let body = aside_squared(pose.body, prism);
+        // The ball may have left the body.
+        if !L::any(body.min(aside_squared(pose.ball, prism)).lt(within)) {
             continue;
         }
-        let prism = prism_of(like, prism);
+        let prism = prism.in_lanes(like);
         // The distance from a convex shape is a convex function with slopes of at most 1.
         let sideways = (prism.aside(bottom) + prism.aside(top) - leaning) * 0.5;
         let along = (prism.distance(bottom).0 + prism.distance(top).0 - length) * 0.5;
@@ -127,16 +128,14 @@ fn nearest<L: Lane, V: Value<L>>(
     (distances, nearest)
 }
 
+/// Squared horizontal distance of a point from the center of a prism.
+#[inline(always)]
+fn aside_squared<L: Lane>(point: Vec3<L>, prism: &Prism<f64>) -> L {
+    let (x, y) = (point.x - prism.center.x, point.y - prism.center.y);
+    x.mul_add(x, y.squared())
+}
+
 #[inline(always)]
 fn norm<L: Lane>(vector: Vec3<L>) -> L {
     vector.norm_squared().sqrt()
-}
-
-/// The same obstacle in all lanes.
-#[inline(always)]
-fn prism_of<L: Lane>(like: L, prism: &Prism<f64>) -> Prism<L> {
-    prism.map(
-        #[inline(always)]
-        |number| like.splat(*number),
-    )
 }

@@ -157,6 +157,27 @@ fn a_ball_leaves_a_wall_as_in_the_closed_form() {
     }
 }
 
+#[test]
+fn a_ball_far_from_its_body_hits_a_post() {
+    let params = Params::paper();
+    let r = params.ball_radius;
+    let terrain = level(&[obstacle("post", &[("x", 2.0), ("radius", 0.1)])]);
+    for model in MODELS {
+        let mut start = State::upright(&params);
+        start.body_position += Vector3::new(-6.0, 0.0, 0.5);
+        start.ball_velocity.x = 2.0;
+        start.ball_angular_velocity.y = 2.0 / r;
+        let mut robot = robot(&params, model, 1e-3, &terrain, &start);
+        let (mut farthest, mut touched) = (0.0_f64, false);
+        for _ in 0..2000 {
+            robot.step([0.0; 3], 1).unwrap();
+            farthest = farthest.max(robot.state().ball_position.x);
+            touched |= robot.on_obstacle();
+        }
+        assert!(touched && farthest < 1.9 - r + 2e-3, "{model:?}: {touched}, {farthest} m");
+    }
+}
+
 /// What obstacles and floor give is the change of the momentum.
 #[test]
 fn the_force_of_obstacles_is_the_change_of_momentum() {

@@ -74,6 +74,17 @@ impl<L: Lane> Prism<L> {
     }
 }
 
+impl Prism<f64> {
+    /// The same prism in all lanes.
+    #[inline(always)]
+    pub fn in_lanes<L: Lane>(&self, like: L) -> Prism<L> {
+        self.map(
+            #[inline(always)]
+            |number| like.splat(*number),
+        )
+    }
+}
+
 /// Halvings of a segment in the search for its point that is nearest to a prism: to a ten-millionth of its length.
 const HALVINGS: usize = 24;
 

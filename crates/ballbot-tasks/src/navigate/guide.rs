@@ -7,7 +7,7 @@
 //! "Control barrier functions: theory and applications", ECC 2019).
 
 use ballbot_base::lanes::{Lane, Vec3};
-use ballbot_base::terrain::{Obstacles, Prism};
+use ballbot_base::terrain::Obstacles;
 
 /// Number of obstacles that a guide considers: the nearest.
 pub const CONSIDERED: usize = 3;
@@ -41,7 +41,7 @@ pub fn nearest<L: Lane>(obstacles: Option<&Obstacles>, [x, y]: [L; 2], range: f6
         if !L::any(dx.mul_add(dx, dy.squared()).lt(zero.splat(within * within))) {
             continue;
         }
-        let (distance, away) = prism_in(zero, prism).outline(place);
+        let (distance, away) = prism.in_lanes(zero).outline(place);
         let mut found = Near { distance, away };
         for kept in &mut near {
             let nearer = found.distance.lt(kept.distance);
@@ -50,14 +50,6 @@ pub fn nearest<L: Lane>(obstacles: Option<&Obstacles>, [x, y]: [L; 2], range: f6
         }
     }
     near
-}
-
-#[inline(always)]
-fn prism_in<L: Lane>(like: L, prism: &Prism<f64>) -> Prism<L> {
-    prism.map(
-        #[inline(always)]
-        |number| like.splat(*number),
-    )
 }
 
 #[inline(always)]
