@@ -34,6 +34,7 @@ __all__ = [
     "Batch",
     "Contacts",
     "Controller",
+    "Crowd",
     "Estimator",
     "Jacobian",
     "Jacobians",
@@ -1003,6 +1004,128 @@ class Ballbot:
             ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
         """
     def __getnewargs__(self) -> tuple[Params, str, float]: ...
+    def __getstate__(self) -> bytes: ...
+    def __setstate__(self, snapshot: bytes) -> None: ...
+
+@disjoint_base
+class Crowd:
+    """Robots of the model "rigid" in one world: ball, body and wheels of each touch the other robots.
+
+    A robot that touches no other moves as a `Ballbot` of the same model, to the last bit while none touches anything but its
+    ball and floor.
+
+    ```python
+    crowd = bb.Crowd(["paper", "paper"], positions=[(0.0, 0.0), (0.4, 0.0)])
+    laws = [bb.Lqr(params, control_dt=0.01) for params in crowd.params]
+    crowd.push(0, (1.0, 0.0, 0.0))
+    for _ in range(200):
+        crowd.step([law(state) for law, state in zip(laws, crowd.states)], steps=10)
+    print(crowd.force_between(0, 1), [state.tilt for state in crowd.states])
+    ```
+
+    Args:
+        robots: robots in any form: `Params`, names of presets, paths of TOML files, or dicts of parameters; 1 to 64, all
+            with the same gravity and motion of the floor.
+        positions: of their balls, shape (n, 2), m. The robots start at rest above them, and `reset` returns there.
+        friction: Coulomb's coefficient between robots, 0 to 10.
+        restitution: between robots, 0 to 0.5.
+        sim_dt: time step, s.
+        terrain: the ground, a `Terrain`, the name of a kind or a dict for `Terrain.generate`; None is level.
+
+    Raises:
+        ValueError: a number out of range, robots that overlap or stand on different floors, or that do not stand where they
+            are placed.
+    """
+
+    def __new__(
+        cls,
+        robots: Sequence[_Robot],
+        positions: npt.ArrayLike,
+        *,
+        friction: float = 0.3,
+        restitution: float = 0.0,
+        sim_dt: float = 0.001,
+        terrain: _Ground | None = None,
+    ) -> Self: ...
+    def __len__(self) -> int: ...
+    def reset(self, states: Sequence[State] | None = None) -> None:
+        """Restarts from a state of each robot; None are the states at rest in which they were created.
+
+        Raises:
+            ValueError: not a state for each, a state out of bounds or below the floor, or robots that overlap by more than
+                1 mm; all robots are then unchanged.
+        """
+    def step(self, wheel_torques: npt.ArrayLike, steps: int = 1) -> None:
+        """Advances by `steps` time steps under constant motor torques of each robot, shape (n, 3), N·m.
+
+        Raises:
+            ValueError: a torque that is not finite or beyond its robot's `max_wheel_torque`; nothing has moved then.
+            DivergedError: the state of a robot has left the simulation's bounds; all stop until a reset.
+            KeyboardInterrupt: Ctrl-C during a long call; `time` is how far the robots have come.
+        """
+    def push(self, robot: int, impulse: npt.ArrayLike, point: npt.ArrayLike | None = None) -> None:
+        """Applies an impulse (inertial frame, N·s) to the body of a robot at `point` (body frame, m; None is its CoM), over the
+        next time step.
+        """
+    def apply_force(
+        self,
+        robot: int,
+        force: npt.ArrayLike,
+        point: npt.ArrayLike | None = None,
+        *,
+        frequency: float = 0.0,
+        phase: float = 0.0,
+        delay: float = 0.0,
+        duration: float | None = None,
+    ) -> None:
+        """Replaces the force from outside on the body of a robot, as `Ballbot.apply_force`.
+
+        Raises:
+            ValueError: a number out of range; the former force then stays.
+        """
+    def force_between(self, of: int, on: int) -> _Array:
+        """Mean force of robot `of` on robot `on` in the last step, inertial frame, shape (3,), N."""
+    @property
+    def states(self) -> list[State]:
+        """Present state of each robot."""
+    @property
+    def contacts(self) -> list[Contacts]:
+        """Contact forces of each robot in the last step, without the forces between robots; zeros until the first step."""
+    @property
+    def energy(self) -> _Array:
+        """Kinetic plus potential energy of each robot, shape (n,), J, as `Ballbot.energy`."""
+    @property
+    def payloads(self) -> _Array:
+        """Deflection of each robot's payload, shape (n, 6), as `Ballbot.payload`."""
+    @property
+    def params(self) -> list[Params]:
+        """Parameters of each robot."""
+    @property
+    def friction(self) -> float:
+        """Friction between robots."""
+    @property
+    def restitution(self) -> float:
+        """Restitution between robots."""
+    @property
+    def terrain(self) -> Terrain | None:
+        """The ground; None is level."""
+    @property
+    def time(self) -> float:
+        """Simulated time since the reset, s."""
+    @property
+    def sim_dt(self) -> float:
+        """Time step, s."""
+    def snapshot(self) -> bytes:
+        """The complete state, for `restore`."""
+    def restore(self, snapshot: bytes) -> None:
+        """Continues, to the last bit, from a snapshot of a crowd with the same arguments.
+
+        Restore only snapshots from `snapshot`: the checksum detects damage, not forgery.
+
+        Raises:
+            ValueError: the bytes are not such a snapshot, or its numbers are not finite; nothing has changed then.
+        """
+    def __getnewargs_ex__(self) -> tuple[tuple[list[Params], list[list[float]]], dict[str, Any]]: ...
     def __getstate__(self) -> bytes: ...
     def __setstate__(self, snapshot: bytes) -> None: ...
 

@@ -304,6 +304,16 @@ def _robot(**arguments: Any) -> Any:
     return [robot.state, robot.sim_dt]
 
 
+def _crowd(**arguments: Any) -> Any:
+    """Two robots that collide."""
+    given = {"robots": ["paper", "paper"], "positions": [(0.0, 0.0), (0.6, 0.02)], **arguments}
+    crowd = bb.Crowd(**given)
+    for robot, speed in ((0, 1.5), (1, -1.5)):
+        crowd.push(robot, (speed * crowd.params[robot].body_mass, 0.0, 0.0))
+    crowd.step(np.zeros((2, 3)), round(0.3 / crowd.sim_dt))
+    return crowd.states
+
+
 def _front_end(make: Callable[..., Any], **arguments: Any) -> Any:
     env = make(**arguments)
     found = [env.reset(seed=None if "seed" in arguments else 0), env.task, getattr(env, "num_envs", 1)]
@@ -389,6 +399,15 @@ SETUP: dict[str, Any] = {
 #: Keywords with another value than the default by callable: how it is called, its other arguments, and the keywords.
 #: None is a keyword whose effect is elsewhere.
 CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
+    "Crowd": (
+        _crowd,
+        {},
+        {
+            "robots": ["paper", "kugle"],
+            "positions": [(0.0, 0.0), (0.7, 0.0)],
+            **{"friction": 0.0, "restitution": 0.4, "sim_dt": 0.0005, "terrain": BOWL},
+        },
+    ),
     "Ballbot": (_robot, {}, {"robot": "kugle", "model": "rigid", "sim_dt": 0.0005, "terrain": BOWL}),
     "Controller": (
         bb.Controller,

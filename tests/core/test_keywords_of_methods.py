@@ -40,6 +40,17 @@ def _then(robot: bb.Ballbot, method: str, **given: Any) -> bb.State:
     return _moved(robot)
 
 
+def _crowd() -> bb.Crowd:
+    return bb.Crowd([PAPER, "kugle"], [(0.0, 0.0), (1.0, 0.0)])
+
+
+def _of_crowd(method: str, **given: Any) -> list[bb.State]:
+    crowd = _crowd()
+    getattr(crowd, method)(**given)
+    crowd.step(np.full((2, 3), 0.1), 3)
+    return crowd.states
+
+
 def _batch(**options: Any) -> bb.Batch:
     """Two robots that differ."""
     events = [
@@ -111,6 +122,26 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     "Ballbot.apply_force": (
         lambda **given: _then(_robot(), "apply_force", **given),
         {"force": FORCE},
+        {"point": (0.0, 0.1, 0.2), **WAVE},
+    ),
+    "Crowd.reset": (
+        lambda **given: _of_crowd("reset", **given),
+        {},
+        {"states": [bb.State.at_rest(PAPER, tilt=(0.1, 0.0)), _crowd().states[1]]},
+    ),
+    "Crowd.step": (
+        lambda **given: _of_crowd("step", **given),
+        {"wheel_torques": ((0.1, 0.0, 0.0), (0.0, 0.0, 0.0))},
+        {"steps": 3},
+    ),
+    "Crowd.push": (
+        lambda **given: _of_crowd("push", **given),
+        {"robot": 1, "impulse": PUSH},
+        {"point": (0.0, 0.1, 0.2)},
+    ),
+    "Crowd.apply_force": (
+        lambda **given: _of_crowd("apply_force", **given),
+        {"robot": 0, "force": FORCE},
         {"point": (0.0, 0.1, 0.2), **WAVE},
     ),
     "Ballbot.place_on_ground": (

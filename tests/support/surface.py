@@ -183,6 +183,10 @@ def _robot(model: str = "spatial") -> bb.Ballbot:
     return robot
 
 
+def _crowd() -> bb.Crowd:
+    return bb.Crowd(["paper", "kugle"], [(0.0, 0.0), (1.0, 0.0)])
+
+
 def _batch(model: str = "spatial", task: str = "balance") -> bb.Batch:
     batch = bb.Batch(2, task, model=model, num_threads=1)
     batch.reset()
@@ -209,6 +213,7 @@ INSTANCES: dict[str, list[Callable[[], Any]]] = {
     "State": [lambda: bb.State.at_rest(bb.Params.paper(), tilt=(0.05, 0.0))],
     "Contacts": [lambda: _robot().contacts],
     "Ballbot": [functools.partial(_robot, model) for model in ("planar", "spatial", "contact", "rigid")],
+    "Crowd": [_crowd],
     "Terrain": [
         lambda: bb.Terrain.plane(0.1),
         lambda: bb.Terrain.generate("wave", size_x=1.0, size_y=1.0, cell=0.1),
@@ -288,6 +293,18 @@ RIGHT: dict[str, list[Any]] = {
     "Ballbot.restore.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),
     "Batch.restore.snapshot": _snapshots([make() for make in INSTANCES["Batch"]], 0),
     "Ballbot.__setstate__.snapshot": _snapshots([make() for make in INSTANCES["Ballbot"]]),
+    "Crowd.restore.snapshot": [_crowd().snapshot()],
+    "Crowd.__setstate__.snapshot": [_crowd().snapshot()],
+    "Crowd.robots": [["paper", "kugle"], [bb.Params.paper(), "rezero"]],
+    "positions": [[(0.0, 0.0), (1.0, 0.0)]],
+    "restitution": [0.0, 0.2],
+    "Crowd.friction": [0.0, 0.5],
+    "Crowd.step.wheel_torques": [np.zeros((2, 3))],
+    "Crowd.reset.states": [None, _crowd().states],
+    "Crowd.push.robot": [0, 1],
+    "Crowd.apply_force.robot": [0, 1],
+    "of": [0],
+    "on": [1],
     "restore.index": [0, 1],
     "index": [0, 1],
     "body_quaternion": [[1.0, 0, 0, 0]],

@@ -11,6 +11,7 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
         "Simulator",
         (
             "Ballbot",
+            "Crowd",
             "State",
             "Contacts",
             "Params",

@@ -4,7 +4,7 @@
 //! Layers, each depending only on earlier layers: parameters, state, kinematics and lanes; models in closed form
 //! ([`models`]); actuators and sensors ([`actuator`], [`sensor`]); rigid bodies with contacts ([`sim`]); controllers
 //! ([`control`]); tasks ([`task`]). Each is a crate, which this crate re-exports. Its own code is what joins
-//! them: one robot of any model ([`Ballbot`]), environments ([`batch`]) and simulation-based controllers ([`planning`]).
+//! them: one robot of any model ([`Ballbot`]), several that touch each other (`Crowd`), environments ([`batch`]) and simulation-based controllers ([`planning`]).
 //!
 //! Without `--release`, Cargo builds dependencies without optimization, and this crate is many times slower. To debug
 //! your code with an optimized crate, add to the workspace's `Cargo.toml`:
@@ -39,6 +39,8 @@
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
 pub mod batch;
+#[cfg(feature = "rigid")]
+mod crowd;
 pub mod planning;
 mod robot;
 
@@ -67,6 +69,8 @@ pub use ballbot_tasks as task;
 #[cfg(feature = "urdf")]
 #[doc(inline)]
 pub use ballbot_urdf as urdf;
+#[cfg(feature = "rigid")]
+pub use crowd::Crowd;
 pub use robot::{Ballbot, ModelKind};
 
 /// The motions of rigid bodies in contact.
@@ -75,5 +79,5 @@ pub mod sim {
     pub use ballbot_contact::ContactMotion;
     #[cfg(feature = "rigid")]
     #[doc(inline)]
-    pub use ballbot_rigid::RigidMotion;
+    pub use ballbot_rigid::{Between, RigidMotion};
 }

@@ -1,7 +1,7 @@
 //! A simulated robot with any model of the ladder; its input is checked and divergence is reported.
 
 mod derivatives;
-mod standing;
+pub(crate) mod standing;
 
 use crate::models::{PlanarMotion, SpatialMotion};
 use ballbot_base::error::{Error, Result, check};
@@ -73,7 +73,7 @@ impl ModelKind {
     }
 
     /// Checks that the model simulates the wheels of a robot.
-    fn require(self, params: &Params, sim_dt: f64) -> Result<()> {
+    pub(crate) fn require(self, params: &Params, sim_dt: f64) -> Result<()> {
         params.validate_payload_step(sim_dt)?;
         if matches!(self, Self::Contact | Self::Rigid) {
             return Ok(());
@@ -130,7 +130,7 @@ const MAX_IMPULSE: f64 = 1e4;
 const MAX_ARM: f64 = 100.0;
 
 /// Steps after which a long run checks for divergence.
-const CHECK_INTERVAL: usize = 64;
+pub(crate) const CHECK_INTERVAL: usize = 64;
 
 /// A robot that can be reset, driven by wheel torques, pushed and observed.
 pub struct Ballbot {
@@ -274,14 +274,8 @@ impl Ballbot {
 
     /// Torques that the robot can have next.
     fn checked(&self, wheel_torques: Wheels<f64>) -> Result<Wheels<f64>> {
-        let limit = self.params().max_wheel_torque;
         for (i, &torque) in wheel_torques.iter().enumerate() {
-            check(
-                format_args!("wheel_torques[{i}]"),
-                torque,
-                format_args!("within ±max_wheel_torque = {limit} N·m"),
-                |torque| torque.abs() <= limit,
-            )?;
+            check_torque(format_args!("wheel_torques[{i}]"), torque, self.params())?;
         }
         match &self.diverged {
             Some((time, reason)) => Err(Error::Diverged { time: *time, reason: reason.clone() }),
@@ -301,15 +295,7 @@ impl Ballbot {
 
     /// [`Ballbot::diverged`] for callers that already have the current state.
     fn diverged_at(&self, state: &State) -> Option<String> {
-        if !self.model.healthy() {
-            return Some("the next state is not finite".into());
-        }
-        if let Some(reason) = LaneState::from(state).out_of_bounds() {
-            return Some(reason);
-        }
-        let [x, y, _] = state.ball_position.into();
-        let left = self.terrain().is_some_and(|terrain| !terrain.contains(x, y));
-        left.then(|| format!("the ball left the terrain at x = {x} m, y = {y} m"))
+        divergence(self.model.healthy(), state, self.ground.as_deref())
     }
 
     /// As [`Model::pending_push`](ballbot_base::model::Model::pending_push).
@@ -495,6 +481,25 @@ pub(crate) fn check_state(params: &Params, ground: Option<&Ground>, state: &Stat
         |z| z >= lowest,
     )?;
     Ok(())
+}
+
+/// Checks a motor torque.
+pub(crate) fn check_torque(name: fmt::Arguments<'_>, torque: f64, params: &Params) -> Result<f64> {
+    let limit = params.max_wheel_torque;
+    check(name, torque, format_args!("within ±max_wheel_torque = {limit} N·m"), |torque| torque.abs() <= limit)
+}
+
+/// Which bound a state violates, if any; `healthy` is false after a step with numbers that are not finite.
+pub(crate) fn divergence(healthy: bool, state: &State, ground: Option<&Ground>) -> Option<String> {
+    if !healthy {
+        return Some("the next state is not finite".into());
+    }
+    if let Some(reason) = LaneState::from(state).out_of_bounds() {
+        return Some(reason);
+    }
+    let [x, y, _] = state.ball_position.into();
+    let left = ground.is_some_and(|ground| !ground.terrain().contains(x, y));
+    left.then(|| format!("the ball left the terrain at x = {x} m, y = {y} m"))
 }
 
 /// Checks the size of a push.

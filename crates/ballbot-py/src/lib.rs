@@ -9,6 +9,7 @@ mod actuators;
 mod batch;
 mod control;
 mod convert;
+mod crowd;
 mod errors;
 mod estimator;
 mod events;
@@ -60,6 +61,7 @@ pub fn fill(module: &Bound<'_, PyModule>) -> PyResult<()> {
     module.add_class::<state::PyContacts>()?;
     module.add_class::<terrain::PyTerrain>()?;
     module.add_class::<robot::PyBallbot>()?;
+    module.add_class::<crowd::PyCrowd>()?;
     module.add_class::<jacobian::PyJacobian>()?;
     module.add_class::<jacobian::PyJacobians>()?;
     module.add_class::<jacobian::PyMotionJacobians>()?;

@@ -10,16 +10,22 @@
 
 #![warn(clippy::print_stdout, clippy::print_stderr, clippy::unwrap_used)]
 
+mod between;
 mod bodies;
 mod bot;
 mod convert;
 mod floor;
 mod losses;
 mod motion;
+mod outline;
 mod payload;
+mod robot;
 mod rows;
+mod scene;
 mod solve;
 mod stepping;
 mod world;
 
+pub use between::Between;
 pub use motion::RigidMotion;
+pub use scene::Scene;

@@ -1,7 +1,7 @@
 //! Rolling and spinning friction of the ball on the floor, and friction of the rollers, as in the contact model.
 
 use super::bot::{Coordinates, join, split};
-use super::motion::RigidMotion;
+use super::robot::Robot;
 use super::rows::{Motion, WheelContact};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
@@ -20,14 +20,13 @@ impl Losses {
     }
 }
 
-impl RigidMotion {
+impl Robot {
     /// The losses of a step, with the loads of the previous step. Each removes at most the fraction of its speed that
     /// all together can remove without adding energy.
-    pub(super) fn losses(&self, motion: &Motion, contacts: &Wheels<WheelContact>) -> Losses {
+    pub fn losses(&self, motion: &Motion, contacts: &Wheels<WheelContact>) -> Losses {
         let (p, parts) = (&self.params, &self.parts);
         let share = p.loss_share();
-        let floor_load =
-            (motion.floor_normal.dot(&Vector3::from(self.sim_state.floor_force)) * self.settings.dt).max(0.0);
+        let floor_load = (motion.floor_normal.dot(&Vector3::from(self.sim_state.floor_force)) * self.dt).max(0.0);
         let [ball_velocity, ball_rate] = motion.velocities.ball;
         let [_, _, up] = motion.floor_axes;
         let spinning = up * up.dot(&ball_rate);

@@ -1,17 +1,17 @@
 //! A payload that moves on the body: its motion in a step, and its reaction on the body.
 
-use super::motion::RigidMotion;
+use super::robot::Robot;
+use super::world::World;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Vec3, run_one};
-use ballbot_base::model::Model;
 use ballbot_base::payload::{Payload, PayloadMotion};
 use nalgebra::Vector3;
 
-impl RigidMotion {
+impl Robot {
     /// Moves the payload over a step, and adds its reaction to the push of the step.
-    pub(super) fn carry(&mut self) {
-        let state = self.state();
-        let (dt, time) = (self.settings.dt, self.time());
+    pub fn carry(&mut self, world: &World) {
+        let state = self.state(world);
+        let (dt, time) = (self.dt, self.time());
         let gravity = self.params.gravity_at(time + 0.5 * dt);
         let before = self.sim_state.payload;
         let force = run_one(
@@ -30,7 +30,7 @@ impl RigidMotion {
             self.sim_state.payload = PayloadMotion { position, velocity };
         }
         let point = state.body_quaternion.inverse_transform_vector(&(position - state.body_position));
-        self.push(&-impulse, &point);
+        self.push(world, &-impulse, &point);
     }
 }
 

@@ -1,43 +1,32 @@
-//! One time step of the rigid-body robot.
+//! A robot's part in a time step of its scene.
 
 use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
 use super::floor::{Floor, plane, plane_below, plane_below_disc};
 use super::losses::Losses;
-use super::motion::RigidMotion;
+use super::robot::Robot;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
 use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
-use super::world::{MAX_RECOVERY_SPEED, new_pipeline};
+use super::world::{MAX_RECOVERY_SPEED, World};
 use ballbot_base::friction::stribeck;
 use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, Vector2, Vector3};
 use rapier3d_f64::prelude::*;
 
-/// Clearance between bot and floor below which the colliders of the bot are enabled, m.
-const FLOOR_CLEARANCE: f64 = 0.01;
+/// Clearance from floor, obstacles and other robots below which the colliders of the bot are enabled, m.
+pub const CLEARANCE: f64 = 0.01;
 
 /// Clearance between body and ball below which their colliders are enabled, and above which a wheel is clear of the
 /// ball, as a fraction of the ball's radius.
 const BALL_CLEARANCE: f64 = 0.01;
 
-/// Rapier's sweeps before and after the bodies are moved, for the ball on the floor: the first is exact for the normal
-/// force, the second for the friction.
-const BALL_SWEEPS: [usize; 2] = [2, 0];
-
-/// Rapier's sweeps with the colliders of the bot. Chosen by experiment.
-const BOT_SWEEPS: [usize; 2] = [8, 4];
-
-/// Largest number of passes over a step in which the bot touches the floor or the body touches the ball. Chosen by
-/// experiment.
-const PASSES: usize = 8;
-
 /// Change of the velocities of the rows between passes at which the passes end, as a fraction of the velocity change by
 /// gravity in a step.
 const SETTLED: f64 = 0.01;
 
-/// Quantities of a step before its contact forces.
-struct Plan {
-    motion: Motion,
+/// A step of a robot before and during the passes over it.
+pub struct Plan {
+    pub motion: Motion,
     rows: Rows,
     coupling: Coupling,
     biases: Impulses,
@@ -48,134 +37,154 @@ struct Plan {
     drag: [Vector3<f64>; 2],
     /// Velocities at the end of the step without contacts.
     free: Velocities,
+    /// Whether an obstacle or another robot may be touched.
+    pub near: bool,
+    /// Whether only wheels, ball and floor can touch each other.
+    pub alone: bool,
     /// Whether no wheel can touch the ball.
     apart: bool,
+    /// Change of the velocities by rapier's contacts of the bot, as the wheel forces assume it.
+    pub blow: Velocities,
+    /// Whether the last pass changed it as assumed.
+    pub settled: bool,
+    has_failed: bool,
+    /// The worst result of the passes.
+    pub settling: Settling,
 }
 
-impl RigidMotion {
-    pub(super) fn step(&mut self, wheel_torques: Wheels<f64>) {
+impl Plan {
+    /// Whether rapier's contacts of the bot act on the wheel forces.
+    pub fn is_coupled(&self) -> bool {
+        !(self.alone || self.apart)
+    }
+
+    /// Whether another pass would change nothing.
+    pub fn has_ended(&self) -> bool {
+        !self.is_coupled() || self.settled || self.has_failed
+    }
+}
+
+impl Robot {
+    /// Adds the force from outside and the reaction of the payload to the push of the step.
+    pub fn load_body(&mut self, world: &World) {
+        if self.sim_state.force.is_on() {
+            let point = self.sim_state.force.point.into();
+            let impulse = self.sim_state.force.next_impulse();
+            self.push(world, &impulse, &point);
+        }
+        if self.params.has_payload() {
+            self.carry(world);
+        }
+    }
+
+    /// Plans a step, and moves the floor to where it is.
+    pub fn plan(&mut self, world: &mut World, wheel_torques: Wheels<f64>) -> Plan {
         if self.params.has_perturbed_floor() {
-            self.perturb_floor();
+            self.perturb_floor(world);
         }
-        self.move_floor();
-        let plan = self.plan(wheel_torques);
-        self.sim_state.near_obstacle = self.comes_near_obstacle(&plan.motion);
-        let alone = !self.sim_state.near_obstacle && self.only_wheels_and_ball_touch(&plan.motion);
-        self.world.set_bot_colliders(&self.handles, !alone);
-        if !alone {
-            self.move_bot_planes();
+        self.move_floor(world);
+        let mut plan = self.without_contacts(world, wheel_torques);
+        plan.near = self.comes_near_obstacle(world, &plan.motion);
+        self.sim_state.near_obstacle = plan.near;
+        plan
+    }
+
+    /// Enables the colliders of the bot if it may touch something other than its ball with its wheels.
+    pub fn enable_colliders(&self, world: &mut World, plan: &mut Plan) {
+        plan.alone = !plan.near && self.only_wheels_and_ball_touch(world, &plan.motion);
+        world.set_bot_colliders(&self.handles, !plan.alone);
+        if !plan.alone {
+            self.move_bot_planes(world);
         }
-        let [solving, stabilizing] = if alone { BALL_SWEEPS } else { BOT_SWEEPS };
-        self.settings.num_internal_pgs_iterations = solving;
-        self.settings.num_internal_stabilization_iterations = stabilizing;
-        let settling = if alone || plan.apart {
-            let (_, settling) = self.pass(&plan, &Velocities::zeros());
-            self.sim_state.set_blow(&Velocities::zeros());
-            settling
-        } else {
-            self.pass_until_settled(&plan)
-        };
-        self.sim_state.steps += 1;
-        self.sim_state.searched_steps += u64::from(settling != Settling::AtOnce);
-        self.sim_state.unsolved_steps += u64::from(settling == Settling::Unsolved);
+        if plan.is_coupled() {
+            plan.blow = self.sim_state.blow();
+        }
     }
 
     /// Sets gravity and floor friction of a step on a floor that moves, or on which friction differs from place to place.
-    fn perturb_floor(&mut self) {
-        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+    fn perturb_floor(&mut self, world: &World) {
+        let ball = from_rapier(world.bodies[self.handles.ball].translation());
         let floor = Floor::under(self.ground.as_deref(), &ball, self.params.ball_radius);
         let touched = ball - floor.axes[2] * self.params.ball_radius;
         // In the middle of the step: its error is of second order.
-        self.gravity = self.params.gravity_at((self.sim_state.steps as f64 + 0.5) * self.settings.dt);
+        self.gravity = self.params.gravity_at((self.sim_state.steps as f64 + 0.5) * self.dt);
         self.grip = self.params.floor_friction_factor(touched.x, touched.y);
     }
 
     /// Moves rapier's plane of the ball to its contact with the ground, unless the ground is level.
-    fn move_floor(&mut self) {
+    fn move_floor(&self, world: &mut World) {
         let Some(ground) = &self.ground else { return };
         let radius = self.params.ball_radius;
-        let ball = from_rapier(self.world.bodies[self.handles.ball].translation());
+        let ball = from_rapier(world.bodies[self.handles.ball].translation());
         let (gap, normal) = ground.gap(&ball, radius);
-        self.world.colliders[self.handles.floor_collider]
-            .set_position(plane(&(ball - normal * (gap + radius)), &normal));
+        world.colliders[self.handles.floor_collider].set_position(plane(&(ball - normal * (gap + radius)), &normal));
     }
 
     /// Moves the planes of the bot to the ground below its parts, unless the ground is level.
-    fn move_bot_planes(&mut self) {
+    fn move_bot_planes(&self, world: &mut World) {
         let (Some(ground), Some(uneven)) = (&self.ground, &self.handles.uneven) else { return };
-        let pose = self.world.bodies[self.handles.body].position();
+        let pose = world.bodies[self.handles.body].position();
         let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
         let place = |point: &Vector3<f64>| position + attitude * (point - self.root);
         let shape = &self.collision_shape;
         let axis = attitude * Vector3::z();
         for (collider, height) in uneven.end_planes.into_iter().zip([shape.body.bottom, shape.body.top]) {
             let pose = plane_below_disc(ground, &place(&(Vector3::z() * height)), &axis, shape.body.radius);
-            self.world.colliders[collider].set_position(pose);
+            world.colliders[collider].set_position(pose);
         }
         for (collider, center) in uneven.wheel_planes.into_iter().zip(&shape.wheel_centers) {
-            self.world.colliders[collider].set_position(plane_below(ground, &place(center)));
+            world.colliders[collider].set_position(plane_below(ground, &place(center)));
         }
     }
 
-    /// Gauss-Seidel iteration between rapier's contacts of the bot and the wheel forces: repeats a step until rapier's
-    /// contacts change the velocities by the amount assumed for the wheel forces. Returns the worst result of the
-    /// passes; a step that does not converge is unsolved.
-    fn pass_until_settled(&mut self, plan: &Plan) -> Settling {
-        let before = self.world.clone();
-        let mut blow = self.sim_state.blow();
-        let mut worst = Settling::AtOnce;
-        for pass in 1.. {
-            let (found, settling) = self.pass(plan, &blow);
-            let change = plan.rows.speeds(&found.plus(&blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
-            blow = found;
-            worst = worst.max(settling);
-            let settled = change <= SETTLED * self.params.gravity * self.settings.dt;
-            if settled || pass == PASSES || change.is_nan() {
-                self.sim_state.set_blow(&blow);
-                return if settled { worst } else { Settling::Unsolved };
-            }
-            self.world = before.clone();
-            self.pipeline = new_pipeline();
-        }
-        unreachable!("the last pass returns")
-    }
-
-    /// Solves for the wheel forces while rapier's contacts of the bot change the velocities by `blow`, applies them,
-    /// and advances rapier's world. Returns the velocity change by rapier's contacts of the bot.
-    fn pass(&mut self, plan: &Plan, blow: &Velocities) -> (Velocities, Settling) {
-        let dt = self.settings.dt;
-        let residual = plan.rows.speeds(&plan.free.plus(blow, 1.0)) + plan.biases;
+    /// Solves for the wheel forces while rapier's contacts of the bot change the velocities as planned.
+    pub fn solve(&mut self, plan: &mut Plan) {
+        let residual = plan.rows.speeds(&plan.free.plus(&plan.blow, 1.0)) + plan.biases;
         let problem = Problem { coupling: &plan.coupling, residual, active: plan.rows.active() };
         let (impulses, settling) = problem.solve(&plan.limits, &Impulses::from(self.sim_state.impulses));
         self.sim_state.impulses = impulses.into();
-        let acceleration = plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / dt;
-        let wheels_on_ball = plan.rows.on_ball(&impulses);
-        self.apply(plan, &acceleration, &wheels_on_ball);
-        self.sim_state.is_finite &= self.world.step(&mut self.pipeline, &self.gravity, &self.settings);
-        let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
-        let floor_force = self.world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
-        self.sim_state.floor_force = floor_force.into();
+        plan.settling = plan.settling.max(settling);
+    }
 
-        let [push, turn] = wheels_on_ball;
+    /// Acceleration of the bot with its wheel forces.
+    fn driven(&self, plan: &Plan) -> Coordinates {
+        let impulses = Impulses::from(self.sim_state.impulses);
+        plan.acceleration + self.bot.mass_inverse * plan.rows.on_bot(&impulses) / self.dt
+    }
+
+    /// Finds the floor's force, and the change of the velocities by rapier's contacts of the bot.
+    pub fn find_changes(&mut self, world: &World, plan: &mut Plan) {
+        let dt = self.dt;
+        let (plane, ball) = (self.handles.floor_collider, self.handles.ball_collider);
+        let floor_force = world.plane_impulse(plane, ball, &plan.motion.floor_normal) / dt;
+        self.sim_state.floor_force = floor_force.into();
+        if !plan.is_coupled() {
+            return;
+        }
+        let [push, turn] = plan.rows.on_ball(&Impulses::from(self.sim_state.impulses));
         let floor = plan.motion.to_body * floor_force * dt;
         let [_, _, up] = plan.motion.floor_axes;
         let expected = Velocities {
-            bot: plan.motion.velocities.bot + acceleration * dt,
+            bot: plan.motion.velocities.bot + self.driven(plan) * dt,
             ball: [
                 plan.free.ball[0] + (push + floor) / self.params.ball_mass,
                 plan.free.ball[1] + (turn - up.cross(&floor) * self.params.ball_radius) / self.params.ball_inertia,
             ],
         };
-        (self.velocities(&plan.motion.to_body).plus(&expected, -1.0), settling)
+        let found = self.velocities(world, &plan.motion.to_body).plus(&expected, -1.0);
+        let change = plan.rows.speeds(&found.plus(&plan.blow, -1.0)).fixed_rows::<FLOOR>(0).amax();
+        plan.blow = found;
+        plan.settled = change <= SETTLED * self.params.gravity * dt;
+        plan.has_failed = change.is_nan();
     }
 
-    fn plan(&mut self, wheel_torques: Wheels<f64>) -> Plan {
-        let dt = self.settings.dt;
+    fn without_contacts(&mut self, world: &mut World, wheel_torques: Wheels<f64>) -> Plan {
+        let dt = self.dt;
         let p = &self.params;
-        let motion = self.motion();
-        let contacts = self.wheel_contacts(&motion);
+        let motion = self.motion(world);
+        let contacts = self.wheel_contacts(world, &motion);
         let down = self.gravity_in_body(&motion);
-        let velocity = from_rapier(self.world.bodies[self.handles.ball].linvel());
+        let velocity = from_rapier(world.bodies[self.handles.ball].linvel());
         let drag = (velocity - motion.floor_normal * motion.floor_normal.dot(&velocity)) * -p.ball_viscous_friction;
         let [fx, fy, fz, tx, ty, tz] = std::mem::take(&mut self.sim_state.push).map(|v| v / dt);
         let [force, torque] = [Vector3::new(fx, fy, fz), Vector3::new(tx, ty, tz)].map(|v| motion.to_body * v);
@@ -191,19 +200,24 @@ impl RigidMotion {
         let acceleration = self.bot.free_acceleration(&motion.velocities.bot, &applied);
         let of_ball = down + motion.to_body * drag / p.ball_mass;
         let free = Velocities { bot: acceleration, ball: [of_ball, turn / p.ball_inertia] };
-        let erp = self.settings.contact_softness.erp_inv_dt(dt);
         let clearance = self.ball_clearance(&motion);
         let rows = Rows::new(&self.parts, &self.bot, &motion, &contacts, p.wheel_coulomb_friction > 0.0);
         Plan {
             coupling: rows.coupling(&self.parts, &self.bot),
             rows,
-            biases: biases(&contacts, motion.floor_gap, erp, MAX_RECOVERY_SPEED, dt),
+            biases: biases(&contacts, motion.floor_gap, self.recovery_rate, MAX_RECOVERY_SPEED, dt),
             free: motion.velocities.plus(&free, dt),
             apart: contacts.iter().all(|contact| contact.gap > clearance),
-            limits: self.limits(&contacts),
+            limits: self.limits(world, &contacts),
             drag: [drag, motion.to_body.transpose() * turn],
             motion,
             acceleration,
+            near: false,
+            alone: false,
+            blow: Velocities::zeros(),
+            settled: false,
+            has_failed: false,
+            settling: Settling::AtOnce,
         }
     }
 
@@ -215,16 +229,16 @@ impl RigidMotion {
     }
 
     /// Contacts of the wheels and the ball.
-    fn wheel_contacts(&self, motion: &Motion) -> Wheels<WheelContact> {
+    fn wheel_contacts(&self, world: &World, motion: &Motion) -> Wheels<WheelContact> {
         let contacts = Wheels::from_fn(|i| WheelContact::new(&self.parts, &self.bot, motion, i));
         if !self.params.has_ripple() {
             return contacts;
         }
-        let ([_, _, rates], angles) = (split(&motion.velocities.bot), self.wheel_angles());
+        let ([_, _, rates], angles) = (split(&motion.velocities.bot), self.wheel_angles(world));
         let turning = Wheels::from_fn(|i| (i, angles[i], rates[i]));
         contacts
             .zip(turning)
-            .map(|(contact, (i, angle, rate))| contact.with_ripple(&self.params, i, angle, rate, self.settings.dt))
+            .map(|(contact, (i, angle, rate))| contact.with_ripple(&self.params, i, angle, rate, self.dt))
     }
 
     /// Acceleration of gravity in body axes, m/s².
@@ -239,14 +253,14 @@ impl RigidMotion {
     }
 
     /// Positions and velocities in body axes.
-    pub(super) fn motion(&self) -> Motion {
-        let root = self.world.bodies[self.handles.body].position();
+    pub fn motion(&self, world: &World) -> Motion {
+        let root = world.bodies[self.handles.body].position();
         let to_body = rotation_from_rapier(root.rotation).to_rotation_matrix().into_inner().transpose();
-        let ball = &self.world.bodies[self.handles.ball];
+        let ball = &world.bodies[self.handles.ball];
         let floor = Floor::under(self.ground.as_deref(), &from_rapier(ball.translation()), self.params.ball_radius);
         Motion {
             ball: to_body * from_rapier(ball.translation() - root.translation),
-            velocities: self.velocities(&to_body),
+            velocities: self.velocities(world, &to_body),
             floor_gap: floor.gap,
             floor_axes: floor.axes.map(|axis| to_body * axis),
             floor_normal: floor.axes[2],
@@ -254,9 +268,10 @@ impl RigidMotion {
         }
     }
 
-    fn velocities(&self, to_body: &Matrix3<f64>) -> Velocities {
-        let [velocity, rate, joints] = split(&self.multibody().generalized_velocity().fixed_rows::<9>(0).into_owned());
-        let ball = &self.world.bodies[self.handles.ball];
+    fn velocities(&self, world: &World, to_body: &Matrix3<f64>) -> Velocities {
+        let [velocity, rate, joints] =
+            split(&self.multibody(world).generalized_velocity().fixed_rows::<9>(0).into_owned());
+        let ball = &world.bodies[self.handles.ball];
         Velocities {
             bot: join(&[to_body * velocity, to_body * rate, joints]),
             ball: [ball.linvel(), ball.angvel()].map(|v| to_body * from_rapier(v)),
@@ -269,52 +284,43 @@ impl RigidMotion {
         let shape = &self.collision_shape.body;
         let reach = shape.bottom + shape.radius + self.root.xy().norm();
         let closing = (velocity - motion.velocities.ball[0]).norm() + rate.norm() * reach;
-        BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.settings.dt
+        BALL_CLEARANCE * self.params.ball_radius + 2.0 * closing * self.dt
     }
 
     /// Whether within the step the bot cannot touch the floor and the body cannot touch the ball.
-    fn only_wheels_and_ball_touch(&self, motion: &Motion) -> bool {
+    fn only_wheels_and_ball_touch(&self, world: &World, motion: &Motion) -> bool {
         let shape = &self.collision_shape;
         let above = shape.body.bottom - (motion.ball.z + self.root.z) - self.params.ball_radius;
         if above <= self.ball_clearance(motion) {
             return false;
         }
-        let pose = self.world.bodies[self.handles.body].position();
+        let pose = world.bodies[self.handles.body].position();
         let attitude = rotation_from_rapier(pose.rotation);
         let position = from_rapier(pose.translation) - attitude * self.root;
         let [velocity, rate, _] = split(&motion.velocities.bot);
         let fastest = velocity.norm() + rate.norm() * (shape.body.top + shape.body.radius + self.root.xy().norm());
-        shape.lowest(self.ground.as_deref(), &position, &attitude).1
-            > FLOOR_CLEARANCE + 2.0 * fastest * self.settings.dt
+        shape.lowest(self.ground.as_deref(), &position, &attitude).1 > CLEARANCE + 2.0 * fastest * self.dt
     }
 
     /// Whether the robot may touch an obstacle within the step. A lower bound of the distance saves most computations of it.
-    fn comes_near_obstacle(&mut self, motion: &Motion) -> bool {
+    fn comes_near_obstacle(&mut self, world: &World, motion: &Motion) -> bool {
         let Some(ground) = self.ground.as_deref().filter(|_| !self.obstacles.is_empty()) else { return false };
-        let shape = &self.collision_shape;
-        let [velocity, rate, _] = split(&motion.velocities.bot);
-        let lateral = shape.body.radius + self.params.wheel_radius;
-        let fastest = (velocity.norm() + rate.norm() * (shape.body.top + lateral + self.root.norm()))
-            .max(motion.velocities.ball[0].norm());
-        let moved = fastest * self.settings.dt;
-        let limit = FLOOR_CLEARANCE + 2.0 * moved;
+        let moved = self.largest_motion(motion);
+        let limit = CLEARANCE + 2.0 * moved;
         self.sim_state.clearance -= moved;
         if self.sim_state.clearance > limit {
             return false;
         }
-        let pose = self.world.bodies[self.handles.body].position();
-        let (position, attitude) = (from_rapier(pose.translation), rotation_from_rapier(pose.rotation));
-        let place = |height: f64| <[f64; 3]>::from(position + attitude * (Vector3::z() * height - self.root));
-        let ball = from_rapier(self.world.bodies[self.handles.ball].translation()).into();
+        let outline = self.outline(world, motion);
         let obstacles = ground.terrain().obstacles();
-        let of_ball = obstacles.distance(ball) - self.params.ball_radius;
-        let of_body = obstacles.distance_of_segment([place(shape.body.bottom), place(shape.body.top)], lateral);
+        let of_ball = obstacles.distance(outline.ball.into()) - outline.ball_radius;
+        let of_body = obstacles.distance_of_segment(outline.axis.map(Into::into), outline.body_radius);
         self.sim_state.clearance = of_ball.min(of_body);
         self.sim_state.clearance <= limit
     }
 
     /// Friction limits from the slip at the start of the step. Also sets the friction of rapier's floor.
-    fn limits(&mut self, contacts: &Wheels<WheelContact>) -> Limits {
+    fn limits(&self, world: &mut World, contacts: &Wheels<WheelContact>) -> Limits {
         let p = &self.params;
         let ratio = |slip: f64| (slip / p.friction_critical_velocity).powi(2);
         let of_wheel =
@@ -322,28 +328,29 @@ impl RigidMotion {
         let limits = Limits {
             wheels: Wheels::from_fn(|i| of_wheel(&contacts[i])),
             floor: self.grip
-                * stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip().norm())),
-            joint: p.wheel_coulomb_friction * self.settings.dt,
+                * stribeck(p.floor_static_friction, p.floor_dynamic_friction, ratio(self.floor_slip(world).norm())),
+            joint: p.wheel_coulomb_friction * self.dt,
         };
-        self.world.set_floor_friction(&self.handles, limits.floor);
+        world.set_floor_friction(&self.handles, limits.floor);
         limits
     }
 
     /// Sets the forces that accelerate the bot, and the forces on the ball.
-    fn apply(&mut self, plan: &Plan, acceleration: &Coordinates, wheels_on_ball: &[Vector3<f64>; 2]) {
+    pub fn apply(&self, world: &mut World, plan: &Plan) {
+        let wheels_on_ball = plan.rows.on_ball(&Impulses::from(self.sim_state.impulses));
         let down = self.gravity_in_body(&plan.motion);
-        let needed = self.bot.force(&plan.motion.velocities.bot, acceleration, &self.bot.weight(&down));
+        let needed = self.bot.force(&plan.motion.velocities.bot, &self.driven(plan), &self.bot.weight(&down));
         let [force, torque, joints] = split(&needed);
         let to_world = plan.motion.to_body.transpose();
         let mut reaction = torque;
-        let bodies = &mut self.world.bodies;
+        let bodies = &mut world.bodies;
         for i in 0..3 {
             let torque = self.bot.axles[i] * joints[i];
             reaction -= torque;
             set_loads(&mut bodies[self.handles.wheels[i]], &Vector3::zeros(), &(to_world * torque));
         }
         set_loads(&mut bodies[self.handles.body], &(to_world * force), &(to_world * reaction));
-        let [push, turn] = wheels_on_ball.map(|impulse| to_world * impulse / self.settings.dt);
+        let [push, turn] = wheels_on_ball.map(|impulse| to_world * impulse / self.dt);
         let [drag, braking] = plan.drag;
         set_loads(&mut bodies[self.handles.ball], &(push + drag), &(turn + braking));
     }

@@ -1,21 +1,23 @@
-//! The rapier world of one robot: its bodies, colliders and joints.
+//! A rapier world: the bodies, colliders and joints of robots on their ground.
 
+use super::between::Between;
 use super::bodies::{BodyLink, wheel_transverse_inertia};
 use super::bot::{DOFS, Mass};
 use super::convert::{from_rapier, to_rapier};
 use ballbot_base::collision_shape::{BodyShape, wheel_centers};
-use ballbot_base::error::Result;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
 use ballbot_base::terrain::{Ground, Obstacle, Prism};
 use ballbot_base::wheels::Wheels;
 use nalgebra::Vector3;
+use rapier3d_f64::parry::query;
 use rapier3d_f64::prelude::*;
 use serde::{Deserialize, Serialize};
+use std::sync::Arc;
 
 /// All state that changes in a step. A step also needs a [`PhysicsPipeline`], which is workspace without state and must
 /// not be shared between worlds.
-#[derive(Clone, Serialize, Deserialize)]
+#[derive(Clone, Default, Serialize, Deserialize)]
 pub struct World {
     pub bodies: RigidBodySet,
     pub colliders: ColliderSet,
@@ -64,9 +66,25 @@ impl Handles {
         body.into_iter().flatten().chain(self.wheel_colliders.into_iter().zip(wheel_planes))
     }
 
-    /// All parts of the robot that touch obstacles.
+    /// All parts of the robot that touch obstacles and other robots.
     pub fn parts(&self) -> impl Iterator<Item = ColliderHandle> {
         [self.ball_collider, self.body_collider].into_iter().chain(self.wheel_colliders)
+    }
+
+    fn bodies(&self) -> impl Iterator<Item = RigidBodyHandle> {
+        [self.ball, self.body].into_iter().chain(self.wheels)
+    }
+
+    /// Colliders of all parts and planes.
+    fn colliders(&self) -> impl Iterator<Item = ColliderHandle> {
+        self.planes().chain([self.ball_collider]).chain(self.bot_colliders())
+    }
+
+    /// Whether rapier has frozen a part, because numbers were not finite.
+    pub fn in_quarantine(&self, quarantine: &Quarantine) -> bool {
+        !quarantine.is_empty()
+            && (self.bodies().any(|body| quarantine.bodies().contains(&body))
+                || self.colliders().any(|collider| quarantine.colliders().contains(&collider)))
     }
 
     /// Body and wheels.
@@ -87,11 +105,11 @@ impl Handles {
 pub const MAX_RECOVERY_SPEED: f64 = 1.0;
 
 /// Collision groups of the ball and the wheels; the contact of a wheel with the ball is not rapier's.
-const BALL: Group = Group::GROUP_1;
-const WHEEL: Group = Group::GROUP_2;
+pub const BALL: Group = Group::GROUP_1;
+pub const WHEEL: Group = Group::GROUP_2;
 /// Collision groups of the body and of planes.
 const BODY: Group = Group::GROUP_3;
-const PLANE: Group = Group::GROUP_4;
+pub const PLANE: Group = Group::GROUP_4;
 /// Collision group of each wheel.
 const WHEEL_GROUPS: Wheels<Group> = Wheels([Group::GROUP_5, Group::GROUP_6, Group::GROUP_7]);
 /// Collision group of each end of the body.
@@ -139,6 +157,11 @@ fn collider(shape: &Obstacle, prism: &Prism<f64>) -> ColliderBuilder {
         .collision_groups(InteractionGroups::new(OBSTACLE, BALL | BODY | WHEEL, InteractionTestMode::And))
 }
 
+/// Rate of recovery from overlaps in steps of `dt`, 1/s.
+pub fn recovery_rate(dt: f64) -> f64 {
+    softness().erp_inv_dt(dt)
+}
+
 /// Solver settings, validated by growth rate, traction and loads of the robot. Each step sets the number of sweeps.
 pub fn integration_parameters(sim_dt: f64) -> IntegrationParameters {
     let softness = softness();
@@ -168,24 +191,8 @@ pub fn new_pipeline() -> PhysicsPipeline {
 }
 
 impl World {
-    /// World of a robot upright at rest at the origin, on level ground or on planes that follow it, and the colliders of the
-    /// obstacles.
-    pub fn new(
-        params: &Params,
-        wheels: &Omniwheels,
-        ground: Option<&Ground>,
-    ) -> Result<(Self, Handles, Vec<ColliderHandle>)> {
-        let level = ground.is_none();
-        let mut world = Self {
-            bodies: RigidBodySet::new(),
-            colliders: ColliderSet::new(),
-            impulse_joints: ImpulseJointSet::new(),
-            multibody_joints: MultibodyJointSet::new(),
-            islands: IslandManager::new(),
-            broad_phase: DefaultBroadPhase::default(),
-            narrow_phase: NarrowPhase::new(),
-            soft_bodies: SoftBodySet::new(),
-        };
+    /// Inserts a robot upright at rest at the origin, on level ground or on planes that follow it.
+    pub fn insert_robot(&mut self, params: &Params, wheels: &Omniwheels, link: &BodyLink, level: bool) -> Handles {
         let plane = |touched: Group| {
             ColliderBuilder::new(SharedShape::halfspace(Vector::Z))
                 .friction(params.floor_dynamic_friction)
@@ -194,39 +201,52 @@ impl World {
                 .collision_groups(InteractionGroups::new(PLANE, touched, InteractionTestMode::And))
         };
         let touched = if level { Group::ALL } else { BALL };
-        let floor_collider = world.colliders.insert(plane(touched));
-        let (ball, ball_collider) = world.insert_ball(params);
-        let link = BodyLink::new(params, wheels)?;
-        let (body, body_collider) = world.insert_body(params, &link);
-        let links = Wheels::from_fn(|i| world.insert_wheel(params, wheels, &link, body, i));
-        let wheel_handles = links.map(|(handle, _)| handle);
+        let floor_collider = self.colliders.insert(plane(touched));
+        let (ball, ball_collider) = self.insert_ball(params);
+        let (body, body_collider) = self.insert_body(params, link);
+        let links = Wheels::from_fn(|i| self.insert_wheel(params, wheels, link, body, i));
         let uneven = (!level).then(|| Uneven {
-            ends: world.insert_ends(params, &link, body),
-            end_planes: END_GROUPS.map(|part| world.colliders.insert(plane(part))),
-            wheel_planes: WHEEL_GROUPS.map(|part| world.colliders.insert(plane(part))),
+            ends: self.insert_ends(params, link, body),
+            end_planes: END_GROUPS.map(|part| self.colliders.insert(plane(part))),
+            wheel_planes: WHEEL_GROUPS.map(|part| self.colliders.insert(plane(part))),
         });
-        let bot = world.bot_index(body);
-        let multibody = world.multibody_joints.get_multibody_mut(bot).expect("just built");
+        let bot = self.bot_index(body);
+        let multibody = self.multibody_joints.get_multibody_mut(bot).expect("just built");
         multibody.set_self_contacts_enabled(false);
         // Rapier damps all angular degrees of freedom by default, including the free root.
         multibody.damping_mut().fill(0.0);
-        let handles = Handles {
+        Handles {
             ball,
             body,
-            wheels: wheel_handles,
+            wheels: links.map(|(handle, _)| handle),
             bot,
             floor_collider,
             uneven,
             ball_collider,
             body_collider,
             wheel_colliders: links.map(|(_, collider)| collider),
-        };
-        let obstacles = ground
-            .map(|ground| ground.terrain().obstacles())
-            .into_iter()
-            .flat_map(|obstacles| obstacles.shapes().iter().zip(obstacles.prisms()));
-        let obstacles = obstacles.map(|(shape, prism)| world.colliders.insert(collider(shape, prism))).collect();
-        Ok((world, handles, obstacles))
+        }
+    }
+
+    /// Lets a robot touch the other robots of the world, by the rules of [`Between`].
+    pub fn share(&mut self, handles: &Handles, number: usize) {
+        for collider in handles.colliders() {
+            let collider = &mut self.colliders[collider];
+            collider.user_data = number as u128 + 1;
+            collider.set_active_hooks(ActiveHooks::FILTER_CONTACT_PAIRS | ActiveHooks::MODIFY_SOLVER_CONTACTS);
+        }
+        for collider in handles.wheel_colliders.into_iter().chain([handles.ball_collider]) {
+            let collider = &mut self.colliders[collider];
+            let memberships = collider.collision_groups().memberships;
+            collider.set_collision_groups(InteractionGroups::new(memberships, Group::ALL, InteractionTestMode::And));
+        }
+    }
+
+    /// Inserts the obstacles of a ground.
+    pub fn insert_obstacles(&mut self, ground: &Ground) -> Arc<[ColliderHandle]> {
+        let obstacles = ground.terrain().obstacles();
+        let shapes = obstacles.shapes().iter().zip(obstacles.prisms());
+        shapes.map(|(shape, prism)| self.colliders.insert(collider(shape, prism))).collect()
     }
 
     fn insert_ball(&mut self, params: &Params) -> (RigidBodyHandle, ColliderHandle) {
@@ -247,7 +267,7 @@ impl World {
     pub fn upright_mass(&self, handles: &Handles) -> Mass {
         let mut world = self.clone();
         // Rapier computes it in a step.
-        world.step(&mut new_pipeline(), &Vector3::zeros(), &integration_parameters(1e-9));
+        world.step(&mut new_pipeline(), &Vector3::zeros(), &integration_parameters(1e-9), &Between::default());
         let multibody = world.multibody_joints.get_multibody(handles.bot).expect("just built");
         let inverse = multibody.inv_augmented_mass().try_inverse().expect("a mass matrix is regular");
         inverse.fixed_view::<DOFS, DOFS>(0, 0).into_owned().try_inverse().expect("a mass matrix is regular")
@@ -341,14 +361,14 @@ impl World {
         self.multibody_joints.rigid_body_link(body).expect("the wheels' joints made the body a link").multibody
     }
 
-    /// Advances by one step under `gravity` (inertial frame, m/s²). False after a non-finite state, which rapier
-    /// freezes.
+    /// Advances by one step under `gravity` (inertial frame, m/s²).
     pub fn step(
         &mut self,
         pipeline: &mut PhysicsPipeline,
         gravity: &Vector3<f64>,
         settings: &IntegrationParameters,
-    ) -> bool {
+        between: &Between,
+    ) {
         pipeline.step(
             to_rapier(gravity),
             settings,
@@ -361,18 +381,15 @@ impl World {
             &mut self.multibody_joints,
             &mut self.soft_bodies,
             &mut CCDSolver::new(),
-            &(),
+            between,
             &(),
         );
-        pipeline.quarantine().is_empty()
     }
 
     /// Whether the world contains all parts of the robot.
     pub fn holds(&self, handles: &Handles) -> bool {
-        let bodies = [handles.ball, handles.body].into_iter().chain(handles.wheels);
-        let mut colliders = handles.planes().chain([handles.ball_collider]).chain(handles.bot_colliders());
-        bodies.into_iter().all(|body| self.bodies.contains(body))
-            && colliders.all(|collider| self.colliders.get(collider).is_some())
+        handles.bodies().all(|body| self.bodies.contains(body))
+            && handles.colliders().all(|collider| self.colliders.get(collider).is_some())
             && self
                 .multibody_joints
                 .get_multibody(handles.bot)
@@ -429,14 +446,14 @@ impl World {
         handles.bot_on_planes().map(impulse).sum()
     }
 
-    /// Impulse of an obstacle on another collider in the last step, inertial frame, N·s.
-    pub fn obstacle_impulse(&self, obstacle: ColliderHandle, other: ColliderHandle) -> Vector3<f64> {
+    /// Impulse of one collider on another in the last step, inertial frame, N·s.
+    pub fn impulse(&self, of: ColliderHandle, on: ColliderHandle) -> Vector3<f64> {
         let mut impulse = Vector3::zeros();
-        let Some(pair) = self.narrow_phase.contact_pair(obstacle, other) else {
+        let Some(pair) = self.narrow_phase.contact_pair(of, on) else {
             return impulse;
         };
         // Normals are from the first to the second collider; tangential impulses are of the first.
-        let on_other = if pair.collider1 == obstacle { 1.0 } else { -1.0 };
+        let on_other = if pair.collider1 == of { 1.0 } else { -1.0 };
         for manifold in pair.solver_manifolds() {
             let normal = from_rapier(manifold.data.normal);
             for point in &manifold.points {
@@ -444,6 +461,17 @@ impl World {
             }
         }
         impulse
+    }
+
+    /// By how much two colliders of parts overlap, m; 0 if they do not.
+    pub fn overlap(&self, a: ColliderHandle, b: ColliderHandle) -> f64 {
+        let [a, b] = [a, b].map(|handle| {
+            let collider = &self.colliders[handle];
+            let body = collider.parent().map_or(Pose::IDENTITY, |body| *self.bodies[body].position());
+            (collider.position_wrt_parent().map_or(body, |place| body * *place), collider.shape())
+        });
+        let contact = query::contact(&a.0, a.1, &b.0, b.1, 0.0);
+        contact.ok().flatten().map_or(0.0, |contact| (-contact.dist).max(0.0))
     }
 
     /// Whether two colliders carried each other in the last step.

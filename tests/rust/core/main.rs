@@ -3,6 +3,7 @@
 mod batch;
 mod closed_loop;
 mod control;
+mod crowd;
 mod different_robots;
 mod environment;
 mod forces;

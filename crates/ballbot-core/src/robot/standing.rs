@@ -72,28 +72,39 @@ impl Ballbot {
     /// # Errors
     /// [`Error::Inconsistent`] for a slope on which no lean holds the robot; the errors of [`Ballbot::reset`].
     pub fn place_on_ground(&mut self, x: f64, y: f64, yaw: f64, tilt: Option<Vector2<f64>>) -> Result<()> {
-        for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
-            check(name, value, "finite", |_| true)?;
-        }
-        if let Some(terrain) = self.terrain().filter(|terrain| !terrain.contains(x, y)) {
-            let [half_x, half_y] = terrain.half_size();
-            return Err(Error::Inconsistent(format!(
-                "x = {x} m, y = {y} m is not on the terrain, which reaches to ±{half_x} and ±{half_y} m"
-            )));
-        }
-        for (i, value) in tilt.iter().flatten().enumerate() {
-            check(format_args!("tilt[{i}]"), *value, "within ±pi", |tilt| tilt.abs() <= PI)?;
-        }
-        let state = match &self.ground {
-            Some(ground) => ground.at_rest(self.params(), x, y, yaw, tilt)?,
-            None => {
-                let mut state = State::tilted_from_equilibrium(self.params(), tilt.unwrap_or_default(), yaw);
-                let offset = Vector3::new(x, y, 0.0);
-                state.ball_position += offset;
-                state.body_position += offset;
-                state
-            }
-        };
-        self.reset(&state)
+        self.reset(&at_rest_on(self.params(), self.ground(), x, y, yaw, tilt)?)
     }
+}
+
+/// A robot at rest on a ground, as [`Ballbot::place_on_ground`] places it.
+pub(crate) fn at_rest_on(
+    params: &Params,
+    ground: Option<&Arc<Ground>>,
+    x: f64,
+    y: f64,
+    yaw: f64,
+    tilt: Option<Vector2<f64>>,
+) -> Result<State> {
+    for (name, value) in [("x", x), ("y", y), ("yaw", yaw)] {
+        check(name, value, "finite", |_| true)?;
+    }
+    if let Some(terrain) = ground.map(|ground| ground.terrain()).filter(|terrain| !terrain.contains(x, y)) {
+        let [half_x, half_y] = terrain.half_size();
+        return Err(Error::Inconsistent(format!(
+            "x = {x} m, y = {y} m is not on the terrain, which reaches to ±{half_x} and ±{half_y} m"
+        )));
+    }
+    for (i, value) in tilt.iter().flatten().enumerate() {
+        check(format_args!("tilt[{i}]"), *value, "within ±pi", |tilt| tilt.abs() <= PI)?;
+    }
+    Ok(match ground {
+        Some(ground) => ground.at_rest(params, x, y, yaw, tilt)?,
+        None => {
+            let mut state = State::tilted_from_equilibrium(params, tilt.unwrap_or_default(), yaw);
+            let offset = Vector3::new(x, y, 0.0);
+            state.ball_position += offset;
+            state.body_position += offset;
+            state
+        }
+    })
 }
