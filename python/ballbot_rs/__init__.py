@@ -1,10 +1,11 @@
 """A fast, verified simulator of a robot that balances on a ball.
 
-The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), robots that touch each other (`Crowd`), batches (`Batch`), closed-form
-models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers (`Controller`, `Pid`, `Lqr`) and the motions that
-they follow (`Reference`), simulations of one robot (`simulate`), environments for reinforcement learning, the
-comparison of controllers and policies (`compare`), the identification of parameters from logs (`identify`), linear
-models about any state (`linearize`), and optimal motions (`optimize_trajectory`).
+The physics is in Rust; this package gives it to Python: single robots (`Ballbot`), robots that touch each other
+(`Crowd`), batches (`Batch`), closed-form models (`SpatialModel`, `PlanarModel`, `LinearModel`), controllers
+(`Controller`, `Pid`, `Lqr`) and the motions that they follow (`Reference`), simulations of one robot (`simulate`),
+environments for reinforcement learning, the comparison of controllers and policies (`compare`), the identification of
+parameters from logs (`identify`), linear models about any state (`linearize`), and optimal motions
+(`optimize_trajectory`).
 Importing it registers every task with Gymnasium, among them `ballbot/Balance-v0`.
 SI units and radians throughout; quaternions are `[w, x, y, z]`.
 """

@@ -405,7 +405,7 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {
             "robots": ["paper", "kugle"],
             "positions": [(0.0, 0.0), (0.7, 0.0)],
-            **{"friction": 0.0, "restitution": 0.4, "sim_dt": 0.0005, "terrain": BOWL},
+            "friction": 0.0, "restitution": 0.4, "sim_dt": 0.0005, "terrain": BOWL,
         },
     ),
     "Ballbot": (_robot, {}, {"robot": "kugle", "model": "rigid", "sim_dt": 0.0005, "terrain": BOWL}),
