@@ -23,6 +23,7 @@ RUNS = {
         ["push.svg", "push.csv"],
     ),
     "circle": (["6", "2"], r"\n +6 +23%  0\.\d\d.*\n +2  the motion .* would do", []),
+    "crowd": (["1"], r"paper hits kugle with \d+ N\n(.*\n)*rezero +tilt 0\.\d deg", ["crowd.png"]),
     "noise_and_delay": (["0", "100"], r"delay   0 ms  exact: upright.*\ndelay 100 ms  exact: fell", []),
     "backpropagation": (["20"], r"trained for .*, cost \d+\.\d+\n.*success \d+%", []),
     "joystick": (["20"], r"driving at http.*\nat x = 0\.\d\d m after \d", []),
@@ -47,6 +48,7 @@ RUNS = {
     "terrain": (["4"], r"slope 0\.20 +lqr upright 100%(.*\n)*<Trajectory of lqi on contact: 5 s", ["hills.svg"]),
 }
 NEEDS = {
+    "crowd": "matplotlib",
     "joystick": "viser",
     "live_curve": "viser",
     "backpropagation": "torch",
