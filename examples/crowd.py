@@ -31,6 +31,5 @@ for _ in range(round(seconds / 0.01)):
             picture = np.choose(nearest[..., None], [renderer.render(state) for renderer, state in seen])
 matplotlib.image.imsave("crowd.png", picture)
 for name, state in zip(names, crowd.states, strict=True):
-    print(
-        f"{name:8} tilt {np.degrees(state.tilt):.1f} deg at ({state.ball_position[0]:.2f}, {state.ball_position[1]:.2f}) m"
-    )
+    x, y, _ = state.ball_position
+    print(f"{name:8} tilt {np.degrees(state.tilt):.1f} deg at ({x:.2f}, {y:.2f}) m")
