@@ -113,6 +113,7 @@ if TYPE_CHECKING:
     from ballbot_rs.envs.sb3_grouped import GroupedVecEnv
     from ballbot_rs.optimal.differentiable_jax import DifferentiableJaxBatch
     from ballbot_rs.optimal.differentiable_torch import DifferentiableBatch
+    from ballbot_rs.viewer.crowd import CrowdPage, show_crowd
     from ballbot_rs.viewer.show import Page, show
 
 __all__ = [
@@ -133,6 +134,7 @@ __all__ = [
     "ControllerInfo",
     "CostInfo",
     "Crowd",
+    "CrowdPage",
     "Dataset",
     "DifferentiableBatch",
     "DifferentiableJaxBatch",
@@ -221,6 +223,7 @@ __all__ = [
     "run_scenarios",
     "save",
     "show",
+    "show_crowd",
     "simulate",
     "terrain_kinds",
     "tune",
@@ -236,9 +239,11 @@ _LEARNING = {
     "DifferentiableBatch": ("ballbot_rs.optimal.differentiable_torch", "train"),
     "DifferentiableJaxBatch": ("ballbot_rs.optimal.differentiable_jax", "jax"),
     "GroupedVecEnv": ("ballbot_rs.envs.sb3_grouped", "train"),
+    "CrowdPage": ("ballbot_rs.viewer.crowd", "view"),
     "Page": ("ballbot_rs.viewer.show", "view"),
     "save": ("ballbot_rs.control.sb3_policy", "train"),
     "show": ("ballbot_rs.viewer.show", "view"),
+    "show_crowd": ("ballbot_rs.viewer.crowd", "view"),
 }
 
 register_environments()

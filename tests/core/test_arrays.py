@@ -128,7 +128,7 @@ MORE: dict[str, list[Callable[[], Any]]] = {
 WITHOUT = {
     *("ControllerInfo", "Metrics", "Result", "Study", "Tuned", "Scale", "Scenario", "Task", "IdentifiedParams"),
     # A page; its arrays are copies.
-    "Page",
+    *("Page", "CrowdPage"),
     # It copies what it is given, as tests/link compares.
     *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised", "NativeLaw"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

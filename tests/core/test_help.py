@@ -22,7 +22,20 @@ PUBLIC = [name for name in bb.__all__ if callable(getattr(bb, name))]
 #: Examples that take seconds: an optimization, a training, a compilation, a browser, a process or a large terrain.
 SLOW = {
     *("OptimizedTrajectory", "TimeVaryingLqr", "optimize_trajectory", "save", "DifferentiableJaxBatch"),
-    *("Page", "show", "Link", "LinkPeer", "NativeLaw", "Supervised", "identify", "IdentifiedParams", "tune", "Tuned"),
+    *(
+        "Page",
+        "show",
+        "CrowdPage",
+        "show_crowd",
+        "Link",
+        "LinkPeer",
+        "NativeLaw",
+        "Supervised",
+        "identify",
+        "IdentifiedParams",
+        "tune",
+        "Tuned",
+    ),
     *("TerrainEnv", "TerrainVectorEnv", "OpenBallBotEnv", "OpenBallBotVectorEnv"),
 }
 

@@ -405,7 +405,10 @@ CALLS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = {
         {
             "robots": ["paper", "kugle"],
             "positions": [(0.0, 0.0), (0.7, 0.0)],
-            "friction": 0.0, "restitution": 0.4, "sim_dt": 0.0005, "terrain": BOWL,
+            "friction": 0.0,
+            "restitution": 0.4,
+            "sim_dt": 0.0005,
+            "terrain": BOWL,
         },
     ),
     "Ballbot": (_robot, {}, {"robot": "kugle", "model": "rigid", "sim_dt": 0.0005, "terrain": BOWL}),
@@ -838,7 +841,7 @@ NOT_CALLED = {
     *("Trajectory", "Tuned", "Task", "Contacts", "Terrain", "Reference", "Params"),
     *("GroupedObservations", "GroupedVectorObservations", "GroupedVecEnv", "BallbotVecEnv"),
     # tests/viewer calls them.
-    *("show", "Page"),
+    *("show", "Page", "show_crowd", "CrowdPage"),
     # tests/link and tests/deployment call them.
     *("Link", "LinkPeer", "LinkFaults", "EstimatedController", "Supervised", "NativeLaw", "StateFeedback"),
     *("BallbotError", "ControllerError", "DivergedError", "InvalidInputError", "UrdfError"),

@@ -318,6 +318,7 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
 #: Methods of classes that other tests call with each argument.
 ELSEWHERE = {
     "Page": "tests/viewer/test_show.py",
+    "CrowdPage": "tests/viewer/test_show_crowd.py",
     "Replay": "tests/identification/test_replay.py",
     "SensorLog": "tests/identification/test_log.py",
     "Study": "tests/analysis/test_sweep.py",

@@ -74,6 +74,8 @@ LEFT_OUT = {
     "_toml_table": "the parser behind load_scenarios; tests/scenarios has its bad input",
     "show": "serves a page; tests/viewer has its bad input",
     "Page": "as show",
+    "show_crowd": "as show",
+    "CrowdPage": "as show",
     "register": "changes what is registered; tests/envs has its bad input",
     **{
         f"{name}VectorEnv": f"as {name}Env"

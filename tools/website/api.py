@@ -107,6 +107,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "Dataset",
             "show",
             "Page",
+            "show_crowd",
+            "CrowdPage",
             "Push",
             "Force",
             "Metrics",

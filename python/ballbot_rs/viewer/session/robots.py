@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import State
+from ballbot_rs._core import Params, State
 from ballbot_rs._state_rows import body_axes_of, tilt_components_of, tilt_of
 from ballbot_rs.viewer.session.recording import Frame
 from ballbot_rs.viewer.session.robot import Robot
@@ -154,18 +154,12 @@ class Robots:
 
     def pull(self, towards: FloatArray, seconds: float) -> None:
         """Pulls robot 0 at its center of mass towards a point, for a time, with a limited force."""
-        params = self[0].params
-        weight = params.body_mass * params.gravity
-        force = weight * PULL_LIMIT * (towards - self.com) / PULL_DISTANCE
-        force *= min(1.0, weight * PULL_LIMIT / max(float(np.linalg.norm(force)), 1e-12))
-        self[0].push(force * seconds)
+        self[0].push(pull_of(self[0].params, self.com, towards) * seconds)
 
     @property
     def com(self) -> FloatArray:
         """Center of mass of robot 0's body, m."""
-        state = self[0].state
-        com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(self[0].params.body_com)
-        return com
+        return com_of(self[0].params, self[0].state)
 
     def step(self, torques: FloatArray, steps: int) -> dict[int, str]:
         """Advances all robots; robots that cannot continue restart, and are returned with the reasons."""
@@ -201,3 +195,17 @@ class Robots:
             terrain=self.setup.terrain,
             **shown,
         )
+
+
+def com_of(params: Params, state: State) -> FloatArray:
+    """Center of mass of a robot's body, inertial frame, m."""
+    com: FloatArray = state.body_position + body_axes_of(state.to_array()) @ np.asarray(params.body_com)
+    return com
+
+
+def pull_of(params: Params, com: FloatArray, towards: FloatArray) -> FloatArray:
+    """The limited force that pulls a body's center of mass towards a point, inertial frame, N."""
+    weight = params.body_mass * params.gravity
+    force = weight * PULL_LIMIT * (towards - com) / PULL_DISTANCE
+    limited: FloatArray = force * min(1.0, weight * PULL_LIMIT / max(float(np.linalg.norm(force)), 1e-12))
+    return limited
