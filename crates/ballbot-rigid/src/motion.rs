@@ -392,6 +392,11 @@ impl Model for RigidMotion {
         Deflection::of(&Payload::new(&self.params), &LaneState::from(&self.state()), &self.sim_state.payload)
     }
 
+    fn set_payload(&mut self, deflection: &Deflection<f64>) {
+        let body = LaneState::from(&self.state());
+        self.sim_state.payload = PayloadMotion::deflected(&Payload::new(&self.params), &body, deflection);
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&(&self.sim_state, &self.world))
     }
