@@ -51,6 +51,7 @@ def test_the_place_is_found(exact):
     np.testing.assert_allclose(found.values[5:], PLACE, atol=1e-3)
 
 
+@pytest.mark.slow("ten numbers")
 def test_a_payload_of_unknown_mass_on_a_known_robot(noisy):
     """`with_payload` of another mass changes mass, inertia and CoM of the whole body: they are fitted, too."""
     start = Params.paper().with_payload(1.3 * MASS, position=PLACE, stiffness=1.3 * STIFFNESS, damping=DAMPING)
@@ -63,17 +64,17 @@ def test_a_payload_of_unknown_mass_on_a_known_robot(noisy):
     assert back.payload_mass == found.values[0]
 
 
-def test_a_robot_without_payload_shows_none():
+@pytest.mark.parametrize("fields", [("payload_mass",), pytest.param(PAYLOAD, marks=pytest.mark.slow("long search"))])
+def test_a_robot_without_payload_shows_none(fields):
     log = record_log("paper", 5.0, seed=1)
     paper = Params.paper()
     start = paper.replace(
         payload_mass=0.3, payload_position=PLACE, payload_stiffness=(60.0,) * 3, payload_damping=(0.3,) * 3
     )
-    for fields in (("payload_mass",), PAYLOAD):
-        with pytest.raises(ValueError, match=r"the log (shows no payload that sways|does not determine payload_)"):
-            identify(log, start, fields, num_threads=1)
-    with pytest.raises(ValueError, match="fields has payload_mass, but the robot has no payload: start from"):
-        identify(log, paper, PAYLOAD)
+    with pytest.raises(ValueError, match=r"the log (shows no payload that sways|does not determine payload_)"):
+        identify(log, start, fields, num_threads=1)
+    with pytest.raises(ValueError, match=r"fields has payload_mass, but the robot has no payload: start from"):
+        identify(log, paper, fields)
 
 
 @pytest.mark.parametrize(
