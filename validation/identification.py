@@ -1,6 +1,7 @@
 """Coverage of the intervals of `identify`: logs of random robots, each fitted from the nominal robot.
 
-`python -m validation.identification` prints the table of docs/identify.md; `--figure FILE` draws its figure.
+`python -m validation.identification` prints the table of docs/identify.md; `--figure FILE` draws its figure. With
+`--payload` the robots have a payload that sways.
 """
 
 import argparse
@@ -15,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 import ballbot_rs as bb
+from ballbot_rs.identification.fit import FIELDS
+from ballbot_rs.identification.parameters import ALONG
 from validation.page import table
 
 Array = npt.NDArray[np.float64]
@@ -30,6 +33,13 @@ RANGES = {
     "wheel_viscous_friction": (2e-4, 2e-3),
     "wheel_coulomb_friction": (2e-3, 1e-2),
 }
+#: The nominal payload: fraction of the body's mass, height in heights of its CoM, frequency (Hz) and damping ratio on a
+#: body at rest; and ranges as above.
+PAYLOAD = {"share": 0.2, "height": 1.5, "hertz": 2.0, "damping": 0.1}
+PAYLOAD_FACTORS = {"payload_mass": (0.7, 1.3), "payload_stiffness": (0.7, 1.3), "payload_damping": (0.5, 1.5)}
+#: Of its place, m.
+PAYLOAD_OFFSETS = ((-0.01, 0.01), (-0.01, 0.01), (-0.03, 0.03))
+PAYLOAD_FIELDS = (*PAYLOAD_FACTORS, "payload_position")
 #: Range of the delay, model steps.
 DELAYS = (1, 10)
 SIM_DT = 0.002
@@ -53,10 +63,22 @@ class Study:
     failures: tuple[str, ...]
 
 
+def loaded(params: bb.Params) -> bb.Params:
+    """A robot with the nominal payload."""
+    mass = PAYLOAD["share"] * params.body_mass
+    stiffness = mass * (2.0 * np.pi * PAYLOAD["hertz"]) ** 2
+    damping = 2.0 * PAYLOAD["damping"] * np.sqrt(stiffness * mass)
+    place = (0.0, 0.0, PAYLOAD["height"] * params.body_com_height)
+    return params.with_payload(mass, position=place, stiffness=stiffness, damping=damping)
+
+
 def drawn(nominal: bb.Params, rng: np.random.Generator) -> tuple[bb.Params, float]:
-    """A random robot, and the delay of its motors, s."""
+    """A random robot, with a random payload if the nominal robot has one, and the delay of its motors, s."""
     values: dict[str, Any] = {}
-    for name, ends in FACTORS.items():
+    if nominal.has_payload:
+        offset = [rng.uniform(*ends) for ends in PAYLOAD_OFFSETS]
+        values["payload_position"] = (np.array(nominal.payload_position) + offset).tolist()
+    for name, ends in ({**FACTORS, **PAYLOAD_FACTORS} if nominal.has_payload else FACTORS).items():
         value = np.asarray(getattr(nominal, name))
         values[name] = (value * rng.uniform(*ends, value.shape)).tolist()
     for name, ends in RANGES.items():
@@ -65,9 +87,12 @@ def drawn(nominal: bb.Params, rng: np.random.Generator) -> tuple[bb.Params, floa
     return nominal.replace(**values), float(rng.integers(*DELAYS)) * SIM_DT
 
 
-def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | None = None) -> Study:
+def run(
+    logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | None = None, payload: bool = False
+) -> Study:
     """Records and fits logs of random robots; i seeds robot and log number i."""
-    nominal = bb.Params.paper()
+    nominal = loaded(bb.Params.paper()) if payload else bb.Params.paper()
+    fields = (*FIELDS, *PAYLOAD_FIELDS) if payload else FIELDS
     found: list[tuple[Array, Array, npt.NDArray[np.bool_]]] = []
     failures: list[str] = []
     durations: list[float] = []
@@ -80,13 +105,13 @@ def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | 
         )
         began = time.process_time()
         try:
-            result = bb.identify(log, nominal, sim_dt=SIM_DT, num_threads=num_threads)
+            result = bb.identify(log, nominal, fields, sim_dt=SIM_DT, num_threads=num_threads)
         except (ValueError, ArithmeticError) as error:
             failures.append(f"log {seed}: {error}")
             continue
         durations.append(time.process_time() - began)
         names = result.names
-        truth = true_values(robot, delay)
+        truth = true_values(robot, delay, fields)
         inside = (result.intervals[:, 0] <= truth) & (truth <= result.intervals[:, 1])
         found.append((result.values - truth, result.standard_errors, inside))
         print(
@@ -100,12 +125,11 @@ def run(logs: int, *, seconds: float = 20.0, first: int = 0, num_threads: int | 
     return Study(names, errors / spreads, covered, errors, spreads, np.array(durations), tuple(failures))
 
 
-def true_values(robot: bb.Params, delay: float) -> Array:
-    """A robot's numbers that `identify` fits by default."""
-    from ballbot_rs.identification.fit import FIELDS
-
-    values = [delay if name == "delay" else getattr(robot, name) for name in FIELDS]
-    return np.concatenate([np.ravel(value) for value in values])
+def true_values(robot: bb.Params, delay: float, fields: Sequence[str]) -> Array:
+    """A robot's numbers that `identify` fits."""
+    values = [np.ravel(delay if name == "delay" else getattr(robot, name)) for name in fields]
+    pairs = zip(fields, values, strict=True)
+    return np.concatenate([value[list(ALONG.get(name, range(len(value))))] for name, value in pairs])
 
 
 def markdown(study: Study) -> str:
@@ -171,9 +195,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seconds", type=float, default=20.0, help="duration of a log (default 20)")
     parser.add_argument("--first", type=int, default=0, help="seed of the first log (default 0)")
     parser.add_argument("--threads", type=int, help="threads of the simulations (default: all cores)")
+    parser.add_argument("--payload", action="store_true", help="with a payload that sways (default: without)")
     parser.add_argument("--figure", type=Path, help="file of the figure (default: none)")
     requested = parser.parse_args(arguments)
-    study = run(requested.logs, seconds=requested.seconds, first=requested.first, num_threads=requested.threads)
+    study = run(
+        requested.logs,
+        seconds=requested.seconds,
+        first=requested.first,
+        num_threads=requested.threads,
+        payload=requested.payload,
+    )
     for failure in study.failures:
         print(failure)
     if not len(study.covered):

@@ -467,6 +467,7 @@ class Params:
         position: npt.ArrayLike | None = None,
         stiffness: npt.ArrayLike | None = None,
         damping: npt.ArrayLike | None = None,
+        inertia: npt.ArrayLike | None = None,
     ) -> Params:
         """A copy with a payload that moves on the body, in place of its present payload: a point mass on springs and dampers. The
         body alone stays the same; `body_*` of the copy describe it with the payload at its place.
@@ -481,6 +482,8 @@ class Params:
             position: its place at rest, body frame, m; None keeps `payload_position`.
             stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
             damping: likewise, N/(m/s); None keeps `payload_damping`.
+            inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
+                inertia of the body alone grows by it, for good; None is a point.
 
         Raises ValueError as the constructor.
         """
@@ -980,6 +983,17 @@ class Ballbot:
     def payload(self) -> _Array:
         """Deflection of the payload from its place, m, then its rate, m/s, body axes, shape (6,); zeros for a robot without
         payload. A reset puts the payload at its place.
+        """
+    def set_payload(self, payload: npt.ArrayLike) -> None:
+        """Replaces the deflection of the payload; a reset puts it at its place.
+
+        Args:
+            payload: deflection from its place, m, then its rate, m/s, body axes, shape (6,), as the attribute `payload`; zeros
+                for a robot without payload.
+
+        Raises:
+            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payload
+                then stays as it is.
         """
     @property
     def time(self) -> float:
@@ -2355,6 +2369,16 @@ class Batch:
     def payloads(self) -> _Array:
         """Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
         without payload.
+        """
+    def set_payloads(self, payloads: npt.ArrayLike) -> None:
+        """Replaces the deflections of the payloads; the reset of a robot puts its payload at its place.
+
+        Args:
+            payloads: as `payloads()`, shape (num_envs, 6); zeros for robots without payload.
+
+        Raises:
+            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payloads
+                then stay as they are.
         """
     def control(
         self,

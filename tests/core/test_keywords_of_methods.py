@@ -189,7 +189,7 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     "Params.with_payload": (
         PAPER.replace(payload_stiffness=(100.0,) * 3).with_payload,
         {"mass": 0.5},
-        {"position": (0.0, 0.01, 0.3), "stiffness": 200.0, "damping": (1.0, 2.0, 3.0)},
+        {"position": (0.0, 0.01, 0.3), "stiffness": 200.0, "damping": (1.0, 2.0, 3.0), "inertia": 0.001},
     ),
     "Params.slope_limits": (PAPER.slope_limits, {}, {"fall_tilt": 0.2}),
     "Reference.slowdown": (bb.Reference.circle(0.5, 4.0, robot=PAPER).slowdown, {}, {"friction": 0.2}),

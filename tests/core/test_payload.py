@@ -38,9 +38,25 @@ def test_with_payload_adds_a_mass_and_without_payload_takes_it_off():
     assert bb.Params.from_toml(robot.to_toml()) == robot
 
 
+def test_a_rigid_body_adds_its_inertia_to_the_body():
+    paper = bb.Params.paper()
+    load = {"position": [0.0, 0.0, 0.4], "stiffness": 300.0}
+    point, solid = (paper.with_payload(1.0, **load, **more) for more in ({}, {"inertia": [0.01, 0.02, 0.015]}))
+    np.testing.assert_allclose(np.subtract(solid.body_inertia, point.body_inertia), [0.01, 0.02, 0.015], atol=1e-15)
+    assert solid.replace(body_inertia=point.body_inertia) == point
+    ball = paper.with_payload(1.0, **load, inertia=0.01)
+    np.testing.assert_allclose(np.subtract(ball.body_inertia, point.body_inertia), 0.01, atol=1e-15)
+    # It turns with the body, so it stays with the body.
+    kept = np.subtract(ball.without_payload().body_inertia, paper.body_inertia)
+    np.testing.assert_allclose(kept, 0.01, atol=1e-12)
+
+
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
+        ({"mass": 1.0, "stiffness": 1.0, "inertia": [0.01, 0.01]}, "inertia has 2 values, expected 3"),
+        ({"mass": 1.0, "stiffness": 1.0, "inertia": -0.1}, r"inertia\[0\] = -0.1 is out of range: .* from 0 to"),
+        ({"mass": 1.0, "stiffness": 1.0, "inertia": [0.1, 0.01, 0.01]}, r"inertia\[0\] = 0.1 is out of range: .* 0.02"),
         ({"mass": float("nan")}, "mass = NaN"),
         ({"mass": -3.0}, "body_mass"),
         ({"mass": 1.0}, r"payload_stiffness\[0\] = 0"),
@@ -94,6 +110,41 @@ def test_a_batch_reads_the_payloads_of_its_robots():
     alone.step(np.zeros(3), steps=round(5 * batch.control_dt / batch.sim_dt))
     np.testing.assert_array_equal(batch.payloads(), np.tile(alone.payload, (3, 1)))
     assert np.abs(alone.payload).max() > 0.0
+
+
+@pytest.mark.parametrize("model", ["contact", "spatial", "rigid"])
+def test_deflections_are_set_and_read(model):
+    params = tray("paper")
+    rng = np.random.default_rng(0)
+    batch = new_batch(9, autoreset="disabled", options={"robot": params, "model": model})
+    batch.set_params(4, params.without_payload())
+    robots = [batch.params(i) for i in range(9)]
+    batch.reset(starts=[bb.State.at_rest(one, (0.05, 0.02)) for one in robots])
+    deflections = 0.02 * rng.standard_normal((9, 6))
+    deflections[4] = 0.0
+    batch.set_payloads(deflections)
+    np.testing.assert_allclose(batch.payloads(), deflections, atol=1e-14)
+    batch.step(np.zeros((9, 3)))
+    for i in (0, 8):
+        alone = bb.Ballbot(params, model=model, sim_dt=batch.sim_dt)
+        alone.reset(bb.State.at_rest(params, (0.05, 0.02)))
+        alone.set_payload(deflections[i])
+        alone.step(np.zeros(3), steps=round(batch.control_dt / batch.sim_dt))
+        np.testing.assert_array_equal(batch.payloads()[i], alone.payload)
+        np.testing.assert_array_equal(batch.state(i).to_array(), alone.state.to_array())
+    before = batch.payloads()
+    for place, value, message in (
+        (4, 0.1, r"payloads\[4\] must be zero: the robot has no payload"),
+        (7, np.nan, r"payloads has a value that is not finite|payloads"),
+        (7, 2000.0, r"payloads\[7\]\[0\] = 2000 is out of range: it must be within ±1000"),
+    ):
+        bad = np.zeros((9, 6))
+        bad[place, 0] = value
+        with pytest.raises(ValueError, match=message):
+            batch.set_payloads(bad)
+    with pytest.raises(ValueError, match=r"payloads has shape \(9, 3\), expected \(9, 6\)"):
+        batch.set_payloads(np.zeros((9, 3)))
+    np.testing.assert_array_equal(batch.payloads(), before)
 
 
 def test_events_load_robots_and_laws_stay_nominal():

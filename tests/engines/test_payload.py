@@ -9,6 +9,8 @@ from ballbot_rs.envs.family import sample_robots
 
 pytest.importorskip("mujoco")
 
+import mujoco
+
 from ballbot_rs.engines.mujoco_robot import PAYLOAD, MujocoRobot, accurate
 
 SIM_DT = 2e-4
@@ -61,6 +63,36 @@ def test_robots_with_payloads_move_alike_in_both_engines(seed):
     assert error <= 0.02 * largest
     # The payload matters.
     assert effect > 1e-4 * start.tilt
+
+
+@pytest.mark.parametrize("seed", SEEDS[:4])
+def test_a_rigid_body_on_springs_has_its_inertia_in_the_body(seed):
+    """It turns with the body: in MuJoCo with its own inertia, here a point on a body with more inertia."""
+    point = loaded(seed)
+    alone = point.without_payload()
+    inertia = np.array([0.5, 0.4, 0.3]) * np.mean(alone.body_inertia)
+    solid = alone.with_payload(point.payload_mass, inertia=inertia)
+    there = MujocoRobot(robot_geometry(point), accurate(SIM_DT))
+    there.model.body_inertia[-1] += inertia
+    mujoco.mj_setConst(there.model, there.data)
+    here, other = bb.Ballbot(solid, sim_dt=SIM_DT), bb.Ballbot(point, sim_dt=SIM_DT)
+    start = bb.State.at_equilibrium(point, tilt=(0.03, -0.02))
+    for robot in (there, here, other):
+        robot.reset(start)
+    limit = 0.02 * min(point.max_wheel_torque, point.scale("N·m"))
+    largest = error = effect = 0.0
+    for k in range(50):
+        torques = limit * np.sin(0.3 * k + np.arange(3.0))
+        for robot in (there, here, other):
+            robot.step(torques, 20)
+        expected = there.data.qpos[PAYLOAD]
+        largest = max(largest, float(np.abs(expected).max()))
+        error = max(error, float(np.abs(here.payload[:3] - expected).max()))
+        effect = max(effect, float(np.abs(other.payload[:3] - expected).max()))
+        assert abs(here.state.tilt - there.state().tilt) <= 0.02 * here.state.tilt, k
+    assert error <= 0.02 * largest
+    # The inertia matters.
+    assert effect > 3.0 * error
 
 
 def test_the_engine_of_tasks_rejects_a_payload():

@@ -81,6 +81,17 @@ def test_intervals_of_random_robots_hold():
     assert "2 of 2 fits converged" in study.markdown(done)
 
 
+@pytest.mark.slow("many robots")
+def test_intervals_of_random_payloads_hold():
+    done = study.run(2, seconds=8.0, first=200, num_threads=1, payload=True)
+    assert done.failures == ()
+    assert done.names[-3:] == ("payload_position_x", "payload_position_y", "payload_position_z")
+    assert done.covered.shape == (2, 19)
+    # Of 38 intervals of 95 %, 31 or more hold with a probability of 99.9 %.
+    assert done.covered.sum() >= 31
+    assert np.abs(done.scores).max() < 4.5
+
+
 def test_standard_errors_grow_with_the_noise_given(noisy):
     once, twice = (
         identify(noisy, TRUTH, ("body_com_height", "delay"), noise=noise, actuators=MOTORS, num_threads=1)

@@ -280,6 +280,8 @@ RIGHT: dict[str, list[Any]] = {
     "virtual_torque": [0.1],
     "impulse": [[0.1, 0.0, 0.0]],
     "point": [None, [0.0, 0.0, 0.2]],
+    "payload": [np.zeros(6)],
+    "payloads": [np.zeros((2, 6))],
     "steps": [0, 1, 10],
     "motion": [lambda states, _: states],
     "parameters": [None, ["body_mass"], ["body_com_offset[0]", "body_inertia"]],

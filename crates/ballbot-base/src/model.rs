@@ -103,6 +103,10 @@ pub trait Model: Send + Sync {
         Deflection::default()
     }
 
+    /// Replaces the deflection of the payload, which [`crate::params::Params::validate_deflection`] accepts; no effect without a
+    /// payload.
+    fn set_payload(&mut self, _: &Deflection<f64>) {}
+
     /// Appends everything that determines the future motion, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
 

@@ -77,6 +77,22 @@ impl PayloadMotion<f64> {
         )
     }
 
+    /// The payload with a deflection.
+    pub fn deflected(payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
+        run_one(
+            #[inline(always)]
+            || {
+                let arm = Vec3::from(payload.place) + deflection.position;
+                let rotation = body.body_quaternion.rotation();
+                let rate = body.body_angular_velocity.cross(arm) + deflection.velocity;
+                Self {
+                    position: body.body_position + rotation.apply(arm),
+                    velocity: body.body_velocity + rotation.apply(rate),
+                }
+            },
+        )
+    }
+
     /// The motion when a payload changes: it keeps its deflection, and a new payload begins at its place.
     #[must_use]
     pub fn changed(&self, before: &Payload<f64>, after: &Payload<f64>, body: &LaneState<f64>) -> Self {
@@ -104,6 +120,11 @@ impl Deflection<f64> {
     pub fn to_array(&self) -> [f64; 6] {
         let Self { position: p, velocity: v } = self;
         [p.x, p.y, p.z, v.x, v.y, v.z]
+    }
+
+    /// From [`Deflection::to_array`].
+    pub fn from_array([x, y, z, vx, vy, vz]: [f64; 6]) -> Self {
+        Self { position: Vec3::new(x, y, z), velocity: Vec3::new(vx, vy, vz) }
     }
 
     /// Deflection of the payload of a robot.

@@ -170,6 +170,10 @@ impl Model for ContactMotion {
         self.memory.payload_deflection(&self.constants)
     }
 
+    fn set_payload(&mut self, deflection: &Deflection<f64>) {
+        self.memory.set_payload(&self.constants, deflection);
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&self.memory)
     }

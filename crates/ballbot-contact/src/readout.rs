@@ -148,6 +148,11 @@ impl ContactState<f64> {
         Deflection::of(&c.payload, &self.read(c), &self.payload)
     }
 
+    /// Replaces the deflection of the payload.
+    pub fn set_payload(&mut self, c: &Constants<f64>, deflection: &Deflection<f64>) {
+        self.payload = PayloadMotion::deflected(&c.payload, &self.read(c), deflection);
+    }
+
     /// Surface speed of wheel `i` relative to the ball along its drive direction, m/s.
     fn slip_speed(&self, c: &Constants<f64>, i: usize) -> f64 {
         let body = rotation(self.body_quaternion);

@@ -367,6 +367,16 @@ impl Ballbot {
         self.model.payload()
     }
 
+    /// Replaces the deflection of the payload; a reset puts it at its place.
+    ///
+    /// # Errors
+    /// As [`Params::validate_deflection`]; the payload then stays as it is.
+    pub fn set_payload(&mut self, deflection: &Deflection<f64>) -> Result<()> {
+        self.params().validate_deflection(&"payload", deflection)?;
+        self.model.set_payload(deflection);
+        Ok(())
+    }
+
     /// Whether a force from outside acts, now or later.
     pub fn has_force(&self) -> bool {
         self.model.held_force().is_on()

@@ -367,6 +367,10 @@ impl Model for SpatialMotion {
         Deflection::of(&self.payload, &self.body(), &self.payload_motion)
     }
 
+    fn set_payload(&mut self, deflection: &Deflection<f64>) {
+        self.payload_motion = PayloadMotion::deflected(&self.payload, &self.body(), deflection);
+    }
+
     fn save(&self) -> Vec<u8> {
         snapshot::pack(&Saved {
             steps: self.steps,

@@ -25,7 +25,7 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, State, require_memory};
+use ballbot_core::{Contacts, Deflection, State, require_memory};
 use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
@@ -969,6 +969,28 @@ impl PyBatch {
         rows(py, batch.len(), 6, |i, row| {
             row.copy_from_slice(&batch.payload(i).map_err(to_python)?.to_array());
             Ok(())
+        })
+    }
+
+    /// Replaces the deflections of the payloads; the reset of a robot puts its payload at its place.
+    ///
+    /// Args:
+    ///     payloads: as `payloads()`, shape (num_envs, 6); zeros for robots without payload.
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payloads
+    ///         then stay as they are.
+    fn set_payloads(&self, payloads: &Bound<'_, PyAny>) -> PyResult<()> {
+        let batch = &mut self.inner.write()?.batch;
+        let n = batch.len();
+        let numbers = finite_elements("payloads", payloads, &[Some(n), Some(6)], 6 * n)?;
+        let (rows, _) = numbers.as_chunks::<6>();
+        call(|| {
+            let deflections = || rows.iter().map(|row| Deflection::from_array(*row)).enumerate();
+            for (i, deflection) in deflections() {
+                batch.params(i)?.validate_deflection(&format_args!("payloads[{i}]"), &deflection)?;
+            }
+            deflections().try_for_each(|(i, deflection)| batch.set_payload(i, &deflection))
         })
     }
 

@@ -181,16 +181,20 @@ impl PyParams {
     ///     position: its place at rest, body frame, m; None keeps `payload_position`.
     ///     stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
     ///     damping: likewise, N/(m/s); None keeps `payload_damping`.
+    ///     inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
+    ///         inertia of the body alone grows by it, for good; None is a point.
     ///
     /// Raises ValueError as the constructor.
-    #[pyo3(signature = (mass, *, position=None, stiffness=None, damping=None))]
+    #[pyo3(signature = (mass, *, position=None, stiffness=None, damping=None, inertia=None))]
     fn with_payload(
         &self,
         #[pyo3(from_py_with = real)] mass: f64,
         position: Option<&Bound<'_, PyAny>>,
         stiffness: Option<&Bound<'_, PyAny>>,
         damping: Option<&Bound<'_, PyAny>>,
+        inertia: Option<&Bound<'_, PyAny>>,
     ) -> PyResult<Self> {
+        let moments = inertia.map_or(Ok([0.0; 3]), moments_of)?;
         let mut changes = Vec::new();
         for (name, value) in
             [("payload_position", position), ("payload_stiffness", stiffness), ("payload_damping", damping)]
@@ -203,8 +207,11 @@ impl PyParams {
             changes.push((name.to_owned(), values));
         }
         let load = || {
-            let alone = self.0.without_payload().replace(borrowed(&changes))?;
+            let mut alone = self.0.without_payload().replace(borrowed(&changes))?;
             check_finite("mass", &[mass])?;
+            for (moment, more) in alone.body_inertia.iter_mut().zip(moments) {
+                *moment += more;
+            }
             let loaded = alone.with_payload(mass, alone.payload_position);
             loaded.validate()?;
             Ok(loaded)
@@ -404,4 +411,23 @@ pub(crate) fn several(robots: &Bound<'_, PyList>) -> PyResult<Vec<Params>> {
         return Err(InvalidInputError::new_err("robot = []: there is none, expected at least one"));
     }
     robots.iter().map(|robot| Ok(robot.extract::<Robot>()?.0)).collect()
+}
+
+/// Moments of inertia of a rigid body, kg·m², from one number for all or three.
+fn moments_of(inertia: &Bound<'_, PyAny>) -> PyResult<[f64; 3]> {
+    let [x, y, z] = match one_or_more("inertia", inertia)?[..] {
+        [one] => [one; 3],
+        [x, y, z] => [x, y, z],
+        ref found => {
+            let (name, found) = ("inertia".to_owned(), found.len());
+            return Err(to_python(Error::Length { name, found, expected: 3 }));
+        }
+    };
+    for (i, (value, others)) in [(x, y + z), (y, z + x), (z, x + y)].into_iter().enumerate() {
+        if !(value >= 0.0 && value <= others) {
+            let limit = format!("from 0 to the sum of the others, {others} kg·m²");
+            return Err(to_python(Error::OutOfRange { name: format!("inertia[{i}]"), value, limit }));
+        }
+    }
+    Ok([x, y, z])
 }

@@ -10,7 +10,7 @@ use crate::params::{PyParams, Robot};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
-use ballbot_core::Ballbot;
+use ballbot_core::{Ballbot, Deflection};
 use numpy::PyArray1;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
@@ -276,6 +276,21 @@ impl PyBallbot {
     #[getter]
     fn payload<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
         Ok(PyArray1::from_slice(py, &self.0.read()?.payload().to_array()))
+    }
+
+    /// Replaces the deflection of the payload; a reset puts it at its place.
+    ///
+    /// Args:
+    ///     payload: deflection from its place, m, then its rate, m/s, body axes, shape (6,), as the attribute `payload`; zeros
+    ///         for a robot without payload.
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payload
+    ///         then stays as it is.
+    fn set_payload(&self, payload: &Bound<'_, PyAny>) -> PyResult<()> {
+        let deflection = Deflection::from_array(numbers("payload", payload)?);
+        let mut robot = self.0.write()?;
+        call(|| robot.set_payload(&deflection))
     }
 
     /// Simulated time since the reset, s.

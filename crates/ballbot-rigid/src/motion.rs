@@ -159,6 +159,10 @@ impl Model for RigidMotion {
         self.robot().payload(self.world())
     }
 
+    fn set_payload(&mut self, deflection: &Deflection<f64>) {
+        self.scene.robots[0].set_payload(&self.scene.world, deflection);
+    }
+
     fn save(&self) -> Vec<u8> {
         self.scene.save()
     }

@@ -310,6 +310,11 @@ impl Robot {
         Deflection::of(&Payload::new(&self.params), &LaneState::from(&self.state(world)), &self.sim_state.payload)
     }
 
+    pub fn set_payload(&mut self, world: &World, deflection: &Deflection<f64>) {
+        let body = LaneState::from(&self.state(world));
+        self.sim_state.payload = PayloadMotion::deflected(&Payload::new(&self.params), &body, deflection);
+    }
+
     /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.
     pub fn push(&mut self, world: &World, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         let body = rotation_from_rapier(*world.bodies[self.handles.body].rotation());

@@ -74,8 +74,9 @@ class Sensitivity:
 
 
 def default_fields() -> tuple[str, ...]:
-    """The parameters that are changed unless others are named: all with continuous effects."""
-    return tuple(name for name in known_fields() if name not in MOTORS and name not in BIASES)
+    """The parameters that are changed unless others are named: all with continuous effects, without a payload's."""
+    left_out = (*MOTORS, *BIASES)
+    return tuple(name for name in known_fields() if name not in left_out and not name.startswith("payload_"))
 
 
 def collect(

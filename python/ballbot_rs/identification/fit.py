@@ -20,12 +20,13 @@ from ballbot_rs.identification import starts as starts_of
 from ballbot_rs.identification.determined import (
     at_limit,
     check_determined,
+    check_sways,
     check_windows,
     covariance_of,
     jackknife_errors,
 )
 from ballbot_rs.identification.logs.log import SensorLog
-from ballbot_rs.identification.parameters import Fitted, fitted
+from ballbot_rs.identification.parameters import NOTHING, Fitted, fitted
 from ballbot_rs.identification.parameters import Robot as FitRobot
 from ballbot_rs.identification.problem import Point, Problem
 from ballbot_rs.identification.result import IdentifiedParams, actuators_of, units_of
@@ -89,8 +90,9 @@ def identify(
         robot: as in `simulate`, to start from, with the values of all parameters that are not fitted; None is the
             paper's.
         fields: parameters of `Params` by name (except `max_wheel_torque`), `delay`, `lag` and `strength` of the
-            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components. None are
-            mass, inertia and CoM of the body, the frictions of ball and wheels, and the delay.
+            motors, and `gyro_bias` and `acc_bias` of the IMU. A vector is fitted with all its components, stiffness and
+            damping of a payload along x and y. None are mass, inertia and CoM of the body, the frictions of ball and
+            wheels, and the delay.
         actuators: motors to start from, as `actuators=` of an environment, with only delay, lag and strengths;
             None is ideal.
         model: of the simulations: `spatial`, `contact` or `rigid`.
@@ -132,9 +134,12 @@ def identify(
     problem = Problem(log, windows, simulator, unknowns, base, called)
     starts = starts_of.estimated(log, windows, base.params)
     spreads = noise_of.first_guess(log) if noise is None else noise_of.given(noise, log)
-    found = _passes(problem, starts, spreads, noise is None, rejection, log)
+    point, derivatives, spreads, kept = _passes(problem, starts, spreads, noise is None, rejection, log)
+    if any(field.startswith("payload_") for field in fields):
+        fixed = Problem(log, windows, simulator, *_fixed(unknowns, point.robot, sim_dt), called)
+        _check_payload(problem, fixed, point, spreads, kept)
     progress(count, count)
-    return _result(problem, base, log, *found, model, sim_dt, noise is None)
+    return _result(problem, base, log, point, derivatives, spreads, kept, model, sim_dt, noise is None)
 
 
 def _passes(
@@ -152,7 +157,7 @@ def _passes(
     for _ in range(MAX_PASSES):
         fit = _fit(problem, point, spreads, kept)
         point = problem.explored(fit, spreads, rng)
-        gain = float((fit.costs - point.costs)[kept].sum())
+        gain = float((fit.costs[kept] - point.costs[kept]).sum())
         derivatives, _ = problem.derivatives(point, spreads)
         leverage = problem.leverage(point, derivatives, kept)
         before, old = kept, spreads
@@ -172,6 +177,23 @@ def _passes(
     point = dataclasses.replace(point, residuals=point.residuals * ratio)
     check_determined(problem, derivatives, kept, point)
     return point, derivatives, spreads, kept
+
+
+def _fixed(unknowns: Fitted, robot: FitRobot, sim_dt: float) -> tuple[Fitted, FitRobot]:
+    """What is fitted if the payload is fixed to the body, and the robot."""
+    fields = [field for field in unknowns.fields if not field.startswith("payload_")]
+    fixed = dataclasses.replace(robot, params=robot.params.with_payload_fixed())
+    return (fitted(fields, fixed, sim_dt) if fields else NOTHING), fixed
+
+
+def _check_payload(problem: Problem, fixed: Problem, point: Point, spreads: Mapping[str, float], kept: Mask) -> None:
+    """A ValueError reports a fitted payload without which the log is explained as well."""
+    other = fixed.at(fixed.fitted.start, point.starts[:, : len(starts_of.COORDINATES)], spreads)
+    if np.isfinite(other.costs[kept]).all() and fixed.fitted.names:
+        other = _fit(fixed, other, spreads, kept)
+    more = len(problem.fitted.names) - len(fixed.fitted.names) + len(starts_of.OF_PAYLOAD) * int(kept.sum())
+    own = float((point.residuals[kept[problem.windows.window]] ** 2).sum())
+    check_sways(own, float(other.costs[kept].sum()), more)
 
 
 def _fit(problem: Problem, first: Point, spreads: Mapping[str, float], kept: Mask) -> Point:
@@ -255,7 +277,8 @@ def _result(
         jackknife = jackknife_errors(slopes, residuals, free)
     errors = np.maximum(linear, jackknife)
     measurements = int(problem.used[chosen].sum())
-    freedom = measurements - 11 * int(kept.sum()) - len(unknowns.names)
+    # Of each window, its start and the origins of three encoders.
+    freedom = measurements - (point.starts.shape[1] + 3) * int(kept.sum()) - len(unknowns.names)
     of_measurements, of_windows = (float(stdtrit(max(n, 1), 0.975)) for n in (freedom, len(places) - 1))
     half = np.maximum(of_measurements * linear, of_windows * jackknife) * unknowns.scales
     rows = [windows.rows[windows.rows_of(i)] for i in np.flatnonzero(~kept).tolist()]

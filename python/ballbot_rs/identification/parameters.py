@@ -21,23 +21,31 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: Parameters of a payload, and of a floor that moves or on which friction differs from place to place.
+#: Parameters of a load that an arm moves, and of a floor that moves or on which friction differs from place to place.
 NOT_IN_LOGS: Final = tuple(
     parameter["name"]
     for parameter in PARAMETERS
     if parameter["name"].startswith(
-        ("floor_friction_", "floor_patch_", "floor_tilt_", "floor_acceleration", "payload_")
+        (
+            *("floor_friction_", "floor_patch_", "floor_tilt_", "floor_acceleration"),
+            *("payload_amplitude", "payload_period", "payload_phases"),
+        )
     )
 )
 #: Parameters that a fit cannot find: the motor limit; the direction of a slope and the motion of a floor, since logs
-#: have no heading; the payload, whose deflection is not in logs; and the roller ripple, which is faster than the
+#: have no heading; the motion of an arm, whose begin is not in logs; and the roller ripple, which is faster than the
 #: steps of a log.
 EXCLUDED: Final = ("max_wheel_torque", "floor_tilt", "roller_ripple", "roller_count", "roller_phases", *NOT_IN_LOGS)
+#: Vectors of which only some components have an effect on a log: the ball carries what a payload does along z.
+ALONG: Final[Mapping[str, Sequence[int]]] = {"payload_stiffness": (0, 1), "payload_damping": (0, 1)}
 #: Components of vectors, as printed.
 SUFFIXES: Final[Mapping[str, Sequence[str]]] = {
     "body_inertia": ("xx", "yy", "zz"),
     "body_products_of_inertia": ("xy", "xz", "yz"),
     "body_com_offset": ("x", "y"),
+    "payload_position": ("x", "y", "z"),
+    "payload_stiffness": ("x", "y", "z"),
+    "payload_damping": ("x", "y", "z"),
     "gyro_bias": ("x", "y", "z"),
     "acc_bias": ("x", "y", "z"),
 }
@@ -48,6 +56,7 @@ SIGNED: Final = (
     "wheel_azimuths",
     "wheel_zenith_offsets",
     "roller_angle",
+    "payload_position",
     "gyro_bias",
     "acc_bias",
 )
@@ -130,7 +139,7 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
     """The numbers of the fields named.
 
     Raises:
-        ValueError: an unknown name, a repeated name, or no name.
+        ValueError: an unknown name, a repeated name, or no name; a payload of a robot that has none.
     """
     if isinstance(fields, str):
         fields = (fields,)
@@ -145,8 +154,16 @@ def fitted(fields: Sequence[str], base: Robot, sim_dt: float) -> Fitted:
             )
         if any(field == other for other, _ in places):
             raise InvalidInputError(f"fields names {field} twice")
+        if field.startswith("payload_") and not base.params.has_payload:
+            raise InvalidInputError(
+                f"fields has {field}, but the robot has no payload: start from "
+                "robot.with_payload(mass, position=..., stiffness=..., damping=...)"
+            )
         value = _value(base, field)
-        places += [(field, None)] if isinstance(value, float) else [(field, i) for i in range(len(value))]
+        if isinstance(value, float):
+            places.append((field, None))
+        else:
+            places += [(field, i) for i in ALONG.get(field, range(len(value)))]
     start = np.array([_number(base, place) for place in places])
     scales = np.array([_scale(base, field, value) for (field, _), value in zip(places, start, strict=True)])
     limits = np.array([_limits(field) for field, _ in places])
@@ -215,6 +232,8 @@ def _scale(base: Robot, field: str, value: float) -> float:
         "roller_friction": 0.05,
         "roller_friction_slope": 0.05,
         "wheel_preload": 0.1 * params.body_mass * params.gravity,
+        "payload_damping": 0.2 * float(np.sqrt(params.payload_mass * np.max(params.payload_stiffness))),
+        "payload_position": 0.2 * params.body_com_height,
         "wheel_zenith_offsets": 0.05,
         "wheel_azimuths": 0.1,
         "roller_angle": 0.1,

@@ -20,9 +20,9 @@ from ballbot_rs.identification.motors import MAX_DELAY
 
 Array = npt.NDArray[np.float64]
 
-#: Torques and duration of the steps from which the responses of a robot follow, N·m and s.
+#: Torques and duration of the motions from which the responses of a robot follow, N·m and s, and their time step, s.
 _TORQUE: Final = 1e-3
-_STEPS: Final = 5
+_SECONDS: Final = 5e-3
 _SIM_DT: Final = 1e-3
 #: Least fraction of a quantity's fast changes that the torques must explain for a judgment.
 LEAST_EXPLAINED: Final = 0.6
@@ -30,15 +30,20 @@ LEAST_EXPLAINED: Final = 0.6
 PLAIN: Final = {name: list(titles) for name, titles in COLUMNS.items() if name != "time"}
 
 
-def check_log(log: SensorLog, params: Params) -> None:
+def check_log(log: SensorLog, params: Params, sim_dt: float = _SIM_DT) -> None:
     """Checks units, signs and order of torques, encoders and gyroscope, and the axis of gravity.
+
+    Args:
+        log: the log.
+        params: the robot.
+        sim_dt: time step of a robot with a payload, s, as short as its springs need.
 
     Raises:
         ValueError: columns that contradict each other by a unit, a sign or an order; the message names the columns,
             the evidence and the remedy. A log with too little motion for a judgment passes.
     """
     _check_gravity(log)
-    responses = responses_of(params)
+    responses = responses_of(params, min(_SIM_DT, sim_dt) if params.has_payload else _SIM_DT)
     signals = _signals(log)
     if signals is None:
         return
@@ -78,7 +83,7 @@ def _shared(first: Order | None, second: Order | None) -> Order | None:
     return Order(first.places, 1.0 / factors)
 
 
-def responses_of(params: Params) -> tuple[Array, Array]:
+def responses_of(params: Params, sim_dt: float = _SIM_DT) -> tuple[Array, Array]:
     """Changes of the body's rates and of the wheels' speeds per impulse of each wheel, upright, without friction.
 
     Returns:
@@ -86,16 +91,17 @@ def responses_of(params: Params) -> tuple[Array, Array]:
     """
     resistances = ("ball_viscous", "wheel_viscous", "wheel_coulomb", "floor_rolling", "floor_spinning", "roller")
     smooth = params.replace(**{f"{name}_friction": 0.0 for name in resistances})
-    robot = Ballbot(smooth, "spatial", _SIM_DT)
+    robot = Ballbot(smooth, "spatial", sim_dt)
+    steps = round(_SECONDS / sim_dt)
     torque = min(_TORQUE, params.max_wheel_torque)
     found = []
     for wheel in range(3):
         ends = []
         for sign in (1.0, -1.0):
             robot.reset(State.at_equilibrium(smooth))
-            robot.step(sign * torque * np.eye(3)[wheel], _STEPS)
+            robot.step(sign * torque * np.eye(3)[wheel], steps)
             ends.append(np.concatenate([robot.state.body_angular_velocity, robot.state.wheel_speeds]))
-        found.append((ends[0] - ends[1]) / (2.0 * torque * _STEPS * _SIM_DT))
+        found.append((ends[0] - ends[1]) / (2.0 * torque * steps * sim_dt))
     both = np.stack(found, axis=-1)
     return both[:3], both[3:]
 

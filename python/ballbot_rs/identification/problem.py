@@ -11,7 +11,7 @@ from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.parameters import Fitted, Robot
 from ballbot_rs.identification.simulation import SENSORS, Column, Simulator, measured
-from ballbot_rs.identification.starts import STEPS
+from ballbot_rs.identification.starts import DEFLECTION, TILT, steps_of
 from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
@@ -29,8 +29,9 @@ SHORTEST: Final = 0.05
 #: Starts tried around the best start, and their distances, in standard deviations.
 TRIALS: Final = 8
 SIZES: Final = (0.1, 0.3, 1.0)
-#: Longest step of a tilt within a search, rad.
+#: Longest step of a tilt and of a payload's deflection within a search, rad and m.
 MAX_TILT_STEP: Final = 0.3
+MAX_DEFLECTION_STEP: Final = 0.3
 
 
 @dataclasses.dataclass(frozen=True)
@@ -39,13 +40,13 @@ class Point:
 
     values: Array
     robot: Robot
-    #: Shape (w, 8).
+    #: Shape (w, n), with 8 coordinates or 12 with a payload.
     starts: Array
     #: In standard deviations of the noise, minus the mean of each window's wheel angles, shape (m, channels).
     residuals: Array
-    #: Orthonormal bases of the effects of each window's start, shape (rows · channels, 8) each.
+    #: Orthonormal bases of the effects of each window's start, shape (rows · channels, n) each.
     bases: list[Array]
-    #: The derivatives of each window with respect to its start are its basis times this matrix, shape (8, 8).
+    #: The derivatives of each window with respect to its start are its basis times this matrix, shape (n, n).
     triangles: list[Array]
     #: Sum of squares of each window, shape (w,); infinite where the robot fell.
     costs: Array
@@ -75,6 +76,7 @@ class Problem:
         self.windows, self.fitted = windows, fitted
         self._simulator, self._base, self._called = simulator, base, called
         self._measured = measured(log, windows)
+        self._steps = steps_of(base.params)
         self.channels = simulator.channels
         #: Which numbers are measurements: the specific force in a window's first row is not.
         self.used: Mask = np.ones(self._measured.shape, dtype=np.bool_)
@@ -155,7 +157,7 @@ class Problem:
             draws = size * rng.standard_normal(point.starts.shape)
             pairs = zip(point.triangles, draws, strict=True)
             changes = np.array([np.linalg.lstsq(triangle, draw, rcond=1e-12)[0] for triangle, draw in pairs])
-            trials.append(Column(point.robot, point.starts + changes))
+            trials.append(Column(point.robot, point.starts + _shortened(changes, DEFLECTION, MAX_DEFLECTION_STEP)))
         found, upright = self._run(self.windows, np.ones(len(self._measured), dtype=np.bool_), trials)
         starts, least = point.starts.copy(), point.costs.copy()
         for read, standing, trial in zip(found, upright, trials, strict=True):
@@ -193,31 +195,31 @@ class Problem:
         """The point of some windows at given starts, and the Gauss-Newton step of each."""
         windows, starts = self.windows.subset(chosen), starts[chosen]
         rows = chosen[self.windows.window]
-        changed = [Column(robot, starts + change) for change in np.diag(STEPS)]
+        changed = [Column(robot, starts + change) for change in np.diag(self._steps)]
         found, upright = self._run(windows, rows, [Column(robot, starts), *changed])
         spread = self.spread(noise)
         residuals = _centered((self._measured[rows] - found[0]) / spread, windows)
         changes = [_centered((one - found[0]) / spread, windows) for one in found[1:]]
-        columns = np.stack(changes, axis=-1) / STEPS
+        columns = np.stack(changes, axis=-1) / self._steps
         point = Point(values, robot, starts.copy(), residuals, [], [], np.full(len(windows), np.inf))
         steps = np.zeros_like(starts)
         for index in range(len(windows)):
             own = residuals[windows.rows_of(index)].reshape(-1)
-            basis, triangle = np.linalg.qr(columns[windows.rows_of(index)].reshape(-1, len(STEPS)))
+            basis, triangle = np.linalg.qr(columns[windows.rows_of(index)].reshape(-1, len(self._steps)))
             point.bases.append(basis)
             point.triangles.append(triangle)
             if upright[:, index].all():
                 point.costs[index] = own @ own
                 steps[index] = np.linalg.lstsq(triangle, basis.T @ own, rcond=1e-12)[0]
-        tilted = np.abs(steps[:, :2]).max(axis=1, keepdims=True)
-        return point, steps * np.minimum(1.0, MAX_TILT_STEP / np.maximum(tilted, 1e-300))
+        steps = _shortened(steps, TILT, MAX_TILT_STEP)
+        return point, _shortened(steps, DEFLECTION, MAX_DEFLECTION_STEP)
 
     def derivatives(self, point: Point, noise: Mapping[str, float]) -> tuple[Array, Array]:
         """Derivatives with respect to the fitted numbers in units of their scales.
 
         Returns:
             Derivatives of the predicted measurements in standard deviations of the noise, projected off the effects of
-            the starts, shape (m, channels, p); derivatives of the best starts, shape (w, 8, p).
+            the starts, shape (m, channels, p); derivatives of the best starts, shape (w, n, p).
 
         Raises:
             ValueError: a number cannot be changed either way.
@@ -239,7 +241,9 @@ class Problem:
                 change = sign * DIFFERENCE * fitted.scales[index]
                 neighbor[index] = np.clip(neighbor[index] + change, fitted.low[index], fitted.high[index])
                 try:
-                    columns.append(Column(fitted.robot(neighbor, self._base), point.starts))
+                    robot = fitted.robot(neighbor, self._base)
+                    self._simulator.check(robot)
+                    columns.append(Column(robot, point.starts))
                 except ValueError:
                     # A one-sided difference at the edge of the valid parameters.
                     neighbor = point.values
@@ -285,6 +289,12 @@ class Problem:
         basis = np.linalg.qr(flat)[0]
         found[chosen] += (basis**2).sum(axis=1).reshape(-1, self.channels)
         return np.asarray(found)
+
+
+def _shortened(steps: Array, place: slice, longest: float) -> Array:
+    """Steps of starts, shortened where some coordinates would move farther than this."""
+    moved = np.abs(steps[:, place]).max(axis=1, keepdims=True, initial=0.0)
+    return np.asarray(steps * np.minimum(1.0, longest / np.maximum(moved, 1e-300)))
 
 
 def _centered(rows: Array, windows: Windows) -> Array:

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from ballbot_rs._checks import check_no_payload, check_still_floor, real_array
+from ballbot_rs._checks import check_still_floor, real_array
 from ballbot_rs._core import MODELS
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._robot import Robot, params_of
@@ -42,14 +42,16 @@ def prepare(
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
     check_still_floor(base.params, "a log has neither place nor time")
-    check_no_payload(base.params, "a log has no deflection of a payload")
+    if base.params.has_payload and any(base.params.payload_amplitude):
+        amplitude = list(base.params.payload_amplitude)
+        raise InvalidInputError(f"robot.payload_amplitude = {amplitude} must be 0: a log has no begin of its motion")
     offset = real_array("imu_position is", imu_position, "three finite numbers").astype(np.float64)
     if offset.shape != (3,) or not np.isfinite(offset).all():
         raise InvalidInputError(f"imu_position is {imu_position}, expected three finite numbers")
     if model not in MODELS or model == "planar":
         raise InvalidInputError(f"model = {model!r}: expected {', '.join(name for name in MODELS if name != 'planar')}")
     check_torques(log, base)
-    check_log(log, base.params)
+    check_log(log, base.params, sim_dt)
     # Commands before the log are unknown.
     settling = (MAX_DELAY if base.motors.delay or "delay" in fields else 0.0) + (
         MAX_LAG if base.motors.lag or "lag" in fields else 0.0

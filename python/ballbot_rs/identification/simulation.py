@@ -7,13 +7,13 @@ from typing import Any, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, State
+from ballbot_rs._core import Ballbot, Batch, State
 from ballbot_rs._errors import InvalidInputError
 from ballbot_rs._state_rows import body_axes_of
 from ballbot_rs.identification.logs.log import SensorLog
 from ballbot_rs.identification.motors import Motors
 from ballbot_rs.identification.parameters import Robot
-from ballbot_rs.identification.starts import quaternions_of
+from ballbot_rs.identification.starts import DEFLECTION, DEFLECTION_RATE, TILT, quaternions_of
 from ballbot_rs.identification.windows import Windows
 
 Array = npt.NDArray[np.float64]
@@ -33,7 +33,7 @@ class Column:
     """One simulation of all windows."""
 
     robot: Robot
-    #: Of each window, as `starts.COORDINATES`, shape (w, 8).
+    #: Of each window, as `starts.COORDINATES` and of a payload `starts.OF_PAYLOAD`, shape (w, 8 or 12).
     starts: Array
 
 
@@ -57,6 +57,11 @@ class Simulator:
         """Numbers per row."""
         return 9 if self._log.accelerations is not None else 6
 
+    def check(self, robot: Robot) -> None:
+        """A ValueError names a payload that is too stiff for the time steps."""
+        if robot.params.has_payload:
+            Ballbot(robot.params, self._model, self._sim_dt)
+
     def run(self, windows: Windows, columns: Sequence[Column]) -> tuple[Array, npt.NDArray[np.bool_]]:
         """Sensor readings, shape (columns, m, channels), and which windows did not fall, shape (columns, w).
 
@@ -70,6 +75,8 @@ class Simulator:
         batch = self._batch(count, windows.steps, columns)
         torques = self._torques(windows, columns)
         batch.reset(starts=_states(columns))
+        if any(column.robot.params.has_payload for column in columns):
+            batch.set_payloads(_payloads(columns))
         upright = np.ones(len(columns) * count, dtype=np.bool_)
         kept = np.empty((windows.steps + 1, len(columns) * count, 13))
         for first in range(0, windows.steps, CHUNK):
@@ -146,8 +153,19 @@ def _states(columns: Sequence[Column]) -> list[State]:
     return [
         State.rolling(column.robot.params, start[5:7], quaternion, start[2:5], float(start[7]))
         for column in columns
-        for start, quaternion in zip(column.starts, quaternions_of(column.starts[:, :2]), strict=True)
+        for start, quaternion in zip(column.starts, quaternions_of(column.starts[:, TILT]), strict=True)
     ]
+
+
+def _payloads(columns: Sequence[Column]) -> Array:
+    """Deflections of the payloads, as `Batch.payloads` has them."""
+    found = np.zeros((len(columns), len(columns[0].starts), 6))
+    for rows, column in zip(found, columns, strict=True):
+        # A payload of 0 kg is none.
+        if column.robot.params.has_payload:
+            rows[:, :2] = column.starts[:, DEFLECTION]
+            rows[:, 3:5] = column.starts[:, DEFLECTION_RATE]
+    return found.reshape(-1, 6)
 
 
 def _of_each(columns: Sequence[Column], name: str) -> Array:

@@ -23,9 +23,24 @@ COORDINATES: Final = {
     "velocity_y": 1e-5,
     "spin": 1e-5,
 }
-STEPS: Final = np.array(list(COORDINATES.values()))
+#: Coordinates of a payload with their steps; its deflection along z has hardly an effect, since the ball carries it.
+OF_PAYLOAD: Final = {
+    "deflection_x": 1e-5,
+    "deflection_y": 1e-5,
+    "deflection_rate_x": 1e-4,
+    "deflection_rate_y": 1e-4,
+}
+#: The tilt, and the deflection of a payload, in a start.
+TILT: Final = slice(0, 2)
+DEFLECTION: Final = slice(8, 10)
+DEFLECTION_RATE: Final = slice(10, 12)
 #: Rows from which rates at a start are estimated.
 _ROWS: Final = 8
+
+
+def steps_of(params: Params) -> Array:
+    """Finite-difference steps of the coordinates of a start, shape (8,), of a robot with a payload (12,)."""
+    return np.array([*COORDINATES.values(), *(OF_PAYLOAD.values() if params.has_payload else ())])
 
 
 def quaternions_of(tilts: Array) -> Array:
@@ -38,20 +53,23 @@ def quaternions_of(tilts: Array) -> Array:
 
 
 def estimated(log: SensorLog, windows: Windows, params: Params) -> Array:
-    """First estimate of the starts, shape (w, 8): upright, with the rates from gyroscope and encoders.
+    """First estimate of the starts, shape (w, 8 or 12): upright, with the rates from gyroscope and encoders.
+
+    A payload is at its place.
 
     Encoders and gyroscope give the ball's angular velocity without a model: psi' = k U (R^T w_k - Omega).
     """
     rows_of_wheels = drive_matrix(params)
     ratio = params.ball_radius / params.wheel_radius
-    found = np.zeros((len(windows), 8))
+    found = np.zeros((len(windows), len(steps_of(params))))
     for index in range(len(windows)):
         rows = windows.rows[windows.rows_of(index)][:_ROWS]
         times = log.time[rows] - log.time[rows[0]]
         rates = np.polyfit(times, log.gyro[rows], 1)[-1]
         wheel_speeds = np.polyfit(times, log.wheel_angles[rows], 2)[-2]
         ball = np.linalg.solve(rows_of_wheels, wheel_speeds) / ratio + rates
-        found[index] = [0.0, 0.0, *rates, params.ball_radius * ball[1], -params.ball_radius * ball[0], ball[2]]
+        velocity = (params.ball_radius * ball[1], -params.ball_radius * ball[0])
+        found[index, : len(COORDINATES)] = [0.0, 0.0, *rates, *velocity, ball[2]]
     return found
 
 

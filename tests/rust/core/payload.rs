@@ -2,7 +2,7 @@
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, StepResults};
 use ballbot_core::models::{BallSpin, SpatialModel, WheelSpin};
-use ballbot_core::{Ballbot, Error, ModelKind, Params, State, Wheels, kinematics::Omniwheels};
+use ballbot_core::{Ballbot, Deflection, Error, ModelKind, Params, State, Wheels, kinematics::Omniwheels};
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::TAU;
 
@@ -291,6 +291,50 @@ fn a_load_is_picked_up_and_put_down_in_motion() {
         robot.step([0.0; 3], 50).unwrap();
         assert_eq!(robot.payload().position.x, 0.0);
     }
+}
+
+#[test]
+fn a_robot_continues_from_a_deflection() {
+    let params = lopsided(&Params::paper());
+    let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
+    for model in MODELS {
+        let mut one = robot(&params, model, 1e-3, &state);
+        one.step([0.01, 0.0, -0.01], 57).unwrap();
+        let deflection = one.payload();
+        let mut other = robot(&params, model, 1e-3, &one.state());
+        assert_eq!(
+            other.payload().to_array().map(|x| x.abs() < 1e-12),
+            [true; 6],
+            "{model}: a reset puts it at its place"
+        );
+        other.set_payload(&deflection).unwrap();
+        assert!((deflection.position.x - other.payload().position.x).abs() < 1e-12);
+        for robot in [&mut one, &mut other] {
+            robot.step([0.0, 0.02, -0.01], 80).unwrap();
+        }
+        let pairs = one.payload().to_array().into_iter().zip(other.payload().to_array());
+        let error = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+        // The contacts' initial guess is of the last step, or of rest.
+        let limit = if model == ModelKind::Rigid { 2e-4 } else { 1e-6 };
+        assert!(error < limit, "{model}: {error:e}");
+        assert!(deflection.position.x.abs() > 1e-4);
+    }
+}
+
+#[test]
+fn invalid_deflections_are_rejected_by_name() {
+    let params = lopsided(&Params::paper());
+    let mut robot = robot(&params, ModelKind::Contact, 1e-3, &State::upright(&params));
+    for number in [f64::NAN, 1e4] {
+        let deflection = Deflection::from_array([0.0, 0.0, 0.0, 0.0, number, 0.0]);
+        let error = robot.set_payload(&deflection).unwrap_err().to_string();
+        assert!(error.contains("payload[4]") && error.contains("1000"), "{error}");
+        assert_eq!(robot.payload().velocity.y, 0.0);
+    }
+    let mut alone = Ballbot::new(&Params::paper(), ModelKind::Planar, 1e-3).unwrap();
+    alone.set_payload(&Deflection::default()).unwrap();
+    let error = alone.set_payload(&Deflection::from_array([0.1; 6])).unwrap_err().to_string();
+    assert!(error.contains("payload_mass"), "{error}");
 }
 
 #[test]

@@ -2,7 +2,9 @@
 
 use super::Params;
 use crate::error::{Error, Result, check};
+use crate::payload::Deflection;
 use nalgebra::{Matrix3, Vector3};
+use std::fmt::Display;
 
 /// Least eigenvalue of the inertia of the body without its payload, as a fraction of the inertia with it.
 const LEAST_INERTIA: f64 = 1e-6;
@@ -13,6 +15,9 @@ const ROUNDING: f64 = 1e-14;
 /// Largest stiffness and damping of a payload for a time step: k dt² / m and c dt / m with the reduced mass m. The integration
 /// gains energy above 4 and 2.
 const MOST_PER_STEP: f64 = 1.0;
+
+/// Largest deflection, m, and rate of a deflection, m/s, along an axis.
+const MAX_DEFLECTION: f64 = 1000.0;
 
 impl Params {
     /// Whether a payload moves on the body.
@@ -70,6 +75,24 @@ impl Params {
             payload_mass: 0.0,
             ..self.clone()
         }
+    }
+
+    /// Checks that the payload can have a deflection, `name` in messages.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a robot without payload, unless all numbers are zero; [`Error::OutOfRange`] for a number that
+    /// is not finite or beyond 1000 m or 1000 m/s.
+    pub fn validate_deflection(&self, name: &dyn Display, deflection: &Deflection<f64>) -> Result<()> {
+        let numbers = deflection.to_array();
+        if !self.has_payload() && numbers.iter().any(|&number| number != 0.0) {
+            let text = format!("{name} must be zero: the robot has no payload, payload_mass is 0 kg");
+            return Err(Error::Inconsistent(text));
+        }
+        for (i, number) in numbers.into_iter().enumerate() {
+            let words = format_args!("within ±{MAX_DEFLECTION}");
+            check(format_args!("{name}[{i}]"), number, words, |x| x.abs() <= MAX_DEFLECTION)?;
+        }
+        Ok(())
     }
 
     /// Checks that no payload moves on the body, as `what` requires.

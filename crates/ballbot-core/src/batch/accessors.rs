@@ -111,6 +111,15 @@ impl Batch {
         Ok(self.chunks[chunk].payload(i))
     }
 
+    /// Replaces the deflection of the payload of environment `index`; a reset puts it at its place.
+    ///
+    /// # Errors
+    /// As [`Batch::state`] and [`Params::validate_deflection`]; the payload then stays as it is.
+    pub fn set_payload(&mut self, index: usize, deflection: &Deflection<f64>) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].set_payload(i, deflection)
+    }
+
     /// The terrain; `None` for level ground.
     pub fn terrain(&self) -> Option<&Arc<Terrain>> {
         self.chunks[0].ground().map(Ground::terrain)

@@ -187,6 +187,12 @@ pub trait Chunk: Send + Sync {
     /// As [`crate::Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
 
+    /// As [`crate::Ballbot::set_payload`].
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::set_payload`].
+    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()>;
+
     /// As [`crate::Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
 

@@ -590,6 +590,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         self.robots.payload(i)
     }
 
+    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()> {
+        self.robots.set_payload(i, deflection)
+    }
+
     fn has_force(&self, i: usize) -> bool {
         self.robots.has_force(i)
     }

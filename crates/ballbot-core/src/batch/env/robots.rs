@@ -129,6 +129,12 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
 
+    /// As [`Ballbot::set_payload`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::set_payload`].
+    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()>;
+
     /// As [`Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
 
@@ -273,6 +279,10 @@ impl Robots for Single {
         self.robot.payload()
     }
 
+    fn set_payload(&mut self, _: usize, deflection: &Deflection<f64>) -> Result<()> {
+        self.robot.set_payload(deflection)
+    }
+
     fn has_force(&self, _: usize) -> bool {
         self.robot.has_force()
     }
@@ -415,6 +425,14 @@ impl Robots for ContactLanes {
 
     fn payload(&self, i: usize) -> Deflection<f64> {
         self.lane(i).payload_deflection(&self.constants(i))
+    }
+
+    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()> {
+        self.lane_params(i).validate_deflection(&"payload", deflection)?;
+        let mut state = self.lane(i);
+        state.set_payload(&self.constants(i), deflection);
+        self.set_lane(i, &state);
+        Ok(())
     }
 
     fn has_force(&self, i: usize) -> bool {
