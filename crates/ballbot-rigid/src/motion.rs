@@ -388,6 +388,10 @@ impl Model for RigidMotion {
         [x, y, z, about_com.x, about_com.y, about_com.z]
     }
 
+    fn move_payload(&mut self, offset: [f64; 3]) {
+        self.sim_state.payload.offset = offset;
+    }
+
     fn payload(&self) -> Deflection<f64> {
         Deflection::of(&Payload::new(&self.params), &LaneState::from(&self.state()), &self.sim_state.payload)
     }

@@ -16,7 +16,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, check_offset};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -126,8 +126,20 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::apply_force`].
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
 
+    /// As [`Ballbot::move_payload`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::move_payload`].
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()>;
+
+    /// Moves the payloads of all robots to offsets along the body axes, m, of robots that have one.
+    fn move_payloads(&mut self, offsets: &[Self::Cell; 3]);
+
     /// As [`Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
+
+    /// [`Robots::payload`] of all robots, which are in `states`.
+    fn payloads(&self, states: &LaneState<Self::Cell>) -> Deflection<Self::Cell>;
 
     /// As [`Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
@@ -196,7 +208,8 @@ impl Robots for Single {
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        step.run_one(&robot, &measured, commands, com_directions, ledger);
+        let lean = seat::<T, _>(self, &robot.state);
+        step.run_one(&robot, &measured, &lean, commands, com_directions, ledger);
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -269,7 +282,19 @@ impl Robots for Single {
         self.robot.apply_force(force)
     }
 
+    fn move_payload(&mut self, _: usize, offset: [f64; 3]) -> Result<()> {
+        self.robot.move_payload(offset)
+    }
+
+    fn move_payloads(&mut self, offsets: &[f64; 3]) {
+        self.robot.move_rider(*offsets);
+    }
+
     fn payload(&self, _: usize) -> Deflection<f64> {
+        self.robot.payload()
+    }
+
+    fn payloads(&self, _: &LaneState<f64>) -> Deflection<f64> {
         self.robot.payload()
     }
 
@@ -316,8 +341,9 @@ impl Robots for ContactLanes {
         ContactLanes::read(self, &mut states, &mut conditions);
         let mut measured = states;
         step.measure(&mut measured, ledger, &mut one.sensor);
+        let lean = &seat::<T, _>(self, &states);
         let (states, measured, conditions) = (&states, &measured, &conditions);
-        run_eight(Conclude { step, states, measured, conditions, commands, com_directions, ledger, one });
+        run_eight(Conclude { step, states, measured, lean, conditions, commands, com_directions, ledger, one });
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -413,8 +439,24 @@ impl Robots for ContactLanes {
         Ok(())
     }
 
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
+        check_offset(self.lane_params(i), offset)?;
+        let mut state = self.lane(i);
+        state.payload.offset = offset;
+        self.set_lane(i, &state);
+        Ok(())
+    }
+
+    fn move_payloads(&mut self, offsets: &[Eight; 3]) {
+        self.set_payload_offsets(offsets);
+    }
+
     fn payload(&self, i: usize) -> Deflection<f64> {
         self.lane(i).payload_deflection(&self.constants(i))
+    }
+
+    fn payloads(&self, states: &LaneState<Eight>) -> Deflection<Eight> {
+        self.payload_deflections(states)
     }
 
     fn has_force(&self, i: usize) -> bool {
@@ -436,11 +478,17 @@ impl Robots for ContactLanes {
     }
 }
 
+/// What the seats measure, if riders lean in the task.
+fn seat<T: Task, R: Robots>(robots: &R, states: &LaneState<R::Cell>) -> Deflection<R::Cell> {
+    if T::LEAN.is_some() { robots.payloads(states) } else { Deflection::default() }
+}
+
 /// A control step's conclusion in lanes.
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     states: &'a LaneState<Eight>,
     measured: &'a LaneState<Eight>,
+    lean: &'a Deflection<Eight>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],
@@ -452,7 +500,8 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
         let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
-        self.step.run(simd, &robots, &self.measured.load(simd), self.commands, self.com_directions, self.ledger);
+        let (measured, lean) = (self.measured.load(simd), self.lean.load(simd));
+        self.step.run(simd, &robots, &measured, &lean, self.commands, self.com_directions, self.ledger);
     }
 
     fn run_one_by_one(self) {
@@ -462,7 +511,8 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
             let commands = self.commands.map(|eight| eight.0[i]);
             let com = self.com_directions.map(|eight| eight.0[i]);
             Eight::take(self.ledger, i, self.one);
-            self.step.run_one(&robot, &measured, &commands, &com, self.one);
+            let lean = self.lean.lane(i);
+            self.step.run_one(&robot, &measured, &lean, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);
         }
     }

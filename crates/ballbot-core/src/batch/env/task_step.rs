@@ -11,6 +11,7 @@ use crate::task::{DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, Wri
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, run_one};
+use ballbot_base::payload::Deflection;
 use ballbot_base::terrain::Terrain;
 use ballbot_base::wheels::Wheels;
 use std::sync::Arc;
@@ -120,13 +121,15 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     }
 
     /// Counts the step, and computes reward, termination, truncation, success and the observation of the `measured` state.
-    /// `com_direction` is the unit vector from the ball's center to the body's center of mass, body frame.
+    /// `lean` is the payload's deflection, zero without riders. `com_direction` is the unit vector from the ball's center to the
+    /// body's center of mass, body frame.
     #[inline(always)]
     pub fn run<L: Lane>(
         &self,
         token: L::Token,
         robot: &LaneRobot<L>,
         measured: &LaneState<L>,
+        lean: &Deflection<L>,
         actions: &Wheels<L::Cell>,
         com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
@@ -149,6 +152,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             tilt,
             on_floor: robot.on_floor,
             on_obstacle: robot.on_obstacle,
+            lean: lean.position,
             action,
             last_action: Wheels::load(token, &episode.last_action),
             terrain: self.terrain.as_deref(),
@@ -190,13 +194,14 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         &self,
         robot: &LaneRobot<f64>,
         measured: &LaneState<f64>,
+        lean: &Deflection<f64>,
         actions: &Wheels<f64>,
         com_direction: &[f64; 3],
         ledger: &mut Ledger<f64>,
     ) {
         run_one(
             #[inline(always)]
-            || self.run::<f64>(Scalar, robot, measured, actions, com_direction, ledger),
+            || self.run::<f64>(Scalar, robot, measured, lean, actions, com_direction, ledger),
         );
     }
 
