@@ -1,7 +1,7 @@
-//! The ride task: carry a rider who drives by leaning, and stop when the rider wants to.
+//! The ride task: carry a rider who drives by leaning, and stop when the rider does.
 //!
-//! The rider is the payload of the robot: a torso on springs, whose rest leans towards the velocity that the rider wants. The seat
-//! measures the deflection, and the robot accelerates along it. What the rider wants is not observed.
+//! The rider is the payload of the robot: a torso on springs, whose rest leans towards the velocity in the rider's mind. The seat
+//! measures the deflection, and the robot accelerates along it. What the rider has in mind is not observed.
 
 use super::heading_motion::{self, HeadingMotion};
 use super::shared::{action_rows, alive, body_rows, bounded_error, effort, limited, squared_norm, velocity_rows};
@@ -21,9 +21,9 @@ task_fields! {
     fall 30.0, tilt 3.0;
     /// Options of the ride task. SI units and radians. Tilts are from the equilibrium.
     pub struct Ride {
-        /// Speed that the rider wants to cruise at, in any direction.
+        /// Speed that the rider has in mind, in any direction.
         pub speed: f64 = 1.574, "m/s", Limit::above(0.0).to(10.0), scaled;
-        /// Largest rate of the heading that the rider wants; uniform within ± this.
+        /// Largest rate of the heading that the rider has in mind; uniform within ± this.
         pub yaw_rate: f64 = 0.0, "rad/s", Limit::from(0.0).to(10.0), scaled;
         /// Shortest and longest time from the wish to go to the wish to stop, uniform.
         pub cruise_seconds: [f64; 2] = [7.0, 10.0], "s", Limit::above(0.0).to(1e9), scaled;
@@ -49,9 +49,9 @@ task_fields! {
         pub smoothing: f64 = 5.3, "1/s", Limit::above(0.0).to(1e3), scaled;
         /// Error of the velocity that costs half of `velocity`, and of `velocity_precision`.
         pub velocity_scales: [f64; 2] = [0.3, 0.06], "m/s", Limit::from(1e-6).to(10.0), scaled;
-        /// Largest difference from the wanted velocity, when the rider wants to stop, in a success.
+        /// Largest difference from the velocity in the rider's mind, when the rider begins to brake, in a success.
         pub success_velocity: f64 = 0.15, "m/s", Limit::above(0.0).to(10.0), scaled;
-        /// Largest distance of the ball from where the rider wanted to stop in a success.
+        /// Largest distance of the ball from where the rider began to brake in a success.
         pub success_distance: f64 = 3.2, "m", Limit::above(0.0).to(1e3), scaled;
         /// Speed below which the robot has stopped.
         pub stopped_speed: f64 = 0.1, "m/s", Limit::from(1e-6).to(10.0), scaled;
@@ -61,7 +61,7 @@ task_fields! {
 }
 
 /// Memory after the command: the robot's commanded motion; offset of the torso, m; lean of the rider, and its measurement by the
-/// seat; acceleration that follows from it; the wanted velocity; whether the rider wants to stop, since when, until when the robot was faster than
+/// seat; acceleration that follows from it; the wanted velocity; whether the rider brakes, since when, until when the robot was faster than
 /// stopped, its distance from where that began, that place, whether it has stopped; stops, and sums of their distances and times;
 /// whether a leg failed; largest tilt and speed; sums over steps of the squared action and lean; steps; the poles of the commanded
 /// acceleration; distance of the torso from the ball's center.
@@ -101,14 +101,14 @@ impl Task for Ride {
     const ID: &'static str = "ballbot/Ride-v0";
     const SUMMARY: &'static str = "Carry a rider who drives by leaning, and brake when the rider does.";
     const MAX_EPISODE_STEPS: usize = 4000;
-    const SUCCESS: &'static str = "not terminated, stopped at least once, always within `success_velocity` of the wanted velocity when the rider \
-         began to brake, and within `success_distance` after that until the next leg";
+    const SUCCESS: &'static str = "not terminated, stopped at least once; each time the rider began to brake, within `success_velocity` of the velocity in \
+         the rider's mind, and within `success_distance` from there until the next leg";
     const ANYWHERE: bool = true;
     const GEOMETRY: Option<Geometry> = Some(Geometry::Velocity);
     const COMMAND: &'static [Row] = &[
-        Row::new("velocity that the rider wants, heading x", "m/s", 10.0, 0.5),
-        Row::new("velocity that the rider wants, heading y", "m/s", 10.0, 0.5),
-        Row::new("rate of the heading that the rider wants", "rad/s", 10.0, 0.5),
+        Row::new("velocity in the rider's mind, heading x", "m/s", 10.0, 0.5),
+        Row::new("velocity in the rider's mind, heading y", "m/s", 10.0, 0.5),
+        Row::new("rate of the heading in the rider's mind", "rad/s", 10.0, 0.5),
     ];
     const LEAN: Option<[usize; 2]> = Some(OFFSET);
     const MEMORY: usize = AFTER + 28;
@@ -247,11 +247,7 @@ impl Task for Ride {
         terms
             .term(Term::cost("velocity_precision", 0.2, "e² / (e² + velocity_scales[1]²)"), bounded_error(error, fine));
         terms.term(
-            Term::cost(
-                "wish",
-                0.2,
-                "d² / (d² + `eagerness`²), d the difference from the velocity that the rider wants",
-            ),
+            Term::cost("wish", 0.2, "d² / (d² + `eagerness`²), d the difference from the velocity in the rider's mind"),
             bounded_error(wish, self.eagerness),
         );
         terms.term(
@@ -268,7 +264,7 @@ impl Task for Ride {
             Metric::new(
                 "braking_distance",
                 "m",
-                "largest distance from where the rider wanted to stop, mean of the stops",
+                "largest distance from where the rider began to brake, mean of the stops",
             ),
             per_stop(DISTANCES),
         );
@@ -276,11 +272,11 @@ impl Task for Ride {
             Metric::new(
                 "braking_time",
                 "s",
-                "time until the ball stays slower than `stopped_speed`, mean of the stops",
+                "time from there until the ball stays slower than `stopped_speed`, mean of the stops",
             ),
             per_stop(TIMES),
         );
-        metrics.metric(Metric::new("stops", "", "how often the robot stopped when the rider wanted to"), memory[STOPS]);
+        metrics.metric(Metric::new("stops", "", "how often the robot stopped when the rider braked"), memory[STOPS]);
         metrics.metric(Metric::new("top_speed", "m/s", "largest speed of the ball"), memory[FASTEST]);
         metrics.metric(Metric::new("peak_tilt", "rad", "largest tilt from the equilibrium"), memory[TILT]);
         metrics.metric(Metric::new("effort", "", "root mean square of the actions"), rms(ACTIONS));

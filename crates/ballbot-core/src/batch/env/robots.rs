@@ -2,7 +2,7 @@
 
 use super::ledger::{Ledger, Ledgers};
 use super::measure::Measured;
-use super::task_step::TaskStep;
+use super::task_step::{Simulated, TaskStep};
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;
 use crate::robot::{Ballbot, check_push, check_state};
@@ -208,8 +208,8 @@ impl Robots for Single {
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        let lean = seat::<T, _>(self, &robot.state);
-        step.run_one(&robot, &measured, &lean, commands, com_directions, ledger);
+        let payload = seat::<T, _>(self, &robot.state);
+        step.run_one(&Simulated { robot, measured, payload }, commands, com_directions, ledger);
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -341,9 +341,9 @@ impl Robots for ContactLanes {
         ContactLanes::read(self, &mut states, &mut conditions);
         let mut measured = states;
         step.measure(&mut measured, ledger, &mut one.sensor);
-        let lean = &seat::<T, _>(self, &states);
+        let payloads = &seat::<T, _>(self, &states);
         let (states, measured, conditions) = (&states, &measured, &conditions);
-        run_eight(Conclude { step, states, measured, lean, conditions, commands, com_directions, ledger, one });
+        run_eight(Conclude { step, states, measured, payloads, conditions, commands, com_directions, ledger, one });
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -488,7 +488,7 @@ struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     states: &'a LaneState<Eight>,
     measured: &'a LaneState<Eight>,
-    lean: &'a Deflection<Eight>,
+    payloads: &'a Deflection<Eight>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],
@@ -499,9 +499,12 @@ struct Conclude<'a, T, S> {
 impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
-        let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
-        let (measured, lean) = (self.measured.load(simd), self.lean.load(simd));
-        self.step.run(simd, &robots, &measured, &lean, self.commands, self.com_directions, self.ledger);
+        let simulated = Simulated {
+            robot: LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions),
+            measured: self.measured.load(simd),
+            payload: self.payloads.load(simd),
+        };
+        self.step.run(simd, &simulated, self.commands, self.com_directions, self.ledger);
     }
 
     fn run_one_by_one(self) {
@@ -511,8 +514,8 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
             let commands = self.commands.map(|eight| eight.0[i]);
             let com = self.com_directions.map(|eight| eight.0[i]);
             Eight::take(self.ledger, i, self.one);
-            let lean = self.lean.lane(i);
-            self.step.run_one(&robot, &measured, &lean, &commands, &com, self.one);
+            let payload = self.payloads.lane(i);
+            self.step.run_one(&Simulated { robot, measured, payload }, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);
         }
     }

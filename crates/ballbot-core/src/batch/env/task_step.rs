@@ -37,6 +37,15 @@ pub struct TaskStep<T, S> {
     sizes: Sizes,
 }
 
+/// A robot at the end of the simulation of a control step.
+pub struct Simulated<L: Lane> {
+    pub robot: LaneRobot<L>,
+    /// As the sensor measures it.
+    pub measured: LaneState<L>,
+    /// Deflection of the payload; zero unless riders lean in the task.
+    pub payload: Deflection<L>,
+}
+
 impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// # Errors
     /// The errors of [`EnvConfig::perception`].
@@ -120,20 +129,18 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         }
     }
 
-    /// Counts the step, and computes reward, termination, truncation, success and the observation of the `measured` state.
-    /// `lean` is the payload's deflection, zero without riders. `com_direction` is the unit vector from the ball's center to the
-    /// body's center of mass, body frame.
+    /// Counts the step, and computes reward, termination, truncation, success and the observation of the measured state.
+    /// `com_direction` is the unit vector from the ball's center to the body's center of mass, body frame.
     #[inline(always)]
     pub fn run<L: Lane>(
         &self,
         token: L::Token,
-        robot: &LaneRobot<L>,
-        measured: &LaneState<L>,
-        lean: &Deflection<L>,
+        simulated: &Simulated<L>,
         actions: &Wheels<L::Cell>,
         com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
     ) {
+        let Simulated { robot, measured, payload } = simulated;
         let Ledger { episode, task: memory, observation, terms, .. } = ledger;
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
@@ -152,7 +159,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             tilt,
             on_floor: robot.on_floor,
             on_obstacle: robot.on_obstacle,
-            lean: lean.position,
+            lean: payload.position,
             action,
             last_action: Wheels::load(token, &episode.last_action),
             terrain: self.terrain.as_deref(),
@@ -192,16 +199,14 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// and actuators, like the other functions of one robot.
     pub fn run_one(
         &self,
-        robot: &LaneRobot<f64>,
-        measured: &LaneState<f64>,
-        lean: &Deflection<f64>,
+        simulated: &Simulated<f64>,
         actions: &Wheels<f64>,
         com_direction: &[f64; 3],
         ledger: &mut Ledger<f64>,
     ) {
         run_one(
             #[inline(always)]
-            || self.run::<f64>(Scalar, robot, measured, lean, actions, com_direction, ledger),
+            || self.run::<f64>(Scalar, simulated, actions, com_direction, ledger),
         );
     }
 
