@@ -13,7 +13,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::force::{Force, HeldForce};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
-use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Vec3, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
 use ballbot_base::payload::{Deflection, check_offset};
@@ -138,9 +138,6 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
 
-    /// [`Robots::payload`] of all robots, which are in `states`.
-    fn payloads(&self, states: &LaneState<Self::Cell>) -> Deflection<Self::Cell>;
-
     /// As [`Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
 
@@ -208,7 +205,7 @@ impl Robots for Single {
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        let payload = seat::<T, _>(self, &robot.state);
+        let payload = if T::LEAN.is_some() { self.robot.payload() } else { Deflection::default() };
         step.run_one(&Simulated { robot, measured, payload }, commands, com_directions, ledger);
     }
 
@@ -294,10 +291,6 @@ impl Robots for Single {
         self.robot.payload()
     }
 
-    fn payloads(&self, _: &LaneState<f64>) -> Deflection<f64> {
-        self.robot.payload()
-    }
-
     fn has_force(&self, _: usize) -> bool {
         self.robot.has_force()
     }
@@ -341,7 +334,7 @@ impl Robots for ContactLanes {
         ContactLanes::read(self, &mut states, &mut conditions);
         let mut measured = states;
         step.measure(&mut measured, ledger, &mut one.sensor);
-        let payloads = &seat::<T, _>(self, &states);
+        let payloads = &T::LEAN.map(|_| self.payload_deflections(&states));
         let (states, measured, conditions) = (&states, &measured, &conditions);
         run_eight(Conclude { step, states, measured, payloads, conditions, commands, com_directions, ledger, one });
     }
@@ -455,10 +448,6 @@ impl Robots for ContactLanes {
         self.lane(i).payload_deflection(&self.constants(i))
     }
 
-    fn payloads(&self, states: &LaneState<Eight>) -> Deflection<Eight> {
-        self.payload_deflections(states)
-    }
-
     fn has_force(&self, i: usize) -> bool {
         self.lane(i).force.is_on()
     }
@@ -478,17 +467,13 @@ impl Robots for ContactLanes {
     }
 }
 
-/// What the seats measure, if riders lean in the task.
-fn seat<T: Task, R: Robots>(robots: &R, states: &LaneState<R::Cell>) -> Deflection<R::Cell> {
-    if T::LEAN.is_some() { robots.payloads(states) } else { Deflection::default() }
-}
-
 /// A control step's conclusion in lanes.
 struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     states: &'a LaneState<Eight>,
     measured: &'a LaneState<Eight>,
-    payloads: &'a Deflection<Eight>,
+    /// If riders lean in the task.
+    payloads: &'a Option<Deflection<Eight>>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],
@@ -499,11 +484,15 @@ struct Conclude<'a, T, S> {
 impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
-        let simulated = Simulated {
-            robot: LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions),
-            measured: self.measured.load(simd),
-            payload: self.payloads.load(simd),
+        let robot = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
+        let payload = match self.payloads {
+            Some(payloads) => payloads.load(simd),
+            None => {
+                let zero = Vec3::zero(robot.state.ball_position.x.zero());
+                Deflection { position: zero, velocity: zero }
+            }
         };
+        let simulated = Simulated { robot, measured: self.measured.load(simd), payload };
         self.step.run(simd, &simulated, self.commands, self.com_directions, self.ledger);
     }
 
@@ -514,7 +503,7 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
             let commands = self.commands.map(|eight| eight.0[i]);
             let com = self.com_directions.map(|eight| eight.0[i]);
             Eight::take(self.ledger, i, self.one);
-            let payload = self.payloads.lane(i);
+            let payload = self.payloads.map_or_else(Deflection::default, |payloads| payloads.lane(i));
             self.step.run_one(&Simulated { robot, measured, payload }, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);
         }
