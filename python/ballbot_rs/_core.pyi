@@ -961,6 +961,15 @@ class Ballbot:
         Raises:
             ValueError: a number out of range, or the model `planar`; the former force then stays.
         """
+    def move_payload(self, offset: npt.ArrayLike) -> None:
+        """Moves the rest of the payload's springs, as a rider who leans does. It is held until another offset or a reset.
+
+        Args:
+            offset: from the payload's place, body axes, shape (3,), m.
+
+        Raises:
+            ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
+        """
     def set_params(self, params: _Robot) -> None:
         """Replaces the robot's parameters; they persist over resets.
 
@@ -2365,6 +2374,17 @@ class Batch:
         """Estimates of the horizontal forces from outside on the bodies at the last call of `control`, x and y in the inertial
         frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
         without `drawn`. Zero from a reset to the next call.
+        """
+    def move_payload(self, index: int, offset: npt.ArrayLike) -> None:
+        """Moves the rest of the springs of a robot's payload, as a rider who leans does. It is held until another offset or a reset; in the
+        task `ride` the rider replaces it in the next step.
+
+        Args:
+            index: the robot.
+            offset: from the payload's place, body axes, shape (3,), m.
+
+        Raises:
+            ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
         """
     def payloads(self) -> _Array:
         """Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots

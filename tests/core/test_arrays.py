@@ -138,7 +138,7 @@ WITHOUT = {
     *("GroupedVectorObservations", "GroupedVecEnv", "SafetyEnv"),
     *(
         f"{name}VectorEnv"
-        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")
+        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Ride", "Terrain", "OpenBallBot")
     ),
 }
 #: Arguments of methods that need some and that `surface` does not call.

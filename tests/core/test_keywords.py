@@ -91,6 +91,13 @@ OPTIONS: dict[str, list[Any]] = {
     "guide": [1.0],
     # Of its fading near the goal.
     "range": [With(4.0, guide=1.0)],
+    "ride.fall_tilt": [0.055],
+    "cruise_seconds": [[0.03, 0.2]],
+    "stop_seconds": [[0.03, 0.2]],
+    "ride.success_velocity": [1e-6],
+    "success_distance": [1e-6],
+    "stopped_speed": [1e-6],
+    "stopped_seconds": [1.0],
 }
 
 
@@ -114,6 +121,10 @@ def episodes(task: str, **options: Any) -> list[Any]:
     if task == "navigate":
         # A wall that robots touch, as fast and for as long as that takes.
         options = {"terrain": WALL, "max_episode_steps": 30, "reset_ball_speed": 0.6, **options}
+    if task == "ride":
+        # Riders who stop at once.
+        brakes = {"cruise_seconds": (0.05, 0.05), "stop_seconds": (0.1, 0.1), "success_velocity": 10.0}
+        options = {"max_episode_steps": 30, "stopped_speed": 5.0, "stopped_seconds": 0.03, **brakes, **options}
     batch = bb.Batch(4, task, seed=3, num_threads=1, **{"model": "contact", "max_episode_steps": 12, **options})
     found: list[Any] = [batch.reset(), batch.states()]
     for step in range(30):
@@ -848,7 +859,7 @@ NOT_CALLED = {
     *("evaluate", "controllers", "terrain_kinds", "obstacle_kinds", "OptimizedTrajectory", "TimeVaryingLqr"),
     *("DifferentiableBatch", "DifferentiableJaxBatch"),
     *(f"{name}{kind}" for kind in ("Env", "VectorEnv") for name in (
-        "Balance", "Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")),
+        "Balance", "Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Ride", "Terrain", "OpenBallBot")),
 }  # fmt: skip
 
 

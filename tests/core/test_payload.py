@@ -176,3 +176,54 @@ def test_a_payload_taken_off_leaves_the_robot_as_it_was():
 def test_scales_take_the_payload_as_fixed():
     robot = tray("paper", share=0.5)
     assert bb.Scale.of(robot) == bb.Scale.of(robot.with_payload_fixed())
+
+
+@pytest.mark.parametrize("model", ["contact", "spatial", "rigid"])
+@pytest.mark.parametrize("name", ["paper", "kugle"])
+def test_a_rider_who_leans_tilts_the_robot_until_the_moments_balance(name, model):
+    """At rest without torque, the CoM of body and payload is above the ball."""
+    losses = ("wheel_coulomb_friction", "roller_friction", "floor_rolling_friction", "floor_spinning_friction")
+    params = tray(name, share=0.3, hertz=2.5, ratio=0.3).replace(**dict.fromkeys(losses, 0.0))
+    alone, (height, mass) = params.without_payload(), (params.payload_position[2], params.payload_mass)
+    stiffness = params.payload_stiffness[0]
+    weight = mass * params.gravity
+    offset = 0.1 * params.body_com_height
+
+    def moment(tilt):
+        """About the ball, forward; the springs hold the weight of the payload while the robot is upright."""
+        along, up = offset + weight * np.sin(tilt) / stiffness, height + weight * (1.0 - np.cos(tilt)) / stiffness
+        body = alone.body_mass * alone.body_com_height * np.sin(tilt)
+        return body + mass * (up * np.sin(tilt) + along * np.cos(tilt))
+
+    low, high = -0.5, 0.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if moment(middle) < 0.0 else (low, middle)
+    ballbot = bb.Ballbot(params, model=model)
+    law = bb.Lqr(params, control_dt=0.01)
+    for sign, axis in ((1.0, 0), (-1.0, 1)):
+        lean = np.zeros(3)
+        lean[axis] = sign * offset
+        ballbot.reset()
+        ballbot.move_payload(lean)
+        for _ in range(3000):
+            ballbot.step(law(ballbot.state), steps=round(0.01 / ballbot.sim_dt))
+        tilt = ballbot.state.tilt_components
+        # A rotation vector: about y the robot leans along x, about x against y.
+        expected = sign * middle * np.array([-1.0, 0.0] if axis else [0.0, 1.0])
+        np.testing.assert_allclose(tilt, expected, atol=2e-4)
+        assert ballbot.payload[axis] == pytest.approx(
+            sign * (offset + weight * np.sin(middle) / stiffness), abs=1e-3 * offset
+        )
+
+
+def test_offsets_of_a_payload_are_checked():
+    ballbot = bb.Ballbot(tray("paper"))
+    for offset, message in (([0.0, np.nan, 0.0], r"offset\[1\] = NaN"), ([1e4, 0.0, 0.0], r"offset\[0\] = 10000")):
+        with pytest.raises(ValueError, match=message):
+            ballbot.move_payload(offset)
+    with pytest.raises(ValueError, match="payload_mass = 0"):
+        bb.Ballbot().move_payload([0.0, 0.0, 0.0])
+    batch = bb.Batch(2, robot=tray("paper"))
+    with pytest.raises((ValueError, IndexError)):
+        batch.move_payload(2, [0.0, 0.0, 0.0])

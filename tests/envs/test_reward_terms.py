@@ -103,6 +103,26 @@ class Water:
         return {**goal(batch, states, options), "slosh": bounded(squares(self.water[0]), height)}
 
 
+def ride(batch, states, options):
+    setpoints = [batch.setpoint(i) for i in range(N)]
+    velocity = np.array([setpoint["velocity"] for setpoint in setpoints])
+    turned = np.array([setpoint["yaw"] for setpoint in setpoints])
+    # The command is along the axes of its heading, which differs from the robot's.
+    cos, sin = np.cos(turned), np.sin(turned)
+    commanded = np.stack(
+        [cos * velocity[:, 0] + sin * velocity[:, 1], cos * velocity[:, 1] - sin * velocity[:, 0]], axis=1
+    )
+    present = in_heading(states, states[:, rows.BALL_VELOCITY])
+    turning = (rows.body_axes_of(states)[:, 2, :] * states[:, rows.BODY_RATE]).sum(axis=1)
+    coarse, fine = options["velocity_scales"]
+    return {
+        "velocity": bounded(squares(commanded - present), coarse),
+        "velocity_precision": bounded(squares(commanded - present), fine),
+        "wish": bounded(squares(batch.command()[:, :2] - present), options["eagerness"]),
+        "yaw_rate": bounded((turning - batch.command()[:, 2]) ** 2, 0.3),
+    }
+
+
 def path(batch, states, options):
     point = np.array([batch.setpoint(i)["position"] for i in range(N)])
     squared = squares(point - states[:, rows.BALL_POSITION][:, :2])
@@ -145,6 +165,7 @@ OF_TASKS = {
     "path": path,
     "carry": Water,
     "navigate": navigate,
+    "ride": ride,
     "push": standing,
     "terrain": terrain,
     "openballbot": published,

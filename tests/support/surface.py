@@ -79,7 +79,7 @@ LEFT_OUT = {
     "register": "changes what is registered; tests/envs has its bad input",
     **{
         f"{name}VectorEnv": f"as {name}Env"
-        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Terrain", "OpenBallBot")
+        for name in ("Velocity", "Goal", "Path", "Push", "Carry", "Navigate", "Ride", "Terrain", "OpenBallBot")
     },
     "GroupedObservations": "a wrapper; tests/envs has it",
     "GroupedVectorObservations": "as GroupedObservations",

@@ -67,6 +67,8 @@ GROUPS: dict[str, tuple[str, tuple[str, ...]]] = {
             "CarryVectorEnv",
             "NavigateEnv",
             "NavigateVectorEnv",
+            "RideEnv",
+            "RideVectorEnv",
             "TerrainEnv",
             "TerrainVectorEnv",
             "OpenBallBotEnv",

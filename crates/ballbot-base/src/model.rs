@@ -98,6 +98,10 @@ pub trait Model: Send + Sync {
         HeldForce::default()
     }
 
+    /// Moves the rest of the payload's springs to a valid offset from its place, body axes, m, until another or a reset. Of no
+    /// effect without a payload.
+    fn move_payload(&mut self, _: [f64; 3]) {}
+
     /// Deflection of the payload from its place; zeros without a payload.
     fn payload(&self) -> Deflection<f64> {
         Deflection::default()

@@ -1,9 +1,11 @@
 //! A payload that moves on the body, of one robot or of eight: a point mass on springs and dampers along the body axes.
 //!
 //! With the deflection d of the payload from its place, body axes, and the rest r(t) of its springs, the force on the
-//! payload is F = p − k (d − r) − c (d' − r'), each axis for itself. p holds the payload at its place while the robot is at
+//! payload is F = p − k (d − r) − c (d' − r'), each axis for itself. r is the sum of a sine and of an offset that a rider holds
+//! between two control steps, at the rate 0. p holds the payload at its place while the robot is at
 //! rest in equilibrium on a level floor. The body gets −F at the payload, so momentum and angular momentum are kept.
 
+use crate::error::{Error, Result, check};
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Vec3, lane_struct, run_one, sin_cos};
 use crate::params::Params;
@@ -30,13 +32,15 @@ lane_struct! {
 }
 
 lane_struct! {
-    /// Position and velocity of a payload, inertial frame.
+    /// Position and velocity of a payload, inertial frame, and what moves its rest.
     #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
     pub struct PayloadMotion<T> {
         /// m.
         pub position: Vec3<T>,
         /// m/s.
         pub velocity: Vec3<T>,
+        /// Offset of the rest of the springs, body axes, m.
+        pub offset: [T; 3],
     }
 }
 
@@ -68,6 +72,23 @@ impl Payload<f64> {
     }
 }
 
+/// Largest offset of the rest of a payload, m: as far as a place may be from the body's origin.
+const MAX_OFFSET: f64 = 1e3;
+
+/// Checks an offset of the rest of the payload of a robot, body axes, m.
+///
+/// # Errors
+/// [`Error::Inconsistent`] without a payload; [`Error::OutOfRange`] for a number beyond ±1000 m.
+pub fn check_offset(params: &Params, offset: [f64; 3]) -> Result<()> {
+    if !params.has_payload() {
+        return Err(Error::Inconsistent("a payload moves: payload_mass = 0 kg, the robot has none".into()));
+    }
+    for (i, value) in offset.into_iter().enumerate() {
+        check(format_args!("offset[{i}]"), value, format_args!("within ±{MAX_OFFSET} m"), |v| v.abs() <= MAX_OFFSET)?;
+    }
+    Ok(())
+}
+
 impl PayloadMotion<f64> {
     /// The payload at its place, moving with the body.
     pub fn at_place(payload: &Payload<f64>, body: &LaneState<f64>) -> Self {
@@ -77,8 +98,9 @@ impl PayloadMotion<f64> {
         )
     }
 
-    /// The payload with a deflection.
-    pub fn deflected(payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
+    /// The payload with another deflection; the rest of its springs stays.
+    #[must_use]
+    pub fn deflected(&self, payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
         run_one(
             #[inline(always)]
             || {
@@ -88,6 +110,7 @@ impl PayloadMotion<f64> {
                 Self {
                     position: body.body_position + rotation.apply(arm),
                     velocity: body.body_velocity + rotation.apply(rate),
+                    ..*self
                 }
             },
         )
@@ -104,6 +127,7 @@ impl PayloadMotion<f64> {
         Self {
             position: moved(self.position, from.position, place.position),
             velocity: moved(self.velocity, from.velocity, place.velocity),
+            offset: self.offset,
         }
     }
 }
@@ -146,7 +170,7 @@ impl<L: Lane> Payload<L> {
         self.mass.zero().lt(self.mass)
     }
 
-    /// The payload at its place, moving with the body.
+    /// The payload at its place, moving with the body; the rest of its springs is there.
     #[inline(always)]
     pub fn at_place(&self, body: &LaneState<L>) -> PayloadMotion<L> {
         let place = Vec3::from(self.place);
@@ -154,6 +178,7 @@ impl<L: Lane> Payload<L> {
         PayloadMotion {
             position: body.body_position + rotation.apply(place),
             velocity: body.body_velocity + rotation.apply(body.body_angular_velocity.cross(place)),
+            offset: [self.mass.zero(); 3],
         }
     }
 
@@ -176,11 +201,16 @@ impl<L: Lane> Payload<L> {
         [self.amplitude[i] * sin, self.amplitude[i] * self.rate * cos]
     }
 
-    /// Force on the payload, body axes, N, at `time` since the reset, s.
+    /// Force on the payload, body axes, N, at `time` since the reset, s, with the rest of its springs at an additional `offset`, m.
     #[inline(always)]
-    pub fn force(&self, deflection: &Deflection<L>, time: L) -> Vec3<L> {
+    pub fn force(&self, deflection: &Deflection<L>, offset: [L; 3], time: L) -> Vec3<L> {
         let Deflection { position: d, velocity: v } = deflection;
-        Vec3::new(self.along(0, d.x, v.x, time), self.along(1, d.y, v.y, time), self.along(2, d.z, v.z, time))
+        let [x, y, z] = offset;
+        Vec3::new(
+            self.along(0, d.x - x, v.x, time),
+            self.along(1, d.y - y, v.y, time),
+            self.along(2, d.z - z, v.z, time),
+        )
     }
 
     #[inline(always)]
@@ -197,7 +227,7 @@ impl<L: Lane> Payload<L> {
         let mut springs = -Vec3::from(self.hold).dot(d);
         for (i, d) in [d.x, d.y, d.z].into_iter().enumerate() {
             let [rest, _] = self.rest(i, time);
-            springs += self.stiffness[i] * (d - rest).squared() * 0.5;
+            springs += self.stiffness[i] * (d - payload.offset[i] - rest).squared() * 0.5;
         }
         let kinetic = self.mass * payload.velocity.norm_squared() * 0.5;
         kinetic + self.mass * up.dot(payload.position) + springs

@@ -166,6 +166,10 @@ impl Model for ContactMotion {
         self.memory.force
     }
 
+    fn move_payload(&mut self, offset: [f64; 3]) {
+        self.memory.payload.offset = offset;
+    }
+
     fn payload(&self) -> Deflection<f64> {
         self.memory.payload_deflection(&self.constants)
     }

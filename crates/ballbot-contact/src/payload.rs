@@ -20,10 +20,10 @@ pub fn carry<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mu
     let dt = c.sim_dt.at(like);
     let body = state.lane_state(token, c);
     let before = state.payload.load::<L>(token);
-    let force = payload.force(&payload.deflection(&body, &before), like * dt);
+    let force = payload.force(&payload.deflection(&body, &before), before.offset, like * dt);
     let impulse = body.body_quaternion.rotation().apply(force) * dt;
     let velocity = before.velocity.plus(impulse, like.splat(1.0) / payload.mass) - Vec3::from(at3(c.gravity_dt, like));
-    let after = PayloadMotion { position: before.position.plus(velocity, dt), velocity };
+    let after = PayloadMotion { position: before.position.plus(velocity, dt), velocity, ..before };
     // A body with such a payload diverges in this step and keeps its state.
     let stays = moves & velocity.norm_squared().lt(like.splat(MAX_SPEED_SQUARED));
     state.payload.store(&PayloadMotion::select(stays, &after, &before));

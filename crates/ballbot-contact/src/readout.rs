@@ -150,7 +150,7 @@ impl ContactState<f64> {
 
     /// Replaces the deflection of the payload.
     pub fn set_payload(&mut self, c: &Constants<f64>, deflection: &Deflection<f64>) {
-        self.payload = PayloadMotion::deflected(&c.payload, &self.read(c), deflection);
+        self.payload = self.payload.deflected(&c.payload, &self.read(c), deflection);
     }
 
     /// Surface speed of wheel `i` relative to the ball along its drive direction, m/s.

@@ -12,7 +12,7 @@ use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::names;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, check_offset};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -360,6 +360,23 @@ impl Ballbot {
         force.validate(self.sim_dt())?;
         let held = HeldForce::new(force, &self.params().body_com(), self.sim_dt());
         self.model.hold_force(&held)
+    }
+
+    /// Moves the rest of the payload's springs, as a rider who leans does: to an offset from the payload's place, body axes, m. It is
+    /// held until another offset or a reset.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] for a robot without payload; [`Error::OutOfRange`] for a number beyond ±1000 m. The former offset
+    /// then stays.
+    pub fn move_payload(&mut self, offset: [f64; 3]) -> Result<()> {
+        check_offset(self.params(), offset)?;
+        self.model.move_payload(offset);
+        Ok(())
+    }
+
+    /// [`Ballbot::move_payload`] by a task, whose numbers are within bounds.
+    pub(crate) fn move_rider(&mut self, offset: [f64; 3]) {
+        self.model.move_payload(offset);
     }
 
     /// Deflection of the payload from its place; zeros for a robot without payload ([`Params::has_payload`]).

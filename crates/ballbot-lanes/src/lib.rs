@@ -8,6 +8,7 @@ use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight, run_eight_at};
 use ballbot_base::params::Params;
+use ballbot_base::payload::Deflection;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, upright_on};
 use ballbot_base::wheels::Wheels;
@@ -138,6 +139,21 @@ impl ContactLanes {
     /// Replaces the solver's state of robot `i`.
     pub fn set_lane(&mut self, i: usize, state: &ContactState<f64>) {
         self.state.set_lane(i, state);
+    }
+
+    /// Moves the rest of the payloads' springs to offsets from their places, body axes, m.
+    pub fn set_payload_offsets(&mut self, offsets: &[Eight; 3]) {
+        self.state.payload.offset = *offsets;
+    }
+
+    /// Deflections of the payloads of the robots in `states`.
+    pub fn payload_deflections(&self, states: &LaneState<Eight>) -> Deflection<Eight> {
+        let mut all = Deflection::default();
+        for i in 0..EIGHT {
+            let (payload, motion) = (self.constants.lane(i).payload, self.state.payload.lane(i));
+            all.set_lane(i, &Deflection::of(&payload, &states.lane(i), &motion));
+        }
+        all
     }
 
     /// Advances all robots by `steps` time steps under commands in [-1, 1]; `one` is workspace for the actuator memory

@@ -101,18 +101,24 @@ impl SpatialMotion {
         let time = (self.steps as f64 + 0.5) * self.sim_dt;
         let next = rk4(&y, self.sim_dt, |y| self.derivative_with_payload(y, time));
         self.is_finite &= are_bounded(next.as_slice());
-        (next.fixed_rows::<19>(0).into_owned(), motion_at(&next))
+        (next.fixed_rows::<19>(0).into_owned(), self.motion_at(&next))
     }
 
     fn derivative_with_payload(&self, y: &WithPayload, time: f64) -> WithPayload {
         let coordinates = y.fixed_rows::<19>(0).into_owned();
-        let payload = motion_at(y);
+        let payload = self.motion_at(y);
         let (force, load) = self.payload_forces(&self.body_at(&coordinates), &payload, time);
         let mut out = WithPayload::zeros();
         out.fixed_rows_mut::<19>(0).copy_from(&self.derivative(&coordinates, &[self.load, load]));
         out.fixed_rows_mut::<3>(19).copy_from_slice(y.fixed_rows::<3>(22).as_slice());
         out.fixed_rows_mut::<3>(22).copy_from(&(force / self.payload.mass - self.model.weight()));
         out
+    }
+
+    /// The motion of the payload in coordinates.
+    fn motion_at(&self, y: &WithPayload) -> PayloadMotion<f64> {
+        let [position, velocity] = [19, 22].map(|at| Vec3::new(y[at], y[at + 1], y[at + 2]));
+        PayloadMotion { position, velocity, ..self.payload_motion }
     }
 
     /// Force on the payload, N, in the frame of the slope, and its reaction on the body.
@@ -126,7 +132,8 @@ impl SpatialMotion {
             #[inline(always)]
             || {
                 let deflection = self.payload.deflection(body, payload);
-                let force = body.body_quaternion.rotation().apply(self.payload.force(&deflection, time));
+                let force =
+                    body.body_quaternion.rotation().apply(self.payload.force(&deflection, payload.offset, time));
                 (force, deflection.position + Vec3::from(self.payload.place))
             },
         );
@@ -363,12 +370,16 @@ impl Model for SpatialMotion {
         self.force
     }
 
+    fn move_payload(&mut self, offset: [f64; 3]) {
+        self.payload_motion.offset = offset;
+    }
+
     fn payload(&self) -> Deflection<f64> {
         Deflection::of(&self.payload, &self.body(), &self.payload_motion)
     }
 
     fn set_payload(&mut self, deflection: &Deflection<f64>) {
-        self.payload_motion = PayloadMotion::deflected(&self.payload, &self.body(), deflection);
+        self.payload_motion = self.payload_motion.deflected(&self.payload, &self.body(), deflection);
     }
 
     fn save(&self) -> Vec<u8> {
@@ -406,12 +417,8 @@ impl Model for SpatialMotion {
 
 /// Position and velocity of a payload.
 fn numbers(motion: &PayloadMotion<f64>) -> [f64; 6] {
-    let PayloadMotion { position: p, velocity: v } = motion;
+    let PayloadMotion { position: p, velocity: v, .. } = motion;
     [p.x, p.y, p.z, v.x, v.y, v.z]
-}
-
-fn motion_at(y: &WithPayload) -> PayloadMotion<f64> {
-    PayloadMotion { position: Vec3::new(y[19], y[20], y[21]), velocity: Vec3::new(y[22], y[23], y[24]) }
 }
 
 fn coordinates_of(state: &State) -> Coordinates {

@@ -962,6 +962,21 @@ impl PyBatch {
         .map(Some)
     }
 
+    /// Moves the rest of the springs of a robot's payload, as a rider who leans does. It is held until another offset or a reset; in the
+    /// task `ride` the rider replaces it in the next step.
+    ///
+    /// Args:
+    ///     index: the robot.
+    ///     offset: from the payload's place, body axes, shape (3,), m.
+    ///
+    /// Raises:
+    ///     ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
+    fn move_payload(&self, #[pyo3(from_py_with = index)] index: usize, offset: &Bound<'_, PyAny>) -> PyResult<()> {
+        let offset = vector("offset", offset)?;
+        let batch = &mut self.inner.write()?.batch;
+        call(|| batch.move_payload(index, offset.into()))
+    }
+
     /// Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
     /// without payload.
     fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {

@@ -240,6 +240,19 @@ impl PyBallbot {
         call(|| robot.apply_force(&force))
     }
 
+    /// Moves the rest of the payload's springs, as a rider who leans does. It is held until another offset or a reset.
+    ///
+    /// Args:
+    ///     offset: from the payload's place, body axes, shape (3,), m.
+    ///
+    /// Raises:
+    ///     ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
+    fn move_payload(&self, offset: &Bound<'_, PyAny>) -> PyResult<()> {
+        let offset = vector("offset", offset)?;
+        let mut robot = self.0.write()?;
+        call(|| robot.move_payload(offset.into()))
+    }
+
     /// Replaces the robot's parameters; they persist over resets.
     ///
     /// With the same geometry (radii, wheel angles, position of the center of mass) the motion continues; otherwise the

@@ -155,6 +155,10 @@ impl Model for RigidMotion {
         self.robot().pending_push(self.world())
     }
 
+    fn move_payload(&mut self, offset: [f64; 3]) {
+        self.robot_mut().sim_state.payload.offset = offset;
+    }
+
     fn payload(&self) -> Deflection<f64> {
         self.robot().payload(self.world())
     }

@@ -18,7 +18,7 @@ impl Robot {
             #[inline(always)]
             || {
                 let payload = Payload::new(&self.params);
-                payload.force(&payload.deflection(&LaneState::from(&state), &before), time)
+                payload.force(&payload.deflection(&LaneState::from(&state), &before), before.offset, time)
             },
         );
         let impulse = state.body_quaternion * vector(force) * dt;
@@ -27,7 +27,7 @@ impl Robot {
         let moved = position + velocity * dt;
         if moved.iter().chain(&velocity).all(|number| number.is_finite()) {
             let [position, velocity] = [moved, velocity].map(|v| Vec3::new(v.x, v.y, v.z));
-            self.sim_state.payload = PayloadMotion { position, velocity };
+            self.sim_state.payload = PayloadMotion { position, velocity, ..before };
         }
         let point = state.body_quaternion.inverse_transform_vector(&(position - state.body_position));
         self.push(world, &-impulse, &point);

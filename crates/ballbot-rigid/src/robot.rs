@@ -312,7 +312,7 @@ impl Robot {
 
     pub fn set_payload(&mut self, world: &World, deflection: &Deflection<f64>) {
         let body = LaneState::from(&self.state(world));
-        self.sim_state.payload = PayloadMotion::deflected(&Payload::new(&self.params), &body, deflection);
+        self.sim_state.payload = self.sim_state.payload.deflected(&Payload::new(&self.params), &body, deflection);
     }
 
     /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.

@@ -81,6 +81,7 @@ impl TaskDescription {
             tilt: 0.0,
             on_floor: false,
             on_obstacle: false,
+            lean: Vec3::new(0.0, 0.0, 0.0),
             action: Wheels::default(),
             last_action: Wheels::default(),
             terrain: None,

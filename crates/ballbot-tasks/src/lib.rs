@@ -11,11 +11,13 @@ mod bare;
 mod carry;
 mod description;
 mod goal;
+mod heading_motion;
 mod metrics;
 mod navigate;
 mod open_ball_bot;
 mod path;
 mod push;
+mod ride;
 mod rows;
 mod shared;
 mod start;
@@ -32,6 +34,7 @@ pub use navigate::Navigate;
 pub use open_ball_bot::OpenBallBot;
 pub use path::Path;
 pub use push::Push;
+pub use ride::Ride;
 pub use rows::{Growth, RewardScales, Row, RowScaling, Rows, SCALED_BOUND, Term, Terms};
 pub use rows::{WriteRows, WriteTerms};
 pub use traverse::Traverse;
@@ -166,8 +169,17 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// Whether it has its own ground, [`Task::terrain`].
     const HAS_TERRAIN: bool = false;
 
+    /// Where the memory has the offset of the payload's rest along body x and y, m, if a rider who leans is the payload; the task then
+    /// sees [`Step::lean`].
+    const LEAN: Option<[usize; 2]> = None;
+
     /// How many numbers the task keeps in an episode (the command, counters); zeros before [`Task::command`].
     const MEMORY: usize = 0;
+
+    /// The robot that is simulated in place of `params`.
+    fn robot(&self, params: &Params) -> Params {
+        params.clone()
+    }
 
     /// Checks options against each other and against the robot, beyond the limits of single options.
     ///
@@ -334,6 +346,8 @@ pub struct Step<'a, L: Lane> {
     pub on_floor: L::Mask,
     /// Whether the ball, the body or a wheel touches an obstacle.
     pub on_obstacle: L::Mask,
+    /// Deflection of the payload, body axes, m; zero in tasks without [`Task::LEAN`].
+    pub lean: Vec3<L>,
     /// The action, in [-1, 1].
     pub action: Wheels<L>,
     /// The previous action.

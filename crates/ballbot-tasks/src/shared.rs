@@ -89,3 +89,11 @@ pub(super) fn bounded_error<L: Lane>(squared: L, scale: f64) -> L {
 pub(super) fn squared_norm<L: Lane>([x, y]: [L; 2]) -> L {
     x.mul_add(x, y.squared())
 }
+
+/// A vector shortened to at most `length`.
+#[inline(always)]
+pub(super) fn limited<L: Lane>([x, y]: [L; 2], length: f64) -> [L; 2] {
+    let most = x.splat(length);
+    let share = most / x.mul_add(x, y.squared()).sqrt().max(most);
+    [x * share, y * share]
+}

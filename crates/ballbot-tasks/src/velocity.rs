@@ -1,14 +1,14 @@
 //! The velocity task: follow a commanded velocity of the ball and rate of the heading.
 
+use super::heading_motion::{self, HeadingMotion};
 use super::shared::{action_rows, alive, body_rows, bounded_error, effort, squared_norm, velocity_rows};
 use super::start::{check_range, drawn_steps, in_disc, starts_and_falls, task_fields};
 use super::{Geometry, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
 use ballbot_base::error::{Result, check};
 use ballbot_base::fields::Limit;
-use ballbot_base::lanes::{Heading, Lane, Memory, sin_cos_of_step};
+use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
-use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;
 
@@ -40,7 +40,7 @@ task_fields! {
 }
 
 /// Memory: the command, the steps since it, sums of the squared settled errors with their count, and the smoothed
-/// commanded motion: position, velocity and its derivatives in the heading frame, cosine and sine of the heading.
+/// commanded motion, [`HeadingMotion`].
 const COMMAND: usize = 0;
 const SINCE: usize = 3;
 const VELOCITY_ERRORS: usize = 4;
@@ -48,10 +48,6 @@ const YAW_RATE_ERRORS: usize = 5;
 const SETTLED: usize = 6;
 pub(super) const POSITION: usize = 7;
 pub(super) const MOTION: usize = 9;
-const FIRST: usize = 11;
-const SECOND: usize = 13;
-const COS: usize = 15;
-const SIN: usize = 16;
 
 impl Task for Velocity {
     const NAME: &'static str = "velocity";
@@ -68,7 +64,7 @@ impl Task for Velocity {
         Row::new("commanded velocity, heading y", "m/s", 10.0, 0.2),
         Row::new("commanded rate of the heading", "rad/s", 10.0, 0.5),
     ];
-    const MEMORY: usize = SIN + 1;
+    const MEMORY: usize = POSITION + heading_motion::LEN;
 
     fn validate(&self, params: &Params) -> Result<()> {
         check_range("command_seconds", self.command_seconds)?;
@@ -89,49 +85,14 @@ impl Task for Velocity {
 
     fn commanded(&self, moment: &Moment<'_>, memory: &mut [f64]) {
         memory[SINCE] = 0.0;
-        if [memory[COS], memory[SIN]] == [0.0; 2] {
-            let (position, velocity) = (moment.state.ball_position, moment.state.ball_velocity);
-            let heading = Heading::new(moment.state.body_quaternion);
-            let [forward, sideways] = heading.of(velocity.x, velocity.y);
-            memory[POSITION..=SIN].copy_from_slice(&[
-                position.x,
-                position.y,
-                forward,
-                sideways,
-                0.0,
-                0.0,
-                0.0,
-                0.0,
-                heading.cos,
-                heading.sin,
-            ]);
-        }
+        HeadingMotion(POSITION).begin(moment, memory);
     }
 
     /// The smoothed commanded motion.
     fn setpoint(&self, memory: &[f64]) -> Setpoint {
-        let two = |first: usize| Vector2::new(memory[first], memory[first + 1]);
-        let rate = memory[COMMAND + 2];
-        let across = |v: Vector2<f64>| rate * Vector2::new(-v.y, v.x);
-        let inertial = |v: Vector2<f64>| {
-            let (cos, sin) = (memory[COS], memory[SIN]);
-            Vector2::new(cos * v.x - sin * v.y, sin * v.x + cos * v.y)
-        };
-        let (velocity, first, second) = (two(MOTION), two(FIRST), two(SECOND));
-        let third = Vector2::from_fn(|i, _| {
-            third_derivative(self.smoothing, memory[COMMAND + i], velocity[i], first[i], second[i])
-        });
-        let twice = |v: Vector2<f64>| -rate * rate * v;
-        Setpoint {
-            position: two(POSITION),
-            velocity: inertial(velocity),
-            acceleration: inertial(first + across(velocity)),
-            jerk: inertial(second + 2.0 * across(first) + twice(velocity)),
-            snap: inertial(third + 3.0 * across(second) + 3.0 * twice(first) + across(twice(velocity))),
-            yaw: memory[SIN].atan2(memory[COS]),
-            yaw_rate: rate,
-            ..Setpoint::default()
-        }
+        HeadingMotion(POSITION).setpoint(memory, memory[COMMAND + 2], |i, velocity, first, second| {
+            third_derivative(self.smoothing, memory[COMMAND + i], velocity, first, second)
+        })
     }
 
     #[inline(always)]
@@ -166,17 +127,15 @@ impl Task for Velocity {
         memory.set(SETTLED, memory.get(SETTLED) + L::select(settled, one, zero));
 
         let [x, y, rate] = memory.get3(COMMAND);
-        let (sin, cos) = sin_cos_of_step(rate * dt);
-        let (was_cos, was_sin) = (memory.get(COS), memory.get(SIN));
-        let (cos, sin) = (was_cos * cos - was_sin * sin, was_sin * cos + was_cos * sin);
-        // Keeps the length 1 over repeated rotations.
-        let length = (cos.squared() + sin.squared()).sqrt().max(one * 1e-300);
-        let (cos, sin) = (cos / length, sin / length);
-        memory.set(COS, cos);
-        memory.set(SIN, sin);
-        let [vx, vy] = [follow(memory, 0, self.smoothing, x, dt), follow(memory, 1, self.smoothing, y, dt)];
-        memory.set(POSITION, memory.get(POSITION) + (cos * vx - sin * vy) * dt);
-        memory.set(POSITION + 1, memory.get(POSITION + 1) + (sin * vx + cos * vy) * dt);
+        HeadingMotion(POSITION).advance(
+            memory,
+            rate,
+            dt,
+            #[inline(always)]
+            |i, velocity, first, second| {
+                third_derivative(self.smoothing, if i == 0 { x } else { y }, velocity, first, second)
+            },
+        );
     }
 
     #[inline(always)]
@@ -236,19 +195,6 @@ impl Task for Velocity {
 #[inline(always)]
 pub(super) fn third_derivative<L: Lane>(p: f64, command: L, velocity: L, first: L, second: L) -> L {
     (command - velocity) * (p * p * p) - first * (3.0 * p * p) - second * (3.0 * p)
-}
-
-/// Advances the velocity along an axis of the heading frame by a step, m/s.
-#[inline(always)]
-fn follow<L: Lane>(memory: &mut Memory<'_, L>, axis: usize, p: f64, command: L, dt: f64) -> L {
-    let (velocity, first, second) = (memory.get(MOTION + axis), memory.get(FIRST + axis), memory.get(SECOND + axis));
-    let second = second + third_derivative(p, command, velocity, first, second) * dt;
-    let first = first + second * dt;
-    let velocity = velocity + first * dt;
-    memory.set(SECOND + axis, second);
-    memory.set(FIRST + axis, first);
-    memory.set(MOTION + axis, velocity);
-    velocity
 }
 
 impl Velocity {

@@ -484,6 +484,64 @@ class NavigateOptions(CommonOptions, total=False):
     fall_tilt: float
 
 
+class RideOptions(CommonOptions, total=False):
+    """Options of the task `ride`."""
+
+    #: Speed that the rider has in mind, in any direction. (m/s, > 0 and <= 10)
+    speed: float | None
+    #: Largest rate of the heading that the rider has in mind; uniform within ± this. (rad/s, >= 0 and <= 10)
+    yaw_rate: float | None
+    #: Shortest and longest time from the wish to go to the wish to stop, uniform. (s, > 0 and <= 1e9)
+    cruise_seconds: npt.ArrayLike | None
+    #: Shortest and longest time from the wish to stop to the wish to go, uniform. (s, > 0 and <= 1e9)
+    stop_seconds: npt.ArrayLike | None
+    #: Part of the body's mass that is the moving torso of the rider, of a robot that has no payload. (>= 0.01 and <=
+    #: 0.9)
+    rider_mass: float
+    #: Height of that torso above the body's center of mass, in radii of gyration about the horizontal axes. (>= 0 and
+    #: <= 1)
+    rider_height: float
+    #: Natural angular frequency of that torso on its springs. (1/s, > 0 and <= 1000)
+    rider_frequency: float | None
+    #: Damping ratio of that torso on its springs. (>= 0 and <= 2)
+    rider_damping: float
+    #: How far the rider leans at most: by the angle about the ball's center. (rad, >= 1e-6 and <= 1)
+    lean: float | None
+    #: Difference of the wanted and the present velocity from which the rider leans that far. (m/s, >= 1e-6 and <= 100)
+    eagerness: float | None
+    #: Time constant with which the rider begins to lean. (s, > 0 and <= 100)
+    reaction: float | None
+    #: Acceleration that the robot commands while the seat measures `lean`, and at most. (m/s², > 0 and <= 100)
+    acceleration: float | None
+    #: The commanded acceleration follows the seat with two poles at minus this value, at most 0.5 / control_dt. (1/s, >
+    #: 0 and <= 1000)
+    smoothing: float | None
+    #: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (m/s, >= 1e-6 and <= 10)
+    velocity_scales: npt.ArrayLike | None
+    #: Largest difference from the velocity in the rider's mind, when the rider begins to brake, in a success. (m/s, > 0
+    #: and <= 10)
+    success_velocity: float | None
+    #: Largest distance of the ball from where the rider began to brake in a success. (m, > 0 and <= 1000)
+    success_distance: float | None
+    #: Speed below which the robot has stopped. (m/s, >= 1e-6 and <= 10)
+    stopped_speed: float | None
+    #: Time for which it must be that slow to have stopped. (s, > 0 and <= 1e9)
+    stopped_seconds: float | None
+    #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
+    #: `fall_tilt`. (rad, >= 0)
+    reset_tilt: float
+    #: The first yaw is uniform within ± this. (rad, >= 0 and <= pi)
+    reset_yaw: float
+    #: Largest first ball speed; uniform over the disc. (m/s, >= 0 and <= 10)
+    reset_ball_speed: float
+    #: Largest first tilt rate; uniform over the disc. (rad/s, >= 0 and <= 10)
+    reset_tilt_rate: float
+    #: The first rate about the mast is uniform within ± this. (rad/s, >= 0 and <= 10)
+    reset_yaw_rate: float
+    #: Tilt from the equilibrium above which the episode is terminated. (rad, > 0 and <= pi)
+    fall_tilt: float
+
+
 class TerrainOptions(CommonOptions, total=False):
     """Options of the task `terrain`."""
 
@@ -527,7 +585,7 @@ class OpenBallBotOptions(CommonOptions, total=False):
     #: Speed in the direction of travel that a classical controller is to keep. (m/s, >= 0 and <= 10)
     speed: float | None
     #: Acceleration to that speed. (m/s², > 0 and <= 1e6)
-    acceleration: float
+    acceleration: float | None
     #: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its opening; below
     #: `fall_tilt`. (rad, >= 0)
     reset_tilt: float
@@ -551,6 +609,7 @@ class TaskOptions(
     PushOptions,
     CarryOptions,
     NavigateOptions,
+    RideOptions,
     TerrainOptions,
     OpenBallBotOptions,
     total=False,

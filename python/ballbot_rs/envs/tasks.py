@@ -17,6 +17,7 @@ from ballbot_rs.envs.options import (
     OpenBallBotOptions,
     PathOptions,
     PushOptions,
+    RideOptions,
     TerrainOptions,
     VelocityOptions,
 )
@@ -1529,6 +1530,254 @@ class NavigateVectorEnv(BallbotVectorEnv):
         super().__init__(
             num_envs,
             task="navigate",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            autoreset_mode=autoreset_mode,
+            num_threads=num_threads,
+            seed=seed,
+            **options,
+        )
+
+
+class RideEnv(BallbotEnv):
+    """Carry a rider who drives by leaning, and brake when the rider does.
+
+    ```python
+    env = bb.RideEnv(robot="kugle")
+    observation, info = env.reset(seed=0)
+    observation, reward, terminated, truncated, info = env.step([0.1, 0.0, -0.1])
+    ```
+
+    ## Action space
+    `Box(-1, 1, (3,), float32)`: torque of each wheel motor as a fraction of `max_wheel_torque`; clipped.
+
+    ## Observation space
+    `Box(-10, 10, (24,), float32)`. The heading frame has the yaw of the
+    robot and a vertical z axis.
+
+    | row | what                              | unit  | bound | at rest | typical |
+    | --- | --------------------------------- | ----- | ----- | ------- | ------- |
+    | 0   | gravity direction, body x         |       | 1     | 0       | 0.1     |
+    | 1   | gravity direction, body y         |       | 1     | 0       | 0.1     |
+    | 2   | gravity direction, body z         |       | 1     | -1      | 0.1     |
+    | 3   | body rate about body x            | rad/s | 20    | 0       | 1       |
+    | 4   | body rate about body y            | rad/s | 20    | 0       | 1       |
+    | 5   | body rate about body z            | rad/s | 20    | 0       | 1       |
+    | 6   | wheel speed 0                     | rad/s | 200   | 0       | 5       |
+    | 7   | wheel speed 1                     | rad/s | 200   | 0       | 5       |
+    | 8   | wheel speed 2                     | rad/s | 200   | 0       | 5       |
+    | 9   | ball velocity, heading x          | m/s   | 10    | 0       | 0.2     |
+    | 10  | ball velocity, heading y          | m/s   | 10    | 0       | 0.2     |
+    | 11  | lean of the rider, body x         | rad   | 1     | 0       | 0.1     |
+    | 12  | lean of the rider, body y         | rad   | 1     | 0       | 0.1     |
+    | 13  | commanded velocity, heading x     | m/s   | 10    | 0       | 0.5     |
+    | 14  | commanded velocity, heading y     | m/s   | 10    | 0       | 0.5     |
+    | 15  | commanded rate of the heading     | rad/s | 10    | 0       | 0.5     |
+    | 16  | commanded acceleration, heading x | m/s²  | 10    | 0       | 0.5     |
+    | 17  | commanded acceleration, heading y | m/s²  | 10    | 0       | 0.5     |
+    | 18  | error of the velocity, heading x  | m/s   | 10    | 0       | 0.1     |
+    | 19  | error of the velocity, heading y  | m/s   | 10    | 0       | 0.1     |
+    | 20  | error of the heading's rate       | rad/s | 10    | 0       | 0.2     |
+    | 21  | last action, wheel 0              |       | 1     | 0       | 0.5     |
+    | 22  | last action, wheel 1              |       | 1     | 0       | 0.5     |
+    | 23  | last action, wheel 2              |       | 1     | 0       | 0.5     |
+
+    Each row, saturated at its bound, less its value at rest upright, is divided by its typical magnitude, within ±10.
+    `scale_observations=False` gives the rows in their units.
+
+    ## Rewards
+    The sum of these terms, each times its scale; `reward={"NAME": SCALE}` changes scales (costs are given without their
+    sign), `reward_terms()` has the last step's terms.
+
+    | term                 | scale | formula                                                                          |
+    | -------------------- | ----- | -------------------------------------------------------------------------------- |
+    | `alive`              | 1     | 1, unless the step ends in a fall                                                |
+    | `velocity`           | -0.3  | e² / (e² + velocity_scales[0]²), e the error of the velocity                     |
+    | `velocity_precision` | -0.2  | e² / (e² + velocity_scales[1]²)                                                  |
+    | `wish`               | -0.2  | d² / (d² + `eagerness`²), d the difference from the velocity in the rider's mind |
+    | `yaw_rate`           | -0.1  | e² / (e² + (0.3 rad/s)²), e the error of the heading's rate                      |
+    | `rate`               | -0.01 | squared body rate in rad/s, at most 100                                          |
+    | `action`             | -0.02 | mean squared action                                                              |
+    | `action_change`      | -0.02 | mean squared change of the action                                                |
+
+    ## Episode end
+    Terminated, with the number of the reason, from 1 on, as `termination` in the info:
+
+    - "tilt": the tilt from the equilibrium exceeds `fall_tilt`.
+    - "bot_on_floor": the body or a wheel touches the floor.
+    - "diverged": the state left the bounds of the simulation.
+
+    Truncated after `max_episode_steps` (4000). A success is: not terminated, stopped at least once; each time the rider
+    began to brake, within `success_velocity` of the velocity in the rider's mind, and within `success_distance` from
+    there until the next leg.
+
+    ## Command
+    Sampled by the task. `env.unwrapped.command` is the present command, an array of these numbers; a command that is
+    set after a reset holds to the end of the episode.
+
+    | part | what                                    | unit  | bound |
+    | ---- | --------------------------------------- | ----- | ----- |
+    | 0    | velocity in the rider's mind, heading x | m/s   | 10    |
+    | 1    | velocity in the rider's mind, heading y | m/s   | 10    |
+    | 2    | rate of the heading in the rider's mind | rad/s | 10    |
+
+    ## Metrics
+    Of the episode so far, in every info and from `metrics()`. NaN while it is too short for a value, 0 in infos.
+
+    | metric             | unit | what                                                                                |
+    | ------------------ | ---- | ----------------------------------------------------------------------------------- |
+    | `braking_distance` | m    | largest distance from where the rider began to brake, mean of the stops             |
+    | `braking_time`     | s    | time from there until the ball stays slower than `stopped_speed`, mean of the stops |
+    | `stops`            |      | how often the robot stopped when the rider braked                                   |
+    | `top_speed`        | m/s  | largest speed of the ball                                                           |
+    | `peak_tilt`        | rad  | largest tilt from the equilibrium                                                   |
+    | `effort`           |      | root mean square of the actions                                                     |
+    | `rider_effort`     | rad  | root mean square of the rider's lean                                                |
+
+    ## Info
+    The same keys at every reset and step, with NumPy numbers: `is_success`, whether an episode that ended here would be
+    a success; `termination`, an index into `metadata["terminations"]`, 0 for none; the metrics.
+
+    ## Options
+    Keyword arguments, in SI units and radians. `BallbotEnv` has the others.
+
+    - `robot`: The robot: parameters, the name of a preset, the path of a TOML file, or a dict of parameters. Several
+      robots, each on eight neighbors, are a list, or `{'family': COUNT, 'seed': SEED}`. (default paper; paper,
+      asroballet, kugle, rezero, or FILE.toml)
+    - `model`: Model of the robot. (default contact; planar, spatial, contact, rigid)
+    - `sim_dt`: Time step of the model. (default 0.002 s; >= 1e-6 and <= 0.02)
+    - `control_dt`: Time between two actions, a whole multiple of `sim_dt`. (default 0.01 s; > 0)
+    - `max_episode_steps`: Steps after which an episode is truncated; None: never. (default 4000; >= 1)
+    - `max_wheel_torque`: Torque of an action of 1, at most `params.max_wheel_torque`; None follows from the traction of
+      the upright robot: an untrained policy then explores torques that balance a robot, not torques that throw it. With
+      `scale_by_robot` it is 0.4 N·m on the paper's robot, and on any robot as large in proportion to the torque that
+      holds its largest lean, within the motors' limit. (default None; >= 1e-9)
+    - `scale_observations`: Whether each row, less its value at rest, is divided by its typical magnitude, within ±10.
+      (default True)
+    - `scale_by_robot`: Whether typical magnitudes, and the default of `max_wheel_torque`, are scaled from the paper's
+      robot to this robot by `Params.scale`, and by the lean that it can hold: robots of all sizes then look alike to a
+      policy. (default False)
+    - `history`: How many of the last observations are given together, or their ages in control steps, as [0, 1, 2, 4,
+      8]: oldest first. docs/sensors.md. (default 1; >= 1 and <= 1000; ages: ascending from 0, at most 1000)
+    - `terrain`: The ground; None: the task's default, level for most. Starts touch it and lean as it does; an episode
+      that leaves it is truncated. docs/terrain.md. (default None; a Terrain, the name of a kind, or a dict with `kind`,
+      `seed` and parameters)
+    - `actuators`: The motors: options, a name, or the path of a TOML file or a URDF; None: ideal motors.
+      docs/actuators.md. (default None; ideal, kugle, FILE.toml, or FILE.urdf)
+    - `sensors`: The sensors: options, a name, or the path of a TOML file; None: none. docs/sensors.md. (default None;
+      exact, kugle, or FILE.toml)
+    - `scan`: Height scan, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `depth`: Depth camera, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default
+      None; options)
+    - `lidar`: Lidar, whose numbers follow the rows of the observation; None: none. docs/perception.md. (default None;
+      options)
+    - `level`: Level of the tiles that episodes begin on, on a terrain with tiles; None: any. docs/terrain.md. (default
+      None; a level of the terrain, curriculum, or None)
+    - `observation`: What policies and controllers observe: the true state, or what follows from the readings of the
+      sensors. (default ground_truth; ground_truth, sensors)
+    - `reward`: Scales of the task's reward terms, and functions of further terms, by name; docs/own_tasks.md. (default
+      see above; finite scales, functions, or their names as module:function)
+    - `rows`: Functions of further rows of the observation, by name; docs/own_tasks.md. (default None; functions, or
+      their names as module:function)
+    - `terminations`: Functions of further reasons for termination, by name; docs/own_tasks.md. (default None;
+      functions, or their names as module:function)
+    - `events`: Random properties of the robots, and pushes; `docs/randomization.md`. (default None; mild, hard, wide,
+      FILE.toml, or a list of dicts)
+    - `speed`: Speed that the rider has in mind, in any direction. (default 1.574 m/s, scaled; > 0 and <= 10)
+    - `yaw_rate`: Largest rate of the heading that the rider has in mind; uniform within ± this. (default 0 rad/s,
+      scaled; >= 0 and <= 10)
+    - `cruise_seconds`: Shortest and longest time from the wish to go to the wish to stop, uniform. (default (7, 10) s,
+      scaled; > 0 and <= 1e9)
+    - `stop_seconds`: Shortest and longest time from the wish to stop to the wish to go, uniform. (default (6, 7) s,
+      scaled; > 0 and <= 1e9)
+    - `rider_mass`: Part of the body's mass that is the moving torso of the rider, of a robot that has no payload.
+      (default 0.35; >= 0.01 and <= 0.9)
+    - `rider_height`: Height of that torso above the body's center of mass, in radii of gyration about the horizontal
+      axes. (default 0.6; >= 0 and <= 1)
+    - `rider_frequency`: Natural angular frequency of that torso on its springs. (default 12 1/s, scaled; > 0 and <=
+      1000)
+    - `rider_damping`: Damping ratio of that torso on its springs. (default 0.5; >= 0 and <= 2)
+    - `lean`: How far the rider leans at most: by the angle about the ball's center. (default 0.15 rad, scaled; >= 1e-6
+      and <= 1)
+    - `eagerness`: Difference of the wanted and the present velocity from which the rider leans that far. (default 1.1
+      m/s, scaled; >= 1e-6 and <= 100)
+    - `reaction`: Time constant with which the rider begins to lean. (default 0.2 s, scaled; > 0 and <= 100)
+    - `acceleration`: Acceleration that the robot commands while the seat measures `lean`, and at most. (default 0.9
+      m/s², scaled; > 0 and <= 100)
+    - `smoothing`: The commanded acceleration follows the seat with two poles at minus this value, at most 0.5 /
+      control_dt. (default 5.3 1/s, scaled; > 0 and <= 1000)
+    - `velocity_scales`: Error of the velocity that costs half of `velocity`, and of `velocity_precision`. (default
+      (0.3, 0.06) m/s, scaled; >= 1e-6 and <= 10)
+    - `success_velocity`: Largest difference from the velocity in the rider's mind, when the rider begins to brake, in a
+      success. (default 0.15 m/s, scaled; > 0 and <= 10)
+    - `success_distance`: Largest distance of the ball from where the rider began to brake in a success. (default 3.2 m,
+      scaled; > 0 and <= 1000)
+    - `stopped_speed`: Speed below which the robot has stopped. (default 0.1 m/s, scaled; >= 1e-6 and <= 10)
+    - `stopped_seconds`: Time for which it must be that slow to have stopped. (default 1 s, scaled; > 0 and <= 1e9)
+    - `reset_tilt`: Half angle of the cone about the equilibrium in which the first tilt is sampled, uniform over its
+      opening; below `fall_tilt`. (default 0.0523599 rad; >= 0)
+    - `reset_yaw`: The first yaw is uniform within ± this. (default pi rad; >= 0 and <= pi)
+    - `reset_ball_speed`: Largest first ball speed; uniform over the disc. (default 0.1 m/s; >= 0 and <= 10)
+    - `reset_tilt_rate`: Largest first tilt rate; uniform over the disc. (default 0.2 rad/s; >= 0 and <= 10)
+    - `reset_yaw_rate`: The first rate about the mast is uniform within ± this. (default 0 rad/s; >= 0 and <= 10)
+    - `fall_tilt`: Tilt from the equilibrium above which the episode is terminated. (default 0.523599 rad; > 0 and <=
+      pi)
+
+    `reset(options={"state": State(...)})` starts an episode from a given state.
+    """
+
+    def __init__(
+        self,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        **options: Unpack[RideOptions],
+    ) -> None:
+        super().__init__(
+            "ride",
+            render_mode=render_mode,
+            width=width,
+            height=height,
+            camera=camera,
+            render_options=render_options,
+            **options,
+        )
+
+
+class RideVectorEnv(BallbotVectorEnv):
+    """`num_envs` environments of `RideEnv`, stepped at once in Rust; others as in `BallbotVectorEnv`.
+
+    ```python
+    envs = bb.RideVectorEnv(64, robot="kugle")
+    observations, infos = envs.reset(seed=0)
+    observations, rewards, terminated, truncated, infos = envs.step(envs.action_space.sample())
+    ```
+    """
+
+    def __init__(
+        self,
+        num_envs: int = 1,
+        *,
+        render_mode: str | None = None,
+        width: int | None = None,
+        height: int | None = None,
+        camera: dict[str, Any] | None = None,
+        render_options: dict[str, Any] | None = None,
+        autoreset_mode: str | AutoresetMode = "next_step",
+        num_threads: int | None = None,
+        seed: int | None = None,
+        **options: Unpack[RideOptions],
+    ) -> None:
+        super().__init__(
+            num_envs,
+            task="ride",
             render_mode=render_mode,
             width=width,
             height=height,

@@ -1,6 +1,6 @@
 //! A payload that moves on the body: closed forms, conserved quantities, agreement of the models, copies and events.
 
-use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, StepResults};
+use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, ResetRequest, StepResults};
 use ballbot_core::models::{BallSpin, SpatialModel, WheelSpin};
 use ballbot_core::{Ballbot, Deflection, Error, ModelKind, Params, State, Wheels, kinematics::Omniwheels};
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector2, Vector3, Vector6};
@@ -352,6 +352,107 @@ fn a_snapshot_continues_to_the_last_bit() {
         assert_eq!(one.state().to_array(), other.state().to_array(), "{model}");
         assert_eq!(one.payload(), other.payload(), "{model}");
     }
+}
+
+#[test]
+fn a_rider_at_rest_changes_no_bit() {
+    let params = lopsided(&Params::paper());
+    let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
+    for model in MODELS {
+        let [mut moved, mut still] = [0, 1].map(|_| robot(&params, model, 1e-3, &state));
+        moved.move_payload([0.0; 3]).unwrap();
+        for k in 0..100 {
+            moved.step(torques(k, 0.05), 1).unwrap();
+            still.step(torques(k, 0.05), 1).unwrap();
+        }
+        assert_eq!(moved.state().to_array(), still.state().to_array(), "{model}");
+        assert_eq!(moved.payload().to_array(), still.payload().to_array(), "{model}");
+        // A lean that lasts until a reset.
+        moved.move_payload([0.01, 0.0, 0.0]).unwrap();
+        moved.step([0.0; 3], 100).unwrap();
+        still.step([0.0; 3], 100).unwrap();
+        assert!(moved.payload().position.x - still.payload().position.x > 1e-3, "{model}");
+        for robot in [&mut moved, &mut still] {
+            robot.reset(&state).unwrap();
+            robot.step([0.0; 3], 100).unwrap();
+        }
+        assert_eq!(moved.payload().to_array(), still.payload().to_array(), "{model}");
+    }
+}
+
+#[test]
+fn energy_is_kept_while_a_rider_holds_a_lean() {
+    let params = lopsided(&lossless(&Params::paper()));
+    let state = State::tilted(&params, Vector2::new(0.05, -0.03), 0.3);
+    let mut robot = robot(&params, ModelKind::Spatial, 1e-3, &state);
+    let upright = robot.energy();
+    robot.move_payload([0.02, -0.03, 0.01]).unwrap();
+    let before = robot.energy();
+    let springs: f64 =
+        params.payload_stiffness.iter().zip([0.02, -0.03, 0.01]).map(|(k, r): (&f64, f64)| 0.5 * k * r * r).sum();
+    assert!((before - upright - springs).abs() < 1e-12 * before.abs(), "{before} {upright} {springs}");
+    robot.step([0.0; 3], 400).unwrap();
+    let scale = params.body_mass * params.gravity * params.body_com_height * 0.05;
+    assert!((robot.energy() - before).abs() < 1e-9 * scale, "{} {before}", robot.energy());
+}
+
+#[test]
+fn a_snapshot_keeps_the_lean_of_a_rider() {
+    let params = lopsided(&Params::paper());
+    let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
+    for model in MODELS {
+        let mut one = robot(&params, model, 1e-3, &state);
+        one.move_payload([0.02, -0.01, 0.0]).unwrap();
+        one.step([0.01, 0.0, -0.01], 20).unwrap();
+        let mut other = Ballbot::new(&params, model, 1e-3).unwrap();
+        other.load(&one.save()).unwrap();
+        for robot in [&mut one, &mut other] {
+            robot.step([0.0, 0.02, -0.01], 80).unwrap();
+        }
+        assert_eq!(one.state().to_array(), other.state().to_array(), "{model}");
+        assert_eq!(one.payload(), other.payload(), "{model}");
+    }
+}
+
+#[test]
+fn robots_in_lanes_carry_riders_as_single_robots() {
+    let params = lopsided(&Params::paper());
+    let config = BalanceConfig { params: params.clone(), ..BalanceConfig::default() };
+    let mut batch = Batch::new(&config, 9, Autoreset::Disabled, Some(1), 3).unwrap();
+    let mut results = StepResults::new(&batch);
+    let start = |i: usize| State::tilted_from_equilibrium(&params, Vector2::new(0.01 * i as f64, -0.03), 0.4);
+    let starts: Vec<_> = (0..9).map(|i| Some(start(i))).collect();
+    let request = ResetRequest { starts: Some(&starts), ..Default::default() };
+    batch.reset_with(&request, &mut results.observations).unwrap();
+    let mut alone: Vec<_> = (0..9).map(|i| robot(&params, ModelKind::Contact, batch.sim_dt(), &start(i))).collect();
+    for k in 0..20 {
+        for (i, one) in alone.iter_mut().enumerate() {
+            let offset = [0.01 * (k as f64 + i as f64).sin(), 0.001 * i as f64, 0.0];
+            batch.move_payload(i, offset).unwrap();
+            one.move_payload(offset).unwrap();
+            one.step([0.0; 3], 5).unwrap();
+        }
+        batch.step(&[0.0; 27], &mut results.buffers()).unwrap();
+        for (i, one) in alone.iter().enumerate() {
+            assert_eq!(batch.state(i).unwrap(), one.state(), "robot {i}, step {k}");
+            assert_eq!(batch.payload(i).unwrap(), one.payload(), "robot {i}, step {k}");
+        }
+    }
+}
+
+#[test]
+fn invalid_leans_are_rejected_by_name() {
+    let params = lopsided(&Params::paper());
+    let mut loaded = Ballbot::new(&params, ModelKind::Contact, 1e-3).unwrap();
+    for offset in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [0.0, 0.0, -1001.0]] {
+        let before = loaded.save();
+        let error = loaded.move_payload(offset).unwrap_err();
+        assert!(matches!(&error, Error::OutOfRange { name, .. } if name.starts_with("offset[")), "{error}");
+        assert_eq!(loaded.save(), before);
+    }
+    let mut alone = Ballbot::new(&Params::paper(), ModelKind::Contact, 1e-3).unwrap();
+    let error = alone.move_payload([0.0; 3]).unwrap_err().to_string();
+    assert!(error.contains("payload_mass"), "{error}");
 }
 
 #[test]

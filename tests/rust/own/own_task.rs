@@ -314,7 +314,7 @@ fn invalid_options_and_names_are_rejected() {
     assert!(matches!(error, Error::UnknownName { .. }), "{error:?}");
     assert_eq!(
         error.to_string(),
-        "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, carry, navigate, terrain, openballbot, shuttle; did you mean 'shuttle'?"
+        "unknown task 'shuttles': expected one of balance, velocity, goal, path, push, carry, navigate, ride, terrain, openballbot, shuttle; did you mean 'shuttle'?"
     );
 }
 

@@ -102,6 +102,15 @@ impl Batch {
         self.plan.iter().flat_map(|plan| &plan.events).map(|event| (event.event.label(), event.width))
     }
 
+    /// As [`crate::Ballbot::move_payload`] of environment `index`. In a task whose riders lean, it is replaced in the next step.
+    ///
+    /// # Errors
+    /// As [`Batch::state`] and [`crate::Ballbot::move_payload`].
+    pub fn move_payload(&mut self, index: usize, offset: [f64; 3]) -> Result<()> {
+        let (chunk, i) = self.locate(index)?;
+        self.chunks[chunk].move_payload(i, offset)
+    }
+
     /// Deflection of the payload of environment `index` from its place; zeros for a robot without payload.
     ///
     /// # Errors

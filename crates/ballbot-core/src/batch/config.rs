@@ -375,6 +375,7 @@ impl<T: Task> EnvConfig<T> {
         self.params.validate()?;
         let mut config = Self { task: self.fitted_task(), ..self.clone() };
         config.task.check_limits()?;
+        config.params = config.task.robot(&config.params);
         if config.terrain.is_none() {
             config.terrain = config.task.terrain(&config.params)?;
         }

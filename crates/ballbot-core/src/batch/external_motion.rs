@@ -19,8 +19,12 @@ pub struct Outside {
 }
 
 impl Batch {
-    /// Checks that no force acts, which another engine does not simulate.
+    /// Checks that no force acts and no rider leans, which another engine does not simulate.
     fn require_no_force(&self) -> Result<()> {
+        if self.chunks[0].has_riders() {
+            let reason = "riders lean in the task, but another engine moves no payload".to_owned();
+            return Err(Error::Inconsistent(reason));
+        }
         match self.places().position(|(chunk, i)| self.chunks[chunk].has_force(i)) {
             None => Ok(()),
             Some(i) => {
@@ -39,7 +43,8 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::step`], in one thread; [`Error::Inconsistent`] for a model without slip, which cannot hold every
-    /// state, and for a robot under a force of [`Batch::apply_force`] or an event. Errors of `motion`, [`Error::Length`] unless there is one state per robot, and [`Error::OutOfRange`] for
+    /// state, for a task whose riders lean, and for a robot under a force of [`Batch::apply_force`] or an
+    /// event. Errors of `motion`, [`Error::Length`] unless there is one state per robot, and [`Error::OutOfRange`] for
     /// a quaternion without unit length: these interrupt the step, and all environments must be reset.
     pub fn step_with<E: From<Error>>(
         &mut self,

@@ -13,7 +13,7 @@ use crate::perception::Instruments;
 use crate::robot::ModelKind;
 use crate::sensor::SensorOptions;
 use crate::task::{
-    Balance, Bare, Carry, Goal, Navigate, OpenBallBot, Path, Push, Task, TaskDescription, Traverse, Velocity,
+    Balance, Bare, Carry, Goal, Navigate, OpenBallBot, Path, Push, Ride, Task, TaskDescription, Traverse, Velocity,
 };
 use ballbot_base::error::{Error, Result};
 use ballbot_base::params::Params;
@@ -146,7 +146,7 @@ impl<T: Task> TaskKind for Kind<T> {
 }
 
 /// The tasks of this crate.
-static TASKS: [&dyn TaskKind; 9] = [
+static TASKS: [&dyn TaskKind; 10] = [
     &Kind::<Balance>(PhantomData),
     &Kind::<Velocity>(PhantomData),
     &Kind::<Goal>(PhantomData),
@@ -154,6 +154,7 @@ static TASKS: [&dyn TaskKind; 9] = [
     &Kind::<Push>(PhantomData),
     &Kind::<Carry>(PhantomData),
     &Kind::<Navigate>(PhantomData),
+    &Kind::<Ride>(PhantomData),
     &Kind::<Traverse>(PhantomData),
     &Kind::<OpenBallBot>(PhantomData),
 ];

@@ -6,6 +6,7 @@
 //! keeps the velocity nearest to the desired velocity with which no distance h falls faster than α h (Ames et al.,
 //! "Control barrier functions: theory and applications", ECC 2019).
 
+use crate::shared::limited;
 use ballbot_base::lanes::{Lane, Vec3};
 use ballbot_base::terrain::Obstacles;
 
@@ -104,12 +105,4 @@ pub fn barrier<L: Lane>(desired: [L; 2], near: &[Near<L>; CONSIDERED], range: f6
         }
     }
     limited([x, y], speed)
-}
-
-/// A velocity shortened to at most `speed`.
-#[inline(always)]
-pub fn limited<L: Lane>([x, y]: [L; 2], speed: f64) -> [L; 2] {
-    let most = x.splat(speed);
-    let share = most / x.mul_add(x, y.squared()).sqrt().max(most);
-    [x * share, y * share]
 }

@@ -2,7 +2,7 @@
 
 mod guide;
 
-use super::shared::{alive, bounded_error, effort, squared_norm};
+use super::shared::{alive, bounded_error, effort, limited, squared_norm};
 use super::start::{check_range, drawn_steps, in_range, starts_and_falls, task_fields};
 use super::velocity::third_derivative;
 use super::{Geometry, Goal, Metric, Metrics, Moment, Row, Rows, Sensed, Step, Task, Term, Terms};
@@ -13,7 +13,7 @@ use ballbot_base::lanes::{Heading, Lane, Memory};
 use ballbot_base::params::Params;
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::terrain::{Obstacles, Terrain};
-use guide::{Near, barrier, limited, nearest, potential_field};
+use guide::{Near, barrier, nearest, potential_field};
 use nalgebra::Vector2;
 use rand::RngExt;
 use rand_chacha::ChaCha8Rng;

@@ -243,6 +243,13 @@ WORDS: Final = {
     ("navigate", "time_ratio"): ("Time to a goal", 1.0, "{:.2f} × a fast move from rest to rest"),
     ("navigate", "collisions"): ("Collisions", 1.0, "{:.0f}"),
     ("navigate", "clearance"): ("Nearest obstacle", 1.0, "{:.2f} m from the robot"),
+    ("ride", "braking_distance"): ("Braking distance", 1.0, "{:.2f} m"),
+    ("ride", "braking_time"): ("Braking time", 1.0, "{:.2f} s"),
+    ("ride", "stops"): ("Stops", 1.0, "{:.0f}"),
+    ("ride", "top_speed"): ("Largest speed", 1.0, "{:.2f} m/s"),
+    ("ride", "peak_tilt"): ("Largest tilt", math.degrees(1.0), "{:.1f} deg"),
+    ("ride", "effort"): ("Effort", 100.0, "{:.1f} % of the largest action (rms)"),
+    ("ride", "rider_effort"): ("Lean of the rider", math.degrees(1.0), "{:.1f} deg (rms)"),
     ("push", "distance"): ("Distance", 1.0, "{:.3f} m from the setpoint (rms)"),
     ("openballbot", "speed"): ("Mean speed", 1.0, "{:.2f} m/s along y"),
 }

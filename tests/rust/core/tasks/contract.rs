@@ -19,6 +19,8 @@ fn batch(kind: &dyn TaskKind, model: ModelKind, mode: Autoreset, threads: usize,
     for (name, values) in [
         ("command_seconds", [0.1, 0.2]),
         ("goal_seconds", [0.1, 0.2]),
+        ("cruise_seconds", [0.1, 0.2]),
+        ("stop_seconds", [0.1, 0.2]),
         ("push_seconds", [0.1, 0.3]),
         ("settling", [0.1, 0.1]),
         ("hold_seconds", [0.05, 0.05]),

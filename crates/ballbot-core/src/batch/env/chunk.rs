@@ -184,6 +184,15 @@ pub trait Chunk: Send + Sync {
     /// As [`crate::Ballbot::apply_force`].
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
 
+    /// Whether riders lean in the task.
+    fn has_riders(&self) -> bool;
+
+    /// As [`crate::Ballbot::move_payload`].
+    ///
+    /// # Errors
+    /// As [`crate::Ballbot::move_payload`].
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()>;
+
     /// As [`crate::Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
 

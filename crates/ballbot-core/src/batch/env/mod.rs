@@ -340,6 +340,10 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         if R::Cell::WIDTH > 1 || !self.is_reset_instead(autoreset, 0) {
             self.keep_observations();
             self.robots.park(self.used);
+            if let Some([x, y]) = T::LEAN {
+                let memory = &self.ledger.task;
+                self.robots.move_payloads(&[memory[x], memory[y], R::Cell::default()]);
+            }
             let commands = commands(actions);
             let (memory, one) = (&mut self.ledger.actuator, &mut self.one.actuator);
             self.robots.drive(&self.actuator, &commands, memory, one, self.substeps);
@@ -584,6 +588,14 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
 
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()> {
         self.robots.apply_force(i, force)
+    }
+
+    fn has_riders(&self) -> bool {
+        T::LEAN.is_some()
+    }
+
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
+        self.robots.move_payload(i, offset)
     }
 
     fn payload(&self, i: usize) -> Deflection<f64> {

@@ -2,7 +2,7 @@
 
 use super::ledger::{Ledger, Ledgers};
 use super::measure::Measured;
-use super::task_step::TaskStep;
+use super::task_step::{Simulated, TaskStep};
 use crate::actuator::Actuator;
 use crate::control::LaneWidth;
 use crate::robot::{Ballbot, check_push, check_state};
@@ -13,10 +13,10 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::force::{Force, HeldForce};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
-use ballbot_base::lanes::{EIGHT, Eight, Kernel, Memory, Registers, Scalar, Wide, run_eight};
+use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Vec3, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, check_offset};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -126,6 +126,15 @@ pub trait Robots: Send + Sync {
     /// As [`Ballbot::apply_force`].
     fn apply_force(&mut self, i: usize, force: &Force) -> Result<()>;
 
+    /// As [`Ballbot::move_payload`].
+    ///
+    /// # Errors
+    /// As [`Ballbot::move_payload`].
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()>;
+
+    /// Moves the payloads of all robots to offsets along the body axes, m, of robots that have one.
+    fn move_payloads(&mut self, offsets: &[Self::Cell; 3]);
+
     /// As [`Ballbot::payload`].
     fn payload(&self, i: usize) -> Deflection<f64>;
 
@@ -202,7 +211,8 @@ impl Robots for Single {
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        step.run_one(&robot, &measured, commands, com_directions, ledger);
+        let payload = if T::LEAN.is_some() { self.robot.payload() } else { Deflection::default() };
+        step.run_one(&Simulated { robot, measured, payload }, commands, com_directions, ledger);
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -275,6 +285,14 @@ impl Robots for Single {
         self.robot.apply_force(force)
     }
 
+    fn move_payload(&mut self, _: usize, offset: [f64; 3]) -> Result<()> {
+        self.robot.move_payload(offset)
+    }
+
+    fn move_payloads(&mut self, offsets: &[f64; 3]) {
+        self.robot.move_rider(*offsets);
+    }
+
     fn payload(&self, _: usize) -> Deflection<f64> {
         self.robot.payload()
     }
@@ -326,8 +344,9 @@ impl Robots for ContactLanes {
         ContactLanes::read(self, &mut states, &mut conditions);
         let mut measured = states;
         step.measure(&mut measured, ledger, &mut one.sensor);
+        let payloads = &T::LEAN.map(|_| self.payload_deflections(&states));
         let (states, measured, conditions) = (&states, &measured, &conditions);
-        run_eight(Conclude { step, states, measured, conditions, commands, com_directions, ledger, one });
+        run_eight(Conclude { step, states, measured, payloads, conditions, commands, com_directions, ledger, one });
     }
 
     fn ground(&self) -> Option<&Ground> {
@@ -423,6 +442,18 @@ impl Robots for ContactLanes {
         Ok(())
     }
 
+    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
+        check_offset(self.lane_params(i), offset)?;
+        let mut state = self.lane(i);
+        state.payload.offset = offset;
+        self.set_lane(i, &state);
+        Ok(())
+    }
+
+    fn move_payloads(&mut self, offsets: &[Eight; 3]) {
+        self.set_payload_offsets(offsets);
+    }
+
     fn payload(&self, i: usize) -> Deflection<f64> {
         self.lane(i).payload_deflection(&self.constants(i))
     }
@@ -459,6 +490,8 @@ struct Conclude<'a, T, S> {
     step: &'a TaskStep<T, S>,
     states: &'a LaneState<Eight>,
     measured: &'a LaneState<Eight>,
+    /// If riders lean in the task.
+    payloads: &'a Option<Deflection<Eight>>,
     conditions: &'a ConditionCells<Eight>,
     commands: &'a Wheels<Eight>,
     com_directions: &'a [Eight; 3],
@@ -469,8 +502,16 @@ struct Conclude<'a, T, S> {
 impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
     #[inline(always)]
     fn run<V: Registers>(self, simd: V) {
-        let robots = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
-        self.step.run(simd, &robots, &self.measured.load(simd), self.commands, self.com_directions, self.ledger);
+        let robot = LaneRobot::<Wide<V>>::load(simd, self.states, self.conditions);
+        let payload = match self.payloads {
+            Some(payloads) => payloads.load(simd),
+            None => {
+                let zero = Vec3::zero(robot.state.ball_position.x.zero());
+                Deflection { position: zero, velocity: zero }
+            }
+        };
+        let simulated = Simulated { robot, measured: self.measured.load(simd), payload };
+        self.step.run(simd, &simulated, self.commands, self.com_directions, self.ledger);
     }
 
     fn run_one_by_one(self) {
@@ -480,7 +521,8 @@ impl<T: Task, S: Sensor> Kernel for Conclude<'_, T, S> {
             let commands = self.commands.map(|eight| eight.0[i]);
             let com = self.com_directions.map(|eight| eight.0[i]);
             Eight::take(self.ledger, i, self.one);
-            self.step.run_one(&robot, &measured, &commands, &com, self.one);
+            let payload = self.payloads.map_or_else(Deflection::default, |payloads| payloads.lane(i));
+            self.step.run_one(&Simulated { robot, measured, payload }, &commands, &com, self.one);
             Eight::put(self.ledger, i, self.one);
         }
     }

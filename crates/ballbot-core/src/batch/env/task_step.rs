@@ -11,6 +11,7 @@ use crate::task::{DIVERGED, RowScaling, Sensed, Step, Task, TaskDescription, Wri
 use ballbot_base::error::Result;
 use ballbot_base::lane_state::{LaneRobot, LaneState};
 use ballbot_base::lanes::{Lane, Memory, Scalar, Vec3, atan2_positive, run_one};
+use ballbot_base::payload::Deflection;
 use ballbot_base::terrain::Terrain;
 use ballbot_base::wheels::Wheels;
 use std::sync::Arc;
@@ -34,6 +35,15 @@ pub struct TaskStep<T, S> {
     history: [usize; 2],
     metrics: usize,
     sizes: Sizes,
+}
+
+/// A robot at the end of the simulation of a control step.
+pub struct Simulated<L: Lane> {
+    pub robot: LaneRobot<L>,
+    /// As the sensor measures it.
+    pub measured: LaneState<L>,
+    /// Deflection of the payload; zero unless riders lean in the task.
+    pub payload: Deflection<L>,
 }
 
 impl<T: Task, S: Sensor> TaskStep<T, S> {
@@ -119,18 +129,18 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
         }
     }
 
-    /// Counts the step, and computes reward, termination, truncation, success and the observation of the `measured` state.
+    /// Counts the step, and computes reward, termination, truncation, success and the observation of the measured state.
     /// `com_direction` is the unit vector from the ball's center to the body's center of mass, body frame.
     #[inline(always)]
     pub fn run<L: Lane>(
         &self,
         token: L::Token,
-        robot: &LaneRobot<L>,
-        measured: &LaneState<L>,
+        simulated: &Simulated<L>,
         actions: &Wheels<L::Cell>,
         com_direction: &[L::Cell; 3],
         ledger: &mut Ledger<L::Cell>,
     ) {
+        let Simulated { robot, measured, payload } = simulated;
         let Ledger { episode, task: memory, observation, terms, .. } = ledger;
         let state = &robot.state;
         let zero = state.ball_position.x.zero();
@@ -149,6 +159,7 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
             tilt,
             on_floor: robot.on_floor,
             on_obstacle: robot.on_obstacle,
+            lean: payload.position,
             action,
             last_action: Wheels::load(token, &episode.last_action),
             terrain: self.terrain.as_deref(),
@@ -188,15 +199,14 @@ impl<T: Task, S: Sensor> TaskStep<T, S> {
     /// and actuators, like the other functions of one robot.
     pub fn run_one(
         &self,
-        robot: &LaneRobot<f64>,
-        measured: &LaneState<f64>,
+        simulated: &Simulated<f64>,
         actions: &Wheels<f64>,
         com_direction: &[f64; 3],
         ledger: &mut Ledger<f64>,
     ) {
         run_one(
             #[inline(always)]
-            || self.run::<f64>(Scalar, robot, measured, actions, com_direction, ledger),
+            || self.run::<f64>(Scalar, simulated, actions, com_direction, ledger),
         );
     }
 
