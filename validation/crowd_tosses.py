@@ -1,6 +1,6 @@
 """Robots tossed at each other: `python -m validation.crowd_tosses [TIME_STEP [COUNT]]`.
 
-Prints how much energy robots without torque gain, how deep their balls enter each other, and how far the forces of two
+Prints how much energy robots without torque gain after their least energy, how deep their balls enter each other, and how far the forces of two
 robots on each other are from opposite.
 """
 
@@ -16,7 +16,7 @@ SECONDS = 1.0
 
 
 def toss(count: int, seed: int, sim_dt: float) -> tuple[float, float, float, int] | None:
-    """Gain of energy over the first energy, depth of balls, m, relative error of opposite forces, and unsolved steps.
+    """Gain of energy, of the first energy, depth of balls, m, relative error of opposite forces, and unsolved steps.
 
     None if robots overlap where they start.
     """
@@ -43,13 +43,15 @@ def toss(count: int, seed: int, sim_dt: float) -> tuple[float, float, float, int
         crowd.reset(states)
     except ValueError:
         return None
-    first = crowd.energy.sum()
+    first = least = crowd.energy.sum()
     gain = depth = unlike = 0.0
     pairs = list(itertools.combinations(range(count), 2))
     torques = np.zeros((count, 3))
     for _ in range(round(SECONDS / sim_dt)):
         crowd.step(torques)
-        gain = max(gain, (crowd.energy.sum() - first) / abs(first))
+        energy = crowd.energy.sum()
+        least = min(least, energy)
+        gain = max(gain, (energy - least) / abs(first))
         balls = np.array([state.ball_position for state in crowd.states])
         for i, j in pairs:
             depth = max(depth, radii[i] + radii[j] - float(np.linalg.norm(balls[i] - balls[j])))

@@ -89,6 +89,7 @@ def test_a_whole_heap() -> None:
         (lambda: bb.Crowd(["paper"], [(0, 0)], frction=1), TypeError, "friction"),
         (lambda: bb.Crowd(["paper"], [(0, 0)]).push(1, (0, 0, 0)), ValueError, "robot = 1 .* robots 0 to 0"),
         (lambda: bb.Crowd(["paper"], [(0, 0)]).push(-1, (0, 0, 0)), ValueError, "robot = -1"),
+        (lambda: bb.Crowd(["paper"], [(0, 0)]).force_between(0, 2), ValueError, "on = 2 .* robots 0 to 0"),
         (lambda: bb.Crowd(["paper"], [(0, 0)]).step(np.zeros(3)), ValueError, r"wheel_torques has shape \(3,\)"),
         (
             lambda: bb.Crowd(["paper"], [(0, 0)]).step([[9e9, 0, 0]]),
@@ -96,7 +97,7 @@ def test_a_whole_heap() -> None:
             r"wheel_torques\[0\]\[0\] = 9000000000 .* within",
         ),
         (lambda: bb.Crowd(["paper"], [(0, 0)]).reset([]), ValueError, "states"),
-        (lambda: bb.Crowd(["paper"], [(0, 0)]).reset([3]), TypeError, "State"),
+        (lambda: bb.Crowd(["paper"], [(0, 0)]).reset([3]), TypeError, r"states\[0\] must be a State, not int"),
         (lambda: bb.Crowd(["paper"], [(0, 0)]).restore(b"x"), ValueError, "snapshot of a crowd"),
     ],
 )

@@ -45,7 +45,7 @@ const OF_FLOOR: [&str; 13] = [
 /// Robots of the model `rigid` in one world: ball, body and wheels of each touch the others with friction and restitution.
 ///
 /// A robot that touches none moves as a [`Ballbot`](crate::Ballbot) of the same model, to the last bit while no robot touches
-/// anything but its ball and a level floor.
+/// anything but its ball and a level floor. Methods that take the number of a robot panic where there is none.
 ///
 /// ```
 /// use ballbot_core::{Crowd, Params, control::{Controller, Lqr, Setpoint}, sim::Between};
@@ -75,10 +75,10 @@ impl Crowd {
     /// Robots at rest with their balls above `positions` (x, y in m), on a terrain or a level floor.
     ///
     /// # Errors
-    /// [`Error::OutOfRange`] for no robots or more than 64, parameters or a time step out of range, `friction` not in 0 to
-    /// 10 or `restitution` not in 0 to 0.5; [`Error::Length`] unless there is a position for each robot;
-    /// [`Error::Inconsistent`] for robots that do not have the same gravity and floor, that overlap each other by more
-    /// than 1 mm, or that do not stand at their position.
+    /// [`Error::OutOfRange`] for no robots or more than 64, a time step out of range, `friction` not in 0 to 10 or
+    /// `restitution` not in 0 to 0.5; [`Error::Length`] unless there is a position for each robot; [`Error::Inconsistent`]
+    /// naming the robot for invalid parameters, for robots that do not have the same gravity and floor, that overlap each
+    /// other by more than 1 mm, or that cannot stand at their position.
     pub fn new(
         robots: &[Params],
         positions: &[[f64; 2]],
@@ -103,7 +103,7 @@ impl Crowd {
             params.validate().and_then(|()| ModelKind::Rigid.require(params, sim_dt)).map_err(|error| of(i, &error))?;
             check_same_floor(i, params, &robots[0])?;
             if terrain.is_some() {
-                params.require_level("a robot on a terrain")?;
+                params.require_level("a robot on a terrain").map_err(|error| of(i, &error))?;
             }
             grounds.push(terrain.map(|terrain| Ground::shared(terrain, params.ball_radius)).transpose()?);
         }
@@ -131,8 +131,8 @@ impl Crowd {
     /// Restarts from a state of each robot at time zero.
     ///
     /// # Errors
-    /// [`Error::Length`] unless there is a state for each; the errors of [`Ballbot::reset`](crate::Ballbot::reset), with the
-    /// number of the robot; [`Error::Inconsistent`] for robots that overlap by more than 1 mm. All are then unchanged.
+    /// [`Error::Length`] unless there is a state for each; [`Error::Inconsistent`] naming the robot for a state that
+    /// [`Ballbot::reset`](crate::Ballbot::reset) rejects, and for robots that overlap by more than 1 mm. All are then unchanged.
     pub fn reset(&mut self, states: &[State]) -> Result<()> {
         let expected = self.num_robots();
         if states.len() != expected {
@@ -176,7 +176,7 @@ impl Crowd {
         let mut watch = Watch::new();
         while left > 0 {
             watch.check()?;
-            let some = left.min(CHECK_INTERVAL);
+            let some = left.min((CHECK_INTERVAL / self.num_robots()).max(1));
             self.scene.advance(wheel_torques, some);
             if let Some(reason) = self.divergence() {
                 let time = self.time();

@@ -32,7 +32,7 @@ use std::sync::Arc;
 ///
 /// Args:
 ///     robots: robots in any form: `Params`, names of presets, paths of TOML files, or dicts of parameters; 1 to 64, all
-///         with the same gravity and motion of the floor.
+///         with the same gravity and floor but for its friction under their balls.
 ///     positions: of their balls, shape (n, 2), m. The robots start at rest above them, and `reset` returns there.
 ///     friction: Coulomb's coefficient between robots, 0 to 10.
 ///     restitution: between robots, 0 to 0.5.
@@ -50,10 +50,10 @@ type Arguments = (Vec<PyParams>, Vec<Vec<f64>>);
 
 impl PyCrowd {
     /// Checks the number of a robot.
-    fn robot(crowd: &Crowd, robot: i64) -> PyResult<usize> {
+    fn robot(crowd: &Crowd, name: &str, robot: i64) -> PyResult<usize> {
         let n = crowd.num_robots();
         usize::try_from(robot).ok().filter(|robot| *robot < n).ok_or_else(|| {
-            InvalidInputError::new_err(format!("robot = {robot} is out of range: there are robots 0 to {}", n - 1))
+            InvalidInputError::new_err(format!("{name} = {robot} is out of range: there are robots 0 to {}", n - 1))
         })
     }
 }
@@ -105,7 +105,14 @@ impl PyCrowd {
             None => crowd.start().to_vec(),
             Some(states) => objects("states", states, crowd.num_robots())?
                 .iter()
-                .map(|state| Ok(state.cast::<PyState>()?.get().0.clone()))
+                .enumerate()
+                .map(|(i, state)| match state.cast::<PyState>() {
+                    Ok(state) => Ok(state.get().0.clone()),
+                    Err(_) => {
+                        let kind = state.get_type().name()?;
+                        Err(PyTypeError::new_err(format!("states[{i}] must be a State, not {kind}")))
+                    }
+                })
                 .collect::<PyResult<_>>()?,
         };
         call(|| crowd.reset(&states))
@@ -145,7 +152,7 @@ impl PyCrowd {
         let impulse = vector("impulse", impulse)?;
         let point = optional_vector("point", point)?;
         let mut crowd = self.0.write()?;
-        let robot = Self::robot(&crowd, robot)?;
+        let robot = Self::robot(&crowd, "robot", robot)?;
         call(|| crowd.push(robot, &impulse, point.as_ref()))
     }
 
@@ -167,7 +174,7 @@ impl PyCrowd {
     ) -> PyResult<()> {
         let force = outside_force(force, point, frequency, phase, delay, duration)?;
         let mut crowd = self.0.write()?;
-        let robot = Self::robot(&crowd, robot)?;
+        let robot = Self::robot(&crowd, "robot", robot)?;
         call(|| crowd.apply_force(robot, &force))
     }
 
@@ -179,7 +186,7 @@ impl PyCrowd {
         #[pyo3(from_py_with = whole)] on: i64,
     ) -> PyResult<Bound<'py, PyArray1<f64>>> {
         let crowd = self.0.read()?;
-        let force = crowd.force_between(Self::robot(&crowd, of)?, Self::robot(&crowd, on)?);
+        let force = crowd.force_between(Self::robot(&crowd, "of", of)?, Self::robot(&crowd, "on", on)?);
         Ok(PyArray1::from_slice(py, force.as_slice()))
     }
 
@@ -286,6 +293,6 @@ impl PyCrowd {
 
     fn __repr__(&self) -> PyResult<String> {
         let crowd = self.0.read()?;
-        Ok(format!("Crowd({} robots, sim_dt={}, time={:.4})", crowd.num_robots(), crowd.sim_dt(), crowd.time()))
+        Ok(format!("Crowd(robots={}, sim_dt={}, time={:.4})", crowd.num_robots(), crowd.sim_dt(), crowd.time()))
     }
 }

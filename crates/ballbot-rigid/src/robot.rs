@@ -93,9 +93,7 @@ impl SimulationState {
             unsolved_steps: 0,
         }
     }
-}
 
-impl SimulationState {
     pub fn blow(&self) -> Velocities {
         let vector = |i: usize| Vector3::from_column_slice(&self.blow[i..i + 3]);
         Velocities { bot: Coordinates::from_column_slice(&self.blow[..9]), ball: [vector(9), vector(12)] }
@@ -144,6 +142,9 @@ impl Robot {
     }
 
     /// Inserts the robot into another world, with a number if there are others.
+    ///
+    /// # Errors
+    /// As [`Robot::new`].
     pub fn join(&mut self, world: &mut World, number: Option<usize>) -> Result<()> {
         let link = BodyLink::new(&self.params, &self.wheels)?;
         self.handles = world.insert_robot(&self.params, &self.wheels, &link, self.ground.is_none());
@@ -212,6 +213,7 @@ impl Robot {
         self.apply_joint_friction(world);
     }
 
+    /// Moves the robot to `state` in a world that is as built.
     pub fn set_motion(&self, world: &mut World, state: &State) {
         let ball = &mut world.bodies[self.handles.ball];
         ball.set_position(

@@ -263,7 +263,10 @@ impl Scene {
         }
         let Self { robots, world, plans, outlines, .. } = self;
         outlines.clear();
-        outlines.extend(robots.iter().zip(&*plans).map(|(robot, plan)| robot.outline(world, &plan.motion)));
+        outlines.extend(robots.iter().zip(&*plans).map(|(robot, plan)| {
+            let [start, end] = plan.velocities().map(|velocities| robot.largest_motion(velocities));
+            robot.outline(world, start.max(end))
+        }));
         for (i, outline) in outlines.iter().enumerate() {
             for (j, other) in outlines[..i].iter().enumerate() {
                 if !(plans[i].near && plans[j].near) && outline.may_touch(other) {
@@ -303,7 +306,7 @@ impl Scene {
             }
             robot.apply(world, plan);
         }
-        // The floor under all is the same.
+        // Gravity is the same for all: they stand on one floor.
         world.step(&mut self.pipeline, &robots[0].gravity, &self.settings, &self.between);
         for (robot, plan) in robots.iter_mut().zip(plans) {
             robot.sim_state.is_finite &= !robot.handles.in_quarantine(self.pipeline.quarantine());

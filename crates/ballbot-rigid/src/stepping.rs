@@ -4,6 +4,7 @@ use super::bot::{Coordinates, join, split};
 use super::convert::{from_rapier, rotation_from_rapier, to_rapier};
 use super::floor::{Floor, plane, plane_below, plane_below_disc};
 use super::losses::Losses;
+use super::outline::reach_of_step;
 use super::robot::Robot;
 use super::rows::{Motion, Rows, Velocities, WheelContact, biases};
 use super::solve::{Coupling, FLOOR, Impulses, Limits, Problem, Settling};
@@ -39,7 +40,7 @@ pub struct Plan {
     free: Velocities,
     /// Whether an obstacle or another robot may be touched.
     pub near: bool,
-    /// Whether only wheels, ball and floor can touch each other.
+    /// Whether only wheels, ball and floor can touch each other: the bot's colliders are then disabled.
     pub alone: bool,
     /// Whether no wheel can touch the ball.
     apart: bool,
@@ -56,6 +57,11 @@ impl Plan {
     /// Whether rapier's contacts of the bot act on the wheel forces.
     pub fn is_coupled(&self) -> bool {
         !(self.alone || self.apart)
+    }
+
+    /// Velocities at the start of the step, and at its end without contacts.
+    pub fn velocities(&self) -> [&Velocities; 2] {
+        [&self.motion.velocities, &self.free]
     }
 
     /// Whether another pass would change nothing.
@@ -305,13 +311,13 @@ impl Robot {
     /// Whether the robot may touch an obstacle within the step. A lower bound of the distance saves most computations of it.
     fn comes_near_obstacle(&mut self, world: &World, motion: &Motion) -> bool {
         let Some(ground) = self.ground.as_deref().filter(|_| !self.obstacles.is_empty()) else { return false };
-        let moved = self.largest_motion(motion);
-        let limit = CLEARANCE + 2.0 * moved;
+        let moved = self.largest_motion(&motion.velocities);
+        let limit = reach_of_step(moved);
         self.sim_state.clearance -= moved;
         if self.sim_state.clearance > limit {
             return false;
         }
-        let outline = self.outline(world, motion);
+        let outline = self.outline(world, moved);
         let obstacles = ground.terrain().obstacles();
         let of_ball = obstacles.distance(outline.ball.into()) - outline.ball_radius;
         let of_body = obstacles.distance_of_segment(outline.axis.map(Into::into), outline.body_radius);

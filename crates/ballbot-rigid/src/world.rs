@@ -228,7 +228,7 @@ impl World {
         }
     }
 
-    /// Lets a robot touch the other robots of the world, by the rules of [`Between`].
+    /// Lets a robot touch the other robots of the world, by the rules of [`Between`], which also keep its wheels from its ball.
     pub fn share(&mut self, handles: &Handles, number: usize) {
         for collider in handles.colliders() {
             let collider = &mut self.colliders[collider];

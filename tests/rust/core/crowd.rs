@@ -51,11 +51,12 @@ fn one_robot_is_a_single_robot() {
         .unwrap()
         .with_obstacles(&[Obstacle::named("post", &[("x", 0.4), ("radius", 0.1), ("height", 1.0)]).unwrap()])
         .unwrap();
-    for terrain in [None, Some(Arc::new(posts))] {
+    let [level, slope] = [0.0, 0.1].map(|slope| Some(Arc::new(Terrain::plane(slope, 0.0).unwrap())));
+    for (terrain, sideways) in [(None, 0.1), (Some(Arc::new(posts)), 0.1), (level, 2.0), (slope, 2.0)] {
         let robots = std::slice::from_ref(&params);
         let mut crowd = Crowd::new(robots, &[[0.0, 0.0]], terrain.as_ref(), SMOOTH, 1e-3).unwrap();
         let mut robot = single(&params, terrain.as_ref(), &crowd.state(0));
-        let impulse = Vector3::new(2.0, 0.1, 0.0);
+        let impulse = Vector3::new(2.0, sideways, 0.0);
         crowd.push(0, &impulse, None).unwrap();
         robot.push(&impulse, None).unwrap();
         // A fall onto the floor, on the post where there is one.
