@@ -1035,7 +1035,7 @@ class Crowd:
     """Robots of the model "rigid" in one world: ball, body and wheels of each touch the other robots.
 
     A robot that touches no other moves as a `Ballbot` of the same model, to the last bit while none touches anything but its
-    ball and floor.
+    ball and a level floor.
 
     ```python
     crowd = bb.Crowd(["paper", "paper"], positions=[(0.0, 0.0), (0.4, 0.0)])
@@ -1048,7 +1048,7 @@ class Crowd:
 
     Args:
         robots: robots in any form: `Params`, names of presets, paths of TOML files, or dicts of parameters; 1 to 64, all
-            with the same gravity and motion of the floor.
+            with the same gravity and floor but for its friction under their balls.
         positions: of their balls, shape (n, 2), m. The robots start at rest above them, and `reset` returns there.
         friction: Coulomb's coefficient between robots, 0 to 10.
         restitution: between robots, 0 to 0.5.
