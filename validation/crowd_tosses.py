@@ -1,7 +1,7 @@
 """Robots tossed at each other: `python -m validation.crowd_tosses [TIME_STEP [COUNT]]`.
 
-Prints how much energy robots without torque gain after their least energy, how deep their balls enter each other, and how far the forces of two
-robots on each other are from opposite.
+Prints how much energy robots without torque gain after their least energy, how deep their balls enter each other, and
+how far the forces of two robots on each other are from opposite.
 """
 
 import itertools
