@@ -55,7 +55,7 @@ fn one_robot_is_a_single_robot() {
     for (terrain, sideways) in [(None, 0.1), (Some(Arc::new(posts)), 0.1), (level, 2.0), (slope, 2.0)] {
         let robots = std::slice::from_ref(&params);
         let mut crowd = Crowd::new(robots, &[[0.0, 0.0]], terrain.as_ref(), SMOOTH, 1e-3).unwrap();
-        let mut robot = single(&params, terrain.as_ref(), &crowd.state(0));
+        let mut robot = single(&params, terrain.as_ref(), &crowd.start()[0]);
         let impulse = Vector3::new(2.0, sideways, 0.0);
         crowd.push(0, &impulse, None).unwrap();
         robot.push(&impulse, None).unwrap();
@@ -80,7 +80,7 @@ fn robots_apart_are_single_robots() {
         let positions = [[0.0, 0.0], [1.5, 0.3], [-1.0, -1.2]];
         let mut crowd = Crowd::new(&robots, &positions, terrain.as_ref(), SMOOTH, 1e-3).unwrap();
         let mut singles: Vec<_> =
-            robots.iter().zip(crowd.states()).map(|(params, state)| single(params, terrain.as_ref(), &state)).collect();
+            robots.iter().zip(crowd.start()).map(|(params, state)| single(params, terrain.as_ref(), state)).collect();
         let mut laws: Vec<_> = robots.iter().map(|params| Lqr::new(params, 0.01).unwrap()).collect();
         for (i, robot) in singles.iter_mut().enumerate() {
             let impulse = Vector3::new(0.02, -0.03, 0.0) * robots[i].body_mass;
