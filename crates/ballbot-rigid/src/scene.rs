@@ -56,7 +56,7 @@ impl Scene {
     /// Robots that touch each other with the friction and restitution of `between`, each at its state.
     ///
     /// # Errors
-    /// As [`Scene::of_one`].
+    /// [`Error::Inconsistent`] if the wheels of a robot have more inertia than its bot.
     pub fn of_several(
         robots: &[(&Params, Option<&Arc<Ground>>)],
         states: &[State],
