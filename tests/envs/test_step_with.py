@@ -41,8 +41,9 @@ def actions(step, n):
     return 0.2 * np.sin(np.arange(3 * n).reshape(n, 3) * 7 + 3 * step).astype(np.float32)
 
 
+# Other engines reject riders.
 @pytest.mark.slow("another engine")
-@pytest.mark.parametrize("task", sorted(TASKS))
+@pytest.mark.parametrize("task", sorted(TASKS.keys() - {"ride"}))
 @pytest.mark.parametrize("mode", ["same_step", "next_step"])
 def test_the_same_motion_gives_the_same_step(task, mode):
     options = {**SHORT, "push_seconds": (0.1, 0.1)} if task == "push" else SHORT
