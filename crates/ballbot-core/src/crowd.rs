@@ -52,11 +52,14 @@ const OF_FLOOR: [&str; 13] = [
 ///
 /// let robots = [Params::paper(), Params::paper()];
 /// let between = Between { friction: 0.3, restitution: 0.0 };
-/// let mut crowd = Crowd::new(&robots, &[[0.0, 0.0], [0.5, 0.0]], None, between, 0.001)?;
+/// let places = [[0.0, 0.0], [0.5, 0.0]];
+/// let mut crowd = Crowd::new(&robots, &places, None, between, 0.001)?;
 /// let mut laws = [Lqr::new(&robots[0], 0.01)?, Lqr::new(&robots[1], 0.01)?];
 /// for _ in 0..50 {
-///     let torques: Vec<_> = laws.iter_mut().zip(crowd.states())
-///         .map(|(law, state)| law.wheel_torques(&state, &Setpoint::default()))
+///     let torques: Vec<_> = laws.iter_mut().zip(crowd.states()).zip(places)
+///         .map(|((law, state), place)| {
+///             law.wheel_torques(&state, &Setpoint { position: place.into(), ..Setpoint::default() })
+///         })
 ///         .collect();
 ///     crowd.step(&torques, 10)?;
 /// }
