@@ -5,7 +5,6 @@
 //! between two control steps, at the rate 0. p holds the payload at its place while the robot is at
 //! rest in equilibrium on a level floor. The body gets −F at the payload, so momentum and angular momentum are kept.
 
-use crate::error::{Error, Result, check};
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Vec3, lane_struct, run_one, sin_cos};
 use crate::params::Params;
@@ -70,23 +69,6 @@ impl Payload<f64> {
             phases: params.payload_phases,
         }
     }
-}
-
-/// Largest offset of the rest of a payload, m: as far as a place may be from the body's origin.
-const MAX_OFFSET: f64 = 1e3;
-
-/// Checks an offset of the rest of the payload of a robot, body axes, m.
-///
-/// # Errors
-/// [`Error::Inconsistent`] without a payload; [`Error::OutOfRange`] for a number beyond ±1000 m.
-pub fn check_offset(params: &Params, offset: [f64; 3]) -> Result<()> {
-    if !params.has_payload() {
-        return Err(Error::Inconsistent("a payload moves: payload_mass = 0 kg, the robot has none".into()));
-    }
-    for (i, value) in offset.into_iter().enumerate() {
-        check(format_args!("offset[{i}]"), value, format_args!("within ±{MAX_OFFSET} m"), |v| v.abs() <= MAX_OFFSET)?;
-    }
-    Ok(())
 }
 
 impl PayloadMotion<f64> {

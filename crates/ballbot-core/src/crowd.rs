@@ -115,7 +115,7 @@ impl Crowd {
             start.push(at_rest_on(params, ground.as_ref(), *x, *y, 0.0, None).map_err(|error| of(i, &error))?);
         }
         let members: Vec<_> = robots.iter().zip(&grounds).map(|(params, ground)| (params, ground.as_ref())).collect();
-        let scene = Scene::of_several(&members, &start, between, sim_dt)?;
+        let scene = Scene::of_several(&members, between, sim_dt)?;
         let mut crowd = Self { scene, start, diverged: None };
         crowd.reset(&crowd.start.clone())?;
         Ok(crowd)

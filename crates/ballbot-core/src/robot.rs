@@ -12,7 +12,7 @@ use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::names;
 use ballbot_base::params::Params;
-use ballbot_base::payload::{Deflection, check_offset};
+use ballbot_base::payload::Deflection;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -369,7 +369,7 @@ impl Ballbot {
     /// [`Error::Inconsistent`] for a robot without payload; [`Error::OutOfRange`] for a number beyond ±1000 m. The former offset
     /// then stays.
     pub fn move_payload(&mut self, offset: [f64; 3]) -> Result<()> {
-        check_offset(self.params(), offset)?;
+        self.params().validate_offset(offset)?;
         self.model.move_payload(offset);
         Ok(())
     }

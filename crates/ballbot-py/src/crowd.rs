@@ -3,6 +3,7 @@
 use crate::convert::{OPTION_COUNT, elements, objects, optional_vector, outside_force, vector};
 use crate::errors::{InvalidInputError, call};
 use crate::exclusive::Exclusive;
+use crate::jacobian::torques_of_shape;
 use crate::keywords::no_others;
 use crate::numbers::{count, optional_real, real, whole};
 use crate::params::{PyParams, Robot};
@@ -135,8 +136,7 @@ impl PyCrowd {
         let mut crowd = self.0.write()?;
         let crowd = &mut *crowd;
         let n = crowd.num_robots();
-        let numbers: Vec<f64> = elements("wheel_torques", wheel_torques, &[Some(n), Some(3)], OPTION_COUNT)?;
-        let torques: Vec<_> = numbers.chunks_exact(3).map(|t| [t[0], t[1], t[2]].into()).collect();
+        let torques = torques_of_shape(wheel_torques, &[Some(n), Some(3)])?;
         interruptible(py, || crowd.step(&torques, steps))
     }
 

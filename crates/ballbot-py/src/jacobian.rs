@@ -50,7 +50,8 @@ pub(crate) fn torques_of_robots(value: &Bound<'_, PyAny>, n: usize) -> PyResult<
     }
 }
 
-fn torques_of_shape(value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<Wheels<f64>>> {
+/// Torques of an array of a shape that ends with 3.
+pub(crate) fn torques_of_shape(value: &Bound<'_, PyAny>, shape: &[Option<usize>]) -> PyResult<Vec<Wheels<f64>>> {
     let numbers: Vec<f64> = elements("wheel_torques", value, shape, WHEELS * MOST_MOTIONS)?;
     Ok(numbers.chunks_exact(WHEELS).map(|torques| Wheels([torques[0], torques[1], torques[2]])).collect())
 }

@@ -53,16 +53,12 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Robots that touch each other with the friction and restitution of `between`, each at its state.
+    /// Robots that touch each other with the friction and restitution of `between`, all at the origin: [`Scene::place`]
+    /// moves them to their states.
     ///
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels of a robot have more inertia than its bot.
-    pub fn of_several(
-        robots: &[(&Params, Option<&Arc<Ground>>)],
-        states: &[State],
-        between: Between,
-        dt: f64,
-    ) -> Result<Self> {
+    pub fn of_several(robots: &[(&Params, Option<&Arc<Ground>>)], between: Between, dt: f64) -> Result<Self> {
         let mut world = World::default();
         let mut joined = Vec::with_capacity(robots.len());
         for (number, (params, ground)) in robots.iter().enumerate() {
@@ -70,9 +66,7 @@ impl Scene {
             robot.join(&mut world, (robots.len() > 1).then_some(number))?;
             joined.push(robot);
         }
-        let mut scene = Self::new(joined, world, between, dt);
-        scene.place(states);
-        Ok(scene)
+        Ok(Self::new(joined, world, between, dt))
     }
 
     fn new(mut robots: Vec<Robot>, mut world: World, between: Between, dt: f64) -> Self {

@@ -58,8 +58,6 @@ def show_crowd(crowd: Crowd, laws: Sequence[Law], *, port: int = 8080, open_brow
     """
     if len(laws) != len(crowd):
         raise InvalidInputError(f"laws has {len(laws)} entries, expected {len(crowd)}: one for each robot")
-    if not 1 <= port <= 65535:
-        raise InvalidInputError(f"port = {port} is out of range: expected 1 to 65535")
     held = [
         functools.partial(law, position=state.ball_position[:2]) if isinstance(law, Controller) else law
         for law, state in zip(laws, crowd.states, strict=True)

@@ -151,8 +151,6 @@ class View:
     """
 
     def __init__(self, session: Session, port: int = 8080, urdfs: dict[str, tuple[Path, Path]] | None = None) -> None:
-        if not 1 <= port <= 65535:
-            raise ValueError(f"port = {port} is out of range: expected 1 to 65535")
         self._urdfs = {**URDFS, **(urdfs or {})}
         self._params = {name: session.params_of(name) for name in session.robot_names}
         # Invalid files are rejected here, not by the display thread.

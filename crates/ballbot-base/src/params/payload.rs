@@ -16,7 +16,7 @@ const ROUNDING: f64 = 1e-14;
 /// gains energy above 4 and 2.
 const MOST_PER_STEP: f64 = 1.0;
 
-/// Largest deflection, m, and rate of a deflection, m/s, along an axis.
+/// Largest deflection and offset of the rest, m, and rate of a deflection, m/s, along an axis.
 const MAX_DEFLECTION: f64 = 1000.0;
 
 impl Params {
@@ -91,6 +91,21 @@ impl Params {
         for (i, number) in numbers.into_iter().enumerate() {
             let words = format_args!("within ±{MAX_DEFLECTION}");
             check(format_args!("{name}[{i}]"), number, words, |x| x.abs() <= MAX_DEFLECTION)?;
+        }
+        Ok(())
+    }
+
+    /// Checks an offset of the rest of the payload, body axes, m.
+    ///
+    /// # Errors
+    /// [`Error::Inconsistent`] without a payload; [`Error::OutOfRange`] for a number beyond ±1000 m.
+    pub fn validate_offset(&self, offset: [f64; 3]) -> Result<()> {
+        if !self.has_payload() {
+            return Err(Error::Inconsistent("a payload moves: payload_mass = 0 kg, the robot has none".into()));
+        }
+        for (i, value) in offset.into_iter().enumerate() {
+            let words = format_args!("within ±{MAX_DEFLECTION} m");
+            check(format_args!("offset[{i}]"), value, words, |v| v.abs() <= MAX_DEFLECTION)?;
         }
         Ok(())
     }

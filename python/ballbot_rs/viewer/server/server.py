@@ -21,6 +21,7 @@ from websockets.asyncio.server import ServerConnection
 from websockets.datastructures import Headers
 from websockets.http11 import Request, Response
 
+from ballbot_rs._errors import InvalidInputError
 from ballbot_rs.viewer.server import messages, teleop
 from ballbot_rs.viewer.server.head import DOCUMENTATION, DOCUMENTATION_PATH, with_head
 
@@ -189,8 +190,11 @@ def free_port(first: int) -> int:
     """The first free port from `first`. viser would search past the last port, and wait forever.
 
     Raises:
+        ValueError: a port out of range.
         OSError: no port is free.
     """
+    if not 1 <= first <= 65535:
+        raise InvalidInputError(f"port = {first} is out of range: expected 1 to 65535")
     for port in range(first, 65536):
         with socket.socket(socket.AF_INET, socket.SOCK_STREAM) as probe, contextlib.suppress(OSError):
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

@@ -16,7 +16,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Vec3, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
-use ballbot_base::payload::{Deflection, check_offset};
+use ballbot_base::payload::Deflection;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -443,7 +443,7 @@ impl Robots for ContactLanes {
     }
 
     fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
-        check_offset(self.lane_params(i), offset)?;
+        self.lane_params(i).validate_offset(offset)?;
         let mut state = self.lane(i);
         state.payload.offset = offset;
         self.set_lane(i, &state);
