@@ -151,7 +151,7 @@ def check_no_payload(params: "Params", what: str) -> None:
         ValueError: naming the parameter.
     """
     if params.has_payload:
-        raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as of robot.with_payload_fixed()")
+        raise ValueError(f"{what}: payload_mass = {params.payload_mass} must be 0, as of robot.with_payloads_fixed()")
 
 
 def check_no_obstacles(terrain: "Terrain | None", what: str) -> None:

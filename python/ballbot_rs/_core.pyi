@@ -204,6 +204,13 @@ class _ParamFields(TypedDict, total=False):
     payload_amplitude: npt.ArrayLike
     payload_period: float
     payload_phases: npt.ArrayLike
+    second_payload_mass: float
+    second_payload_position: npt.ArrayLike
+    second_payload_stiffness: npt.ArrayLike
+    second_payload_damping: npt.ArrayLike
+    second_payload_amplitude: npt.ArrayLike
+    second_payload_period: float
+    second_payload_phases: npt.ArrayLike
     floor_tilt: npt.ArrayLike
     floor_friction_gradient: npt.ArrayLike
     floor_patch_size: float
@@ -280,6 +287,13 @@ class Params:
         payload_amplitude: npt.ArrayLike = ...,  # Amplitude of a sinusoidal motion of the springs' rest along the body axes, as of an arm that moves its load. (m, >= -1000 and <= 1000)
         payload_period: float = 1.0,  # Period of `payload_amplitude`. (s, >= 0.01 and <= 1e9)
         payload_phases: npt.ArrayLike = ...,  # Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place. (rad, >= -1000 and <= 1000)
+        second_payload_mass: float = 0.0,  # Mass of a second payload, as `payload_mass`, for a robot that has a first. (kg, >= 0 and <= 1e6)
+        second_payload_position: npt.ArrayLike = ...,  # As `payload_position`. (m, >= -1000 and <= 1000)
+        second_payload_stiffness: npt.ArrayLike = ...,  # As `payload_stiffness`. (N/m, >= 0 and <= 1e12)
+        second_payload_damping: npt.ArrayLike = ...,  # As `payload_damping`. (N/(m/s), >= 0 and <= 1e9)
+        second_payload_amplitude: npt.ArrayLike = ...,  # As `payload_amplitude`. (m, >= -1000 and <= 1000)
+        second_payload_period: float = 1.0,  # As `payload_period`. (s, >= 0.01 and <= 1e9)
+        second_payload_phases: npt.ArrayLike = ...,  # As `payload_phases`. (rad, >= -1000 and <= 1000)
         floor_tilt: npt.ArrayLike = ...,  # Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)
         floor_friction_gradient: npt.ArrayLike = ...,  # Gradient (x, y) of floor friction: at a place its coefficients are multiplied by 1 at the origin plus the gradient times the place, within 0 and 2. Of `contact` and `rigid` only. (1/m, >= -1e6 and <= 1e6)
         floor_patch_size: float = 0.0,  # Side of the square patches in which floor friction differs, one of them around the origin; 0: none. Of `contact` and `rigid` only. (m, >= 0 and <= 1e6)
@@ -416,6 +430,27 @@ class Params:
     def payload_phases(self) -> tuple[float, float, float]:
         """Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place. (rad, >= -1000 and <= 1000)"""
     @property
+    def second_payload_mass(self) -> float:
+        """Mass of a second payload, as `payload_mass`, for a robot that has a first. (kg, >= 0 and <= 1e6)"""
+    @property
+    def second_payload_position(self) -> tuple[float, float, float]:
+        """As `payload_position`. (m, >= -1000 and <= 1000)"""
+    @property
+    def second_payload_stiffness(self) -> tuple[float, float, float]:
+        """As `payload_stiffness`. (N/m, >= 0 and <= 1e12)"""
+    @property
+    def second_payload_damping(self) -> tuple[float, float, float]:
+        """As `payload_damping`. (N/(m/s), >= 0 and <= 1e9)"""
+    @property
+    def second_payload_amplitude(self) -> tuple[float, float, float]:
+        """As `payload_amplitude`. (m, >= -1000 and <= 1000)"""
+    @property
+    def second_payload_period(self) -> float:
+        """As `payload_period`. (s, >= 0.01 and <= 1e9)"""
+    @property
+    def second_payload_phases(self) -> tuple[float, float, float]:
+        """As `payload_phases`. (rad, >= -1000 and <= 1000)"""
+    @property
     def floor_tilt(self) -> tuple[float, float]:
         """Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the slope, is at most 0.5. Gravity is `gravity_vector`. (rad, >= -0.5 and <= 0.5)"""
     @property
@@ -468,13 +503,14 @@ class Params:
         stiffness: npt.ArrayLike | None = None,
         damping: npt.ArrayLike | None = None,
         inertia: npt.ArrayLike | None = None,
+        payload: int = 0,
     ) -> Params:
         """A copy with a payload that moves on the body, in place of its present payload: a point mass on springs and dampers. The
         body alone stays the same; `body_*` of the copy describe it with the payload at its place.
 
         ```python
         robot = bb.Params.paper().with_payload(1.0, position=(0.0, 0.0, 0.4), stiffness=300.0, damping=3.0)
-        print(robot.body_mass, robot.without_payload().body_mass)
+        print(robot.body_mass, robot.without_payloads().body_mass)
         ```
 
         Args:
@@ -484,13 +520,14 @@ class Params:
             damping: likewise, N/(m/s); None keeps `payload_damping`.
             inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
                 inertia of the body alone grows by it, for good; None is a point.
+            payload: 0, or 1 for the second payload, of the parameters `second_payload_*`.
 
         Raises ValueError as the constructor.
         """
-    def without_payload(self) -> Params:
-        """The body alone, without its payload: a payload of 0 kg."""
-    def with_payload_fixed(self) -> Params:
-        """The same robot with its payload fixed to the body at its place, as laws take it."""
+    def without_payloads(self) -> Params:
+        """The body alone, without its payloads: payloads of 0 kg."""
+    def with_payloads_fixed(self) -> Params:
+        """The same robot with its payloads fixed to the body at their places, as laws take it."""
     @property
     def has_payload(self) -> bool:
         """Whether a payload moves on the body."""
@@ -961,14 +998,15 @@ class Ballbot:
         Raises:
             ValueError: a number out of range, or the model `planar`; the former force then stays.
         """
-    def move_payload(self, offset: npt.ArrayLike) -> None:
-        """Moves the rest of the payload's springs, as a rider who leans does. It is held until another offset or a reset.
+    def move_payload(self, offset: npt.ArrayLike, *, payload: int = 0) -> None:
+        """Moves the rest of a payload's springs, as a rider who leans does. It is held until another offset or a reset.
 
         Args:
             offset: from the payload's place, body axes, shape (3,), m.
+            payload: 0, or 1 for the second payload.
 
         Raises:
-            ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
+            ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
         """
     def set_params(self, params: _Robot) -> None:
         """Replaces the robot's parameters; they persist over resets.
@@ -989,20 +1027,20 @@ class Ballbot:
     def energy(self) -> float:
         """Kinetic plus potential energy, J; the latter is zero with the body's CoM at the ball center's height."""
     @property
-    def payload(self) -> _Array:
-        """Deflection of the payload from its place, m, then its rate, m/s, body axes, shape (6,); zeros for a robot without
-        payload. A reset puts the payload at its place.
+    def payloads(self) -> _Array:
+        """Deflections of the two payloads from their places, m, then their rates, m/s, body axes, shape (2, 6); zeros for a payload
+        that the robot does not have. A reset puts payloads at their places.
         """
-    def set_payload(self, payload: npt.ArrayLike) -> None:
-        """Replaces the deflection of the payload; a reset puts it at its place.
+    def set_payloads(self, payloads: npt.ArrayLike) -> None:
+        """Replaces the deflections of the payloads; a reset puts them at their places.
 
         Args:
-            payload: deflection from its place, m, then its rate, m/s, body axes, shape (6,), as the attribute `payload`; zeros
-                for a robot without payload.
+            payloads: deflections from their places, m, then their rates, m/s, body axes, shape (2, 6), as the attribute
+                `payloads`; zeros for a payload that the robot does not have.
 
         Raises:
-            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payload
-                then stays as it is.
+            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+                payloads then stay as they are.
         """
     @property
     def time(self) -> float:
@@ -1119,7 +1157,7 @@ class Crowd:
         """Kinetic plus potential energy of each robot, shape (n,), J, as `Ballbot.energy`."""
     @property
     def payloads(self) -> _Array:
-        """Deflection of each robot's payload, shape (n, 6), as `Ballbot.payload`."""
+        """Deflections of each robot's payloads, shape (n, 2, 6), as `Ballbot.payloads`."""
     @property
     def params(self) -> list[Params]:
         """Parameters of each robot."""
@@ -2375,30 +2413,31 @@ class Batch:
         frame, shape (num_envs, 2), N; None unless it was called with a controller that has `Controller.outside_force`,
         without `drawn`. Zero from a reset to the next call.
         """
-    def move_payload(self, index: int, offset: npt.ArrayLike) -> None:
+    def move_payload(self, index: int, offset: npt.ArrayLike, *, payload: int = 0) -> None:
         """Moves the rest of the springs of a robot's payload, as a rider who leans does. It is held until another offset or a reset; in the
-        task `ride` the rider replaces it in the next step.
+        task `ride` the rider, the first payload, replaces it in the next step.
 
         Args:
             index: the robot.
             offset: from the payload's place, body axes, shape (3,), m.
+            payload: 0, or 1 for the second payload.
 
         Raises:
-            ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
+            ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
         """
     def payloads(self) -> _Array:
-        """Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
-        without payload.
+        """Deflections of each robot's two payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 2, 6); zeros
+        for a payload that a robot does not have.
         """
     def set_payloads(self, payloads: npt.ArrayLike) -> None:
-        """Replaces the deflections of the payloads; the reset of a robot puts its payload at its place.
+        """Replaces the deflections of the payloads; the reset of a robot puts its payloads at their places.
 
         Args:
-            payloads: as `payloads()`, shape (num_envs, 6); zeros for robots without payload.
+            payloads: as `payloads()`, shape (num_envs, 2, 6); zeros for payloads that a robot does not have.
 
         Raises:
-            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payloads
-                then stay as they are.
+            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+                payloads then stay as they are.
         """
     def control(
         self,

@@ -45,7 +45,7 @@ def test_a_law_of_each_keeps_them_upright() -> None:
         )
     assert max(state.tilt for state in crowd.states) < 0.05
     assert crowd.energy.shape == (3,)
-    assert crowd.payloads.shape == (3, 6)
+    assert crowd.payloads.shape == (3, 2, 6)
     assert all(contacts.floor_force[2] > 1.0 for contacts in crowd.contacts)
 
 

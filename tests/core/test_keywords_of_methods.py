@@ -17,6 +17,8 @@ OTHER = bb.State.at_rest(PAPER, tilt=(-0.05, 0.02))
 #: Above the floor also for a larger ball.
 HIGH = bb.State.at_rest(PAPER.replace(ball_radius=0.118), tilt=(0.06, -0.03))
 TORQUES = np.array([[0.1, 0.02, 0.0], [0.05, 0.0, 0.1]])
+LOADED = PAPER.with_payload(0.3, position=(0.0, 0.0, 0.3), stiffness=90.0)
+LOADED = LOADED.with_payload(0.1, position=(0.1, 0.0, 0.2), stiffness=20.0, payload=1)
 PUSH = (0.1, 0.2, 0.0)
 FORCE = (2.0, 3.0, 0.0)
 WAVE = {"frequency": 30.0, "phase": With(0.4, frequency=30.0), "delay": 0.002, "duration": 0.002}
@@ -119,6 +121,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         {"steps": 3},
     ),
     "Ballbot.push": (lambda **given: _then(_robot(), "push", **given), {"impulse": PUSH}, {"point": (0.0, 0.1, 0.2)}),
+    "Ballbot.move_payload": (
+        lambda **given: _then(bb.Ballbot(LOADED), "move_payload", **given),
+        {"offset": (0.01, 0.0, 0.0)},
+        {"payload": 1},
+    ),
     "Ballbot.apply_force": (
         lambda **given: _then(_robot(), "apply_force", **given),
         {"force": FORCE},
@@ -187,9 +194,15 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
     "Estimator.reset": (_estimated, {}, {"state": START}),
     "Params.holding_torques": (PAPER.replace(floor_tilt=(0.05, 0.0)).holding_torques, {}, {"yaw": 0.3}),
     "Params.with_payload": (
-        PAPER.replace(payload_stiffness=(100.0,) * 3).with_payload,
+        LOADED.with_payload,
         {"mass": 0.5},
-        {"position": (0.0, 0.01, 0.3), "stiffness": 200.0, "damping": (1.0, 2.0, 3.0), "inertia": 0.001},
+        {
+            "position": (0.0, 0.01, 0.3),
+            "stiffness": 200.0,
+            "damping": (1.0, 2.0, 3.0),
+            "inertia": 0.001,
+            "payload": 1,
+        },
     ),
     "Params.slope_limits": (PAPER.slope_limits, {}, {"fall_tilt": 0.2}),
     "Reference.slowdown": (bb.Reference.circle(0.5, 4.0, robot=PAPER).slowdown, {}, {"friction": 0.2}),
@@ -220,6 +233,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         lambda **given: _stepped(_batch(), "push", index=0, **given),
         {"impulse": PUSH},
         {"point": (0.0, 0.1, 0.2)},
+    ),
+    "Batch.move_payload": (
+        lambda **given: _stepped(_batch(robot=LOADED, events=None), "move_payload", **given),
+        {"index": 0, "offset": (0.01, 0.0, 0.0)},
+        {"payload": 1},
     ),
     "Batch.apply_force": (
         lambda **given: _stepped(_batch(), "apply_force", index=0, **given),

@@ -1,4 +1,4 @@
-"""A payload that moves on the body."""
+"""Payloads that move on the body."""
 
 import numpy as np
 import pytest
@@ -20,7 +20,7 @@ def tray(name, share=0.1, hertz=2.0, ratio=0.05):
     )
 
 
-def test_with_payload_adds_a_mass_and_without_payload_takes_it_off():
+def test_with_payload_adds_a_mass_and_without_payloads_takes_it_off():
     paper = bb.Params.paper()
     robot = paper.with_payload(1.0, position=[0.0, 0.0, 0.4], stiffness=[300.0, 300.0, 3000.0], damping=3)
     assert robot.has_payload
@@ -29,13 +29,59 @@ def test_with_payload_adds_a_mass_and_without_payload_takes_it_off():
     assert robot.payload_damping == (3.0, 3.0, 3.0)
     com = (paper.body_mass * paper.body_com_height + 0.4) / robot.body_mass
     assert robot.body_com_height == pytest.approx(com, rel=1e-14)
-    assert robot.without_payload().body_mass == pytest.approx(paper.body_mass, rel=1e-14)
-    assert robot.without_payload().body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
-    fixed = robot.with_payload_fixed()
+    assert robot.without_payloads().body_mass == pytest.approx(paper.body_mass, rel=1e-14)
+    assert robot.without_payloads().body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
+    fixed = robot.with_payloads_fixed()
     assert (fixed.payload_mass, fixed.body_mass) == (0.0, robot.body_mass)
     # The place and the springs are kept.
     assert robot.with_payload(2.0).payload_position == (0.0, 0.0, 0.4)
     assert bb.Params.from_toml(robot.to_toml()) == robot
+
+
+def test_a_second_payload_comes_with_a_first():
+    paper = bb.Params.paper()
+    one = paper.with_payload(1.0, position=[0.0, 0.0, 0.4], stiffness=300.0)
+    two = one.with_payload(0.5, position=[0.1, 0.0, 0.2], stiffness=[50.0, 60.0, 70.0], damping=1.0, payload=1)
+    assert (two.second_payload_stiffness, two.second_payload_damping) == ((50.0, 60.0, 70.0), (1.0, 1.0, 1.0))
+    assert two.body_mass == pytest.approx(paper.body_mass + 1.5, rel=1e-14)
+    alone = two.without_payloads()
+    assert (alone.payload_mass, alone.second_payload_mass) == (0.0, 0.0)
+    assert alone.body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
+    assert (two.with_payloads_fixed().second_payload_mass, two.with_payloads_fixed().body_mass) == (0.0, two.body_mass)
+    # Either is replaced, the other stays.
+    lighter = two.with_payload(0.2)
+    assert (lighter.payload_mass, lighter.second_payload_mass) == (0.2, 0.5)
+    assert lighter.without_payloads().body_inertia == pytest.approx(paper.body_inertia, rel=1e-12)
+    put_down = two.with_payload(0.0, payload=1)
+    assert put_down.body_com == pytest.approx(one.body_com, rel=1e-12)
+    assert bb.Params.from_toml(two.to_toml()) == two
+    with pytest.raises(ValueError, match="there must be a first payload"):
+        paper.with_payload(0.5, stiffness=10.0, payload=1)
+    with pytest.raises(ValueError, match="there must be a first payload"):
+        two.with_payload(0.0)
+    with pytest.raises(ValueError, match="payload = 2 must be 0, or 1"):
+        paper.with_payload(0.5, stiffness=10.0, payload=2)
+
+
+@pytest.mark.parametrize("model", ["contact", "spatial", "rigid"])
+def test_two_arms_that_swing_apart_turn_the_body_about_its_mast(model):
+    """The forces of the arms on the body are a couple about the mast."""
+    paper = bb.Params.paper()
+    mass, arm, k = 0.05 * paper.body_mass, 0.15, 400.0
+    springs = {"stiffness": k, "damping": 2.0 * np.sqrt(k * mass)}
+    robot = paper.with_payload(mass, position=(arm, 0.0, 0.3), **springs)
+    robot = robot.with_payload(mass, position=(-arm, 0.0, 0.3), **springs, payload=1)
+    ballbot = bb.Ballbot(robot, model=model)
+    law = bb.Lqr(robot, control_dt=0.01)
+    for sign, payload in ((1.0, 0), (-1.0, 1)):
+        ballbot.move_payload((0.0, sign * 0.05, 0.0), payload=payload)
+    for _ in range(5):
+        ballbot.step(law(ballbot.state), steps=10)
+    first, second = ballbot.payloads
+    np.testing.assert_allclose(first[:3], second[:3] * [-1.0, -1.0, 1.0], atol=1e-4)
+    assert first[1] > 0.03
+    assert ballbot.state.yaw < -0.04
+    assert ballbot.state.tilt < 1e-3
 
 
 def test_a_rigid_body_adds_its_inertia_to_the_body():
@@ -47,7 +93,7 @@ def test_a_rigid_body_adds_its_inertia_to_the_body():
     ball = paper.with_payload(1.0, **load, inertia=0.01)
     np.testing.assert_allclose(np.subtract(ball.body_inertia, point.body_inertia), 0.01, atol=1e-15)
     # It turns with the body, so it stays with the body.
-    kept = np.subtract(ball.without_payload().body_inertia, paper.body_inertia)
+    kept = np.subtract(ball.without_payloads().body_inertia, paper.body_inertia)
     np.testing.assert_allclose(kept, 0.01, atol=1e-12)
 
 
@@ -80,17 +126,17 @@ def test_laws_balance_a_robot_whose_payload_sways(name, model, law):
     swayed = 0.0
     for _ in range(1000):
         robot.step(controller(robot.state), steps=10)
-        swayed = max(swayed, float(np.abs(robot.payload[:3]).max()))
+        swayed = max(swayed, float(np.abs(robot.payloads[0, :3]).max()))
     assert swayed > 1e-4
     assert robot.state.tilt < 0.02
     # The bearings of some robots keep them rolling.
-    assert np.abs(robot.payload[:3]).max() < 0.5 * swayed
+    assert np.abs(robot.payloads[0, :3]).max() < 0.5 * swayed
 
 
 def test_a_law_that_does_not_expect_the_payload_balances_as_well():
     params = tray("paper", share=0.3)
     robot = bb.Ballbot(params)
-    law = bb.Lqr(params.without_payload(), control_dt=0.01)
+    law = bb.Lqr(params.without_payloads(), control_dt=0.01)
     robot.reset(bb.State.at_equilibrium(params, tilt=(0.02, 0.0)))
     for _ in range(1000):
         robot.step(law(robot.state), steps=10)
@@ -102,14 +148,14 @@ def test_a_batch_reads_the_payloads_of_its_robots():
     batch = new_batch(3, autoreset="disabled", options={"robot": params})
     start = bb.State.at_rest(params, (0.05, 0.0))
     batch.reset(starts=[start] * 3)
-    np.testing.assert_allclose(batch.payloads(), np.zeros((3, 6)), atol=1e-15)
+    np.testing.assert_allclose(batch.payloads(), np.zeros((3, 2, 6)), atol=1e-15)
     alone = bb.Ballbot(params, sim_dt=batch.sim_dt)
     alone.reset(start)
     for _ in range(5):
         batch.step(np.zeros((3, 3)))
     alone.step(np.zeros(3), steps=round(5 * batch.control_dt / batch.sim_dt))
-    np.testing.assert_array_equal(batch.payloads(), np.tile(alone.payload, (3, 1)))
-    assert np.abs(alone.payload).max() > 0.0
+    np.testing.assert_array_equal(batch.payloads(), np.tile(alone.payloads, (3, 1, 1)))
+    assert np.abs(alone.payloads).max() > 0.0
 
 
 @pytest.mark.parametrize("model", ["contact", "spatial", "rigid"])
@@ -117,33 +163,37 @@ def test_deflections_are_set_and_read(model):
     params = tray("paper")
     rng = np.random.default_rng(0)
     batch = new_batch(9, autoreset="disabled", options={"robot": params, "model": model})
-    batch.set_params(4, params.without_payload())
+    batch.set_params(4, params.without_payloads())
+    for i in range(5, 9):
+        batch.set_params(i, params.with_payload(0.1, position=(0.1, 0.0, 0.2), stiffness=30.0, payload=1))
     robots = [batch.params(i) for i in range(9)]
     batch.reset(starts=[bb.State.at_rest(one, (0.05, 0.02)) for one in robots])
-    deflections = 0.02 * rng.standard_normal((9, 6))
+    deflections = 0.02 * rng.standard_normal((9, 2, 6))
     deflections[4] = 0.0
+    deflections[:5, 1] = 0.0
     batch.set_payloads(deflections)
     np.testing.assert_allclose(batch.payloads(), deflections, atol=1e-14)
     batch.step(np.zeros((9, 3)))
     for i in (0, 8):
-        alone = bb.Ballbot(params, model=model, sim_dt=batch.sim_dt)
-        alone.reset(bb.State.at_rest(params, (0.05, 0.02)))
-        alone.set_payload(deflections[i])
+        alone = bb.Ballbot(robots[i], model=model, sim_dt=batch.sim_dt)
+        alone.reset(bb.State.at_rest(robots[i], (0.05, 0.02)))
+        alone.set_payloads(deflections[i])
         alone.step(np.zeros(3), steps=round(batch.control_dt / batch.sim_dt))
-        np.testing.assert_array_equal(batch.payloads()[i], alone.payload)
+        np.testing.assert_array_equal(batch.payloads()[i], alone.payloads)
         np.testing.assert_array_equal(batch.state(i).to_array(), alone.state.to_array())
     before = batch.payloads()
     for place, value, message in (
-        (4, 0.1, r"payloads\[4\] must be zero: the robot has no payload"),
-        (7, np.nan, r"payloads has a value that is not finite|payloads"),
-        (7, 2000.0, r"payloads\[7\]\[0\] = 2000 is out of range: it must be within ±1000"),
+        ((4, 0), 0.1, r"payloads\[4\]\[0\] must be zero: the robot has no such payload, payload_mass is 0"),
+        ((0, 1), 0.1, r"payloads\[0\]\[1\] must be zero: the robot has no such payload, second_payload_mass is 0"),
+        ((7, 1), np.nan, r"payloads has a value that is not finite|payloads"),
+        ((7, 1), 2000.0, r"payloads\[7\]\[1\]\[0\] = 2000 is out of range: it must be within ±1000"),
     ):
-        bad = np.zeros((9, 6))
-        bad[place, 0] = value
+        bad = np.zeros((9, 2, 6))
+        bad[(*place, 0)] = value
         with pytest.raises(ValueError, match=message):
             batch.set_payloads(bad)
-    with pytest.raises(ValueError, match=r"payloads has shape \(9, 3\), expected \(9, 6\)"):
-        batch.set_payloads(np.zeros((9, 3)))
+    with pytest.raises(ValueError, match=r"payloads has shape \(9, 6\), expected \(9, 2, 6\)"):
+        batch.set_payloads(np.zeros((9, 6)))
     np.testing.assert_array_equal(batch.payloads(), before)
 
 
@@ -175,7 +225,7 @@ def test_a_payload_taken_off_leaves_the_robot_as_it_was():
 
 def test_scales_take_the_payload_as_fixed():
     robot = tray("paper", share=0.5)
-    assert bb.Scale.of(robot) == bb.Scale.of(robot.with_payload_fixed())
+    assert bb.Scale.of(robot) == bb.Scale.of(robot.with_payloads_fixed())
 
 
 @pytest.mark.parametrize("model", ["contact", "spatial", "rigid"])
@@ -184,7 +234,7 @@ def test_a_rider_who_leans_tilts_the_robot_until_the_moments_balance(name, model
     """At rest without torque, the CoM of body and payload is above the ball."""
     losses = ("wheel_coulomb_friction", "roller_friction", "floor_rolling_friction", "floor_spinning_friction")
     params = tray(name, share=0.3, hertz=2.5, ratio=0.3).replace(**dict.fromkeys(losses, 0.0))
-    alone, (height, mass) = params.without_payload(), (params.payload_position[2], params.payload_mass)
+    alone, (height, mass) = params.without_payloads(), (params.payload_position[2], params.payload_mass)
     stiffness = params.payload_stiffness[0]
     weight = mass * params.gravity
     offset = 0.1 * params.body_com_height
@@ -212,7 +262,7 @@ def test_a_rider_who_leans_tilts_the_robot_until_the_moments_balance(name, model
         # A rotation vector: about y the robot leans along x, about x against y.
         expected = sign * middle * np.array([-1.0, 0.0] if axis else [0.0, 1.0])
         np.testing.assert_allclose(tilt, expected, atol=2e-4)
-        assert ballbot.payload[axis] == pytest.approx(
+        assert ballbot.payloads[0, axis] == pytest.approx(
             sign * (offset + weight * np.sin(middle) / stiffness), abs=1e-3 * offset
         )
 
@@ -224,6 +274,11 @@ def test_offsets_of_a_payload_are_checked():
             ballbot.move_payload(offset)
     with pytest.raises(ValueError, match="payload_mass = 0"):
         bb.Ballbot().move_payload([0.0, 0.0, 0.0])
+    with pytest.raises(ValueError, match="second_payload_mass = 0"):
+        ballbot.move_payload([0.0, 0.0, 0.0], payload=1)
+    for payload in (2, -1):
+        with pytest.raises(ValueError, match=f"payload = {payload} must be 0, or 1"):
+            ballbot.move_payload([0.0, 0.0, 0.0], payload=payload)
     batch = bb.Batch(2, robot=tray("paper"))
     with pytest.raises((ValueError, IndexError)):
         batch.move_payload(2, [0.0, 0.0, 0.0])

@@ -1,4 +1,4 @@
-"""A payload that moves on the body, in MuJoCo and here."""
+"""Payloads that move on the body, in MuJoCo and here."""
 
 import numpy as np
 import pytest
@@ -11,15 +11,15 @@ pytest.importorskip("mujoco")
 
 import mujoco
 
-from ballbot_rs.engines.mujoco_robot import PAYLOAD, MujocoRobot, accurate
+from ballbot_rs.engines.mujoco_robot import PAYLOADS, MujocoRobot, accurate
 
 SIM_DT = 2e-4
 #: Robots whose body without wheels has an inertia that MuJoCo takes.
 SEEDS = [seed for seed in range(23) if seed not in (0, 13, 18)]
 
 
-def loaded(seed):
-    """A robot of the family with a payload of up to 60 % of its body, off the mast, soft along every axis."""
+def loaded(seed, count=1):
+    """A robot of the family with payloads of up to 60 and 20 % of its body, off the mast, soft along every axis."""
     rng = np.random.default_rng(seed)
     params = sample_robots(1, seed=seed)[0].replace(
         ball_viscous_friction=0.0,
@@ -29,24 +29,28 @@ def loaded(seed):
         # MuJoCo's is not the same at rest.
         wheel_coulomb_friction=0.0,
     )
-    mass = rng.uniform(0.05, 0.6) * params.body_mass
-    height = rng.uniform(0.5, 2.0) * params.body_com_height
-    hertz = rng.uniform(1.0, 5.0, 3)
-    stiffness = mass * (2.0 * np.pi * hertz) ** 2
-    return params.with_payload(
-        mass,
-        position=(*rng.uniform(-0.1, 0.1, 2) * height, height),
-        stiffness=stiffness,
-        damping=2.0 * rng.uniform(0.0, 0.3) * np.sqrt(stiffness * mass),
-    )
+    for index, most in enumerate((0.6, 0.2)[:count]):
+        mass = rng.uniform(0.05, most) * params.body_mass
+        height = rng.uniform(0.5, 2.0) * params.body_com_height
+        hertz = rng.uniform(1.0, 5.0, 3)
+        stiffness = mass * (2.0 * np.pi * hertz) ** 2
+        params = params.with_payload(
+            mass,
+            position=(*rng.uniform(-0.1, 0.1, 2) * height, height),
+            stiffness=stiffness,
+            damping=2.0 * rng.uniform(0.0, 0.3) * np.sqrt(stiffness * mass),
+            payload=index,
+        )
+    return params
 
 
+@pytest.mark.parametrize("count", [1, 2])
 @pytest.mark.parametrize("seed", SEEDS)
-def test_robots_with_payloads_move_alike_in_both_engines(seed):
-    params = loaded(seed)
+def test_robots_with_payloads_move_alike_in_both_engines(seed, count):
+    params = loaded(seed, count)
     start = bb.State.at_equilibrium(params, tilt=(0.03, -0.02))
     there, here = MujocoRobot(robot_geometry(params), accurate(SIM_DT)), bb.Ballbot(params, sim_dt=SIM_DT)
-    fixed = bb.Ballbot(params.with_payload_fixed(), sim_dt=SIM_DT)
+    fixed = bb.Ballbot(params.with_payloads_fixed(), sim_dt=SIM_DT)
     for robot in (there, here, fixed):
         robot.reset(start)
     limit = 0.02 * min(params.max_wheel_torque, params.scale("N·m"))
@@ -55,7 +59,7 @@ def test_robots_with_payloads_move_alike_in_both_engines(seed):
         torques = limit * np.sin(0.3 * k + np.arange(3.0))
         for robot in (there, here, fixed):
             robot.step(torques, 20)
-        found, expected = here.payload[:3], there.data.qpos[PAYLOAD]
+        found, expected = here.payloads[:count, :3].ravel(), there.data.qpos[PAYLOADS]
         largest = max(largest, float(np.abs(expected).max()))
         error = max(error, float(np.abs(found - expected).max()))
         effect = max(effect, abs(here.state.tilt - fixed.state.tilt))
@@ -69,7 +73,7 @@ def test_robots_with_payloads_move_alike_in_both_engines(seed):
 def test_a_rigid_body_on_springs_has_its_inertia_in_the_body(seed):
     """It turns with the body: in MuJoCo with its own inertia, here a point on a body with more inertia."""
     point = loaded(seed)
-    alone = point.without_payload()
+    alone = point.without_payloads()
     inertia = np.array([0.5, 0.4, 0.3]) * np.mean(alone.body_inertia)
     solid = alone.with_payload(point.payload_mass, inertia=inertia)
     there = MujocoRobot(robot_geometry(point), accurate(SIM_DT))
@@ -85,10 +89,10 @@ def test_a_rigid_body_on_springs_has_its_inertia_in_the_body(seed):
         torques = limit * np.sin(0.3 * k + np.arange(3.0))
         for robot in (there, here, other):
             robot.step(torques, 20)
-        expected = there.data.qpos[PAYLOAD]
+        expected = there.data.qpos[PAYLOADS]
         largest = max(largest, float(np.abs(expected).max()))
-        error = max(error, float(np.abs(here.payload[:3] - expected).max()))
-        effect = max(effect, float(np.abs(other.payload[:3] - expected).max()))
+        error = max(error, float(np.abs(here.payloads[0, :3] - expected).max()))
+        effect = max(effect, float(np.abs(other.payloads[0, :3] - expected).max()))
         assert abs(here.state.tilt - there.state().tilt) <= 0.02 * here.state.tilt, k
     assert error <= 0.02 * largest
     # The inertia matters.
@@ -102,6 +106,7 @@ def test_the_engine_of_tasks_rejects_a_payload():
 
 
 def test_an_arm_is_rejected():
-    arm = loaded(1).replace(payload_amplitude=(0.01, 0.0, 0.0))
-    with pytest.raises(ValueError, match="payload_amplitude"):
-        MujocoRobot(robot_geometry(arm), accurate(SIM_DT))
+    for name in ("payload_amplitude", "second_payload_amplitude"):
+        arm = loaded(1, 2).replace(**{name: (0.01, 0.0, 0.0)})
+        with pytest.raises(ValueError, match=f"simulate {name}"):
+            MujocoRobot(robot_geometry(arm), accurate(SIM_DT))

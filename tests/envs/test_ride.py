@@ -55,7 +55,7 @@ def test_a_rider_is_a_part_of_the_body_and_a_payload_is_the_rider():
     ridden = new(robot=paper).params(0)
     assert ridden.payload_mass == 0.35 * paper.body_mass
     assert ridden.body_mass == paper.body_mass
-    assert ridden.with_payload_fixed() == paper.replace(
+    assert ridden.with_payloads_fixed() == paper.replace(
         **{name: getattr(ridden, name) for name in ("payload_position", "payload_stiffness", "payload_damping")}
     )
     own = paper.with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=100.0, damping=5.0)
@@ -130,7 +130,7 @@ def test_the_seat_measures_the_lean_and_commands_a_smooth_motion():
     before = batch.setpoint(0)
     for _ in range(400):
         observations = batch.step(batch.control(controller))[0]
-        np.testing.assert_allclose(observations[:, lean], batch.payloads()[:, :2] / length, rtol=1e-6, atol=1e-7)
+        np.testing.assert_allclose(observations[:, lean], batch.payloads()[:, 0, :2] / length, rtol=1e-6, atol=1e-7)
         setpoint = batch.setpoint(0)
         for part, rate in pairwise(("position", "velocity", "acceleration", "jerk")):
             change = np.subtract(setpoint[part], before[part]) / dt

@@ -93,18 +93,20 @@ def test_the_motion_of_an_arm_is_not_in_a_log(exact):
         identify(exact, LOADED.replace(payload_amplitude=(0.01, 0.0, 0.0)), ("payload_mass",))
     with pytest.raises(ValueError, match="unknown field 'payload_period'"):
         identify(exact, LOADED, ("payload_period",))
+    with pytest.raises(ValueError, match=r"second_payload_mass = 0.1 must be 0: a fit is of one payload"):
+        identify(exact, LOADED.with_payload(0.1, stiffness=10.0, payload=1), ("payload_mass",))
 
 
 def test_other_numbers_are_fitted_on_a_robot_with_a_payload(exact):
     found = identify(exact, LOADED.replace(body_com_height=0.16), ("body_com_height",), num_threads=1)
     assert found.values[0] == pytest.approx(LOADED.body_com_height, rel=1e-3)
-    fixed = identify(exact, LOADED.with_payload_fixed(), ("body_com_height",), num_threads=1)
+    fixed = identify(exact, LOADED.with_payloads_fixed(), ("body_com_height",), num_threads=1)
     assert fixed.noise["gyro"] > 10.0 * found.noise["gyro"]
     assert abs(fixed.values[0] - LOADED.body_com_height) > 10.0 * abs(found.values[0] - LOADED.body_com_height)
 
 
 def test_a_replay_sways(noisy):
-    sways, fixed = (replay(noisy, robot, num_threads=1) for robot in (LOADED, LOADED.with_payload_fixed()))
+    sways, fixed = (replay(noisy, robot, num_threads=1) for robot in (LOADED, LOADED.with_payloads_fixed()))
     for one, other in zip(sways.residuals, fixed.residuals, strict=True):
         # The noise is estimated from third differences.
         assert one.rms < 1.1 * one.noise, one

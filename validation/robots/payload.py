@@ -48,7 +48,7 @@ def loaded(params: bb.Params, share: float, hertz: float | None) -> bb.Params:
         stiffness=stiffness,
         damping=2.0 * _RATIO * math.sqrt(stiffness * mass),
     )
-    return robot if hertz else robot.with_payload_fixed()
+    return robot if hertz else robot.with_payloads_fixed()
 
 
 @cache
@@ -68,7 +68,7 @@ def claims() -> list[Claim]:
     """The deflection of a payload in free fall."""
     found = []
     robot = loaded(PAPER, 0.5, 2.0).replace(payload_damping=(0.0, 0.0, 0.0))
-    mass, alone = robot.payload_mass, robot.without_payload().body_mass
+    mass, alone = robot.payload_mass, robot.without_payloads().body_mass
     stiffness, time = robot.payload_stiffness[2], 0.1
     omega = math.sqrt(stiffness * (1.0 / mass + 1.0 / alone))
     expected = mass * robot.gravity / stiffness * (1.0 - math.cos(omega * time))
@@ -80,7 +80,7 @@ def claims() -> list[Claim]:
         falling.reset(bb.State.from_array(row))
         falling.step(np.zeros(3), round(time * 1e4))
         name = f"deflection of a payload after {time:g} s of free fall, {model}"
-        found.append(Claim(name, float(falling.payload[2]), expected, limit, "m"))
+        found.append(Claim(name, float(falling.payloads[0, 2]), expected, limit, "m"))
     return found
 
 

@@ -4,7 +4,7 @@ use crate::kinematics::Omniwheels;
 use crate::lane_state::LaneState;
 use crate::lanes::{Vec3, run_one};
 use crate::params::Params;
-use crate::payload::{Payload, PayloadMotion};
+use crate::payload::{PAYLOADS, Payload, PayloadMotion};
 use crate::state::State;
 use nalgebra::Vector3;
 
@@ -29,23 +29,38 @@ pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) ->
     0.5 * twice_kinetic + params.gravity * (params.body_mass * com_height + params.ball_mass * ball_height)
 }
 
-/// [`mechanical_energy`] of a robot whose payload moves, `time` s after the reset: with its payload at its place, as of a
-/// robot whose payload is fixed. The springs' energy is zero where their force holds the payload.
+/// [`mechanical_energy`] of a robot whose payloads move, `time` s after the reset: with its payloads at their places, as of a
+/// robot whose payloads are fixed. The springs' energy is zero where their force holds the payload.
 pub fn energy_with_payload(
     params: &Params,
     wheels: &Omniwheels,
     state: &State,
-    payload: &PayloadMotion<f64>,
+    motions: &[PayloadMotion<f64>; PAYLOADS],
     time: f64,
 ) -> f64 {
     if !params.has_payload() {
         return mechanical_energy(params, wheels, state);
     }
     let up = params.up() * params.gravity;
-    let of_payload = run_one(
-        #[inline(always)]
-        || Payload::new(params).energy(&LaneState::from(state), payload, Vec3::new(up.x, up.y, up.z), time),
-    );
-    let above = params.payload_mass * params.ball_radius * up.z;
-    mechanical_energy(&params.without_payload(), wheels, state) + of_payload - above
+    let alone = mechanical_energy(&params.without_payloads(), wheels, state);
+    alone + energy_of_payloads(&Payload::of(params), &LaneState::from(state), motions, &up, time)
+        - params.mass_of_payloads() * params.ball_radius * up.z
+}
+
+/// [`Payload::energy`] of all payloads, J.
+pub fn energy_of_payloads(
+    payloads: &[Payload<f64>; PAYLOADS],
+    body: &LaneState<f64>,
+    motions: &[PayloadMotion<f64>; PAYLOADS],
+    up: &Vector3<f64>,
+    time: f64,
+) -> f64 {
+    let up = Vec3::new(up.x, up.y, up.z);
+    let energy = |(payload, motion): (&Payload<f64>, &PayloadMotion<f64>)| {
+        run_one(
+            #[inline(always)]
+            || payload.energy(body, motion, up, time),
+        )
+    };
+    payloads.iter().zip(motions).filter(|(payload, _)| payload.mass > 0.0).map(energy).sum()
 }

@@ -40,6 +40,6 @@ pub use lane_state::{LaneRobot, LaneState};
 pub use memory::{require_memory, try_reserve, try_zeros};
 pub use model::Model;
 pub use params::{PAPER_BALL_VISCOUS_FRICTION, Params};
-pub use payload::Deflection;
+pub use payload::{Deflection, PAYLOADS};
 pub use state::{Contacts, State, attitude, rolling_rate, unit_quaternion, wxyz};
 pub use wheels::{WHEELS, Wheels};

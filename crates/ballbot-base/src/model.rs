@@ -3,7 +3,7 @@
 use crate::error::{Error, Result};
 use crate::force::HeldForce;
 use crate::params::Params;
-use crate::payload::Deflection;
+use crate::payload::{Deflection, PAYLOADS};
 use crate::state::{Contacts, State};
 use crate::terrain::Ground;
 use crate::wheels::Wheels;
@@ -98,18 +98,18 @@ pub trait Model: Send + Sync {
         HeldForce::default()
     }
 
-    /// Moves the rest of the payload's springs to a valid offset from its place, body axes, m, until another or a reset. Of no
-    /// effect without a payload.
-    fn move_payload(&mut self, _: [f64; 3]) {}
+    /// Moves the rest of a payload's springs to a valid offset from its place, body axes, m, until another or a reset. Of no
+    /// effect without that payload.
+    fn move_payload(&mut self, _index: usize, _offset: [f64; 3]) {}
 
-    /// Deflection of the payload from its place; zeros without a payload.
-    fn payload(&self) -> Deflection<f64> {
-        Deflection::default()
+    /// Deflections of the payloads from their places; zeros without a payload.
+    fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
+        Default::default()
     }
 
-    /// Replaces the deflection of the payload, which [`crate::params::Params::validate_deflection`] accepts; no effect without a
-    /// payload.
-    fn set_payload(&mut self, _: &Deflection<f64>) {}
+    /// Replaces the deflections of the payloads, which [`crate::params::Params::validate_deflections`] accepts; no effect without
+    /// a payload.
+    fn set_payloads(&mut self, _: &[Deflection<f64>; PAYLOADS]) {}
 
     /// Appends everything that determines the future motion, for [`Model::load`].
     fn save(&self) -> Vec<u8>;
@@ -137,6 +137,6 @@ fn differ_in_payload(a: &Params, b: &Params) -> bool {
     if !a.has_payload() && !b.has_payload() {
         return false;
     }
-    let [a, b] = [a, b].map(|params| params.without_payload().body_com());
+    let [a, b] = [a, b].map(|params| params.without_payloads().body_com());
     (a - b).norm() <= 1e-9 * a.norm()
 }

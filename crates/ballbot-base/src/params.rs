@@ -143,6 +143,20 @@ fields! {
         pub payload_period: f64 = 1.0, "s", Limit::from(0.01).to(1e9);
         /// Phases of `payload_amplitude` at the start of an episode; 0: the rest passes the payload's place.
         pub payload_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
+        /// Mass of a second payload, as `payload_mass`, for a robot that has a first.
+        pub second_payload_mass: f64 = 0.0, "kg", Limit::from(0.0).to(1e6);
+        /// As `payload_position`.
+        pub second_payload_position: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
+        /// As `payload_stiffness`.
+        pub second_payload_stiffness: [f64; 3] = [0.0; 3], "N/m", Limit::from(0.0).to(1e12);
+        /// As `payload_damping`.
+        pub second_payload_damping: [f64; 3] = [0.0; 3], "N/(m/s)", Limit::from(0.0).to(1e9);
+        /// As `payload_amplitude`.
+        pub second_payload_amplitude: [f64; 3] = [0.0; 3], "m", Limit::from(-1e3).to(1e3);
+        /// As `payload_period`.
+        pub second_payload_period: f64 = 1.0, "s", Limit::from(0.01).to(1e9);
+        /// As `payload_phases`.
+        pub second_payload_phases: [f64; 3] = [0.0; 3], "rad", Limit::from(-1e3).to(1e3);
         /// Rotation vector (x, y), in the frame of the floor, that rotates a level floor into this floor; its length, the
         /// slope, is at most 0.5. Gravity is `gravity_vector`.
         pub floor_tilt: [f64; 2] = [0.0; 2], "rad", Limit::from(-0.5).to(0.5);
@@ -228,7 +242,7 @@ impl Params {
         self.validate_friction()?;
         self.validate_rollers()?;
         self.validate_preload()?;
-        self.validate_payload()?;
+        self.validate_payloads()?;
         self.validate_slope()?;
         self.validate_perturbed_floor()
     }

@@ -1,21 +1,26 @@
-//! A payload that moves on the body, of one robot or of eight: a point mass on springs and dampers along the body axes.
+//! The payloads that move on the body, of one robot or of eight: each a point mass on springs and dampers along the body axes.
 //!
 //! With the deflection d of the payload from its place, body axes, and the rest r(t) of its springs, the force on the
 //! payload is F = p − k (d − r) − c (d' − r'), each axis for itself. r is the sum of a sine and of an offset that a rider holds
 //! between two control steps, at the rate 0. p holds the payload at its place while the robot is at
-//! rest in equilibrium on a level floor. The body gets −F at the payload, so momentum and angular momentum are kept.
+//! rest in equilibrium on a level floor. The body gets −F at the payload, so momentum and angular momentum are kept. Payloads
+//! act on each other only through the body.
 
 use crate::lane_state::LaneState;
 use crate::lanes::{Lane, Vec3, lane_struct, run_one, sin_cos};
 use crate::params::Params;
 use serde::{Deserialize, Serialize};
+use std::array;
 use std::f64::consts::TAU;
+
+/// Most payloads of a robot.
+pub const PAYLOADS: usize = 2;
 
 lane_struct! {
     /// Constants of a payload; body axes.
     #[derive(Clone, Copy, Debug, Default, PartialEq)]
     pub struct Payload<T> {
-        /// Mass, kg; 0 for a robot without payload.
+        /// Mass, kg; 0 for none.
         pub mass: T,
         /// Place of the payload at rest, m.
         pub place: [T; 3],
@@ -55,34 +60,58 @@ lane_struct! {
 }
 
 impl Payload<f64> {
-    /// The payload of a robot.
-    pub fn new(params: &Params) -> Self {
-        let hold = params.com_direction() * (params.payload_mass * params.gravity);
-        Self {
-            mass: params.payload_mass,
-            place: params.payload_position,
-            stiffness: params.payload_stiffness,
-            damping: params.payload_damping,
-            hold: hold.into(),
-            amplitude: params.payload_amplitude,
-            rate: TAU / params.payload_period,
-            phases: params.payload_phases,
-        }
+    /// The payloads of a robot.
+    pub fn of(params: &Params) -> [Self; PAYLOADS] {
+        params.payloads().map(|payload| Self {
+            mass: payload.mass,
+            place: payload.position,
+            stiffness: payload.stiffness,
+            damping: payload.damping,
+            hold: (params.com_direction() * (payload.mass * params.gravity)).into(),
+            amplitude: payload.amplitude,
+            rate: TAU / payload.period,
+            phases: payload.phases,
+        })
     }
 }
 
 impl PayloadMotion<f64> {
-    /// The payload at its place, moving with the body.
-    pub fn at_place(payload: &Payload<f64>, body: &LaneState<f64>) -> Self {
+    /// Payloads at their places, moving with the body.
+    pub fn at_places(payloads: &[Payload<f64>; PAYLOADS], body: &LaneState<f64>) -> [Self; PAYLOADS] {
+        payloads.map(|payload| Self::at_place(&payload, body))
+    }
+
+    fn at_place(payload: &Payload<f64>, body: &LaneState<f64>) -> Self {
         run_one(
             #[inline(always)]
             || payload.at_place(body),
         )
     }
 
-    /// The payload with another deflection; the rest of its springs stays.
+    /// Motions when payloads change, of each as [`PayloadMotion::changed`].
     #[must_use]
-    pub fn deflected(&self, payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
+    pub fn all_changed(
+        motions: &[Self; PAYLOADS],
+        before: &[Payload<f64>; PAYLOADS],
+        after: &[Payload<f64>; PAYLOADS],
+        body: &LaneState<f64>,
+    ) -> [Self; PAYLOADS] {
+        array::from_fn(|i| motions[i].changed(&before[i], &after[i], body))
+    }
+
+    /// Motions with other deflections, of each as [`PayloadMotion::deflected`].
+    #[must_use]
+    pub fn all_deflected(
+        motions: &[Self; PAYLOADS],
+        payloads: &[Payload<f64>; PAYLOADS],
+        body: &LaneState<f64>,
+        deflections: &[Deflection<f64>; PAYLOADS],
+    ) -> [Self; PAYLOADS] {
+        array::from_fn(|i| motions[i].deflected(&payloads[i], body, &deflections[i]))
+    }
+
+    /// The payload with another deflection; the rest of its springs stays.
+    fn deflected(&self, payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
         run_one(
             #[inline(always)]
             || {
@@ -99,8 +128,7 @@ impl PayloadMotion<f64> {
     }
 
     /// The motion when a payload changes: it keeps its deflection, and a new payload begins at its place.
-    #[must_use]
-    pub fn changed(&self, before: &Payload<f64>, after: &Payload<f64>, body: &LaneState<f64>) -> Self {
+    fn changed(&self, before: &Payload<f64>, after: &Payload<f64>, body: &LaneState<f64>) -> Self {
         let place = Self::at_place(after, body);
         if before.mass == 0.0 {
             return place;
@@ -133,7 +161,16 @@ impl Deflection<f64> {
         Self { position: Vec3::new(x, y, z), velocity: Vec3::new(vx, vy, vz) }
     }
 
-    /// Deflection of the payload of a robot.
+    /// Deflections of the payloads of a robot; zeros for none.
+    pub fn of_all(
+        payloads: &[Payload<f64>; PAYLOADS],
+        body: &LaneState<f64>,
+        motions: &[PayloadMotion<f64>; PAYLOADS],
+    ) -> [Self; PAYLOADS] {
+        array::from_fn(|i| Self::of(&payloads[i], body, &motions[i]))
+    }
+
+    /// Deflection of a payload; zeros for none.
     pub fn of(payload: &Payload<f64>, body: &LaneState<f64>, motion: &PayloadMotion<f64>) -> Self {
         if payload.mass == 0.0 {
             return Self::default();

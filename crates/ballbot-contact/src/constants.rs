@@ -122,21 +122,21 @@ lane_struct! {
         pub inclined: T,
         /// Cosine and sine of the rollers' angle.
         pub roller_axis: [T; 2],
-        pub payload: Payload<T>,
+        pub payloads: [Payload<T>; 2],
     }
 }
 
 impl Constants<f64> {
     /// Constants of valid `params` and a time step `sim_dt`.
     pub fn new(params: &Params, sim_dt: f64) -> Self {
-        Self::in_axes(params, sim_dt, &PrincipalAxes::new(&params.without_payload()))
+        Self::in_axes(params, sim_dt, &PrincipalAxes::new(&params.without_payloads()))
     }
 
     /// [`Constants::new`] with given principal axes.
     pub fn in_axes(params: &Params, sim_dt: f64, principal: &PrincipalAxes) -> Self {
         let wheels = Omniwheels::new(params);
         let shape = BodyShape::new(params);
-        let alone = params.without_payload();
+        let alone = params.without_payloads();
         let com = alone.body_com();
         let of_body = |vector: Vector3<f64>| <[f64; 3]>::from(principal.of_body(&vector));
         let centers = wheel_centers(params, &wheels).map(|center| center - com);
@@ -216,7 +216,7 @@ impl Constants<f64> {
             roller_phases: Wheels(params.roller_phases),
             inclined: if inclined { 1.0 } else { 0.0 },
             roller_axis: [params.roller_angle.cos(), params.roller_angle.sin()],
-            payload: Payload::new(params),
+            payloads: Payload::of(params),
         }
     }
 

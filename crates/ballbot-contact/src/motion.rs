@@ -12,7 +12,7 @@ use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -136,7 +136,7 @@ impl Model for ContactMotion {
     }
 
     fn energy(&self) -> f64 {
-        energy_with_payload(&self.params, &self.wheels, &self.state(), &self.memory.payload, self.time())
+        energy_with_payload(&self.params, &self.wheels, &self.state(), &self.memory.payloads, self.time())
     }
 
     fn healthy(&self) -> bool {
@@ -166,16 +166,16 @@ impl Model for ContactMotion {
         self.memory.force
     }
 
-    fn move_payload(&mut self, offset: [f64; 3]) {
-        self.memory.payload.offset = offset;
+    fn move_payload(&mut self, index: usize, offset: [f64; 3]) {
+        self.memory.payloads[index].offset = offset;
     }
 
-    fn payload(&self) -> Deflection<f64> {
-        self.memory.payload_deflection(&self.constants)
+    fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
+        self.memory.payload_deflections(&self.constants)
     }
 
-    fn set_payload(&mut self, deflection: &Deflection<f64>) {
-        self.memory.set_payload(&self.constants, deflection);
+    fn set_payloads(&mut self, deflections: &[Deflection<f64>; PAYLOADS]) {
+        self.memory.set_payloads(&self.constants, deflections);
     }
 
     fn save(&self) -> Vec<u8> {

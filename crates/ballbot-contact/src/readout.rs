@@ -5,7 +5,7 @@ use super::state::ContactState;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Scalar, run_one};
-use ballbot_base::payload::{Deflection, PayloadMotion};
+use ballbot_base::payload::{Deflection, PAYLOADS, PayloadMotion};
 use ballbot_base::state::{Contacts, State, wxyz};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
@@ -52,7 +52,7 @@ impl ContactState<f64> {
             wheel_spins: spins,
             normal_impulses: Wheels::from_fn(|i| if touching[i] { c.wheel_loads[i] * c.sim_dt } else { 0.0 }),
             floor_impulse: [load * normal.z, load * normal.x, load * normal.y],
-            payload: PayloadMotion::at_place(&c.payload, &LaneState::from(state)),
+            payloads: PayloadMotion::at_places(&c.payloads, &LaneState::from(state)),
             ..Self::default()
         }
     }
@@ -121,8 +121,8 @@ impl ContactState<f64> {
 
     /// Keeps the motion when the body changes from `before` to `after`, with its new principal frame.
     pub fn change_body(&mut self, before: &Constants<f64>, after: &Constants<f64>) {
-        if before.payload != after.payload {
-            self.change_payload(before, after);
+        if before.payloads != after.payloads {
+            self.change_payloads(before, after);
             return;
         }
         if before.principal_axes == after.principal_axes {
@@ -133,24 +133,24 @@ impl ContactState<f64> {
         self.body_rate = turn.inverse_transform_vector(&self.body_rate.into()).into();
     }
 
-    /// Keeps the motion of the body, and a payload in its deflection; a new payload begins at rest at its place.
-    fn change_payload(&mut self, before: &Constants<f64>, after: &Constants<f64>) {
+    /// Keeps the motion of the body, and payloads in their deflections; a new payload begins at rest at its place.
+    fn change_payloads(&mut self, before: &Constants<f64>, after: &Constants<f64>) {
         let body = self.read(before);
         run_one(
             #[inline(always)]
             || self.set_lane_state::<f64, f64>(after, &body),
         );
-        self.payload = self.payload.changed(&before.payload, &after.payload, &body);
+        self.payloads = PayloadMotion::all_changed(&self.payloads, &before.payloads, &after.payloads, &body);
     }
 
-    /// Deflection of the payload from its place; zeros without a payload.
-    pub fn payload_deflection(&self, c: &Constants<f64>) -> Deflection<f64> {
-        Deflection::of(&c.payload, &self.read(c), &self.payload)
+    /// Deflections of the payloads from their places; zeros without a payload.
+    pub fn payload_deflections(&self, c: &Constants<f64>) -> [Deflection<f64>; PAYLOADS] {
+        Deflection::of_all(&c.payloads, &self.read(c), &self.payloads)
     }
 
-    /// Replaces the deflection of the payload.
-    pub fn set_payload(&mut self, c: &Constants<f64>, deflection: &Deflection<f64>) {
-        self.payload = self.payload.deflected(&c.payload, &self.read(c), deflection);
+    /// Replaces the deflections of the payloads.
+    pub fn set_payloads(&mut self, c: &Constants<f64>, deflections: &[Deflection<f64>; PAYLOADS]) {
+        self.payloads = PayloadMotion::all_deflected(&self.payloads, &c.payloads, &self.read(c), deflections);
     }
 
     /// Surface speed of wheel `i` relative to the ball along its drive direction, m/s.

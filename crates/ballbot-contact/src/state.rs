@@ -46,8 +46,8 @@ lane_struct! {
         pub push: [T; 6],
         /// Force from outside on the body.
         pub force: HeldForce<T>,
-        /// Motion of the payload; of no meaning without one.
-        pub payload: PayloadMotion<T>,
+        /// Motions of the payloads; of no meaning without them.
+        pub payloads: [PayloadMotion<T>; 2],
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.

@@ -3,7 +3,7 @@
 //! ```text
 //! velocities = braked(velocities)         rolling, spinning and roller friction               (Losses)
 //! forces    += preload                    of the wheels, between body and ball                (Preload)
-//! forces    += reaction                   of a payload, which moves on its springs              (Payload)
+//! forces    += reaction                   of payloads, which move on their springs              (Payload)
 //! forces    += force                      from outside, on the body                           (Outside force)
 //! rows(pose)                              gaps, normals, drive directions, arms               (Rows)
 //! mu   = stribeck(slip(velocities))       friction coefficients at the start of the step      (Friction law)
@@ -82,7 +82,8 @@ fn several<L: Lane, V: Value<L>>(
     Vec3::from(at3(c.gravity_dt, like)).store(&mut gravity_dt);
     let mut actions = Actions::new(gravity_dt, *torques);
     let zero = like.zero();
-    let carries = L::any(zero.lt(c.payload.mass.at(like)));
+    // A second payload comes with a first.
+    let carries = L::any(zero.lt(c.payloads[0].mass.at(like)));
     // One test of a step: a press or a force is rare.
     let is_loaded = L::any(zero.lt(c.has_preload.at(like)) | zero.lt(L::load(token, &state.force.left)));
     let has_losses_or_rollers = L::any(zero.lt(c.has_losses_or_rollers.at(like)));

@@ -9,7 +9,7 @@ use ballbot_base::fields::{Fields, Limit};
 use ballbot_base::force::{Force, HeldForce};
 use ballbot_base::interrupt::Watch;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, Terrain};
@@ -249,8 +249,8 @@ impl Crowd {
     }
 
     /// Deflection of a robot's payload from its place; zeros without payload.
-    pub fn payload(&self, robot: usize) -> Deflection<f64> {
-        self.scene.payload(robot)
+    pub fn payloads(&self, robot: usize) -> [Deflection<f64>; PAYLOADS] {
+        self.scene.payloads(robot)
     }
 
     /// Applies an impulse to a robot, as [`Ballbot::push`](crate::Ballbot::push).

@@ -49,7 +49,7 @@ pub use {nalgebra, rand_chacha};
 #[doc(inline)]
 pub use ballbot_base::{
     Contacts, Deflection, Error, Force, LaneRobot, LaneState, MAX_MAGNITUDE, Model, PAPER_BALL_VISCOUS_FRICTION,
-    Params, Result, State, WHEELS, Wheels, attitude, check_bounded, check_finite, fields, kinematics, lanes,
+    PAYLOADS, Params, Result, State, WHEELS, Wheels, attitude, check_bounded, check_finite, fields, kinematics, lanes,
     mechanical_energy, one_of, options, require_memory, rolling_rate, stoppable, terrain, try_reserve, try_zeros,
     unit_quaternion, wxyz,
 };

@@ -12,7 +12,7 @@ use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::names;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -362,35 +362,35 @@ impl Ballbot {
         self.model.hold_force(&held)
     }
 
-    /// Moves the rest of the payload's springs, as a rider who leans does: to an offset from the payload's place, body axes, m. It is
-    /// held until another offset or a reset.
+    /// Moves the rest of the springs of payload `index`, as a rider who leans does: to an offset from the payload's place, body axes,
+    /// m. It is held until another offset or a reset.
     ///
     /// # Errors
-    /// [`Error::Inconsistent`] for a robot without payload; [`Error::OutOfRange`] for a number beyond ±1000 m. The former offset
-    /// then stays.
-    pub fn move_payload(&mut self, offset: [f64; 3]) -> Result<()> {
-        self.params().validate_offset(offset)?;
-        self.model.move_payload(offset);
+    /// [`Error::Inconsistent`] for a robot without such a payload; [`Error::OutOfRange`] for a number beyond ±1000 m. The former
+    /// offset then stays.
+    pub fn move_payload(&mut self, index: usize, offset: [f64; 3]) -> Result<()> {
+        self.params().validate_offset(index, offset)?;
+        self.model.move_payload(index, offset);
         Ok(())
     }
 
-    /// [`Ballbot::move_payload`] by a task, whose numbers are within bounds.
+    /// [`Ballbot::move_payload`] of the first payload by a task, whose numbers are within bounds.
     pub(crate) fn move_rider(&mut self, offset: [f64; 3]) {
-        self.model.move_payload(offset);
+        self.model.move_payload(0, offset);
     }
 
-    /// Deflection of the payload from its place; zeros for a robot without payload ([`Params::has_payload`]).
-    pub fn payload(&self) -> Deflection<f64> {
-        self.model.payload()
+    /// Deflections of the payloads from their places; zeros for payloads that the robot does not have.
+    pub fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
+        self.model.payloads()
     }
 
-    /// Replaces the deflection of the payload; a reset puts it at its place.
+    /// Replaces the deflections of the payloads; a reset puts them at their places.
     ///
     /// # Errors
-    /// As [`Params::validate_deflection`]; the payload then stays as it is.
-    pub fn set_payload(&mut self, deflection: &Deflection<f64>) -> Result<()> {
-        self.params().validate_deflection(&"payload", deflection)?;
-        self.model.set_payload(deflection);
+    /// As [`Params::validate_deflections`]; the payloads then stay as they are.
+    pub fn set_payloads(&mut self, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()> {
+        self.params().validate_deflections(&"payloads", deflections)?;
+        self.model.set_payloads(deflections);
         Ok(())
     }
 

@@ -22,7 +22,8 @@ const LINEAR_STEP: f64 = 0.25;
 const DISTINCT: f64 = 1e-4;
 
 /// Beginnings of the names of parameters of a payload, and of a floor that moves or has uneven friction.
-const WITHOUT: [&str; 5] = ["floor_friction_gradient", "floor_patch_", "floor_tilt_", "floor_acceleration", "payload_"];
+const WITHOUT: [&str; 6] =
+    ["floor_friction_gradient", "floor_patch_", "floor_tilt_", "floor_acceleration", "payload_", "second_payload_"];
 
 /// A parameter, or an element of a parameter.
 #[derive(Clone, Debug, PartialEq, Eq)]

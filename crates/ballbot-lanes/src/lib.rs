@@ -141,16 +141,16 @@ impl ContactLanes {
         self.state.set_lane(i, state);
     }
 
-    /// Moves the rest of the payloads' springs to offsets from their places, body axes, m.
+    /// Moves the rest of the first payloads' springs to offsets from their places, body axes, m.
     pub fn set_payload_offsets(&mut self, offsets: &[Eight; 3]) {
-        self.state.payload.offset = *offsets;
+        self.state.payloads[0].offset = *offsets;
     }
 
-    /// Deflections of the payloads of the robots in `states`.
+    /// Deflections of the first payloads of the robots in `states`.
     pub fn payload_deflections(&self, states: &LaneState<Eight>) -> Deflection<Eight> {
         let mut all = Deflection::default();
         for i in 0..EIGHT {
-            let (payload, motion) = (self.constants.lane(i).payload, self.state.payload.lane(i));
+            let (payload, motion) = (self.constants.lane(i).payloads[0], self.state.payloads[0].lane(i));
             all.set_lane(i, &Deflection::of(&payload, &states.lane(i), &motion));
         }
         all

@@ -35,7 +35,7 @@ use ballbot_base::error::{Error, Result};
 use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
-use ballbot_base::payload::PayloadMotion;
+use ballbot_base::payload::{PAYLOADS, PayloadMotion};
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::wheels::Wheels;
 use nalgebra::{Matrix3, UnitQuaternion, Vector3};
@@ -154,5 +154,5 @@ struct Saved {
     wheel_torques: Wheels<f64>,
     force: HeldForce<f64>,
     load: [f64; 6],
-    payload: PayloadMotion<f64>,
+    payloads: [PayloadMotion<f64>; PAYLOADS],
 }

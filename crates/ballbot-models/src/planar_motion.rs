@@ -11,7 +11,6 @@ use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
-use ballbot_base::payload::PayloadMotion;
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, attitude, rolling_rate};
 use ballbot_base::terrain::Ground;
@@ -297,7 +296,7 @@ impl Model for PlanarMotion {
             wheel_torques: self.wheel_torques,
             force: HeldForce::default(),
             load: [0.0; 6],
-            payload: PayloadMotion::default(),
+            payloads: Default::default(),
         })
     }
 

@@ -3,13 +3,14 @@
 use super::rk4::rk4;
 use super::slope::Slope;
 use super::{BallSpin, PointForce, Saved, SpatialModel, WheelSpin, are_bounded, require_rolling};
+use ballbot_base::energy::energy_of_payloads;
 use ballbot_base::error::Result;
 use ballbot_base::force::HeldForce;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::{Quat, Vec3, run_one};
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
-use ballbot_base::payload::{Deflection, Payload, PayloadMotion};
+use ballbot_base::payload::{Deflection, PAYLOADS, Payload, PayloadMotion};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State, rolling_rate};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -21,13 +22,10 @@ use std::sync::Arc;
 /// Coordinates: ball position (2), body quaternion (4), ν (6), ball quaternion (4), wheel angles (3).
 type Coordinates = SVector<f64, 19>;
 
-/// Coordinates, then position and velocity of the payload.
-type WithPayload = SVector<f64, 25>;
-
 /// A robot with the equations of [`SpatialModel`], absolute wheel spin and free ball spin.
 #[derive(Clone, Debug)]
 pub struct SpatialMotion {
-    /// Model of the body without its payload on the plane of `slope`, in its frame.
+    /// Model of the body without its payloads on the plane of `slope`, in its frame.
     model: SpatialModel,
     params: Params,
     slope: Option<Slope>,
@@ -39,9 +37,9 @@ pub struct SpatialMotion {
     force: HeldForce<f64>,
     /// The force from outside in the last step, in the frame of the slope.
     load: PointForce,
-    payload: Payload<f64>,
-    /// In the frame of the slope; of no meaning without a payload.
-    payload_motion: PayloadMotion<f64>,
+    payloads: [Payload<f64>; PAYLOADS],
+    /// In the frame of the slope; of no meaning without payloads.
+    payload_motions: [PayloadMotion<f64>; PAYLOADS],
 }
 
 impl SpatialMotion {
@@ -52,7 +50,7 @@ impl SpatialMotion {
 
     fn on(params: &Params, slope: Option<Slope>, sim_dt: f64) -> Self {
         let there = slope.as_ref().map_or_else(|| params.clone(), |slope| slope.params_of(params));
-        let model = SpatialModel::new(&there.without_payload(), WheelSpin::Absolute, BallSpin::Free);
+        let model = SpatialModel::new(&there.without_payloads(), WheelSpin::Absolute, BallSpin::Free);
         let mut motion = Self {
             model,
             params: params.clone(),
@@ -64,8 +62,8 @@ impl SpatialMotion {
             wheel_torques: Wheels::default(),
             force: HeldForce::default(),
             load: PointForce::default(),
-            payload: Payload::new(params),
-            payload_motion: PayloadMotion::default(),
+            payloads: Payload::of(params),
+            payload_motions: Default::default(),
         };
         motion.place(&motion.upright());
         motion
@@ -87,69 +85,95 @@ impl SpatialMotion {
         self.model.set_weight(Vector3::zeros() - turned);
     }
 
-    /// The coordinates and the payload after a step; false in `is_finite` after numbers that are not.
-    fn next(&mut self) -> (Coordinates, PayloadMotion<f64>) {
-        if self.payload.mass == 0.0 {
-            let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y, &[self.load]));
-            self.is_finite &= are_bounded(next.as_slice());
-            return (next, self.payload_motion);
+    /// The coordinates and the payloads after a step; false in `is_finite` after numbers that are not.
+    fn next(&mut self) -> (Coordinates, [PayloadMotion<f64>; PAYLOADS]) {
+        match self.payloads.iter().filter(|payload| payload.mass > 0.0).count() {
+            0 => {
+                let next = rk4(&self.coordinates, self.sim_dt, |y| self.derivative(y, &[self.load]));
+                self.is_finite &= are_bounded(next.as_slice());
+                (next, self.payload_motions)
+            }
+            1 => self.next_with_payloads::<1, 25>(),
+            _ => self.next_with_payloads::<PAYLOADS, 31>(),
         }
-        let mut y = WithPayload::zeros();
-        y.fixed_rows_mut::<19>(0).copy_from(&self.coordinates);
-        y.fixed_rows_mut::<6>(19).copy_from_slice(&numbers(&self.payload_motion));
-        // The rest of the springs, as a floor that moves, is taken in the middle of the step.
-        let time = (self.steps as f64 + 0.5) * self.sim_dt;
-        let next = rk4(&y, self.sim_dt, |y| self.derivative_with_payload(y, time));
-        self.is_finite &= are_bounded(next.as_slice());
-        (next.fixed_rows::<19>(0).into_owned(), self.motion_at(&next))
     }
 
-    fn derivative_with_payload(&self, y: &WithPayload, time: f64) -> WithPayload {
+    /// [`SpatialMotion::next`] of a robot with `N` payloads and 19 + 6 N coordinates.
+    fn next_with_payloads<const N: usize, const LEN: usize>(
+        &mut self,
+    ) -> (Coordinates, [PayloadMotion<f64>; PAYLOADS]) {
+        let mut y = SVector::<f64, LEN>::zeros();
+        y.fixed_rows_mut::<19>(0).copy_from(&self.coordinates);
+        for (i, motion) in self.payload_motions[..N].iter().enumerate() {
+            y.fixed_rows_mut::<6>(19 + 6 * i).copy_from_slice(&numbers(motion));
+        }
+        // The rest of the springs, as a floor that moves, is taken in the middle of the step.
+        let time = (self.steps as f64 + 0.5) * self.sim_dt;
+        let next = rk4(&y, self.sim_dt, |y| self.derivative_with_payloads::<N, LEN>(y, time));
+        self.is_finite &= are_bounded(next.as_slice());
+        let mut motions = self.payload_motions;
+        for (i, motion) in motions[..N].iter_mut().enumerate() {
+            *motion = self.motion_at(&next, i);
+        }
+        (next.fixed_rows::<19>(0).into_owned(), motions)
+    }
+
+    fn derivative_with_payloads<const N: usize, const LEN: usize>(
+        &self,
+        y: &SVector<f64, LEN>,
+        time: f64,
+    ) -> SVector<f64, LEN> {
         let coordinates = y.fixed_rows::<19>(0).into_owned();
-        let payload = self.motion_at(y);
-        let (force, load) = self.payload_forces(&self.body_at(&coordinates), &payload, time);
-        let mut out = WithPayload::zeros();
-        out.fixed_rows_mut::<19>(0).copy_from(&self.derivative(&coordinates, &[self.load, load]));
-        out.fixed_rows_mut::<3>(19).copy_from_slice(y.fixed_rows::<3>(22).as_slice());
-        out.fixed_rows_mut::<3>(22).copy_from(&(force / self.payload.mass - self.model.weight()));
+        let body = self.body_at(&coordinates);
+        let mut loads = [self.load; PAYLOADS + 1];
+        let mut out = SVector::<f64, LEN>::zeros();
+        for i in 0..N {
+            let at = 19 + 6 * i;
+            let (force, load) = self.payload_forces(i, &body, &self.motion_at(y, i), time);
+            loads[1 + i] = load;
+            out.fixed_rows_mut::<3>(at).copy_from_slice(y.fixed_rows::<3>(at + 3).as_slice());
+            out.fixed_rows_mut::<3>(at + 3).copy_from(&(force / self.payloads[i].mass - self.model.weight()));
+        }
+        out.fixed_rows_mut::<19>(0).copy_from(&self.derivative(&coordinates, &loads[..1 + N]));
         out
     }
 
-    /// The motion of the payload in coordinates.
-    fn motion_at(&self, y: &WithPayload) -> PayloadMotion<f64> {
-        let [position, velocity] = [19, 22].map(|at| Vec3::new(y[at], y[at + 1], y[at + 2]));
-        PayloadMotion { position, velocity, ..self.payload_motion }
+    /// The motion of payload `index` in coordinates.
+    fn motion_at<const LEN: usize>(&self, y: &SVector<f64, LEN>, index: usize) -> PayloadMotion<f64> {
+        let [position, velocity] = [19, 22].map(|at| at + 6 * index).map(|at| Vec3::new(y[at], y[at + 1], y[at + 2]));
+        PayloadMotion { position, velocity, ..self.payload_motions[index] }
     }
 
-    /// Force on the payload, N, in the frame of the slope, and its reaction on the body.
+    /// Force on payload `index`, N, in the frame of the slope, and its reaction on the body.
     fn payload_forces(
         &self,
+        index: usize,
         body: &LaneState<f64>,
-        payload: &PayloadMotion<f64>,
+        motion: &PayloadMotion<f64>,
         time: f64,
     ) -> (Vector3<f64>, PointForce) {
+        let payload = &self.payloads[index];
         let (force, arm) = run_one(
             #[inline(always)]
             || {
-                let deflection = self.payload.deflection(body, payload);
-                let force =
-                    body.body_quaternion.rotation().apply(self.payload.force(&deflection, payload.offset, time));
-                (force, deflection.position + Vec3::from(self.payload.place))
+                let deflection = payload.deflection(body, motion);
+                let force = body.body_quaternion.rotation().apply(payload.force(&deflection, motion.offset, time));
+                (force, deflection.position + Vec3::from(payload.place))
             },
         );
         let force = Vector3::new(force.x, force.y, force.z);
         (force, PointForce { force: -force, point: Vector3::new(arm.x, arm.y, arm.z) })
     }
 
-    /// The reaction of the payload on the body now.
-    fn payload_load(&self) -> PointForce {
-        if self.payload.mass == 0.0 {
+    /// The reaction of payload `index` on the body now.
+    fn payload_load(&self, index: usize) -> PointForce {
+        if self.payloads[index].mass == 0.0 {
             return PointForce::default();
         }
-        self.payload_forces(&self.body(), &self.payload_motion, self.time()).1
+        self.payload_forces(index, &self.body(), &self.payload_motions[index], self.time()).1
     }
 
-    /// The body in the frame of the slope, for its payload.
+    /// The body in the frame of the slope, for its payloads.
     fn body(&self) -> LaneState<f64> {
         self.body_at(&self.coordinates)
     }
@@ -230,7 +254,8 @@ impl Model for SpatialMotion {
             robot.wheel_torques = self.wheel_torques;
             robot.force = self.force;
             robot.load = self.load;
-            robot.payload_motion = self.payload_motion.changed(&self.payload, &robot.payload, &self.body());
+            robot.payload_motions =
+                PayloadMotion::all_changed(&self.payload_motions, &self.payloads, &robot.payloads, &self.body());
         }
         *self = robot;
         if self.params.has_moving_floor() {
@@ -249,7 +274,7 @@ impl Model for SpatialMotion {
 
     fn place(&mut self, state: &State) {
         self.coordinates = coordinates_of(&self.level(state));
-        self.payload_motion = PayloadMotion::at_place(&self.payload, &self.body());
+        self.payload_motions = PayloadMotion::at_places(&self.payloads, &self.body());
         self.steps = 0;
         self.is_finite = true;
         self.wheel_torques = Wheels::default();
@@ -269,14 +294,14 @@ impl Model for SpatialMotion {
             if moves {
                 self.move_floor(self.steps);
             }
-            let (mut next, payload) = self.next();
+            let (mut next, payloads) = self.next();
             for at in [2, 12] {
                 let length = next.fixed_rows::<4>(at).norm();
                 next.fixed_rows_mut::<4>(at).unscale_mut(length);
             }
             if self.is_finite {
                 self.coordinates = next;
-                self.payload_motion = payload;
+                self.payload_motions = payloads;
             }
             self.steps += 1;
         }
@@ -324,7 +349,7 @@ impl Model for SpatialMotion {
             &quaternion_at(&self.coordinates, 2),
             &self.velocity(),
             self.wheel_torques,
-            &[self.load, self.payload_load()],
+            &[self.load, self.payload_load(0), self.payload_load(1)],
         );
         match &self.slope {
             Some(slope) => Contacts { floor_force: slope.rotation.inverse() * contacts.floor_force, ..contacts },
@@ -342,16 +367,13 @@ impl Model for SpatialMotion {
             None => 0.0,
         };
         let alone = self.model.energy(&quaternion_at(y, 2), &self.velocity()) + place - lower;
-        if self.payload.mass == 0.0 {
+        if !self.params.has_payload() {
             return alone;
         }
         let up = p.up() * p.gravity;
-        let of_payload = run_one(
-            #[inline(always)]
-            || self.payload.energy(&self.body(), &self.payload_motion, Vec3::new(up.x, up.y, up.z), self.time()),
-        );
+        let of_payloads = energy_of_payloads(&self.payloads, &self.body(), &self.payload_motions, &up, self.time());
         let above = if self.slope.is_some() { p.gravity } else { up.z };
-        alone + of_payload - self.payload.mass * p.ball_radius * above
+        alone + of_payloads - self.params.mass_of_payloads() * p.ball_radius * above
     }
 
     fn push(&mut self, impulse: &Vector3<f64>, point: &Vector3<f64>) {
@@ -370,16 +392,17 @@ impl Model for SpatialMotion {
         self.force
     }
 
-    fn move_payload(&mut self, offset: [f64; 3]) {
-        self.payload_motion.offset = offset;
+    fn move_payload(&mut self, index: usize, offset: [f64; 3]) {
+        self.payload_motions[index].offset = offset;
     }
 
-    fn payload(&self) -> Deflection<f64> {
-        Deflection::of(&self.payload, &self.body(), &self.payload_motion)
+    fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
+        Deflection::of_all(&self.payloads, &self.body(), &self.payload_motions)
     }
 
-    fn set_payload(&mut self, deflection: &Deflection<f64>) {
-        self.payload_motion = self.payload_motion.deflected(&self.payload, &self.body(), deflection);
+    fn set_payloads(&mut self, deflections: &[Deflection<f64>; PAYLOADS]) {
+        let (motions, payloads) = (&self.payload_motions, &self.payloads);
+        self.payload_motions = PayloadMotion::all_deflected(motions, payloads, &self.body(), deflections);
     }
 
     fn save(&self) -> Vec<u8> {
@@ -393,7 +416,7 @@ impl Model for SpatialMotion {
                 let PointForce { force: f, point: p } = self.load;
                 [f.x, f.y, f.z, p.x, p.y, p.z]
             },
-            payload: self.payload_motion,
+            payloads: self.payload_motions,
         })
     }
 
@@ -406,7 +429,7 @@ impl Model for SpatialMotion {
         self.force = saved.force;
         let [x, y, z, point @ ..] = saved.load;
         self.load = PointForce { force: Vector3::new(x, y, z), point: point.into() };
-        self.payload_motion = saved.payload;
+        self.payload_motions = saved.payloads;
         if self.params.has_moving_floor() {
             // The contact forces are of the last step.
             self.move_floor(self.steps.saturating_sub(1));

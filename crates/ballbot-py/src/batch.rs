@@ -14,6 +14,7 @@ use crate::networks::networks;
 use crate::numbers::{count, index, optional_index, optional_real, optional_whole, real, seed, seeds, whole};
 use crate::options::{configure, history_object, resolved};
 use crate::params::{PyParams, Robot, several};
+use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
 use crate::perception::perceived;
 use crate::rollout::{CONTACT_PARTS, ClosedLoop, Driver, Stepped, Targets, record_names};
 use crate::sensors::readings;
@@ -25,8 +26,8 @@ use ballbot_core::batch::{Autoreset, Batch, Episode, Outcome, Outside, ResetRequ
 use ballbot_core::control::MOTION_PARTS;
 use ballbot_core::perception::Perception;
 use ballbot_core::task::{ACTION_LEN, Row, SCALED_BOUND};
-use ballbot_core::{Contacts, Deflection, State, require_memory};
-use numpy::{Element, PyArray1, PyArray2, PyArrayMethods};
+use ballbot_core::{Contacts, PAYLOADS, State, require_memory};
+use numpy::{Element, PyArray1, PyArray2, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::intern;
 use pyo3::prelude::*;
@@ -963,49 +964,57 @@ impl PyBatch {
     }
 
     /// Moves the rest of the springs of a robot's payload, as a rider who leans does. It is held until another offset or a reset; in the
-    /// task `ride` the rider replaces it in the next step.
+    /// task `ride` the rider, the first payload, replaces it in the next step.
     ///
     /// Args:
     ///     index: the robot.
     ///     offset: from the payload's place, body axes, shape (3,), m.
+    ///     payload: 0, or 1 for the second payload.
     ///
     /// Raises:
-    ///     ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
-    fn move_payload(&self, #[pyo3(from_py_with = index)] index: usize, offset: &Bound<'_, PyAny>) -> PyResult<()> {
+    ///     ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
+    #[pyo3(signature = (index, offset, *, payload=0))]
+    fn move_payload(
+        &self,
+        #[pyo3(from_py_with = index)] index: usize,
+        offset: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = payload_index)] payload: usize,
+    ) -> PyResult<()> {
         let offset = vector("offset", offset)?;
         let batch = &mut self.inner.write()?.batch;
-        call(|| batch.move_payload(index, offset.into()))
+        call(|| batch.move_payload(index, payload, offset.into()))
     }
 
-    /// Deflections of the payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 6); zeros for robots
-    /// without payload.
-    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Array2<'py, f64>> {
+    /// Deflections of each robot's two payloads from their places, m, then their rates, m/s, body axes, shape (num_envs, 2, 6); zeros
+    /// for a payload that a robot does not have.
+    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let batch = &self.inner.read()?.batch;
-        rows(py, batch.len(), 6, |i, row| {
-            row.copy_from_slice(&batch.payload(i).map_err(to_python)?.to_array());
+        let array = rows(py, batch.len(), NUMBERS, |i, row| {
+            row.copy_from_slice(&numbers_of(&batch.payloads(i).map_err(to_python)?));
             Ok(())
-        })
+        })?;
+        array.reshape([batch.len(), PAYLOADS, 6])
     }
 
-    /// Replaces the deflections of the payloads; the reset of a robot puts its payload at its place.
+    /// Replaces the deflections of the payloads; the reset of a robot puts its payloads at their places.
     ///
     /// Args:
-    ///     payloads: as `payloads()`, shape (num_envs, 6); zeros for robots without payload.
+    ///     payloads: as `payloads()`, shape (num_envs, 2, 6); zeros for payloads that a robot does not have.
     ///
     /// Raises:
-    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payloads
-    ///         then stay as they are.
+    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+    ///         payloads then stay as they are.
     fn set_payloads(&self, payloads: &Bound<'_, PyAny>) -> PyResult<()> {
         let batch = &mut self.inner.write()?.batch;
         let n = batch.len();
-        let numbers = finite_elements("payloads", payloads, &[Some(n), Some(6)], 6 * n)?;
-        let (rows, _) = numbers.as_chunks::<6>();
+        let shape = [Some(n), Some(PAYLOADS), Some(6)];
+        let numbers = finite_elements("payloads", payloads, &shape, NUMBERS * n)?;
+        let rows = deflections_of(&numbers);
         call(|| {
-            let deflections = || rows.iter().map(|row| Deflection::from_array(*row)).enumerate();
-            for (i, deflection) in deflections() {
-                batch.params(i)?.validate_deflection(&format_args!("payloads[{i}]"), &deflection)?;
+            for (i, deflections) in rows.iter().enumerate() {
+                batch.params(i)?.validate_deflections(&format_args!("payloads[{i}]"), deflections)?;
             }
-            deflections().try_for_each(|(i, deflection)| batch.set_payload(i, &deflection))
+            rows.iter().enumerate().try_for_each(|(i, deflections)| batch.set_payloads(i, deflections))
         })
     }
 

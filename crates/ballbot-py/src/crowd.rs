@@ -7,11 +7,12 @@ use crate::jacobian::torques_of_shape;
 use crate::keywords::no_others;
 use crate::numbers::{count, optional_real, real, whole};
 use crate::params::{PyParams, Robot};
+use crate::payloads::numbers_of;
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::{PyTerrain, terrain as ground};
-use ballbot_core::{Crowd, Params, State, sim::Between};
-use numpy::{PyArray1, PyArray2};
+use ballbot_core::{Crowd, PAYLOADS, Params, State, sim::Between};
+use numpy::{PyArray1, PyArray3, PyArrayMethods};
 use pyo3::exceptions::PyTypeError;
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict, PyString};
@@ -211,12 +212,12 @@ impl PyCrowd {
         Ok(PyArray1::from_iter(py, (0..crowd.num_robots()).map(|robot| crowd.energy(robot))))
     }
 
-    /// Deflection of each robot's payload, shape (n, 6), as `Ballbot.payload`.
+    /// Deflections of each robot's payloads, shape (n, 2, 6), as `Ballbot.payloads`.
     #[getter]
-    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray3<f64>>> {
         let crowd = self.0.read()?;
-        let rows: Vec<_> = (0..crowd.num_robots()).map(|robot| crowd.payload(robot).to_array().to_vec()).collect();
-        Ok(PyArray2::from_vec2(py, &rows)?)
+        let numbers = (0..crowd.num_robots()).flat_map(|robot| numbers_of(&crowd.payloads(robot)));
+        PyArray1::from_iter(py, numbers).reshape([crowd.num_robots(), PAYLOADS, 6])
     }
 
     /// Parameters of each robot.

@@ -23,6 +23,7 @@ mod networks;
 mod numbers;
 mod options;
 mod params;
+mod payloads;
 mod perception;
 mod reference;
 mod render;

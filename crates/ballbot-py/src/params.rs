@@ -2,6 +2,7 @@
 
 use crate::errors::{InvalidInputError, call, to_python};
 use crate::numbers::{one_or_more, real};
+use crate::payloads::payload_index;
 use ballbot_core::fields::{Fields, describe_options};
 use ballbot_core::models::Scale;
 use ballbot_core::{Error, Params, check_finite, urdf};
@@ -173,7 +174,7 @@ impl PyParams {
     ///
     /// ```python
     /// robot = bb.Params.paper().with_payload(1.0, position=(0.0, 0.0, 0.4), stiffness=300.0, damping=3.0)
-    /// print(robot.body_mass, robot.without_payload().body_mass)
+    /// print(robot.body_mass, robot.without_payloads().body_mass)
     /// ```
     ///
     /// Args:
@@ -183,9 +184,10 @@ impl PyParams {
     ///     damping: likewise, N/(m/s); None keeps `payload_damping`.
     ///     inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
     ///         inertia of the body alone grows by it, for good; None is a point.
+    ///     payload: 0, or 1 for the second payload, of the parameters `second_payload_*`.
     ///
     /// Raises ValueError as the constructor.
-    #[pyo3(signature = (mass, *, position=None, stiffness=None, damping=None, inertia=None))]
+    #[pyo3(signature = (mass, *, position=None, stiffness=None, damping=None, inertia=None, payload=0))]
     fn with_payload(
         &self,
         #[pyo3(from_py_with = real)] mass: f64,
@@ -193,40 +195,46 @@ impl PyParams {
         stiffness: Option<&Bound<'_, PyAny>>,
         damping: Option<&Bound<'_, PyAny>>,
         inertia: Option<&Bound<'_, PyAny>>,
+        #[pyo3(from_py_with = payload_index)] payload: usize,
     ) -> PyResult<Self> {
         let moments = inertia.map_or(Ok([0.0; 3]), moments_of)?;
         let mut changes = Vec::new();
-        for (name, value) in
-            [("payload_position", position), ("payload_stiffness", stiffness), ("payload_damping", damping)]
-        {
+        let name = self.0.payloads()[payload].name;
+        for (what, value) in [("position", position), ("stiffness", stiffness), ("damping", damping)] {
             let Some(value) = value else { continue };
-            let mut values = one_or_more(name, value)?;
-            if let ([one], "payload_stiffness" | "payload_damping") = (&values[..], name) {
+            let name = format!("{name}_{what}");
+            let mut values = one_or_more(&name, value)?;
+            if let ([one], "stiffness" | "damping") = (&values[..], what) {
                 values = vec![*one; 3];
             }
-            changes.push((name.to_owned(), values));
+            changes.push((name, values));
         }
         let load = || {
-            let mut alone = self.0.without_payload().replace(borrowed(&changes))?;
+            let mut robot = self.0.without_payloads().replace(borrowed(&changes))?;
             check_finite("mass", &[mass])?;
-            for (moment, more) in alone.body_inertia.iter_mut().zip(moments) {
+            for (moment, more) in robot.body_inertia.iter_mut().zip(moments) {
                 *moment += more;
             }
-            let loaded = alone.with_payload(mass, alone.payload_position);
-            loaded.validate()?;
-            Ok(loaded)
+            for (index, present) in self.0.payloads().iter().enumerate() {
+                let mass = if index == payload { mass } else { present.mass };
+                if index == payload || mass > 0.0 {
+                    robot = robot.with_payload(index, mass, robot.payloads()[index].position);
+                }
+            }
+            robot.validate()?;
+            Ok(robot)
         };
         load().map(Self).map_err(to_python)
     }
 
-    /// The body alone, without its payload: a payload of 0 kg.
-    fn without_payload(&self) -> Self {
-        Self(self.0.without_payload())
+    /// The body alone, without its payloads: payloads of 0 kg.
+    fn without_payloads(&self) -> Self {
+        Self(self.0.without_payloads())
     }
 
-    /// The same robot with its payload fixed to the body at its place, as laws take it.
-    fn with_payload_fixed(&self) -> Self {
-        Self(self.0.with_payload_fixed())
+    /// The same robot with its payloads fixed to the body at their places, as laws take it.
+    fn with_payloads_fixed(&self) -> Self {
+        Self(self.0.with_payloads_fixed())
     }
 
     /// Whether a payload moves on the body.

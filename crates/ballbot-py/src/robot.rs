@@ -1,17 +1,18 @@
 //! `Ballbot`.
 
-use crate::convert::{numbers, optional_vector, outside_force, vector};
+use crate::convert::{finite_elements, numbers, optional_vector, outside_force, vector};
 use crate::errors::{call, to_python};
 use crate::exclusive::Exclusive;
 use crate::jacobian::{self, PyJacobian, PyMotionJacobians};
 use crate::keywords::no_others;
 use crate::numbers::{count, optional_real, real, whole};
 use crate::params::{PyParams, Robot};
+use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState, tilt_of};
 use crate::terrain::{PyTerrain, terrain as ground};
-use ballbot_core::{Ballbot, Deflection};
-use numpy::PyArray1;
+use ballbot_core::{Ballbot, PAYLOADS};
+use numpy::{PyArray1, PyArray2, PyArrayMethods};
 use pyo3::prelude::*;
 use pyo3::types::{PyBytes, PyDict};
 use std::sync::Arc;
@@ -240,17 +241,23 @@ impl PyBallbot {
         call(|| robot.apply_force(&force))
     }
 
-    /// Moves the rest of the payload's springs, as a rider who leans does. It is held until another offset or a reset.
+    /// Moves the rest of a payload's springs, as a rider who leans does. It is held until another offset or a reset.
     ///
     /// Args:
     ///     offset: from the payload's place, body axes, shape (3,), m.
+    ///     payload: 0, or 1 for the second payload.
     ///
     /// Raises:
-    ///     ValueError: a robot without payload, or a number beyond ±1000 m; the former offset then stays.
-    fn move_payload(&self, offset: &Bound<'_, PyAny>) -> PyResult<()> {
+    ///     ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
+    #[pyo3(signature = (offset, *, payload=0))]
+    fn move_payload(
+        &self,
+        offset: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = payload_index)] payload: usize,
+    ) -> PyResult<()> {
         let offset = vector("offset", offset)?;
         let mut robot = self.0.write()?;
-        call(|| robot.move_payload(offset.into()))
+        call(|| robot.move_payload(payload, offset.into()))
     }
 
     /// Replaces the robot's parameters; they persist over resets.
@@ -284,26 +291,27 @@ impl PyBallbot {
         Ok(self.0.read()?.energy())
     }
 
-    /// Deflection of the payload from its place, m, then its rate, m/s, body axes, shape (6,); zeros for a robot without
-    /// payload. A reset puts the payload at its place.
+    /// Deflections of the two payloads from their places, m, then their rates, m/s, body axes, shape (2, 6); zeros for a payload
+    /// that the robot does not have. A reset puts payloads at their places.
     #[getter]
-    fn payload<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray1<f64>>> {
-        Ok(PyArray1::from_slice(py, &self.0.read()?.payload().to_array()))
+    fn payloads<'py>(&self, py: Python<'py>) -> PyResult<Bound<'py, PyArray2<f64>>> {
+        PyArray1::from_slice(py, &numbers_of(&self.0.read()?.payloads())).reshape([PAYLOADS, 6])
     }
 
-    /// Replaces the deflection of the payload; a reset puts it at its place.
+    /// Replaces the deflections of the payloads; a reset puts them at their places.
     ///
     /// Args:
-    ///     payload: deflection from its place, m, then its rate, m/s, body axes, shape (6,), as the attribute `payload`; zeros
-    ///         for a robot without payload.
+    ///     payloads: deflections from their places, m, then their rates, m/s, body axes, shape (2, 6), as the attribute
+    ///         `payloads`; zeros for a payload that the robot does not have.
     ///
     /// Raises:
-    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without payload; the payload
-    ///         then stays as it is.
-    fn set_payload(&self, payload: &Bound<'_, PyAny>) -> PyResult<()> {
-        let deflection = Deflection::from_array(numbers("payload", payload)?);
+    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+    ///         payloads then stay as they are.
+    fn set_payloads(&self, payloads: &Bound<'_, PyAny>) -> PyResult<()> {
+        let numbers = finite_elements("payloads", payloads, &[Some(PAYLOADS), Some(6)], NUMBERS)?;
+        let deflections = deflections_of(&numbers)[0];
         let mut robot = self.0.write()?;
-        call(|| robot.set_payload(&deflection))
+        call(|| robot.set_payloads(&deflections))
     }
 
     /// Simulated time since the reset, s.

@@ -28,7 +28,7 @@ impl BodyLink {
     /// # Errors
     /// [`Error::Inconsistent`] if the wheels have more inertia than the bot.
     pub fn new(params: &Params, wheels: &Omniwheels) -> Result<Self> {
-        let bot = params.without_payload();
+        let bot = params.without_payloads();
         let whole_com = bot.body_com();
         let mass = bot.body_mass - WHEELS as f64 * params.wheel_mass;
         let centers = wheel_centers(params, wheels);

@@ -76,7 +76,7 @@ impl Bot {
             centers: wheel_centers(params, wheels).map(|center| center - link.com),
             axles: Wheels::from_fn(|i| -wheels.axles.row(i).transpose()),
             body_inertia: link.inertia,
-            total_mass: params.without_payload().body_mass,
+            total_mass: params.without_payloads().body_mass,
             wheel_mass: params.wheel_mass,
             wheel_inertia: params.wheel_inertia,
             wheel_transverse: wheel_transverse_inertia(params),

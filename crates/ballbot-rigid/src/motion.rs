@@ -10,7 +10,7 @@ use ballbot_base::force::HeldForce;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::model::{Model, same_geometry};
 use ballbot_base::params::Params;
-use ballbot_base::payload::{Deflection, Payload};
+use ballbot_base::payload::{Deflection, PAYLOADS, Payload, PayloadMotion};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::Wheels;
@@ -64,15 +64,16 @@ impl Model for RigidMotion {
 
     fn set_params(&mut self, params: &Params) -> Result<()> {
         let former = self.robot();
-        let [before, after] = [&former.params, params].map(Payload::new);
-        let payload = former.sim_state.payload.changed(&before, &after, &LaneState::from(&self.state()));
+        let [before, after] = [&former.params, params].map(Payload::of);
+        let body = LaneState::from(&self.state());
+        let payloads = PayloadMotion::all_changed(&former.sim_state.payloads, &before, &after, &body);
         if same_bodies(&former.params, params) {
             let link = BodyLink::new(params, &former.wheels)?;
             let robot = self.robot_mut();
             robot.params = params.clone();
             (robot.gravity, robot.grip) = (params.gravity_vector(), 1.0);
             robot.bot = Bot::new(params, &robot.wheels, &link, &robot.bot.undamped, robot.dt);
-            robot.sim_state.payload = payload;
+            robot.sim_state.payloads = payloads;
         } else {
             let mut scene = Scene::of_one(params, former.ground.as_ref(), former.dt)?;
             if same_geometry(&former.params, params) {
@@ -80,7 +81,7 @@ impl Model for RigidMotion {
                 let robot = &mut scene.robots[0];
                 robot.set_motion(&mut scene.world, &state);
                 robot.sim_state = former.sim_state;
-                robot.sim_state.payload = payload;
+                robot.sim_state.payloads = payloads;
                 // A pending push keeps its point: its angular impulse is about the root, which has moved.
                 let [x, y, z, turn @ ..] = &mut robot.sim_state.push;
                 let moved = state.body_quaternion * (former.root - robot.root);
@@ -155,16 +156,16 @@ impl Model for RigidMotion {
         self.robot().pending_push(self.world())
     }
 
-    fn move_payload(&mut self, offset: [f64; 3]) {
-        self.robot_mut().sim_state.payload.offset = offset;
+    fn move_payload(&mut self, index: usize, offset: [f64; 3]) {
+        self.robot_mut().sim_state.payloads[index].offset = offset;
     }
 
-    fn payload(&self) -> Deflection<f64> {
-        self.robot().payload(self.world())
+    fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
+        self.robot().payloads(self.world())
     }
 
-    fn set_payload(&mut self, deflection: &Deflection<f64>) {
-        self.scene.robots[0].set_payload(&self.scene.world, deflection);
+    fn set_payloads(&mut self, deflections: &[Deflection<f64>; PAYLOADS]) {
+        self.scene.robots[0].set_payloads(&self.scene.world, deflections);
     }
 
     fn save(&self) -> Vec<u8> {
@@ -180,7 +181,7 @@ impl Model for RigidMotion {
 /// friction may differ.
 fn same_bodies(a: &Params, b: &Params) -> bool {
     // A payload is not a rapier body.
-    let [a, b] = [a, b].map(Params::without_payload);
+    let [a, b] = [a, b].map(Params::without_payloads);
     let read_each_step = Params {
         gravity: b.gravity,
         floor_tilt: b.floor_tilt,
@@ -211,6 +212,12 @@ fn same_bodies(a: &Params, b: &Params) -> bool {
         payload_amplitude: b.payload_amplitude,
         payload_period: b.payload_period,
         payload_phases: b.payload_phases,
+        second_payload_position: b.second_payload_position,
+        second_payload_stiffness: b.second_payload_stiffness,
+        second_payload_damping: b.second_payload_damping,
+        second_payload_amplitude: b.second_payload_amplitude,
+        second_payload_period: b.second_payload_period,
+        second_payload_phases: b.second_payload_phases,
         ..a
     };
     read_each_step == b

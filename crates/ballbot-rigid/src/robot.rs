@@ -14,7 +14,7 @@ use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::params::Params;
-use ballbot_base::payload::{Deflection, Payload, PayloadMotion};
+use ballbot_base::payload::{Deflection, PAYLOADS, Payload, PayloadMotion};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
 use ballbot_base::wheels::{WHEELS, Wheels};
@@ -62,8 +62,8 @@ pub struct SimulationState {
     pub push: [f64; 6],
     /// Force from outside on the body.
     pub force: HeldForce<f64>,
-    /// Motion of the payload; of no meaning without one.
-    pub payload: PayloadMotion<f64>,
+    /// Motions of the payloads; of no meaning without them.
+    pub payloads: [PayloadMotion<f64>; PAYLOADS],
     /// Lower bound of the distance from obstacles at the start of the last step, m.
     pub clearance: f64,
     /// Whether the robot was near an obstacle in the last step.
@@ -85,7 +85,7 @@ impl SimulationState {
             floor_force: [0.0; 3],
             push: [0.0; 6],
             force: HeldForce::default(),
-            payload: PayloadMotion::default(),
+            payloads: Default::default(),
             clearance: 0.0,
             near_obstacle: false,
             is_finite: true,
@@ -209,7 +209,7 @@ impl Robot {
     pub fn place(&mut self, world: &mut World, state: &State) {
         self.set_motion(world, state);
         self.sim_state = SimulationState::new();
-        self.sim_state.payload = PayloadMotion::at_place(&Payload::new(&self.params), &LaneState::from(state));
+        self.sim_state.payloads = PayloadMotion::at_places(&Payload::of(&self.params), &LaneState::from(state));
         self.apply_joint_friction(world);
     }
 
@@ -300,7 +300,7 @@ impl Robot {
     }
 
     pub fn energy(&self, world: &World) -> f64 {
-        energy_with_payload(&self.params, &self.wheels, &self.state(world), &self.sim_state.payload, self.time())
+        energy_with_payload(&self.params, &self.wheels, &self.state(world), &self.sim_state.payloads, self.time())
     }
 
     /// Simulated time since the reset, s.
@@ -308,13 +308,15 @@ impl Robot {
         self.sim_state.steps as f64 * self.dt
     }
 
-    pub fn payload(&self, world: &World) -> Deflection<f64> {
-        Deflection::of(&Payload::new(&self.params), &LaneState::from(&self.state(world)), &self.sim_state.payload)
+    pub fn payloads(&self, world: &World) -> [Deflection<f64>; PAYLOADS] {
+        let body = LaneState::from(&self.state(world));
+        Deflection::of_all(&Payload::of(&self.params), &body, &self.sim_state.payloads)
     }
 
-    pub fn set_payload(&mut self, world: &World, deflection: &Deflection<f64>) {
+    pub fn set_payloads(&mut self, world: &World, deflections: &[Deflection<f64>; PAYLOADS]) {
         let body = LaneState::from(&self.state(world));
-        self.sim_state.payload = self.sim_state.payload.deflected(&Payload::new(&self.params), &body, deflection);
+        let payloads = Payload::of(&self.params);
+        self.sim_state.payloads = PayloadMotion::all_deflected(&self.sim_state.payloads, &payloads, &body, deflections);
     }
 
     /// Acts as a force during the next time step, so that the contact forces of the step include the reaction.
@@ -331,7 +333,7 @@ impl Robot {
         let [x, y, z, turn @ ..] = self.sim_state.push;
         let body = rotation_from_rapier(*world.bodies[self.handles.body].rotation());
         let about_com = Vector3::from(turn)
-            - (body * (self.params.without_payload().body_com() - self.root)).cross(&Vector3::new(x, y, z));
+            - (body * (self.params.without_payloads().body_com() - self.root)).cross(&Vector3::new(x, y, z));
         [x, y, z, about_com.x, about_com.y, about_com.z]
     }
 }

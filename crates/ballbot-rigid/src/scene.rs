@@ -9,7 +9,7 @@ use super::world::{World, integration_parameters, new_pipeline};
 use ballbot_base::error::{Error, Result};
 use ballbot_base::force::HeldForce;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::{Ground, upright_on};
@@ -186,8 +186,8 @@ impl Scene {
     }
 
     /// Deflection of a robot's payload from its place.
-    pub fn payload(&self, robot: usize) -> Deflection<f64> {
-        self.robots[robot].payload(&self.world)
+    pub fn payloads(&self, robot: usize) -> [Deflection<f64>; PAYLOADS] {
+        self.robots[robot].payloads(&self.world)
     }
 
     /// Applies an impulse (inertial frame, N·s) to a body at `point` (body frame, m) over the next step.

@@ -10,15 +10,16 @@ from ballbot_rs import _state_rows as rows
 from ballbot_rs._checks import check_no_obstacles
 from ballbot_rs._core import Params, State, Terrain
 from ballbot_rs._errors import InvalidInputError
+from ballbot_rs._payloads import Payload, payloads_of
 from ballbot_rs.engines.moving_floor import contact_plane
-from ballbot_rs.engines.robot_geometry import Array, RobotGeometry, without_payload
+from ballbot_rs.engines.robot_geometry import Array, RobotGeometry, without_payloads
 
-#: Positions of the parts in qpos (17) and qvel (15): ball, body, three wheels; a payload (3) comes after them.
+#: Positions of the parts in qpos (17) and qvel (15): ball, body, three wheels; payloads (3 each) come after them.
 BALL_POSITION, BALL_QUATERNION, BODY_POSITION = slice(0, 3), slice(3, 7), slice(7, 10)
 BODY_QUATERNION, WHEEL_ANGLES = slice(10, 14), slice(14, 17)
 BALL_VELOCITY, BALL_RATE, BODY_VELOCITY = slice(0, 3), slice(3, 6), slice(6, 9)
 BODY_RATE, WHEEL_SPEEDS = slice(9, 12), slice(12, 15)
-PAYLOAD = slice(17, 20)
+PAYLOADS = slice(17, None)
 
 #: Index of the wheel's drive direction among a contact's two friction directions, where the robot faces along x.
 #: MuJoCo derives them from the normal and the world's axes, not from the wheel.
@@ -83,21 +84,20 @@ def _inertial(mass: float, com: Array, inertia: Array) -> str:
     return f'<inertial mass="{mass:.17g}" pos="{_numbers(com)}" fullinertia="{_numbers(full)}"/>'
 
 
-def _payload(p: Params) -> str:
-    """MJCF of the payload on the body: three slides whose springs hold it at its place in equilibrium."""
-    if not p.has_payload:
-        return ""
-    if any(p.payload_amplitude):
-        raise InvalidInputError(f"MuJoCo does not simulate payload_amplitude = {p.payload_amplitude}: it must be zeros")
+def _payload(p: Params, payload: Payload) -> str:
+    """MJCF of a payload on the body: three slides whose springs hold it at its place in equilibrium."""
+    if any(payload.amplitude):
+        name = f"{payload.name}_amplitude"
+        raise InvalidInputError(f"MuJoCo does not simulate {name} = {payload.amplitude}: it must be zeros")
     com = np.array(p.body_com)
-    hold = p.payload_mass * p.gravity * com / np.linalg.norm(com)
+    hold = payload.mass * p.gravity * com / np.linalg.norm(com)
     slides = "".join(
         f'<joint type="slide" axis="{_numbers(axis)}" stiffness="{k:.17g}" damping="{c:.17g}" '
         f'springref="{f / k:.17g}"/>'
-        for axis, k, c, f in zip(np.eye(3), p.payload_stiffness, p.payload_damping, hold, strict=True)
+        for axis, k, c, f in zip(np.eye(3), payload.stiffness, payload.damping, hold, strict=True)
     )
-    mass = f'<inertial mass="{p.payload_mass:.17g}" pos="0 0 0" diaginertia="{_numbers([_POINT] * 3)}"/>'
-    return f'<body pos="{_numbers(p.payload_position)}">{mass}{slides}</body>'
+    mass = f'<inertial mass="{payload.mass:.17g}" pos="0 0 0" diaginertia="{_numbers([_POINT] * 3)}"/>'
+    return f'<body pos="{_numbers(payload.position)}">{mass}{slides}</body>'
 
 
 def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> str:
@@ -137,7 +137,8 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
             '<general site="ball" refsite="body" gear="0 0 1 0 0 0" gainprm="0" biastype="affine" '
             f'biasprm="{p.wheel_preload:.17g}"/>'
         )
-    body = without_payload(robot.body, p) if p.has_payload else robot.body
+    body = without_payloads(robot.body, p)
+    payloads = "".join(_payload(p, payload) for payload in payloads_of(p))
     floor = _numbers([p.floor_dynamic_friction, p.floor_dynamic_friction, 0, 0, 0])
     plane = '<geom name="floor" type="plane" size="0 0 1"/>'
     if moving_floor:
@@ -151,7 +152,7 @@ def mjcf(robot: RobotGeometry, setup: Setup, *, moving_floor: bool = False) -> s
     {plane}
     <body {at}><freejoint/>{_inertial(p.ball_mass, np.zeros(3), p.ball_inertia * np.eye(3))}
       <geom name="ball" type="sphere" size="{p.ball_radius:.17g}"/>{ball_site}</body>
-    <body {at}><freejoint/>{_inertial(body.mass, body.com, body.inertia)}{body_site}{wheels}{_payload(p)}</body>
+    <body {at}><freejoint/>{_inertial(body.mass, body.com, body.inertia)}{body_site}{wheels}{payloads}</body>
   </worldbody>
   <contact><pair geom1="floor" geom2="ball" condim="3" friction="{floor}" {stiffness}/>{pairs}</contact>
   <actuator>{motors}</actuator>

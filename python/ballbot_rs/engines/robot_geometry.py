@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ballbot_rs._core import Params
+from ballbot_rs._payloads import payloads_of
 
 Array = npt.NDArray[np.float64]
 
@@ -41,7 +42,7 @@ class RobotGeometry:
     axles: Array
     #: Wheel centers, (3, 3), m.
     centers: Array
-    #: Body without its wheels, with a payload at its place.
+    #: Body without its wheels, with its payloads at their places.
     body: Link
     #: Inertia of each wheel about its center, body axes, (3, 3, 3), kg·m².
     wheel_inertias: Array
@@ -60,13 +61,15 @@ def _offset_inertia(mass: float, offset: Array) -> Array:
     return np.asarray(mass * (offset @ offset * np.eye(3) - np.outer(offset, offset)))
 
 
-def without_payload(body: Link, params: Params) -> Link:
-    """The body without the payload of `params`, as a point mass at its place."""
-    load, place = params.payload_mass, np.array(params.payload_position)
-    mass = body.mass - load
-    com = (body.mass * body.com - load * place) / mass
-    inertia = body.inertia - _offset_inertia(mass, com - body.com) - _offset_inertia(load, place - body.com)
-    return Link(mass, com, inertia)
+def without_payloads(body: Link, params: Params) -> Link:
+    """The body without the payloads of `params`, as point masses at their places."""
+    for payload in payloads_of(params):
+        load, place = payload.mass, np.array(payload.position)
+        mass = body.mass - load
+        com = (body.mass * body.com - load * place) / mass
+        inertia = body.inertia - _offset_inertia(mass, com - body.com) - _offset_inertia(load, place - body.com)
+        body = Link(mass, com, inertia)
+    return body
 
 
 def robot_geometry(params: Params | None = None) -> RobotGeometry:

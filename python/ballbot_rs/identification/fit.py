@@ -182,7 +182,7 @@ def _passes(
 def _fixed(unknowns: Fitted, robot: FitRobot, sim_dt: float) -> tuple[Fitted, FitRobot]:
     """What is fitted if the payload is fixed to the body, and the robot."""
     fields = [field for field in unknowns.fields if not field.startswith("payload_")]
-    fixed = dataclasses.replace(robot, params=robot.params.with_payload_fixed())
+    fixed = dataclasses.replace(robot, params=robot.params.with_payloads_fixed())
     return (fitted(fields, fixed, sim_dt) if fields else NOTHING), fixed
 
 

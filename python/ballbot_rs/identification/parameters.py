@@ -21,14 +21,15 @@ MOTORS: Final = tuple(MOTOR_LIMITS)
 SHORTEST_LAG: Final = 0.5
 #: Constant errors of the IMU, with their units and typical sizes.
 BIASES: Final[Mapping[str, tuple[str, float]]] = {"gyro_bias": ("rad/s", 0.01), "acc_bias": ("m/s²", 0.1)}
-#: Parameters of a load that an arm moves, and of a floor that moves or on which friction differs from place to place.
+#: Parameters of a load that an arm moves, of a second payload, and of a floor that moves or on which friction differs
+#: from place to place.
 NOT_IN_LOGS: Final = tuple(
     parameter["name"]
     for parameter in PARAMETERS
     if parameter["name"].startswith(
         (
             *("floor_friction_", "floor_patch_", "floor_tilt_", "floor_acceleration"),
-            *("payload_amplitude", "payload_period", "payload_phases"),
+            *("payload_amplitude", "payload_period", "payload_phases", "second_payload_"),
         )
     )
 )

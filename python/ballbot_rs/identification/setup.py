@@ -42,6 +42,9 @@ def prepare(
         tilt = list(base.params.floor_tilt)
         raise InvalidInputError(f"robot.floor_tilt = {tilt}: a log has no heading, so the floor must be level")
     check_still_floor(base.params, "a log has neither place nor time")
+    if base.params.second_payload_mass > 0.0:
+        mass = base.params.second_payload_mass
+        raise InvalidInputError(f"robot.second_payload_mass = {mass} must be 0: a fit is of one payload")
     if base.params.has_payload and any(base.params.payload_amplitude):
         amplitude = list(base.params.payload_amplitude)
         raise InvalidInputError(f"robot.payload_amplitude = {amplitude} must be 0: a log has no begin of its motion")

@@ -159,13 +159,13 @@ def _states(columns: Sequence[Column]) -> list[State]:
 
 def _payloads(columns: Sequence[Column]) -> Array:
     """Deflections of the payloads, as `Batch.payloads` has them."""
-    found = np.zeros((len(columns), len(columns[0].starts), 6))
+    found = np.zeros((len(columns), len(columns[0].starts), 2, 6))
     for rows, column in zip(found, columns, strict=True):
         # A payload of 0 kg is none.
         if column.robot.params.has_payload:
-            rows[:, :2] = column.starts[:, DEFLECTION]
-            rows[:, 3:5] = column.starts[:, DEFLECTION_RATE]
-    return found.reshape(-1, 6)
+            rows[:, 0, :2] = column.starts[:, DEFLECTION]
+            rows[:, 0, 3:5] = column.starts[:, DEFLECTION_RATE]
+    return found.reshape(-1, 2, 6)
 
 
 def _of_each(columns: Sequence[Column], name: str) -> Array:

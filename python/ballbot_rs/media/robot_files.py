@@ -43,7 +43,7 @@ def write_urdf(robot: Robot, path: str | PathLike[str], part: str = "robot") -> 
     off it, without three thin discs as wheels. Where heavy wheels leave a moment of inertia larger than the sum of the
     two others, MuJoCo rejects the file. The wheel joints have `wheel_viscous_friction`,
     `wheel_coulomb_friction` and `max_wheel_torque`. A URDF cannot hold gravity, the tilt of the floor, friction of
-    ball, floor and rollers, the rollers' ripple and angle, the wheels' preload, springs of a payload, which is fixed,
+    ball, floor and rollers, the rollers' ripple and angle, the wheels' preload, springs of payloads, which are fixed,
     motors and sensors; the velocity limit is 1e6 rad/s, in effect none.
 
     Args:

@@ -93,7 +93,7 @@ def _holdable(params: Params, turning: npt.NDArray[np.float64], toppling: float,
 
 def _rate_per_impulse(params: Params) -> float:
     """Tilt rate per impulse at the center of mass, rad/(N·m·s²)."""
-    fixed = params.with_payload_fixed().on_still_floor()
+    fixed = params.with_payloads_fixed().on_still_floor()
     robot = Ballbot(fixed.replace(floor_tilt=(0.0, 0.0), roller_ripple=0.0), "spatial")
     impulse = 1e-3 * params.body_mass
     robot.push((impulse, 0.0, 0.0))

@@ -10,7 +10,8 @@ from typing import Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._core import Batch, Params
+from ballbot_rs._core import Batch
+from ballbot_rs._payloads import Payload, payloads_of
 from ballbot_rs.envs.family import robots_in
 from ballbot_rs.envs.registration import description_of
 from ballbot_rs.envs.spaces import history_ages
@@ -64,11 +65,10 @@ def symmetries(rows: tuple[str, ...], ages: int) -> list[tuple[Matrix, Matrix]]:
     return found
 
 
-def _is_symmetric_payload(robot: Params) -> bool:
+def _is_symmetric(payload: Payload) -> bool:
     """Whether a payload stays the same when the robot is turned or mirrored."""
-    pairs = (robot.payload_stiffness, robot.payload_damping)
-    across = (*robot.payload_position[:2], *robot.payload_amplitude[:2])
-    return not any(across) and all(x == y for x, y, _ in pairs)
+    across = (*payload.position[:2], *payload.amplitude[:2])
+    return not any(across) and all(x == y for x, y, _ in (payload.stiffness, payload.damping))
 
 
 def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
@@ -84,8 +84,8 @@ def of_batch(batch: Batch) -> list[tuple[Matrix, Matrix]]:
                 f"the wheels of robot {i} are not alike, 120 degrees apart from x on: "
                 f"wheel_azimuths = {robot.wheel_azimuths}, wheel_zenith_offsets = {robot.wheel_zenith_offsets}"
             )
-        if robot.has_payload and not _is_symmetric_payload(robot):
-            raise ValueError(f"the payload of robot {i} is not alike in all directions about the mast")
+        if not all(map(_is_symmetric, payloads_of(robot))):
+            raise ValueError(f"a payload of robot {i} is not alike in all directions about the mast")
         if robot.roller_angle != 0.0:
             raise ValueError(f"a mirror reverses roller_angle = {robot.roller_angle} of robot {i}: it must be 0")
     rows = tuple(row["name"] for row in description_of(batch.task)["observation"])

@@ -45,7 +45,7 @@ fn assert_same(crowd: &Crowd, singles: &[Ballbot], what: &str) {
 
 #[test]
 fn one_robot_is_a_single_robot() {
-    let loaded = Params::paper().with_payload(0.5, [0.0, 0.0, 0.6]);
+    let loaded = Params::paper().with_payload(0, 0.5, [0.0, 0.0, 0.6]);
     let params = Params { payload_stiffness: [80.0; 3], payload_damping: [1.0; 3], ..loaded };
     let posts = Terrain::plane(0.0, 0.0)
         .unwrap()
@@ -64,7 +64,7 @@ fn one_robot_is_a_single_robot() {
             crowd.step(&[Wheels([0.1, -0.1, 0.05])], 10).unwrap();
             robot.step([0.1, -0.1, 0.05], 10).unwrap();
             assert_same(&crowd, std::slice::from_ref(&robot), "alone");
-            assert_eq!(crowd.payload(0), robot.payload());
+            assert_eq!(crowd.payloads(0), robot.payloads());
             assert_eq!(crowd.energy(0), robot.energy());
         }
         assert!(robot.bot_on_floor());

@@ -354,7 +354,7 @@ fn action(i: usize, k: usize) -> [f32; 3] {
 fn a_robot_in_lanes_equals_a_single_robot_bit_for_bit() {
     let hills = Terrain::generate("noise", 3, &[("slope", 0.15), ("wavelength", 0.8)]).unwrap();
     let on_hills = Arc::new(hills.with_obstacles(cage(1.0).obstacles().shapes()).unwrap());
-    let payload = Params::paper().with_payload(0.5, [0.05, 0.0, 0.3]);
+    let payload = Params::paper().with_payload(0, 0.5, [0.05, 0.0, 0.3]);
     for (name, terrain) in [("level", cage(1.0)), ("hills", on_hills)] {
         let robots: Vec<_> = (0..10)
             .map(|i| match i {

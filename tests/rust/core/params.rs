@@ -325,8 +325,8 @@ fn unlike_any_other() -> Params {
 fn fields_round_trip() {
     let params = unlike_any_other();
     assert!(params.fields().map(|(name, _)| name).eq(Params::FIELDS.iter().map(|field| field.name)));
-    // Ten vectors of three and seven of two.
-    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::FIELDS.len() + 10 * 2 + 7);
+    // Fifteen vectors of three and seven of two.
+    assert_eq!(params.fields().map(|(_, values)| values.len()).sum::<usize>(), Params::FIELDS.len() + 15 * 2 + 7);
     for ((name, changed), (_, default)) in params.fields().zip(Params::paper().fields()) {
         assert!(changed.iter().zip(default).all(|(a, b)| a != b), "{name} is as before");
     }

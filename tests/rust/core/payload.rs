@@ -1,8 +1,8 @@
-//! A payload that moves on the body: closed forms, conserved quantities, agreement of the models, copies and events.
+//! Payloads that move on the body: closed forms, conserved quantities, agreement of the models, copies and events.
 
 use ballbot_core::batch::{Autoreset, BalanceConfig, Batch, Event, ResetRequest, StepResults};
 use ballbot_core::models::{BallSpin, SpatialModel, WheelSpin};
-use ballbot_core::{Ballbot, Deflection, Error, ModelKind, Params, State, Wheels, kinematics::Omniwheels};
+use ballbot_core::{Ballbot, Deflection, Error, ModelKind, PAYLOADS, Params, State, Wheels, kinematics::Omniwheels};
 use nalgebra::{DMatrix, DVector, Matrix3, UnitQuaternion, Vector2, Vector3, Vector6};
 use std::f64::consts::TAU;
 
@@ -14,14 +14,27 @@ fn carrying(params: &Params, share: f64, hertz: [f64; 3], damping: f64) -> Param
     let stiffness = hertz.map(|hertz| mass * (TAU * hertz).powi(2));
     let damping = stiffness.map(|k| 2.0 * damping * (k * mass).sqrt());
     let position = [0.0, 0.0, 1.5 * params.body_com_height];
-    Params { payload_stiffness: stiffness, payload_damping: damping, ..params.with_payload(mass, position) }
+    Params { payload_stiffness: stiffness, payload_damping: damping, ..params.with_payload(0, mass, position) }
 }
 
 /// A payload off the mast, soft along every axis.
 pub fn lopsided(params: &Params) -> Params {
     let loaded = carrying(params, 0.3, [1.1, 1.7, 2.3], 0.0);
     let h = params.body_com_height;
-    loaded.with_payload(loaded.payload_mass, [0.1 * h, -0.2 * h, 1.3 * h])
+    loaded.with_payload(0, loaded.payload_mass, [0.1 * h, -0.2 * h, 1.3 * h])
+}
+
+/// Two payloads off the mast, the second an arm on the other side.
+fn doubled(params: &Params) -> Params {
+    let one = lopsided(params);
+    let (mass, h) = (0.15 * params.body_mass, params.body_com_height);
+    let stiffness = [3.0, 2.1, 5.3].map(|hertz: f64| mass * (TAU * hertz).powi(2));
+    Params { second_payload_stiffness: stiffness, ..one.with_payload(1, mass, [-0.3 * h, 0.2 * h, 0.6 * h]) }
+}
+
+/// One payload, and two.
+fn loads(params: &Params) -> [Params; 2] {
+    [lopsided(params), doubled(params)]
 }
 
 fn robot(params: &Params, model: ModelKind, sim_dt: f64, state: &State) -> Ballbot {
@@ -30,20 +43,22 @@ fn robot(params: &Params, model: ModelKind, sim_dt: f64, state: &State) -> Ballb
     robot
 }
 
-/// Position and velocity of the payload, inertial frame.
-fn payload(robot: &Ballbot) -> [Vector3<f64>; 2] {
-    let (state, deflection) = (robot.state(), robot.payload());
-    let [d, rate] = [deflection.position, deflection.velocity].map(|v| Vector3::new(v.x, v.y, v.z));
-    let arm = Vector3::from(robot.params().payload_position) + d;
-    let turn = state.body_quaternion;
-    let velocity = state.body_velocity + turn * (state.body_angular_velocity.cross(&arm) + rate);
-    [state.body_position + turn * arm, velocity]
+/// Mass of each payload, with its position and velocity in the inertial frame.
+fn payloads(robot: &Ballbot) -> [(f64, [Vector3<f64>; 2]); PAYLOADS] {
+    let (state, deflections, params) = (robot.state(), robot.payloads(), robot.params().payloads());
+    std::array::from_fn(|i| {
+        let [d, rate] = [deflections[i].position, deflections[i].velocity].map(|v| Vector3::new(v.x, v.y, v.z));
+        let arm = Vector3::from(params[i].position) + d;
+        let turn = state.body_quaternion;
+        let velocity = state.body_velocity + turn * (state.body_angular_velocity.cross(&arm) + rate);
+        (params[i].mass, [state.body_position + turn * arm, velocity])
+    })
 }
 
-/// Momentum and angular momentum about the origin of body, wheels and payload.
+/// Momentum and angular momentum about the origin of body, wheels and payloads.
 fn momenta(robot: &Ballbot) -> [Vector3<f64>; 2] {
     let (params, state) = (robot.params(), robot.state());
-    let alone = params.without_payload();
+    let alone = params.without_payloads();
     let (turn, rate) = (state.body_quaternion, state.body_angular_velocity);
     let arm = alone.body_com();
     let place = state.body_position + turn * arm;
@@ -51,9 +66,12 @@ fn momenta(robot: &Ballbot) -> [Vector3<f64>; 2] {
     let wheels = Omniwheels::new(params);
     let spins = state.wheel_speeds.column() - wheels.axles * rate;
     let own = turn * (alone.body_inertia_matrix() * rate - wheels.axles.transpose() * spins * params.wheel_inertia);
-    let [position, velocity] = payload(robot);
-    let of_payload = velocity * params.payload_mass;
-    [momentum + of_payload, place.cross(&momentum) + own + position.cross(&of_payload)]
+    let mut sums = [momentum, place.cross(&momentum) + own];
+    for (mass, [position, velocity]) in payloads(robot) {
+        sums[0] += velocity * mass;
+        sums[1] += position.cross(&(velocity * mass));
+    }
+    sums
 }
 
 fn tumbling(params: &Params) -> State {
@@ -66,8 +84,10 @@ fn tumbling(params: &Params) -> State {
 
 #[test]
 fn in_flight_momentum_and_angular_momentum_are_kept() {
-    let params = lopsided(&Params::paper());
-    for (model, limit) in [(ModelKind::Contact, [1e-11, 1e-5]), (ModelKind::Rigid, [1e-3, 1e-3])] {
+    let models = [(ModelKind::Contact, [1e-11, 1e-5]), (ModelKind::Rigid, [1e-3, 1e-3])];
+    for (params, (model, limit)) in
+        loads(&Params::paper()).into_iter().flat_map(|params| models.map(|m| (params.clone(), m)))
+    {
         let sim_dt = 1e-4;
         let mut robot = robot(&params, model, sim_dt, &tumbling(&params));
         let [momentum, turning] = momenta(&robot);
@@ -76,7 +96,7 @@ fn in_flight_momentum_and_angular_momentum_are_kept() {
         for _ in 0..3000 {
             moment += center(&robot).cross(&weight) * sim_dt;
             robot.step([0.0; 3], 1).unwrap();
-            largest = largest.max(robot.payload().position.x.abs());
+            largest = largest.max(robot.payloads()[0].position.x.abs());
         }
         let [now, turned] = momenta(&robot);
         let error = (now - momentum - weight * robot.time()).norm() / now.norm();
@@ -87,12 +107,13 @@ fn in_flight_momentum_and_angular_momentum_are_kept() {
     }
 }
 
-/// The common CoM of body, wheels and payload.
+/// The common CoM of body, wheels and payloads.
 fn center(robot: &Ballbot) -> Vector3<f64> {
     let (state, params) = (robot.state(), robot.params());
-    let alone = params.without_payload();
+    let alone = params.without_payloads();
     let of_body = (state.body_position + state.body_quaternion * alone.body_com()) * alone.body_mass;
-    (of_body + payload(robot)[0] * params.payload_mass) / params.body_mass
+    let of_payloads: Vector3<f64> = payloads(robot).iter().map(|(mass, [position, _])| position * *mass).sum();
+    (of_body + of_payloads) / params.body_mass
 }
 
 fn lossless(params: &Params) -> Params {
@@ -110,7 +131,7 @@ fn lossless(params: &Params) -> Params {
 
 /// The linear equations of ball, lean and payload in the plane, M q'' + K q = 0, from the mass matrix of the body alone.
 fn linear(params: &Params) -> DMatrix<f64> {
-    let alone = params.without_payload();
+    let alone = params.without_payloads();
     let model = SpatialModel::new(&alone, WheelSpin::Absolute, BallSpin::Free);
     let unit = |i: usize| Vector6::from_fn(|row, _| f64::from(u8::from(row == i)));
     let [x, lean] = [0, 3].map(|i| model.momenta(&UnitQuaternion::identity(), &unit(i)));
@@ -146,7 +167,7 @@ fn small_motions_follow_the_linear_equations_of_ball_lean_and_payload() {
                 let seconds = 0.1 * f64::from(step);
                 let start = DVector::from_column_slice(&[0.0, lean, 0.0, 0.0, 0.0, 0.0]);
                 let expected = (&system * seconds).exp() * start;
-                let (state, deflection) = (robot.state(), robot.payload());
+                let (state, deflection) = (robot.state(), robot.payloads()[0]);
                 let found = Vector3::new(state.ball_position.x, state.tilt_components().y, deflection.position.x);
                 let expected = Vector3::new(expected[0], expected[1], expected[2]);
                 let error = (found - expected).norm() / expected.norm();
@@ -167,18 +188,18 @@ fn energy_is_kept_without_torque_and_falls_by_damping() {
     for (model, sim_dt, limit) in
         [(ModelKind::Spatial, 1e-3, 1e-9), (ModelKind::Contact, 1e-4, 5e-3), (ModelKind::Rigid, 2e-4, 1e-2)]
     {
-        let params = lopsided(&preset);
-        let state = State::tilted(&params, Vector2::new(0.05, -0.03), 0.3);
-        let mut robot = robot(&params, model, sim_dt, &state);
-        let before = robot.energy();
-        let scale = params.body_mass * params.gravity * params.body_com_height * 0.05;
-        let fixed = Ballbot::new(&params.with_payload_fixed(), model, sim_dt).unwrap();
-        let mut same = fixed;
-        same.reset(&state).unwrap();
-        assert!((same.energy() - before).abs() < 1e-12 * before.abs(), "the energy of a fixed payload");
-        robot.step([0.0; 3], (0.4 / sim_dt) as usize).unwrap();
-        assert!((robot.energy() - before).abs() < limit * scale, "{model}: {} {before}", robot.energy());
-        assert!(robot.payload().position.x.abs() > 1e-4);
+        for params in loads(&preset) {
+            let state = State::tilted(&params, Vector2::new(0.05, -0.03), 0.3);
+            let mut robot = robot(&params, model, sim_dt, &state);
+            let before = robot.energy();
+            let scale = params.body_mass * params.gravity * params.body_com_height * 0.05;
+            let mut same = Ballbot::new(&params.with_payloads_fixed(), model, sim_dt).unwrap();
+            same.reset(&state).unwrap();
+            assert!((same.energy() - before).abs() < 1e-12 * before.abs(), "the energy of fixed payloads");
+            robot.step([0.0; 3], (0.4 / sim_dt) as usize).unwrap();
+            assert!((robot.energy() - before).abs() < limit * scale, "{model}: {} {before}", robot.energy());
+            assert!(robot.payloads()[0].position.x.abs() > 1e-4);
+        }
     }
     let params = carrying(&preset, 0.3, [2.0, 2.0, 5.0], 0.2);
     let mut robot = robot(&params, ModelKind::Spatial, 1e-3, &State::tilted(&params, Vector2::new(0.05, 0.0), 0.0));
@@ -199,10 +220,11 @@ fn difference(a: &mut Ballbot, b: &mut Ballbot, seconds: f64) -> f64 {
         a.step(torque, steps[0]).unwrap();
         b.step(torque, steps[1]).unwrap();
         let rows = [&*a, &*b].map(|robot| {
-            let (state, deflection) = (robot.state(), robot.payload());
-            let d = deflection.position;
-            [state.ball_position.x, state.ball_position.y, d.x, d.y, d.z]
+            let state = robot.state();
+            let of_payloads = robot.payloads().into_iter().map(|payload| payload.position);
+            [state.ball_position.x, state.ball_position.y]
                 .into_iter()
+                .chain(of_payloads.flat_map(|d| [d.x, d.y, d.z]))
                 .chain(state.tilt_components().iter().copied().collect::<Vec<_>>())
                 .collect::<Vec<_>>()
         });
@@ -213,7 +235,8 @@ fn difference(a: &mut Ballbot, b: &mut Ballbot, seconds: f64) -> f64 {
 
 #[test]
 fn contact_and_rigid_converge_to_spatial() {
-    for params in [lopsided(&Params::paper()), carrying(&Params::preset("kugle").unwrap(), 0.5, [1.5, 1.5, 6.0], 0.1)] {
+    let [one, two] = loads(&Params::paper());
+    for params in [one, two, carrying(&Params::preset("kugle").unwrap(), 0.5, [1.5, 1.5, 6.0], 0.1)] {
         let state = State::tilted_from_equilibrium(&params, Vector2::new(0.02, -0.03), 0.4);
         for (model, coarse) in [(ModelKind::Contact, 1e-3), (ModelKind::Rigid, 1e-3)] {
             let errors = [coarse, 0.25 * coarse].map(|sim_dt| {
@@ -225,12 +248,47 @@ fn contact_and_rigid_converge_to_spatial() {
     }
 }
 
+/// A payload that is cut in two halves, each on half of the springs, moves as before.
+#[test]
+fn two_halves_of_a_payload_move_as_the_payload() {
+    let paper = Params::paper();
+    let whole = Params { payload_damping: [2.0, 3.0, 4.0], ..lopsided(&paper) };
+    let (mass, place) = (0.5 * whole.payload_mass, whole.payload_position);
+    let half = |of: [f64; 3]| of.map(|x| 0.5 * x);
+    let halves = Params {
+        payload_stiffness: half(whole.payload_stiffness),
+        payload_damping: half(whole.payload_damping),
+        second_payload_stiffness: half(whole.payload_stiffness),
+        second_payload_damping: half(whole.payload_damping),
+        ..whole.with_payload(0, mass, place).with_payload(1, mass, place)
+    };
+    assert!((halves.body_mass - whole.body_mass).abs() < 1e-12);
+    for model in MODELS {
+        let state = State::tilted(&whole, Vector2::new(0.02, -0.03), 0.4);
+        let (mut one, mut two) = (robot(&whole, model, 1e-3, &state), robot(&halves, model, 1e-3, &state));
+        for k in 0..300 {
+            let torque = torques(k, 0.05);
+            one.step(torque, 1).unwrap();
+            two.step(torque, 1).unwrap();
+        }
+        let [expected, first, second] = [one.payloads()[0], two.payloads()[0], two.payloads()[1]].map(|d| d.to_array());
+        assert!(expected[0].abs() > 1e-3);
+        let numbers = |robot: &Ballbot| robot.state().to_array();
+        let pairs = [(&first[..], &expected[..]), (&second, &expected), (&numbers(&two), &numbers(&one))]
+            .iter()
+            .flat_map(|(a, b)| a.iter().zip(*b).map(|(a, b)| (a - b).abs()))
+            .fold(0.0, f64::max);
+        let limit = if model == ModelKind::Rigid { 1e-6 } else { 1e-9 };
+        assert!(pairs < limit, "{model}: {pairs:e}");
+    }
+}
+
 #[test]
 fn a_stiff_payload_moves_as_a_fixed_payload() {
     let params = carrying(&Params::paper(), 0.3, [60.0; 3], 0.5);
     for model in MODELS {
         let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
-        let fixed = params.with_payload_fixed();
+        let fixed = params.with_payloads_fixed();
         let (mut loose, mut fixed) = (robot(&params, model, 2e-4, &state), robot(&fixed, model, 2e-4, &state));
         let error = difference(&mut loose, &mut fixed, 0.3);
         assert!(error < 3e-4, "{model}: {error:e}");
@@ -240,12 +298,12 @@ fn a_stiff_payload_moves_as_a_fixed_payload() {
 #[test]
 fn a_robot_at_rest_in_equilibrium_stays_with_its_payload_at_its_place() {
     for name in Params::preset_names() {
-        let params = lopsided(&Params::preset(name).unwrap());
-        for model in MODELS {
-            let mut robot = robot(&params, model, 1e-3, &State::at_equilibrium(&params, 0.7));
+        let loads = loads(&Params::preset(name).unwrap());
+        for (params, model) in loads.iter().flat_map(|params| MODELS.map(|model| (params, model))) {
+            let mut robot = robot(params, model, 1e-3, &State::at_equilibrium(params, 0.7));
             robot.step([0.0; 3], 100).unwrap();
-            let d = robot.payload().position;
-            let error = d.x.abs().max(d.y.abs()).max(d.z.abs()) / params.body_com_height;
+            let places = robot.payloads().into_iter().flat_map(|Deflection { position: d, .. }| [d.x, d.y, d.z]);
+            let error = places.fold(0.0_f64, |most, d| most.max(d.abs())) / params.body_com_height;
             let limit = if model == ModelKind::Rigid { 1e-4 } else { 1e-9 };
             assert!(error < limit, "{name}, {model}: {error:e}");
         }
@@ -259,7 +317,7 @@ fn an_arm_moves_its_load_and_its_period_is_the_robots() {
     for model in MODELS {
         let mut robot = robot(&params, model, 1e-3, &State::upright(&params));
         robot.step([0.0; 3], 200).unwrap();
-        let x = robot.payload().position.x;
+        let x = robot.payloads()[0].position.x;
         assert!((x - 0.02).abs() < 2e-3, "{model}: {x}");
         assert!(robot.state().ball_position.x.abs() > 1e-5);
     }
@@ -268,10 +326,10 @@ fn an_arm_moves_its_load_and_its_period_is_the_robots() {
 #[test]
 fn a_load_is_picked_up_and_put_down_in_motion() {
     let alone = Params { payload_stiffness: [400.0; 3], payload_damping: [5.0; 3], ..Params::paper() };
-    let loaded = alone.with_payload(1.5, [0.01, 0.0, 0.4]);
-    let again = loaded.with_payload(0.0, [0.0; 3]);
+    let loaded = alone.with_payload(0, 1.5, [0.01, 0.0, 0.4]);
+    let again = loaded.with_payload(0, 0.0, [0.0; 3]);
     assert!((again.body_com() - alone.body_com()).norm() < 1e-12);
-    assert!((loaded.without_payload().body_inertia_matrix() - alone.body_inertia_matrix()).norm() < 1e-12);
+    assert!((loaded.without_payloads().body_inertia_matrix() - alone.body_inertia_matrix()).norm() < 1e-12);
     for model in MODELS {
         let state = State::tilted(&alone, Vector2::new(0.02, -0.03), 0.4);
         let mut robot = robot(&alone, model, 1e-3, &state);
@@ -283,41 +341,40 @@ fn a_load_is_picked_up_and_put_down_in_motion() {
             pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max)
         };
         assert!(change(&robot) < 1e-9, "{model}: {}", change(&robot));
-        let began = robot.payload().to_array().into_iter().fold(0.0_f64, |most, number| most.max(number.abs()));
+        let began = robot.payloads()[0].to_array().into_iter().fold(0.0_f64, |most, number| most.max(number.abs()));
         assert!(began < 1e-12, "{model}: {began:e}");
         robot.step([0.0; 3], 50).unwrap();
-        assert!(robot.payload().position.x != 0.0);
+        assert!(robot.payloads()[0].position.x != 0.0);
         assert!(robot.set_params(&again).unwrap());
         robot.step([0.0; 3], 50).unwrap();
-        assert_eq!(robot.payload().position.x, 0.0);
+        assert_eq!(robot.payloads()[0].position.x, 0.0);
     }
 }
 
 #[test]
 fn a_robot_continues_from_a_deflection() {
-    let params = lopsided(&Params::paper());
+    let params = doubled(&Params::paper());
     let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
     for model in MODELS {
         let mut one = robot(&params, model, 1e-3, &state);
         one.step([0.01, 0.0, -0.01], 57).unwrap();
-        let deflection = one.payload();
+        let deflection = one.payloads()[0];
         let mut other = robot(&params, model, 1e-3, &one.state());
-        assert_eq!(
-            other.payload().to_array().map(|x| x.abs() < 1e-12),
-            [true; 6],
-            "{model}: a reset puts it at its place"
-        );
-        other.set_payload(&deflection).unwrap();
-        assert!((deflection.position.x - other.payload().position.x).abs() < 1e-12);
+        for deflection in other.payloads() {
+            assert!(deflection.to_array().iter().all(|x| x.abs() < 1e-12), "{model}: a reset puts it at its place");
+        }
+        other.set_payloads(&one.payloads()).unwrap();
+        assert!((deflection.position.x - other.payloads()[0].position.x).abs() < 1e-12);
         for robot in [&mut one, &mut other] {
             robot.step([0.0, 0.02, -0.01], 80).unwrap();
         }
-        let pairs = one.payload().to_array().into_iter().zip(other.payload().to_array());
+        let numbers = |robot: &Ballbot| robot.payloads().map(|deflection| deflection.to_array()).concat();
+        let pairs = numbers(&one).into_iter().zip(numbers(&other));
         let error = pairs.map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
         // The contacts' initial guess is of the last step, or of rest.
         let limit = if model == ModelKind::Rigid { 2e-4 } else { 1e-6 };
         assert!(error < limit, "{model}: {error:e}");
-        assert!(deflection.position.x.abs() > 1e-4);
+        assert!(deflection.position.x.abs() > 1e-4 && one.payloads()[1].position.x.abs() > 1e-5);
     }
 }
 
@@ -327,19 +384,22 @@ fn invalid_deflections_are_rejected_by_name() {
     let mut robot = robot(&params, ModelKind::Contact, 1e-3, &State::upright(&params));
     for number in [f64::NAN, 1e4] {
         let deflection = Deflection::from_array([0.0, 0.0, 0.0, 0.0, number, 0.0]);
-        let error = robot.set_payload(&deflection).unwrap_err().to_string();
-        assert!(error.contains("payload[4]") && error.contains("1000"), "{error}");
-        assert_eq!(robot.payload().velocity.y, 0.0);
+        let error = robot.set_payloads(&[deflection, Deflection::default()]).unwrap_err().to_string();
+        assert!(error.contains("payloads[0][4]") && error.contains("1000"), "{error}");
+        assert_eq!(robot.payloads()[0].velocity.y, 0.0);
     }
+    let [rest, moved] = [0.0, 0.1].map(|number| Deflection::from_array([number; 6]));
+    let error = robot.set_payloads(&[rest, moved]).unwrap_err().to_string();
+    assert!(error.contains("payloads[1]") && error.contains("second_payload_mass"), "{error}");
     let mut alone = Ballbot::new(&Params::paper(), ModelKind::Planar, 1e-3).unwrap();
-    alone.set_payload(&Deflection::default()).unwrap();
-    let error = alone.set_payload(&Deflection::from_array([0.1; 6])).unwrap_err().to_string();
+    alone.set_payloads(&[rest; PAYLOADS]).unwrap();
+    let error = alone.set_payloads(&[moved, rest]).unwrap_err().to_string();
     assert!(error.contains("payload_mass"), "{error}");
 }
 
 #[test]
 fn a_snapshot_continues_to_the_last_bit() {
-    let params = lopsided(&Params::paper());
+    let params = doubled(&Params::paper());
     let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
     for model in MODELS {
         let mut one = robot(&params, model, 1e-3, &state);
@@ -350,59 +410,64 @@ fn a_snapshot_continues_to_the_last_bit() {
             robot.step([0.0, 0.02, -0.01], 80).unwrap();
         }
         assert_eq!(one.state().to_array(), other.state().to_array(), "{model}");
-        assert_eq!(one.payload(), other.payload(), "{model}");
+        assert_eq!(one.payloads(), other.payloads(), "{model}");
     }
 }
 
 #[test]
 fn a_rider_at_rest_changes_no_bit() {
-    let params = lopsided(&Params::paper());
+    let params = doubled(&Params::paper());
     let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
     for model in MODELS {
         let [mut moved, mut still] = [0, 1].map(|_| robot(&params, model, 1e-3, &state));
-        moved.move_payload([0.0; 3]).unwrap();
+        moved.move_payload(0, [0.0; 3]).unwrap();
+        moved.move_payload(1, [0.0; 3]).unwrap();
         for k in 0..100 {
             moved.step(torques(k, 0.05), 1).unwrap();
             still.step(torques(k, 0.05), 1).unwrap();
         }
         assert_eq!(moved.state().to_array(), still.state().to_array(), "{model}");
-        assert_eq!(moved.payload().to_array(), still.payload().to_array(), "{model}");
+        assert_eq!(moved.payloads(), still.payloads(), "{model}");
         // A lean that lasts until a reset.
-        moved.move_payload([0.01, 0.0, 0.0]).unwrap();
+        moved.move_payload(0, [0.01, 0.0, 0.0]).unwrap();
         moved.step([0.0; 3], 100).unwrap();
         still.step([0.0; 3], 100).unwrap();
-        assert!(moved.payload().position.x - still.payload().position.x > 1e-3, "{model}");
+        assert!(moved.payloads()[0].position.x - still.payloads()[0].position.x > 1e-3, "{model}");
         for robot in [&mut moved, &mut still] {
             robot.reset(&state).unwrap();
             robot.step([0.0; 3], 100).unwrap();
         }
-        assert_eq!(moved.payload().to_array(), still.payload().to_array(), "{model}");
+        assert_eq!(moved.payloads(), still.payloads(), "{model}");
     }
 }
 
 #[test]
-fn energy_is_kept_while_a_rider_holds_a_lean() {
-    let params = lopsided(&lossless(&Params::paper()));
+fn energy_is_kept_while_riders_hold_a_lean() {
+    let params = doubled(&lossless(&Params::paper()));
     let state = State::tilted(&params, Vector2::new(0.05, -0.03), 0.3);
-    let mut robot = robot(&params, ModelKind::Spatial, 1e-3, &state);
+    let mut robot = robot(&params, ModelKind::Spatial, 5e-4, &state);
     let upright = robot.energy();
-    robot.move_payload([0.02, -0.03, 0.01]).unwrap();
+    let offsets = [[0.02, -0.03, 0.01], [-0.01, 0.02, 0.03]];
+    let mut springs = 0.0;
+    for (i, payload) in params.payloads().iter().enumerate() {
+        robot.move_payload(i, offsets[i]).unwrap();
+        springs += payload.stiffness.iter().zip(offsets[i]).map(|(k, r)| 0.5 * k * r * r).sum::<f64>();
+    }
     let before = robot.energy();
-    let springs: f64 =
-        params.payload_stiffness.iter().zip([0.02, -0.03, 0.01]).map(|(k, r): (&f64, f64)| 0.5 * k * r * r).sum();
     assert!((before - upright - springs).abs() < 1e-12 * before.abs(), "{before} {upright} {springs}");
-    robot.step([0.0; 3], 400).unwrap();
+    robot.step([0.0; 3], 800).unwrap();
     let scale = params.body_mass * params.gravity * params.body_com_height * 0.05;
     assert!((robot.energy() - before).abs() < 1e-9 * scale, "{} {before}", robot.energy());
 }
 
 #[test]
 fn a_snapshot_keeps_the_lean_of_a_rider() {
-    let params = lopsided(&Params::paper());
+    let params = doubled(&Params::paper());
     let state = State::tilted(&params, Vector2::new(0.02, -0.03), 0.4);
     for model in MODELS {
         let mut one = robot(&params, model, 1e-3, &state);
-        one.move_payload([0.02, -0.01, 0.0]).unwrap();
+        one.move_payload(0, [0.02, -0.01, 0.0]).unwrap();
+        one.move_payload(1, [0.0, 0.01, 0.03]).unwrap();
         one.step([0.01, 0.0, -0.01], 20).unwrap();
         let mut other = Ballbot::new(&params, model, 1e-3).unwrap();
         other.load(&one.save()).unwrap();
@@ -410,13 +475,13 @@ fn a_snapshot_keeps_the_lean_of_a_rider() {
             robot.step([0.0, 0.02, -0.01], 80).unwrap();
         }
         assert_eq!(one.state().to_array(), other.state().to_array(), "{model}");
-        assert_eq!(one.payload(), other.payload(), "{model}");
+        assert_eq!(one.payloads(), other.payloads(), "{model}");
     }
 }
 
 #[test]
 fn robots_in_lanes_carry_riders_as_single_robots() {
-    let params = lopsided(&Params::paper());
+    let params = doubled(&Params::paper());
     let config = BalanceConfig { params: params.clone(), ..BalanceConfig::default() };
     let mut batch = Batch::new(&config, 9, Autoreset::Disabled, Some(1), 3).unwrap();
     let mut results = StepResults::new(&batch);
@@ -428,14 +493,17 @@ fn robots_in_lanes_carry_riders_as_single_robots() {
     for k in 0..20 {
         for (i, one) in alone.iter_mut().enumerate() {
             let offset = [0.01 * (k as f64 + i as f64).sin(), 0.001 * i as f64, 0.0];
-            batch.move_payload(i, offset).unwrap();
-            one.move_payload(offset).unwrap();
+            batch.move_payload(i, 0, offset).unwrap();
+            one.move_payload(0, offset).unwrap();
+            let second = offset.map(|x| -2.0 * x);
+            batch.move_payload(i, 1, second).unwrap();
+            one.move_payload(1, second).unwrap();
             one.step([0.0; 3], 5).unwrap();
         }
         batch.step(&[0.0; 27], &mut results.buffers()).unwrap();
         for (i, one) in alone.iter().enumerate() {
             assert_eq!(batch.state(i).unwrap(), one.state(), "robot {i}, step {k}");
-            assert_eq!(batch.payload(i).unwrap(), one.payload(), "robot {i}, step {k}");
+            assert_eq!(batch.payloads(i).unwrap(), one.payloads(), "robot {i}, step {k}");
         }
     }
 }
@@ -446,13 +514,15 @@ fn invalid_leans_are_rejected_by_name() {
     let mut loaded = Ballbot::new(&params, ModelKind::Contact, 1e-3).unwrap();
     for offset in [[f64::NAN, 0.0, 0.0], [0.0, f64::INFINITY, 0.0], [0.0, 0.0, -1001.0]] {
         let before = loaded.save();
-        let error = loaded.move_payload(offset).unwrap_err();
+        let error = loaded.move_payload(0, offset).unwrap_err();
         assert!(matches!(&error, Error::OutOfRange { name, .. } if name.starts_with("offset[")), "{error}");
         assert_eq!(loaded.save(), before);
     }
     let mut alone = Ballbot::new(&Params::paper(), ModelKind::Contact, 1e-3).unwrap();
-    let error = alone.move_payload([0.0; 3]).unwrap_err().to_string();
-    assert!(error.contains("payload_mass"), "{error}");
+    for (index, expected) in [(0, "payload_mass"), (1, "second_payload_mass"), (2, "payload = 2")] {
+        let error = alone.move_payload(index, [0.0; 3]).unwrap_err().to_string();
+        assert!(error.contains(expected), "{error}");
+    }
 }
 
 #[test]
@@ -464,7 +534,10 @@ fn invalid_payloads_are_rejected_by_name() {
         (Params { payload_position: [0.0, 0.0, 30.0], ..loaded.clone() }, "moment of inertia of the body without"),
         (Params { payload_stiffness: [0.0, 10.0, 10.0], ..loaded.clone() }, "payload_stiffness[0]"),
         (Params { payload_stiffness: [1e7; 3], ..loaded.clone() }, "sim_dt"),
-        (Params { payload_damping: [1e6; 3], ..loaded }, "payload_damping[0]"),
+        (Params { payload_damping: [1e6; 3], ..loaded.clone() }, "payload_damping[0]"),
+        (Params { second_payload_mass: 0.1, ..paper }, "there must be a first payload"),
+        (Params { second_payload_mass: loaded.body_mass, ..loaded.clone() }, "payload_mass + second_payload_mass"),
+        (Params { second_payload_mass: 0.1, ..loaded }, "second_payload_stiffness[0]"),
     ];
     for (params, expected) in cases {
         let error = Ballbot::new(&params, ModelKind::Contact, 1e-3).err().unwrap().to_string();

@@ -1,6 +1,7 @@
 //! Structs of numbers that are processed number by number: in registers, in memory, or of one robot of eight.
 
 use super::{Quat, Vec3};
+use crate::payload::{Payload, PayloadMotion};
 use crate::wheels::Wheels;
 
 /// A number `T`, or a group of them such as a vector: a field of a struct of [`lane_struct!`](crate::lane_struct!).
@@ -90,6 +91,8 @@ arrays! {
     [[T; 3] => [U; 3]; 2] 0 1;
     [[T; 3] => [U; 3]; 3] 0 1 2;
     [Wheels<T> => Wheels<U>; 3] 0 1 2;
+    [Payload<T> => Payload<U>; 2] 0 1;
+    [PayloadMotion<T> => PayloadMotion<U>; 2] 0 1;
 }
 
 macro_rules! wheels {

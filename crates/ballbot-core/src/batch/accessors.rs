@@ -9,7 +9,7 @@ use crate::sensor::SensorOptions;
 use ballbot_base::error::{Error, Result, check};
 use ballbot_base::kinematics::Omniwheels;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::State;
 use ballbot_base::terrain::{Ground, Terrain};
@@ -106,27 +106,27 @@ impl Batch {
     ///
     /// # Errors
     /// As [`Batch::state`] and [`crate::Ballbot::move_payload`].
-    pub fn move_payload(&mut self, index: usize, offset: [f64; 3]) -> Result<()> {
+    pub fn move_payload(&mut self, index: usize, payload: usize, offset: [f64; 3]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
-        self.chunks[chunk].move_payload(i, offset)
+        self.chunks[chunk].move_payload(i, payload, offset)
     }
 
-    /// Deflection of the payload of environment `index` from its place; zeros for a robot without payload.
+    /// As [`crate::Ballbot::payloads`] of environment `index`.
     ///
     /// # Errors
     /// As [`Batch::state`].
-    pub fn payload(&self, index: usize) -> Result<Deflection<f64>> {
+    pub fn payloads(&self, index: usize) -> Result<[Deflection<f64>; PAYLOADS]> {
         let (chunk, i) = self.locate(index)?;
-        Ok(self.chunks[chunk].payload(i))
+        Ok(self.chunks[chunk].payloads(i))
     }
 
-    /// Replaces the deflection of the payload of environment `index`; a reset puts it at its place.
+    /// As [`crate::Ballbot::set_payloads`] of environment `index`.
     ///
     /// # Errors
-    /// As [`Batch::state`] and [`Params::validate_deflection`]; the payload then stays as it is.
-    pub fn set_payload(&mut self, index: usize, deflection: &Deflection<f64>) -> Result<()> {
+    /// As [`Batch::state`] and [`Params::validate_deflections`]; the payloads then stay as they are.
+    pub fn set_payloads(&mut self, index: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()> {
         let (chunk, i) = self.locate(index)?;
-        self.chunks[chunk].set_payload(i, deflection)
+        self.chunks[chunk].set_payloads(i, deflections)
     }
 
     /// The terrain; `None` for level ground.

@@ -55,7 +55,7 @@ impl Problem {
     /// a wheel's load in equilibrium.
     pub(super) fn new(params: &Params, horizon: Horizon, step: f64, traction: Option<f64>, violation: f64) -> Self {
         // How the floor and a payload will move, and where the floor is slippery, is unknown to a plan.
-        let params = &params.on_still_floor().with_payload_fixed();
+        let params = &params.on_still_floor().with_payloads_fixed();
         let substeps = (horizon.control_dt / step - 1e-9).ceil().max(1.0) as usize;
         let loads = params.equilibrium_wheel_loads();
         let mean = loads.iter().sum::<f64>() / WHEELS as f64;

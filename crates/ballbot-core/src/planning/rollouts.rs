@@ -48,7 +48,7 @@ impl Rollouts {
         Self {
             setpoints: vec![LaneSetpoint::default(); decisions + 1],
             robots: ContactLanes::new(
-                &Arc::new(params.on_still_floor().with_payload_fixed()),
+                &Arc::new(params.on_still_floor().with_payloads_fixed()),
                 control_dt / substeps as f64,
             ),
             substeps,

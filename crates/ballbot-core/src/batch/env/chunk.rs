@@ -11,7 +11,7 @@ use crate::task::RowScaling;
 use ballbot_base::error::Result;
 use ballbot_base::force::Force;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::setpoint::Setpoint;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -191,16 +191,16 @@ pub trait Chunk: Send + Sync {
     ///
     /// # Errors
     /// As [`crate::Ballbot::move_payload`].
-    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()>;
+    fn move_payload(&mut self, i: usize, payload: usize, offset: [f64; 3]) -> Result<()>;
 
-    /// As [`crate::Ballbot::payload`].
-    fn payload(&self, i: usize) -> Deflection<f64>;
+    /// As [`crate::Ballbot::payloads`].
+    fn payloads(&self, i: usize) -> [Deflection<f64>; PAYLOADS];
 
-    /// As [`crate::Ballbot::set_payload`].
+    /// As [`crate::Ballbot::set_payloads`].
     ///
     /// # Errors
-    /// As [`crate::Ballbot::set_payload`].
-    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()>;
+    /// As [`crate::Ballbot::set_payloads`].
+    fn set_payloads(&mut self, i: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()>;
 
     /// As [`crate::Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;

@@ -35,7 +35,7 @@ use ballbot_base::force::Force;
 use ballbot_base::lane_state::LaneState;
 use ballbot_base::lanes::Cell;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::setpoint::{LaneSetpoint, Setpoint};
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -594,16 +594,16 @@ impl<R: Robots, T: Task, A: Actuator, S: Sensor> Chunk for Environments<R, T, A,
         T::LEAN.is_some()
     }
 
-    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
-        self.robots.move_payload(i, offset)
+    fn move_payload(&mut self, i: usize, payload: usize, offset: [f64; 3]) -> Result<()> {
+        self.robots.move_payload(i, payload, offset)
     }
 
-    fn payload(&self, i: usize) -> Deflection<f64> {
-        self.robots.payload(i)
+    fn payloads(&self, i: usize) -> [Deflection<f64>; PAYLOADS] {
+        self.robots.payloads(i)
     }
 
-    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()> {
-        self.robots.set_payload(i, deflection)
+    fn set_payloads(&mut self, i: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()> {
+        self.robots.set_payloads(i, deflections)
     }
 
     fn has_force(&self, i: usize) -> bool {

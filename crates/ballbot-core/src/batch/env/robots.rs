@@ -16,7 +16,7 @@ use ballbot_base::lane_state::{ConditionCells, LaneRobot, LaneState};
 use ballbot_base::lanes::{EIGHT, Eight, Kernel, Lane, Memory, Registers, Scalar, Vec3, Wide, run_eight};
 use ballbot_base::model::same_geometry;
 use ballbot_base::params::Params;
-use ballbot_base::payload::Deflection;
+use ballbot_base::payload::{Deflection, PAYLOADS};
 use ballbot_base::snapshot;
 use ballbot_base::state::{Contacts, State};
 use ballbot_base::terrain::Ground;
@@ -130,19 +130,19 @@ pub trait Robots: Send + Sync {
     ///
     /// # Errors
     /// As [`Ballbot::move_payload`].
-    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()>;
+    fn move_payload(&mut self, i: usize, payload: usize, offset: [f64; 3]) -> Result<()>;
 
-    /// Moves the payloads of all robots to offsets along the body axes, m, of robots that have one.
+    /// Moves the first payloads of all robots to offsets along the body axes, m, of robots that have one.
     fn move_payloads(&mut self, offsets: &[Self::Cell; 3]);
 
-    /// As [`Ballbot::payload`].
-    fn payload(&self, i: usize) -> Deflection<f64>;
+    /// As [`Ballbot::payloads`].
+    fn payloads(&self, i: usize) -> [Deflection<f64>; PAYLOADS];
 
-    /// As [`Ballbot::set_payload`].
+    /// As [`Ballbot::set_payloads`].
     ///
     /// # Errors
-    /// As [`Ballbot::set_payload`].
-    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()>;
+    /// As [`Ballbot::set_payloads`].
+    fn set_payloads(&mut self, i: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()>;
 
     /// As [`Ballbot::has_force`].
     fn has_force(&self, i: usize) -> bool;
@@ -211,7 +211,7 @@ impl Robots for Single {
         };
         let mut measured = robot.state;
         step.measure(&mut measured, ledger, &mut []);
-        let payload = if T::LEAN.is_some() { self.robot.payload() } else { Deflection::default() };
+        let payload = if T::LEAN.is_some() { self.robot.payloads()[0] } else { Deflection::default() };
         step.run_one(&Simulated { robot, measured, payload }, commands, com_directions, ledger);
     }
 
@@ -285,20 +285,20 @@ impl Robots for Single {
         self.robot.apply_force(force)
     }
 
-    fn move_payload(&mut self, _: usize, offset: [f64; 3]) -> Result<()> {
-        self.robot.move_payload(offset)
+    fn move_payload(&mut self, _: usize, payload: usize, offset: [f64; 3]) -> Result<()> {
+        self.robot.move_payload(payload, offset)
     }
 
     fn move_payloads(&mut self, offsets: &[f64; 3]) {
         self.robot.move_rider(*offsets);
     }
 
-    fn payload(&self, _: usize) -> Deflection<f64> {
-        self.robot.payload()
+    fn payloads(&self, _: usize) -> [Deflection<f64>; PAYLOADS] {
+        self.robot.payloads()
     }
 
-    fn set_payload(&mut self, _: usize, deflection: &Deflection<f64>) -> Result<()> {
-        self.robot.set_payload(deflection)
+    fn set_payloads(&mut self, _: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()> {
+        self.robot.set_payloads(deflections)
     }
 
     fn has_force(&self, _: usize) -> bool {
@@ -442,10 +442,10 @@ impl Robots for ContactLanes {
         Ok(())
     }
 
-    fn move_payload(&mut self, i: usize, offset: [f64; 3]) -> Result<()> {
-        self.lane_params(i).validate_offset(offset)?;
+    fn move_payload(&mut self, i: usize, payload: usize, offset: [f64; 3]) -> Result<()> {
+        self.lane_params(i).validate_offset(payload, offset)?;
         let mut state = self.lane(i);
-        state.payload.offset = offset;
+        state.payloads[payload].offset = offset;
         self.set_lane(i, &state);
         Ok(())
     }
@@ -454,14 +454,14 @@ impl Robots for ContactLanes {
         self.set_payload_offsets(offsets);
     }
 
-    fn payload(&self, i: usize) -> Deflection<f64> {
-        self.lane(i).payload_deflection(&self.constants(i))
+    fn payloads(&self, i: usize) -> [Deflection<f64>; PAYLOADS] {
+        self.lane(i).payload_deflections(&self.constants(i))
     }
 
-    fn set_payload(&mut self, i: usize, deflection: &Deflection<f64>) -> Result<()> {
-        self.lane_params(i).validate_deflection(&"payload", deflection)?;
+    fn set_payloads(&mut self, i: usize, deflections: &[Deflection<f64>; PAYLOADS]) -> Result<()> {
+        self.lane_params(i).validate_deflections(&"payloads", deflections)?;
         let mut state = self.lane(i);
-        state.set_payload(&self.constants(i), deflection);
+        state.set_payloads(&self.constants(i), deflections);
         self.set_lane(i, &state);
         Ok(())
     }

@@ -75,6 +75,13 @@ fn needs(term: &str) -> &'static [(&'static str, f64)] {
         "floor_patch_seed" => &[("floor_patch_size", 0.0), ("floor_patch_friction", 1.0)],
         "payload_position" | "payload_stiffness" | "payload_damping" | "payload_amplitude" => &[("payload_mass", 0.0)],
         "payload_period" | "payload_phases" => &[("payload_mass", 0.0), ("payload_amplitude", 0.0)],
+        "second_payload_position"
+        | "second_payload_stiffness"
+        | "second_payload_damping"
+        | "second_payload_amplitude" => &[("second_payload_mass", 0.0)],
+        "second_payload_period" | "second_payload_phases" => {
+            &[("second_payload_mass", 0.0), ("second_payload_amplitude", 0.0)]
+        }
         "floor_tilt_period" | "floor_tilt_phases" => &[("floor_tilt_amplitude", 0.0)],
         "floor_acceleration_period" | "floor_acceleration_phase" | "floor_acceleration_rise" => {
             &[("floor_acceleration", 0.0)]

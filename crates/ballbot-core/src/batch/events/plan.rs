@@ -329,18 +329,20 @@ impl Planned {
             return;
         }
         // The body alone stays the same: what an event loads on a robot is added to `body_*`.
-        let loads =
-            *table == Table::Params && matches!(Params::FIELDS[*index].name, "payload_mass" | "payload_position");
-        let before = loads.then(|| robot.params.clone());
+        let loaded = match table {
+            Table::Params => loaded_payload(Params::FIELDS[*index].name),
+            _ => None,
+        };
+        let before = loaded.map(|payload| (payload, robot.params.clone()));
         let values = robot.values_mut(*table, *index);
         let old = values[0];
         for (value, &draw) in values.iter_mut().zip(draws) {
             *value = self.changed(*value, draw);
         }
         let new = values[0];
-        if let Some(before) = before {
-            let Params { payload_mass, payload_position, .. } = robot.params;
-            robot.params = before.with_payload(payload_mass, payload_position);
+        if let Some((payload, before)) = before {
+            let now = robot.params.payloads()[payload];
+            robot.params = before.with_payload(payload, now.mass, now.position);
             return;
         }
         // Nothing is proportional to zero.
@@ -517,4 +519,13 @@ fn check_direction(event: &Event) -> Result<()> {
         check("height[1]", high, format_args!("at least height[0] = {low}"), |h| h >= low)?;
     }
     Ok(())
+}
+
+/// Index of the payload whose mass or place a parameter is.
+fn loaded_payload(name: &str) -> Option<usize> {
+    match name {
+        "payload_mass" | "payload_position" => Some(0),
+        "second_payload_mass" | "second_payload_position" => Some(1),
+        _ => None,
+    }
 }
