@@ -1144,6 +1144,27 @@ class Crowd:
         Raises:
             ValueError: a number out of range; the former force then stays.
         """
+    def move_payload(self, robot: int, offset: npt.ArrayLike, *, payload: int = 0) -> None:
+        """Moves the rest of a payload's springs of a robot, as `Ballbot.move_payload`.
+
+        Args:
+            robot: its number.
+            offset: from the payload's place, body axes, shape (3,), m.
+            payload: 0, or 1 for the second payload.
+
+        Raises:
+            ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
+        """
+    def set_payloads(self, payloads: npt.ArrayLike) -> None:
+        """Replaces the deflections of the payloads of all robots; a reset puts them at their places.
+
+        Args:
+            payloads: as the attribute `payloads`, shape (n, 2, 6); zeros for payloads that a robot does not have.
+
+        Raises:
+            ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+                payloads then stay as they are.
+        """
     def force_between(self, of: int, on: int) -> _Array:
         """Mean force of robot `of` on robot `on` in the last step, inertial frame, shape (3,), N."""
     @property

@@ -54,6 +54,27 @@ def test_columns_are_the_rows_of_the_trajectory(done):
     np.testing.assert_array_equal(columns["drawn_body_mass"], done.draws["body_mass"])
 
 
+def test_payloads_and_obstacles_have_columns(tmp_path):
+    assert not any("payload" in name or "obstacle" in name for name in bb.simulate("lqr", seconds=0.1).columns())
+    robot = bb.Params.paper().with_payload(0.3, position=(0.0, 0.0, 0.3), stiffness=90.0)
+    robot = robot.with_payload(0.1, position=(0.1, 0.0, 0.2), stiffness=20.0, payload=1)
+    wall = bb.Terrain.plane(0.0).with_obstacles([{"kind": "wall", "x": 0.3, "yaw": np.pi}])
+    done = bb.simulate("lqr", robot=robot, terrain=wall, pushes=bb.Push((6.0, 0.0, 0.0), 0.05), seconds=2.0)
+    assert done.fell_at is not None
+    assert done.payloads.shape == (len(done.times), 2, 6)
+    columns = done.columns()
+    np.testing.assert_array_equal(columns["payload_deflection_x_m"], done.payloads[:, 0, 0])
+    np.testing.assert_array_equal(columns["second_payload_deflection_rate_z_m_per_s"], done.payloads[:, 1, 5])
+    np.testing.assert_array_equal(columns["obstacle_force_x_N"], done.of_contacts("obstacle_force")[:, 0])
+    for name in ("payload_deflection_x_m", "second_payload_deflection_x_m", "obstacle_force_x_N"):
+        assert np.abs(columns[name]).max() > 1e-3, name
+    reader = pytest.importorskip("mcap.reader", reason="needs 'ballbot-rs[mcap]'")
+    done.write(tmp_path / "run.mcap")
+    with (tmp_path / "run.mcap").open("rb") as file:
+        topics = {channel.topic for _, channel, _ in reader.make_reader(file).iter_messages()}
+    assert "/payload" in topics
+
+
 def test_estimates_after_a_fall_are_nan(fallen):
     column = fallen.columns()["estimated_tilt_rad"]
     known = len(fallen.estimates)

@@ -104,3 +104,22 @@ def test_a_whole_heap() -> None:
 def test_bad_input(call, error, words) -> None:
     with pytest.raises(error, match=words):
         call()
+
+
+def test_payloads_of_a_crowd_are_checked() -> None:
+    loaded = bb.Params.paper().with_payload(0.3, position=(0.0, 0.0, 0.3), stiffness=90.0)
+    crowd = bb.Crowd([loaded, "paper"], [(0.0, 0.0), (1.0, 0.0)])
+    crowd.move_payload(0, (0.01, 0.0, 0.0))
+    crowd.step(np.zeros((2, 3)), 50)
+    assert crowd.payloads[0, 0, 0] > 1e-3
+    before = crowd.payloads
+    for robot, payload in ((0, 1), (1, 0)):
+        with pytest.raises(ValueError, match="payload_mass = 0 kg"):
+            crowd.move_payload(robot, (0.0, 0.0, 0.0), payload=payload)
+    with pytest.raises(ValueError, match=r"payloads has shape \(1, 2, 6\), expected \(2, 2, 6\)"):
+        crowd.set_payloads(np.zeros((1, 2, 6)))
+    with pytest.raises(ValueError, match=r"payloads\[1\]\[0\] must be zero"):
+        crowd.set_payloads(np.full((2, 2, 6), [[[0.01] * 6, [0.0] * 6]]))
+    np.testing.assert_array_equal(crowd.payloads, before)
+    crowd.set_payloads(np.zeros((2, 2, 6)))
+    np.testing.assert_allclose(crowd.payloads, 0.0, atol=1e-15)

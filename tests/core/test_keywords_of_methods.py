@@ -46,11 +46,14 @@ def _crowd() -> bb.Crowd:
     return bb.Crowd([PAPER, "kugle"], [(0.0, 0.0), (1.0, 0.0)])
 
 
-def _of_crowd(method: str, **given: Any) -> list[bb.State]:
-    crowd = _crowd()
+def _then_all(crowd: bb.Crowd, method: str, **given: Any) -> list[bb.State]:
     getattr(crowd, method)(**given)
-    crowd.step(np.full((2, 3), 0.1), 3)
+    crowd.step(np.full((len(crowd), 3), 0.1), 3)
     return crowd.states
+
+
+def _of_crowd(method: str, **given: Any) -> list[bb.State]:
+    return _then_all(_crowd(), method, **given)
 
 
 def _batch(**options: Any) -> bb.Batch:
@@ -145,6 +148,11 @@ METHODS: dict[str, tuple[Callable[..., Any], dict[str, Any], dict[str, Any]]] = 
         lambda **given: _of_crowd("push", **given),
         {"robot": 1, "impulse": PUSH},
         {"point": (0.0, 0.1, 0.2)},
+    ),
+    "Crowd.move_payload": (
+        lambda **given: _then_all(bb.Crowd([LOADED], [(0.0, 0.0)]), "move_payload", **given),
+        {"robot": 0, "offset": (0.01, 0.0, 0.0)},
+        {"payload": 1},
     ),
     "Crowd.apply_force": (
         lambda **given: _of_crowd("apply_force", **given),

@@ -91,6 +91,21 @@ def test_the_robot_is_where_the_trajectory_has_it_at_its_time(done):
     assert replayed.at(1.0)[arrow] is False
 
 
+def test_a_replay_shows_payloads_and_obstacles():
+    robot = bb.Params.paper().with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=90.0)
+    post = bb.Terrain.plane(0.0).with_obstacles([{"kind": "post", "x": 0.5}])
+    done = bb.simulate("lqr", robot=robot, terrain=post, tilt=(0.05, -0.02), seconds=0.4)
+    replayed = check(record(done), done, [0])
+    for row in (0, 20, 40):
+        shown = replayed.at(done.times[row])
+        [name] = {name for name, _ in shown if name is not None and "payload" in name}
+        place = np.add(robot.payload_position, done.payloads[row, 0, :3])
+        np.testing.assert_allclose(shown[name, "position"], place, rtol=2e-5, atol=2e-7)
+        assert name.endswith("/body/payload_0")
+        assert any(name is not None and name.endswith("/obstacles") for name, _ in shown)
+    assert np.abs(done.payloads[:, 0, :2]).max() > 1e-3
+
+
 def test_a_replay_has_title_numbers_and_curves(done, tmp_path):
     path = tmp_path / "a.html"
     path.write_text("old", encoding="utf-8")

@@ -46,8 +46,6 @@ lane_struct! {
         pub push: [T; 6],
         /// Force from outside on the body.
         pub force: HeldForce<T>,
-        /// Motions of the payloads; of no meaning without them.
-        pub payloads: [PayloadMotion<T>; 2],
         /// 1 while the bot touches the floor, else 0.
         pub bot_on_floor: T,
         /// Impulse of the floor on the bot in the last step in which they touched.
@@ -64,6 +62,8 @@ lane_struct! {
         pub searched_steps: T,
         /// Steps since the reset without impulses that meet the contact conditions.
         pub unsolved_steps: T,
+        /// Motions of the payloads; of no meaning without them.
+        pub payloads: [PayloadMotion<T>; 2],
     }
 }
 

@@ -137,10 +137,7 @@ impl Crowd {
     /// [`Error::Length`] unless there is a state for each; [`Error::Inconsistent`] naming the robot for a state that
     /// [`Ballbot::reset`](crate::Ballbot::reset) rejects, and for robots that overlap by more than 1 mm. All are then unchanged.
     pub fn reset(&mut self, states: &[State]) -> Result<()> {
-        let expected = self.num_robots();
-        if states.len() != expected {
-            return Err(Error::Length { name: "states".into(), found: states.len(), expected });
-        }
+        self.check_length("states", states.len())?;
         for (i, state) in states.iter().enumerate() {
             check_state(self.params(i), self.scene.ground(i), state)
                 .and_then(|()| self.scene.accepts(i, state))
@@ -163,10 +160,7 @@ impl Crowd {
     /// beyond a robot's limit, before anything moves; [`Error::Diverged`] naming the robot within 64 steps of when its state
     /// has left its bounds, and then until a reset, as robots may touch; [`Error::Interrupted`] in [`crate::stoppable`].
     pub fn step(&mut self, wheel_torques: &[Wheels<f64>], steps: usize) -> Result<()> {
-        let expected = self.num_robots();
-        if wheel_torques.len() != expected {
-            return Err(Error::Length { name: "wheel_torques".into(), found: wheel_torques.len(), expected });
-        }
+        self.check_length("wheel_torques", wheel_torques.len())?;
         for (robot, torques) in wheel_torques.iter().enumerate() {
             for (i, &torque) in torques.iter().enumerate() {
                 check_torque(format_args!("wheel_torques[{robot}][{i}]"), torque, self.params(robot))?;
@@ -189,6 +183,11 @@ impl Crowd {
             left -= some;
         }
         Ok(())
+    }
+
+    fn check_length(&self, name: &str, found: usize) -> Result<()> {
+        let expected = self.num_robots();
+        if found == expected { Ok(()) } else { Err(Error::Length { name: name.into(), found, expected }) }
     }
 
     fn divergence(&self) -> Option<String> {
@@ -248,9 +247,32 @@ impl Crowd {
         self.scene.energy(robot)
     }
 
-    /// Deflection of a robot's payload from its place; zeros without payload.
+    /// Deflections of a robot's payloads, as [`Ballbot::payloads`](crate::Ballbot::payloads).
     pub fn payloads(&self, robot: usize) -> [Deflection<f64>; PAYLOADS] {
         self.scene.payloads(robot)
+    }
+
+    /// Moves the rest of a payload's springs, as [`Ballbot::move_payload`](crate::Ballbot::move_payload).
+    ///
+    /// # Errors
+    /// As [`Ballbot::move_payload`](crate::Ballbot::move_payload).
+    pub fn move_payload(&mut self, robot: usize, index: usize, offset: [f64; 3]) -> Result<()> {
+        self.params(robot).validate_offset(index, offset)?;
+        self.scene.move_payload(robot, index, offset);
+        Ok(())
+    }
+
+    /// Replaces the deflections of the payloads of all robots.
+    ///
+    /// # Errors
+    /// [`Error::Length`] unless there are deflections for each robot; as [`Params::validate_deflections`]. All then stay as they are.
+    pub fn set_payloads(&mut self, deflections: &[[Deflection<f64>; PAYLOADS]]) -> Result<()> {
+        self.check_length("payloads", deflections.len())?;
+        for (robot, deflections) in deflections.iter().enumerate() {
+            self.params(robot).validate_deflections(&format_args!("payloads[{robot}]"), deflections)?;
+        }
+        deflections.iter().enumerate().for_each(|(robot, deflections)| self.scene.set_payloads(robot, deflections));
+        Ok(())
     }
 
     /// Applies an impulse to a robot, as [`Ballbot::push`](crate::Ballbot::push).

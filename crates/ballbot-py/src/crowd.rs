@@ -1,13 +1,13 @@
 //! `Crowd`.
 
-use crate::convert::{OPTION_COUNT, elements, objects, optional_vector, outside_force, vector};
+use crate::convert::{OPTION_COUNT, elements, finite_elements, objects, optional_vector, outside_force, vector};
 use crate::errors::{InvalidInputError, call};
 use crate::exclusive::Exclusive;
 use crate::jacobian::torques_of_shape;
 use crate::keywords::no_others;
 use crate::numbers::{count, optional_real, real, whole};
 use crate::params::{PyParams, Robot};
-use crate::payloads::numbers_of;
+use crate::payloads::{NUMBERS, deflections_of, numbers_of, payload_index};
 use crate::signals::interruptible;
 use crate::state::{PyContacts, PyState};
 use crate::terrain::{PyTerrain, terrain as ground};
@@ -177,6 +177,43 @@ impl PyCrowd {
         let mut crowd = self.0.write()?;
         let robot = Self::robot(&crowd, "robot", robot)?;
         call(|| crowd.apply_force(robot, &force))
+    }
+
+    /// Moves the rest of a payload's springs of a robot, as `Ballbot.move_payload`.
+    ///
+    /// Args:
+    ///     robot: its number.
+    ///     offset: from the payload's place, body axes, shape (3,), m.
+    ///     payload: 0, or 1 for the second payload.
+    ///
+    /// Raises:
+    ///     ValueError: a robot without such a payload, or a number beyond ±1000 m; the former offset then stays.
+    #[pyo3(signature = (robot, offset, *, payload=0))]
+    fn move_payload(
+        &self,
+        #[pyo3(from_py_with = whole)] robot: i64,
+        offset: &Bound<'_, PyAny>,
+        #[pyo3(from_py_with = payload_index)] payload: usize,
+    ) -> PyResult<()> {
+        let offset = vector("offset", offset)?;
+        let mut crowd = self.0.write()?;
+        let robot = Self::robot(&crowd, "robot", robot)?;
+        call(|| crowd.move_payload(robot, payload, offset.into()))
+    }
+
+    /// Replaces the deflections of the payloads of all robots; a reset puts them at their places.
+    ///
+    /// Args:
+    ///     payloads: as the attribute `payloads`, shape (n, 2, 6); zeros for payloads that a robot does not have.
+    ///
+    /// Raises:
+    ///     ValueError: a wrong shape, a number beyond 1000 m or 1000 m/s, or numbers of a robot without such a payload; the
+    ///         payloads then stay as they are.
+    fn set_payloads(&self, payloads: &Bound<'_, PyAny>) -> PyResult<()> {
+        let mut crowd = self.0.write()?;
+        let n = crowd.num_robots();
+        let numbers = finite_elements("payloads", payloads, &[Some(n), Some(PAYLOADS), Some(6)], NUMBERS * n)?;
+        call(|| crowd.set_payloads(&deflections_of(&numbers)))
     }
 
     /// Mean force of robot `of` on robot `on` in the last step, inertial frame, shape (3,), N.

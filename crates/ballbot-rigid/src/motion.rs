@@ -157,15 +157,15 @@ impl Model for RigidMotion {
     }
 
     fn move_payload(&mut self, index: usize, offset: [f64; 3]) {
-        self.robot_mut().sim_state.payloads[index].offset = offset;
+        self.scene.move_payload(0, index, offset);
     }
 
     fn payloads(&self) -> [Deflection<f64>; PAYLOADS] {
-        self.robot().payloads(self.world())
+        self.scene.payloads(0)
     }
 
     fn set_payloads(&mut self, deflections: &[Deflection<f64>; PAYLOADS]) {
-        self.scene.robots[0].set_payloads(&self.scene.world, deflections);
+        self.scene.set_payloads(0, deflections);
     }
 
     fn save(&self) -> Vec<u8> {

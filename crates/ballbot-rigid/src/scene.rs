@@ -190,6 +190,16 @@ impl Scene {
         self.robots[robot].payloads(&self.world)
     }
 
+    /// Moves the rest of a payload's springs of a robot, body axes, m.
+    pub fn move_payload(&mut self, robot: usize, index: usize, offset: [f64; 3]) {
+        self.robots[robot].sim_state.payloads[index].offset = offset;
+    }
+
+    /// Replaces the deflections of a robot's payloads.
+    pub fn set_payloads(&mut self, robot: usize, deflections: &[Deflection<f64>; PAYLOADS]) {
+        self.robots[robot].set_payloads(&self.world, deflections);
+    }
+
     /// Applies an impulse (inertial frame, N·s) to a body at `point` (body frame, m) over the next step.
     pub fn push(&mut self, robot: usize, impulse: &Vector3<f64>, point: &Vector3<f64>) {
         self.robots[robot].push(&self.world, impulse, point);

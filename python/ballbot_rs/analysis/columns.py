@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
+from ballbot_rs._payloads import payloads_of
 from ballbot_rs.control.setpoints import ALL_PARTS
 
 if TYPE_CHECKING:
@@ -21,7 +22,7 @@ XYZ, XY, WXYZ, WHEELS, SCALAR = ("x", "y", "z"), ("x", "y"), ("w", "x", "y", "z"
 class Quantity:
     """A quantity at all rows."""
 
-    #: Its group: state, estimate, setpoint, torque, contacts or draws.
+    #: Its group: state, estimate, setpoint, torque, contacts, payload or draws.
     group: str
     name: str
     #: Names of its numbers; empty for one number.
@@ -76,6 +77,13 @@ _CONTACTS: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
     ("bot_floor_force", XYZ, "N", "of the floor on body and wheels, inertial frame, in the time step before"),
     ("friction_utilization", ("0", "1", "2", "floor"), "", "share of the dynamic friction limit"),
 )
+#: The same where there are obstacles.
+_OBSTACLES: Final = ("obstacle_force", XYZ, "N", "of obstacles on ball, body and wheels, inertial frame, likewise")
+#: Deflections of a payload, in the order of `Batch.payloads`.
+_PAYLOAD: Final[Sequence[tuple[str, tuple[str, ...], str, str]]] = (
+    ("deflection", XYZ, "m", "of the payload from its place, body axes"),
+    ("deflection_rate", XYZ, "m/s", "as the body sees it, body axes"),
+)
 #: Unit and description of a part of a setpoint.
 _SETPOINT: Final = {
     "position": ("m", "of the ball, inertial frame"),
@@ -101,8 +109,15 @@ def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
         unit, doc = _SETPOINT[part]
         axes = XY if ALL_PARTS[part] == 2 else SCALAR
         yield Quantity("setpoint", f"setpoint_{part}", axes, unit, doc, _rows(values, rows))
-    for name, axes, unit, doc in _CONTACTS:
+    has_obstacles = trajectory.terrain is not None and trajectory.terrain.obstacles
+    for name, axes, unit, doc in (*_CONTACTS, _OBSTACLES) if has_obstacles else _CONTACTS:
         yield Quantity("contacts", name, axes, unit, doc, _rows(trajectory.of_contacts(name), rows))
+    if len(trajectory.payloads):
+        for index, payload in enumerate(payloads_of(trajectory.params)):
+            for (what, axes, unit, doc), values in zip(
+                _PAYLOAD, np.split(trajectory.payloads[:, index], 2, axis=1), strict=True
+            ):
+                yield Quantity("payload", f"{payload.name}_{what}", axes, unit, doc, _rows(values, rows))
     if trajectory.estimates:
         for name, axes, unit, doc in _STATE:
             values = _rows(trajectory.of_estimates(name), rows)

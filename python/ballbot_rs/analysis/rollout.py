@@ -150,6 +150,8 @@ class Run:
     states: Sequence[State]
     #: During the time step before the row.
     contacts: Sequence[Contacts]
+    #: As `Batch.payloads`, shape (n, 2, 6); shape (0, 2, 6) of a robot without payload.
+    payloads: Array
     #: From a row to the next row, as commanded, N·m, shape (n - 1, 3).
     torques: Array
     #: Samples of the events at each row, by term, as `Batch.draws`.
@@ -188,6 +190,7 @@ def run_one(
     loop = ClosedLoop(batch, make_actor(controller, batch))
     loop.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
+    payloads = _payloads(batch)
     estimates, commands, setpoints = _estimates(batch), [_command(batch)], [batch.setpoint(0)]
     torques: list[Array] = []
     fell_at = None
@@ -203,13 +206,14 @@ def run_one(
         torques.append(step.actions[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
+        payloads += _payloads(batch)
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
         commands.append(_command(batch))
         setpoints.append(batch.setpoint(0))
         if step.terminated[0]:
             fell_at = number + 1
-            _lie(batch, states, contacts, torques, steps, pushes)
+            _lie(batch, states, contacts, payloads, torques, steps, pushes)
             # No event fires on a robot that lies, and no task changes its setpoint.
             draws += [draws[-1]] * (len(states) - len(draws))
             setpoints += [setpoints[-1]] * (len(states) - len(setpoints))
@@ -220,6 +224,7 @@ def run_one(
     return Run(
         states=states,
         contacts=contacts,
+        payloads=np.array(payloads).reshape(-1, 2, 6),
         torques=np.array(torques).reshape(-1, 3),
         draws=draws,
         estimates=estimates,
@@ -234,6 +239,11 @@ def _estimates(batch: Batch) -> list[State]:
     return [batch.estimate(0)] if observes_estimates(batch) else []
 
 
+def _payloads(batch: Batch) -> list[Array]:
+    """Present deflections of the payloads of the only robot, if it has any."""
+    return [batch.payloads()[0]] if batch.params(0).has_payload else []
+
+
 def _command(batch: Batch) -> Array:
     """The present command of the only robot's task; empty without a command."""
     return np.array(batch.command(0), dtype=np.float64)
@@ -243,6 +253,7 @@ def _lie(
     batch: Batch,
     states: list[State],
     contacts: list[Contacts],
+    payloads: list[Array],
     torques: list[Array],
     steps: int,
     pushes: Mapping[int, Sequence[Impulse]],
@@ -263,3 +274,5 @@ def _lie(
         torques.append(np.zeros(3))
         states.append(robot.state)
         contacts.append(robot.contacts)
+        if payloads:
+            payloads.append(robot.payloads)

@@ -154,6 +154,7 @@ def simulate(
         times=times,
         states=done.states,
         contacts=done.contacts,
+        payloads=done.payloads,
         torques=np.concatenate([done.torques, last]),
         draws=draws,
         estimates=done.estimates,

@@ -69,6 +69,8 @@ class Trajectory:
     max_wheel_torque: float | None = None
     #: Command of the task at each row up to a fall, as `Batch.command`, shape (m, k); k is 0 without.
     commands: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 0)))
+    #: Deflections of the payloads at each row, as `Batch.payloads`, shape (n, 2, 6); shape (0, 2, 6) without a payload.
+    payloads: Array = dataclasses.field(default_factory=lambda: np.zeros((0, 2, 6)))
     #: Name of the task.
     task: str = "balance"
     #: Time between two decisions of the controller, and time step of the model, s: the option `sim_dt`, or less where
@@ -174,8 +176,8 @@ class Trajectory:
     def to_mcap(self, path: str | PathLike[str]) -> None:
         """Writes an MCAP log with JSON messages, for Foxglove and readers of MCAP.
 
-        Topics are `/state`, `/torque`, `/setpoint`, `/contacts`, `/estimate`, `/draws` and, with the frames of ball and
-        body in `world`, `/tf`. Schemas have the units.
+        Topics are `/state`, `/torque`, `/setpoint`, `/contacts`, `/payload`, `/estimate`, `/draws` and, with the frames
+        of ball and body in `world`, `/tf`. Schemas have the units.
 
         Raises:
             ModuleNotFoundError: mcap is not installed.

@@ -84,7 +84,7 @@ class CrowdPage:
     """
 
     def __init__(self, crowd: Crowd, laws: Sequence[Law], port: int) -> None:
-        self._crowd, self._laws = crowd, laws
+        self._crowd, self._laws, self._params = crowd, laws, crowd.params
         #: Where each robot is pulled to, inertial frame, m.
         self._pulled: dict[int, FloatArray] = {}
         self._lock = threading.Lock()
@@ -97,7 +97,7 @@ class CrowdPage:
         self._ground = Ground(self._server, "/ground", lambda _: None)
         self._robots = [
             RobotNodes(self._server, f"/robot_{i}", from_params(params), (0.0, 0.0, 0.0))
-            for i, params in enumerate(crowd.params)
+            for i, params in enumerate(self._params)
         ]
         for i, nodes in enumerate(self._robots):
             for mesh in nodes.meshes:
@@ -179,7 +179,7 @@ class CrowdPage:
     def _dragged(self, robot: int, event: viser.SceneNodeDragEvent[Any]) -> None:
         stretch = np.subtract(event.end_position, event.start_position)
         state = self.states[robot]
-        self.pull(robot, None if event.phase == "end" else com_of(self._crowd.params[robot], state) + stretch)
+        self.pull(robot, None if event.phase == "end" else com_of(self._params[robot], state) + stretch)
 
     def _frame(self, client: viser.ClientHandle) -> None:
         places = np.array([state.ball_position for state in self.states])
@@ -211,7 +211,7 @@ class CrowdPage:
             self._rest -= steps * crowd.sim_dt
             with self._lock:
                 states = crowd.states
-                for i, params in enumerate(crowd.params):
+                for i, params in enumerate(self._params):
                     towards = self._pulled.get(i)
                     force = np.zeros(3) if towards is None else pull_of(params, com_of(params, states[i]), towards)
                     crowd.apply_force(i, force)
@@ -226,12 +226,13 @@ class CrowdPage:
                     crowd.reset()
 
     def _show(self) -> None:
-        states = self.states
-        terrain = self._crowd.terrain
+        with self._lock:
+            states, payloads, terrain = self._crowd.states, self._crowd.payloads, self._crowd.terrain
         with self._server.atomic():
             self._ground.show(terrain, states[0].ball_position[:2])
-            for nodes, state in zip(self._robots, states, strict=True):
+            for nodes, params, state, carried in zip(self._robots, self._params, states, payloads, strict=True):
                 x, y, _ = state.ball_position
                 nodes.show(state.to_array(), 0.0 if terrain is None else float(terrain.height(x, y)))
+                nodes.payloads.show(params, carried)
             rows = [f"| {i} | {math.degrees(state.tilt):.1f}° |" for i, state in enumerate(states)]
             self._text.content = "\n".join(["| robot | tilt |", "|---|---|", *rows])

@@ -3,7 +3,7 @@
 use ballbot_core::control::{Controller, Lqr, Setpoint};
 use ballbot_core::sim::Between;
 use ballbot_core::terrain::{Obstacle, Terrain};
-use ballbot_core::{Ballbot, Crowd, Error, Force, ModelKind, Params, State, Wheels};
+use ballbot_core::{Ballbot, Crowd, Deflection, Error, Force, ModelKind, Params, State, Wheels};
 use nalgebra::Vector3;
 use std::sync::Arc;
 
@@ -59,6 +59,11 @@ fn one_robot_is_a_single_robot() {
         let impulse = Vector3::new(2.0, sideways, 0.0);
         crowd.push(0, &impulse, None).unwrap();
         robot.push(&impulse, None).unwrap();
+        let swaying = Deflection::from_array([0.01, -0.02, 0.0, 0.1, 0.0, 0.0]);
+        crowd.set_payloads(&[[swaying, Deflection::default()]]).unwrap();
+        robot.set_payloads(&[swaying, Deflection::default()]).unwrap();
+        crowd.move_payload(0, 0, [0.02, 0.0, 0.0]).unwrap();
+        robot.move_payload(0, [0.02, 0.0, 0.0]).unwrap();
         // A fall onto the floor, on the post where there is one.
         for _ in 0..150 {
             crowd.step(&[Wheels([0.1, -0.1, 0.05])], 10).unwrap();

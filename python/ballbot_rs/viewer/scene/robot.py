@@ -16,6 +16,7 @@ from ballbot_rs._state_rows import (
 )
 from ballbot_rs.viewer.scene import heading
 from ballbot_rs.viewer.scene.look import Look, Piece
+from ballbot_rs.viewer.scene.payloads import PayloadNodes
 
 FloatArray = npt.NDArray[np.float64]
 
@@ -40,6 +41,8 @@ class RobotNodes:
         self._root = self._frame(name, position=place)
         self._ball = self._frame(f"{name}/ball")
         self._body = self._frame(f"{name}/body")
+        #: The robot's payloads.
+        self.payloads = PayloadNodes(server, f"{name}/body")
         self._wheels = []
         # The ghost's ball is hidden in the other, where they are at one place.
         self._add(f"{name}/ball", look.ball, smooth=True, scale=1.0 if opacity is None else GHOST_SCALE)

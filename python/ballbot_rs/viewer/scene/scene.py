@@ -91,8 +91,9 @@ class Scene:
             if place is not None:
                 node.position = on_ground(frame, place)
         heights = frame.heights(frame.states[:, BALL_POSITION])
-        for nodes, state, height in zip(self._robots, frame.states, heights, strict=True):
+        for index, (nodes, state, height) in enumerate(zip(self._robots, frame.states, heights, strict=True)):
             nodes.show(state, float(height))
+            nodes.payloads.show(frame.params, None if frame.payloads is None else frame.payloads[index])
         self._show_ghost(frame)
         self._trail.show(frame, frame.states[0], self.shows_trail)
         self._forces.show(frame, self.shows_forces)

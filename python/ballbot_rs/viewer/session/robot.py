@@ -250,6 +250,11 @@ class Robot:
         return self._batch.contacts(0) if self._lying is None else self._lying.contacts
 
     @property
+    def payloads(self) -> FloatArray:
+        """Deflections of the payloads, as `Ballbot.payloads`."""
+        return self._batch.payloads()[0] if self._lying is None else self._lying.payloads
+
+    @property
     def params(self) -> Params:
         """The robot's parameters after changes and events."""
         return self._batch.params(0)

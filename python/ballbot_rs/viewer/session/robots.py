@@ -192,6 +192,7 @@ class Robots:
             estimated_tilt=None if seen is None else tilt_components_of(seen.to_array(), params.body_com),
             contacts=self[0].contacts,
             params=params,
+            payloads=np.array([robot.payloads for robot in self]) if params.has_payload else None,
             terrain=self.setup.terrain,
             **shown,
         )
