@@ -91,6 +91,8 @@ def run(program: str, model: str, workload: str, times: int) -> tuple[int, str]:
             text=True,
         )
         text = log.read_text() if log.exists() else ""
+    if "unhandled instruction" in text:
+        fail(f"{output(['valgrind', '--version'])} does not simulate an instruction of the program; 3.24 does")
     if process.returncode != 0:
         fail(f"{model} {workload} has failed under valgrind:\n{process.stderr}{text}")
     totals = [line.split(":")[1] for line in text.splitlines() if "Collected :" in line]

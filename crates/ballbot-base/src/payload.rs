@@ -82,6 +82,9 @@ impl PayloadMotion<f64> {
     }
 
     fn at_place(payload: &Payload<f64>, body: &LaneState<f64>) -> Self {
+        if payload.mass == 0.0 {
+            return Self::default();
+        }
         run_one(
             #[inline(always)]
             || payload.at_place(body),

@@ -3,21 +3,14 @@
 use super::constants::{Constants, at3};
 use super::state::ContactState;
 use ballbot_base::lanes::{Lane, Value, Vec3};
-use ballbot_base::payload::{PAYLOADS, Payload, PayloadMotion};
+use ballbot_base::payload::{Payload, PayloadMotion};
 
 /// Largest square of the speed of a payload that has not diverged, m²/s².
 const MAX_SPEED_SQUARED: f64 = 1e30;
 
-/// Moves the payloads over a step, and adds their reaction to the push of the step; in the inertial frame.
+/// Moves payload `index` over a step, and adds its reaction to the push of the step; in the inertial frame.
 #[inline(always)]
-pub fn carry<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mut ContactState<L::Cell>) {
-    for index in 0..PAYLOADS {
-        carry_one::<L, V>(c, token, state, index);
-    }
-}
-
-#[inline(always)]
-fn carry_one<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mut ContactState<L::Cell>, index: usize) {
+pub fn carry<L: Lane, V: Value<L>>(c: &Constants<V>, token: L::Token, state: &mut ContactState<L::Cell>, index: usize) {
     let like = L::load(token, &state.steps);
     let payload = of_lanes(&c.payloads[index], like);
     let moves = payload.exists() & L::load(token, &state.diverged).le(like.zero());

@@ -34,6 +34,7 @@ use super::preload::press;
 use super::state::ContactState;
 use super::types::{Actions, Velocities};
 use ballbot_base::lanes::{Eight, Lane, Own, Registers, Scalar, Value, Vec3, Wide, run_one};
+use ballbot_base::payload::PAYLOADS;
 use ballbot_base::wheels::Wheels;
 
 /// Advances one robot by `steps` time steps under constant torques, on level ground without a `footing`.
@@ -89,11 +90,13 @@ fn several<L: Lane, V: Value<L>>(
     let has_losses_or_rollers = L::any(zero.lt(c.has_losses_or_rollers.at(like)));
     for _ in 0..steps {
         if carries {
-            L::rarely(
-                token,
-                #[inline(always)]
-                || carry(c, token, state),
-            );
+            for index in 0..PAYLOADS {
+                L::rarely(
+                    token,
+                    #[inline(always)]
+                    || carry(c, token, state, index),
+                );
+            }
         }
         // Separate from the step, so that the step keeps its registers on level ground.
         if let Some(footing) = &mut footing {
