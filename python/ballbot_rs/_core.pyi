@@ -505,7 +505,7 @@ class Params:
         inertia: npt.ArrayLike | None = None,
         payload: int = 0,
     ) -> Params:
-        """A copy with a payload that moves on the body, in place of its present payload: a point mass on springs and dampers. The
+        """A copy with a payload that moves on the body, in place of its present payload of that number: a point mass on springs and dampers. The
         body alone stays the same; `body_*` of the copy describe it with the payload at its place.
 
         ```python
@@ -515,19 +515,19 @@ class Params:
 
         Args:
             mass: kg; 0 for none.
-            position: its place at rest, body frame, m; None keeps `payload_position`.
+            position: its place at rest, body frame, m; None keeps the parameter, `payload_position`.
             stiffness: along the body axes, one number for all or three, N/m; None keeps `payload_stiffness`.
             damping: likewise, N/(m/s); None keeps `payload_damping`.
             inertia: of a rigid body about its CoM, body axes, one moment for all or three, kg·m². It turns with the body, so the
                 inertia of the body alone grows by it, for good; None is a point.
-            payload: 0, or 1 for the second payload, of the parameters `second_payload_*`.
+            payload: 0, or 1 for a second payload, whose parameters are `second_payload_*`; there must be a first.
 
         Raises ValueError as the constructor.
         """
     def without_payloads(self) -> Params:
         """The body alone, without its payloads: payloads of 0 kg."""
     def with_payloads_fixed(self) -> Params:
-        """The same robot with its payloads fixed to the body at their places, as laws take it."""
+        """The same robot with its payloads fixed to the body at their places, as laws take the robot."""
     @property
     def has_payload(self) -> bool:
         """Whether a payload moves on the body."""

@@ -75,6 +75,31 @@ def test_payloads_and_obstacles_have_columns(tmp_path):
     assert "/payload" in topics
 
 
+@pytest.mark.parametrize("masses", [(0.0, 0.5), (0.5, 0.0)])
+def test_a_payload_that_comes_or_goes_has_its_rows(masses, tmp_path):
+    before, after = masses
+    robot = bb.Params.paper().with_payload(before, position=(0.0, 0.0, 0.3), stiffness=120.0)
+    event = {"term": "payload_mass", "mode": "at", "at": 0.5, "range": [after, after]}
+    done = bb.simulate("lqr", robot=robot, tilt=(0.05, 0.0), seconds=1.0, events=[event])
+    assert done.payloads.shape == (101, 2, 6)
+    moved = np.abs(done.columns()["payload_deflection_y_m"]) > 1e-9
+    # The event precedes the motion of the step.
+    assert moved.argmax() == (51 if after else 1)
+    assert moved[-1] == bool(after)
+    assert moved[49] == bool(before)
+    done.write(tmp_path / "run.csv")
+
+
+def test_a_payload_keeps_its_deflection_in_a_fall():
+    robot = bb.Params.paper().with_payload(0.3, position=(0.0, 0.0, 0.3), stiffness=90.0, damping=1.0)
+    done = bb.simulate("lqr", robot=robot, pushes=bb.Push((6.0, 0.0, 0.0), 0.05), seconds=1.0)
+    row = round(done.fell_at * 100)
+    near = done.payloads[row - 3 : row + 4, 0]
+    rates = 0.5 * (near[1:, 3] + near[:-1, 3])
+    assert np.abs(rates).min() > 0.1
+    np.testing.assert_allclose(np.diff(near[:, 0]), 0.01 * rates, rtol=0.05)
+
+
 def test_estimates_after_a_fall_are_nan(fallen):
     column = fallen.columns()["estimated_tilt_rad"]
     known = len(fallen.estimates)

@@ -106,6 +106,14 @@ def test_a_replay_shows_payloads_and_obstacles():
     assert np.abs(done.payloads[:, 0, :2]).max() > 1e-3
 
 
+def test_a_payload_taken_off_leaves_the_replay():
+    robot = bb.Params.paper().with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=90.0)
+    event = {"term": "payload_mass", "mode": "at", "at": 0.2, "range": [0.0, 0.0]}
+    done = bb.simulate("lqr", robot=robot, seconds=0.4, events=[event])
+    assert done.payloads.shape == (41, 2, 6)
+    check(record(done), done, [0, 40])
+
+
 def test_a_replay_has_title_numbers_and_curves(done, tmp_path):
     path = tmp_path / "a.html"
     path.write_text("old", encoding="utf-8")

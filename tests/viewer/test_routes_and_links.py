@@ -7,6 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ballbot_rs import Params
 from ballbot_rs._progress import no_progress
 from ballbot_rs.viewer.server import link
 from ballbot_rs.viewer.session import Session
@@ -86,6 +87,38 @@ def test_a_link_may_name_only_policies_of_the_package(tmp_path):
 def test_a_foreign_link_is_rejected(query):
     with pytest.raises(ValueError, match=r"link|out of range|invalid literal"):
         link.restore(Session(), query)
+
+
+def test_a_recording_has_a_row_of_each_payload_that_comes_or_goes():
+    pytest.importorskip("viser", reason="the page is not tested: install 'ballbot-rs[view]'")
+    from ballbot_rs.viewer.server.download import Recorded
+
+    paper = Params.paper()
+    loaded = paper.with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=90.0)
+    for before, after in ((paper, loaded), (loaded, paper)):
+        session = Session(params=before)
+        session.start_recording()
+        session.push(0.0, 0.5)
+        session.advance(0.4)
+        count = len(session.recording.frames)
+        session.set_params(after)
+        session.push(0.0, 0.5)
+        session.advance(0.4)
+        trajectory = Recorded.of(session).trajectory()
+        assert trajectory.payloads.shape == (len(trajectory.times), 2, 6)
+        moved = np.abs(trajectory.payloads[:, 0, 0]) > 1e-6
+        assert moved[: count - 1].any() == before.has_payload
+        assert moved[count + 1 :].any() == after.has_payload
+
+
+def test_robots_show_their_own_payloads():
+    robot = Params.paper().replace(payload_stiffness=[30.0] * 3, payload_position=[0.0, 0.0, 0.3])
+    session = Session(params=robot, num_robots=3, events=[{"term": "payload_mass", "range": [0.1, 0.9]}])
+    session.advance(0.1)
+    masses = [params.payload_mass for params, _ in session.frame().loads]
+    assert masses == [one.params.payload_mass for one in session.robots]
+    assert len(set(masses)) == 3
+    assert Session().frame().loads == []
 
 
 def test_a_recording_becomes_a_table():

@@ -31,7 +31,7 @@ pub fn mechanical_energy(params: &Params, wheels: &Omniwheels, state: &State) ->
 
 /// [`mechanical_energy`] of a robot whose payloads move, `time` s after the reset: with its payloads at their places, as of a
 /// robot whose payloads are fixed. The springs' energy is zero where their force holds the payload.
-pub fn energy_with_payload(
+pub fn energy_with_payloads(
     params: &Params,
     wheels: &Omniwheels,
     state: &State,

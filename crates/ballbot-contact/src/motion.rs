@@ -6,7 +6,7 @@ use super::perturbed::PerturbedFloor;
 use super::state::ContactState;
 use super::step::advance;
 use ballbot_base::collision_shape::CollisionShape;
-use ballbot_base::energy::energy_with_payload;
+use ballbot_base::energy::energy_with_payloads;
 use ballbot_base::error::Result;
 use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
@@ -136,7 +136,7 @@ impl Model for ContactMotion {
     }
 
     fn energy(&self) -> f64 {
-        energy_with_payload(&self.params, &self.wheels, &self.state(), &self.memory.payloads, self.time())
+        energy_with_payloads(&self.params, &self.wheels, &self.state(), &self.memory.payloads, self.time())
     }
 
     fn healthy(&self) -> bool {

@@ -165,8 +165,18 @@ pub(crate) fn finite_elements(
     shape: &[Option<usize>],
     most: usize,
 ) -> PyResult<Vec<f64>> {
-    let values = elements(name, value, shape, most)?;
-    ballbot_core::check_finite(name, &values).map_err(to_python)?;
+    let values: Vec<f64> = elements(name, value, shape, most)?;
+    if let Some(at) = values.iter().position(|number| !number.is_finite()) {
+        // Its place along each axis; only the first may have any length.
+        let (mut place, mut left) = (String::new(), at);
+        for length in shape.iter().skip(1).rev() {
+            let length = length.unwrap_or(usize::MAX);
+            place.insert_str(0, &format!("[{}]", left % length));
+            left /= length;
+        }
+        let number = &values[at..=at];
+        ballbot_core::check_finite(&format!("{name}[{left}]{place}"), number).map_err(to_python)?;
+    }
     Ok(values)
 }
 

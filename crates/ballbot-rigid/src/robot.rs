@@ -8,7 +8,7 @@ use super::rows::{Parts, Velocities, WheelContact};
 use super::solve::{ROWS, TRACTION};
 use super::world::{Handles, World, recovery_rate};
 use ballbot_base::collision_shape::CollisionShape;
-use ballbot_base::energy::energy_with_payload;
+use ballbot_base::energy::energy_with_payloads;
 use ballbot_base::error::Result;
 use ballbot_base::force::HeldForce;
 use ballbot_base::kinematics::Omniwheels;
@@ -300,7 +300,7 @@ impl Robot {
     }
 
     pub fn energy(&self, world: &World) -> f64 {
-        energy_with_payload(&self.params, &self.wheels, &self.state(world), &self.sim_state.payloads, self.time())
+        energy_with_payloads(&self.params, &self.wheels, &self.state(world), &self.sim_state.payloads, self.time())
     }
 
     /// Simulated time since the reset, s.

@@ -169,7 +169,7 @@ pub trait Task: Fields + Send + Sync + 'static {
     /// Whether it has its own ground, [`Task::terrain`].
     const HAS_TERRAIN: bool = false;
 
-    /// Where the memory has the offset of the payload's rest along body x and y, m, if a rider who leans is the payload; the task then
+    /// Where the memory has the offset of the payload's rest along body x and y, m, if a rider who leans is the first payload; the task then
     /// sees [`Step::lean`].
     const LEAN: Option<[usize; 2]> = None;
 
@@ -346,7 +346,7 @@ pub struct Step<'a, L: Lane> {
     pub on_floor: L::Mask,
     /// Whether the ball, the body or a wheel touches an obstacle.
     pub on_obstacle: L::Mask,
-    /// Deflection of the payload, body axes, m; zero in tasks without [`Task::LEAN`].
+    /// Deflection of the first payload, body axes, m; zero in tasks without [`Task::LEAN`].
     pub lean: Vec3<L>,
     /// The action, in [-1, 1].
     pub action: Wheels<L>,

@@ -1,6 +1,6 @@
 //! The ride task: carry a rider who drives by leaning, and stop when the rider does.
 //!
-//! The rider is the payload of the robot: a torso on springs, whose rest leans towards the velocity in the rider's mind. The seat
+//! The rider is the first payload of the robot: a torso on springs, whose rest leans towards the velocity in the rider's mind. The seat
 //! measures the deflection, and the robot accelerates along it. What the rider has in mind is not observed.
 
 use super::heading_motion::{self, HeadingMotion};

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Final
 import numpy as np
 import numpy.typing as npt
 
-from ballbot_rs._payloads import payloads_of
+from ballbot_rs._payloads import NAMES
 from ballbot_rs.control.setpoints import ALL_PARTS
 
 if TYPE_CHECKING:
@@ -113,11 +113,12 @@ def quantities(trajectory: "Trajectory") -> Iterator[Quantity]:
     for name, axes, unit, doc in (*_CONTACTS, _OBSTACLES) if has_obstacles else _CONTACTS:
         yield Quantity("contacts", name, axes, unit, doc, _rows(trajectory.of_contacts(name), rows))
     if len(trajectory.payloads):
-        for index, payload in enumerate(payloads_of(trajectory.params)):
-            for (what, axes, unit, doc), values in zip(
-                _PAYLOAD, np.split(trajectory.payloads[:, index], 2, axis=1), strict=True
-            ):
-                yield Quantity("payload", f"{payload.name}_{what}", axes, unit, doc, _rows(values, rows))
+        for index, payload in enumerate(NAMES):
+            deflections = trajectory.payloads[:, index]
+            # A robot may be unloaded in the end.
+            if getattr(trajectory.params, f"{payload}_mass") > 0.0 or deflections.any():
+                for (what, axes, unit, doc), values in zip(_PAYLOAD, np.split(deflections, 2, axis=1), strict=True):
+                    yield Quantity("payload", f"{payload}_{what}", axes, unit, doc, _rows(values, rows))
     if trajectory.estimates:
         for name, axes, unit, doc in _STATE:
             values = _rows(trajectory.of_estimates(name), rows)

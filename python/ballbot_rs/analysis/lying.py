@@ -4,6 +4,7 @@ import contextlib
 from typing import Final
 
 import numpy as np
+import numpy.typing as npt
 
 from ballbot_rs._core import Ballbot, Params, State, Terrain
 
@@ -11,7 +12,14 @@ from ballbot_rs._core import Ballbot, Params, State, Terrain
 LIFTS: Final = (0.002, 0.005, 0.01, 0.02, 0.05)
 
 
-def lying_robot(params: Params, model: str, sim_dt: float, terrain: Terrain | None, state: State) -> Ballbot | None:
+def lying_robot(
+    params: Params,
+    model: str,
+    sim_dt: float,
+    terrain: Terrain | None,
+    state: State,
+    payloads: npt.NDArray[np.float64],
+) -> Ballbot | None:
     """A robot that continues from a fall, outside of the environment, whose episode has ended.
 
     Args:
@@ -20,6 +28,7 @@ def lying_robot(params: Params, model: str, sim_dt: float, terrain: Terrain | No
         sim_dt: see above.
         terrain: see above.
         state: its state after the fall.
+        payloads: deflections of its payloads then, as `Ballbot.payloads`; a rider who leaned sits up.
 
     Returns:
         None for a state from which it cannot continue.
@@ -30,5 +39,6 @@ def lying_robot(params: Params, model: str, sim_dt: float, terrain: Terrain | No
     for lifted in (state, *(state.replace(ball_position=ball + up, body_position=body + up) for up in raised)):
         with contextlib.suppress(ValueError):
             robot.reset(lifted)
+            robot.set_payloads(payloads)
             return robot
     return None

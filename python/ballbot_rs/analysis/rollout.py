@@ -190,7 +190,7 @@ def run_one(
     loop = ClosedLoop(batch, make_actor(controller, batch))
     loop.reset(seeds=[seed], starts=[start])
     states, contacts, draws = [batch.state(0)], [batch.contacts(0)], [batch.draws(0)]
-    payloads = _payloads(batch)
+    payloads, carried = [batch.payloads()[0]], batch.params(0).has_payload
     estimates, commands, setpoints = _estimates(batch), [_command(batch)], [batch.setpoint(0)]
     torques: list[Array] = []
     fell_at = None
@@ -206,7 +206,9 @@ def run_one(
         torques.append(step.actions[0].astype(float) * batch.max_wheel_torque)
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
-        payloads += _payloads(batch)
+        payloads.append(batch.payloads()[0])
+        # Events load and unload robots.
+        carried |= batch.params(0).has_payload
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
         commands.append(_command(batch))
@@ -224,7 +226,7 @@ def run_one(
     return Run(
         states=states,
         contacts=contacts,
-        payloads=np.array(payloads).reshape(-1, 2, 6),
+        payloads=np.array(payloads) if carried else np.zeros((0, 2, 6)),
         torques=np.array(torques).reshape(-1, 3),
         draws=draws,
         estimates=estimates,
@@ -237,11 +239,6 @@ def run_one(
 def _estimates(batch: Batch) -> list[State]:
     """The present estimate of the only robot, if its task observes estimates."""
     return [batch.estimate(0)] if observes_estimates(batch) else []
-
-
-def _payloads(batch: Batch) -> list[Array]:
-    """Present deflections of the payloads of the only robot, if it has any."""
-    return [batch.payloads()[0]] if batch.params(0).has_payload else []
 
 
 def _command(batch: Batch) -> Array:
@@ -261,7 +258,7 @@ def _lie(
     """Continues after a fall, motors off, to the end of the time; without the batch, since the episode has ended."""
     if batch.model in WITHOUT_FLOOR:
         return
-    robot = lying_robot(batch.params(0), batch.model, batch.sim_dt, batch.terrain, states[-1])
+    robot = lying_robot(batch.params(0), batch.model, batch.sim_dt, batch.terrain, states[-1], payloads[-1])
     if robot is None:
         return
     for step in range(len(torques), steps):
@@ -274,5 +271,4 @@ def _lie(
         torques.append(np.zeros(3))
         states.append(robot.state)
         contacts.append(robot.contacts)
-        if payloads:
-            payloads.append(robot.payloads)
+        payloads.append(robot.payloads)

@@ -188,7 +188,7 @@ impl Params {
         Ok(())
     }
 
-    /// Checks that time steps of `sim_dt` seconds are short enough for the springs and dampers of the payload.
+    /// Checks that time steps of `sim_dt` seconds are short enough for the springs and dampers of the payloads.
     ///
     /// # Errors
     /// [`Error::OutOfRange`] naming what is too stiff.
@@ -226,7 +226,8 @@ impl Params {
         if !self.has_payload() {
             return Ok(());
         }
-        let name = if self.second_payload_mass > 0.0 { "payload_mass + second_payload_mass" } else { "payload_mass" };
+        let has_two = self.second_payload_mass > 0.0;
+        let name = if has_two { "payload_mass + second_payload_mass" } else { "payload_mass" };
         let rest = self.body_mass - 3.0 * self.wheel_mass;
         let words = format_args!("below {rest} kg, body_mass without the wheels: it is part of body_mass");
         check(name, self.mass_of_payloads(), words, |mass| mass < rest)?;
@@ -234,8 +235,9 @@ impl Params {
         let whole = smallest_moment(self);
         let least = LEAST_INERTIA * whole;
         let moment = smallest_moment(&alone);
+        let others = if has_two { " and second_payload_mass at second_payload_position" } else { "" };
         check(
-            "the smallest moment of inertia of the body without payload_mass at payload_position",
+            format_args!("the smallest moment of inertia of the body without payload_mass at payload_position{others}"),
             moment,
             format_args!("at least {least} kg·m²: body_inertia is of the body with its payload"),
             |moment| moment >= least,

@@ -44,7 +44,7 @@ def frame_of(trajectory: Trajectory, row: int) -> Frame:
         estimated_tilt=None,
         contacts=trajectory.contacts[row],
         params=trajectory.params,
-        payloads=trajectory.payloads[row : row + 1] if len(trajectory.payloads) else None,
+        loads=[(trajectory.params, trajectory.payloads[row])] if len(trajectory.payloads) else [],
         setpoint=None if commands is not None or places is None else places[row],
         commands=commands,
         terrain=trajectory.terrain,

@@ -93,7 +93,7 @@ class Scene:
         heights = frame.heights(frame.states[:, BALL_POSITION])
         for index, (nodes, state, height) in enumerate(zip(self._robots, frame.states, heights, strict=True)):
             nodes.show(state, float(height))
-            nodes.payloads.show(frame.params, None if frame.payloads is None else frame.payloads[index])
+            nodes.payloads.show(*(frame.loads[index] if frame.loads else (frame.params, None)))
         self._show_ghost(frame)
         self._trail.show(frame, frame.states[0], self.shows_trail)
         self._forces.show(frame, self.shows_forces)

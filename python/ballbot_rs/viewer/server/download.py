@@ -45,7 +45,6 @@ class Recorded(NamedTuple):
         places = [frame.setpoint for frame in frames if frame.setpoint is not None]
         fallen = [frame.time for frame in frames if frame.contacts.bot_on_floor]
         commands = [frame.commands for frame in frames if frame.commands is not None]
-        carried = [frame.payloads for frame in frames if frame.payloads is not None]
         pushes = {
             frame.push_time: frame.push for frame in frames if frame.push is not None and frame.push_time >= begin
         }
@@ -64,7 +63,9 @@ class Recorded(NamedTuple):
             setpoints={"position": np.array(places)} if len(places) == len(frames) else {},
             pushes=[Push((x, y, 0.0), time - begin) for time, (x, y) in pushes.items()],
             max_wheel_torque=setup.max_torque,
-            payloads=np.array([payloads[0] for payloads in carried]).reshape(-1, 2, 6),
+            payloads=np.array([frame.loads[0][1] if frame.loads else np.zeros((2, 6)) for frame in frames])
+            if any(frame.loads for frame in frames)
+            else np.zeros((0, 2, 6)),
             commands=np.array([one.values[0] for one in commands])
             if len(commands) == len(frames)
             else np.zeros((0, 0)),

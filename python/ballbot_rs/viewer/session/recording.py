@@ -94,8 +94,8 @@ class Frame:
     #: Forces of the last time step on robot 0, and its parameters after changes and events.
     contacts: Contacts
     params: Params
-    #: Deflections of the payloads, as `Batch.payloads`; None without a payload.
-    payloads: FloatArray | None = None
+    #: Robots with their payloads' deflections, as `Ballbot.payloads`; empty where none has a payload.
+    loads: Sequence[tuple[Params, FloatArray]] = ()
     #: Name of the controller of robot 0, as shown.
     label: str = ""
     #: Setpoint of the robots, m; None if the controller does not follow a position, and in tasks other than balance.

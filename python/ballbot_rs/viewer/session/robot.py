@@ -181,7 +181,8 @@ class Robot:
     def _lie(self) -> bool:
         """Continues unpowered; False for a state from which it cannot continue."""
         setup = self._setup
-        self._lying = lying_robot(self.params, setup.model, setup.sim_dt, setup.terrain, self._batch.state(0))
+        state, payloads = self._batch.state(0), self._batch.payloads()[0]
+        self._lying = lying_robot(self.params, setup.model, setup.sim_dt, setup.terrain, state, payloads)
         return self._lying is not None
 
     def push(self, impulse: npt.ArrayLike) -> None:

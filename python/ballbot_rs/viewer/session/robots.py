@@ -179,6 +179,12 @@ class Robots:
     def _rows(self) -> FloatArray:
         return np.array([robot.state.to_array() for robot in self])
 
+    def _loads(self) -> list[tuple[Params, FloatArray]]:
+        """Robots with their payloads, of which events may load some."""
+        every = [robot.params for robot in self]
+        carry = any(params.has_payload for params in every)
+        return [(params, robot.payloads) for params, robot in zip(every, self, strict=True)] if carry else []
+
     def frame(self, time: float, **shown: Any) -> Frame:
         """The frame to show, with the fields in `shown`."""
         states, params = self._rows(), self[0].params
@@ -192,7 +198,7 @@ class Robots:
             estimated_tilt=None if seen is None else tilt_components_of(seen.to_array(), params.body_com),
             contacts=self[0].contacts,
             params=params,
-            payloads=np.array([robot.payloads for robot in self]) if params.has_payload else None,
+            loads=self._loads(),
             terrain=self.setup.terrain,
             **shown,
         )
