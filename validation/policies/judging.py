@@ -54,18 +54,20 @@ def results(cells: Sequence[Cell]) -> list[bb.Result]:
     """The result of each cell, in their order; the slowest begin first."""
     order = sorted(range(len(cells)), key=lambda i: cells[i].judge.engine is None)
     with ProcessPoolExecutor(os.cpu_count(), mp_context=multiprocessing.get_context("spawn")) as pool:
-        found = dict(zip(order, pool.map(_result, [cells[i] for i in order]), strict=True))
+        found = dict(zip(order, pool.map(result, [cells[i] for i in order]), strict=True))
     return [found[i] for i in range(len(cells))]
 
 
-def _result(cell: Cell) -> bb.Result:
+def result(cell: Cell) -> bb.Result:
+    """The result of a cell, on one core."""
+    options = {} if cell.is_default else episodes_of(cell.task)
     return bb.evaluate(
         cell.controller,
         task=cell.task,
         episodes=cell.judge.episodes,
         seed=FIRST_SEED,
         num_threads=1,
-        **{} if cell.is_default else episodes_of(cell.task),
-        **cell.judge.options,
+        # The judge's options replace the task's.
+        **{**options, **cell.judge.options},
         engine=cell.judge.engine,
     )
