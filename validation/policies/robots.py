@@ -34,7 +34,7 @@ def topic() -> Topic:
 
 def _run() -> Findings:
     cells = {
-        (recipe, name): Cell(recipe.task, source, CONTACT._replace(options={"robot": recipe.robot}), is_default=True)
+        (recipe, name): Cell(recipe.task, source, CONTACT._replace(options=recipe.robot_options), is_default=True)
         for recipe in recipes()
         for name, source in [("policy", str(recipe.folder)), *((law, law) for law in LAWS)]
     }

@@ -47,6 +47,10 @@ class Shipped(NamedTuple):
     limits: Sequence[Limit]
     #: Scenarios with a claim on the worst direction, with the least tilt (deg) or impulse (N·s).
     least: Mapping[str, tuple[str, float, str]] = {}
+    #: What it is compared with the laws under, its training's conditions first.
+    judges: Sequence[Judge] = JUDGES
+    #: Text of its section on the task, the robot and the judges.
+    about: str = ""
 
     @property
     def name(self) -> str:
@@ -60,6 +64,11 @@ class Shipped(NamedTuple):
         """Its file in assets/policies."""
         return f"{self.name}.onnx"
 
+    def cell(self, source: str, judge: Judge) -> Cell:
+        """A controller of its task on its robot under a judge."""
+        robot = self.recipe.robot_options
+        return Cell(self.recipe.task, source, judge._replace(options={**robot, **judge.options}), bool(robot))
+
 
 _REAL = Judge(
     "sensors, 10 ms delay, `mild`",
@@ -68,8 +77,8 @@ _REAL = Judge(
 _FAST = Judge("`contact`, all at 0.5 m/s", {"path_speed": (0.5, 0.5)})
 
 
-def _in_engines(what: str, name: str, most: float, unit: str) -> list[Limit]:
-    return [Limit(f"{what}, {judge.name}", name, most, unit, judge) for judge in JUDGES]
+def _in_engines(what: str, name: str, most: float, unit: str, judges: Sequence[Judge] = JUDGES) -> list[Limit]:
+    return [Limit(f"{what}, {judge.name}", name, most, unit, judge) for judge in judges]
 
 
 #: Largest push that the paper's robot can withstand with its traction, N·s.
@@ -121,6 +130,17 @@ SHIPPED = (
         [],
         {"S3-at-once": ("push withstood, worst of 24 directions", 0.8 * _CAPTURE_IMPULSE, "N·s")},
     ),
+    Shipped(
+        "Carry",
+        Recipe("carry"),
+        [
+            *_in_engines("time to a goal relative to the fastest flat move", "time_ratio", 1.5, ""),
+            *_in_engines("episodes without success", "failures", 0.01, ""),
+            *_in_engines("episodes in which water spills", "spilled", 0.01, ""),
+        ],
+        about="Robots move as without the glass, in all engines: its water follows from their motion. `lqr` is faster, "
+        "and its water rises higher.",
+    ),
 )
 
 
@@ -136,28 +156,31 @@ def topics(folder: "Path") -> list[Topic]:
 
 def _topic(one: Shipped, folder: "Path") -> Topic:
     variant = "" if one.recipe.variant is None else f" --config {one.recipe.variant}"
+    robot = "" if one.recipe.robot is None else f" --robot {one.recipe.robot}"
     text = (
-        f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}`. The figure shows "
+        f"`assets/policies/{one.file}`: seed 0 of `ballbot train {one.recipe.task}{variant}{robot}`. The figure shows "
         "its training and the training of two more seeds."
     )
     taught = config.parse(config.default_text(one.recipe.task, one.recipe.variant), one.file).teacher
     if taught is not None:
         laws = " or ".join(f"`{law}`" for law in taught.laws)
         text += f" At step 0 the policy is already fitted to {laws}; PPO continues from there."
+    if one.about:
+        text += f" {one.about}"
     return Topic(one.name, one.title, text, lambda: _run(one, str(folder / one.file)))
 
 
 def _run(one: Shipped, policy: str) -> Findings:
     task, controllers = one.recipe.task, {"policy": policy, **{f"`{law}`": law for law in LAWS}}
-    others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in JUDGES}
+    others = {limit.judge.name: limit.judge for limit in one.limits if limit.judge not in one.judges}
     cells = {
-        (judge.name, label): Cell(task, source, judge)
-        for judge in (*JUDGES, *others.values())
+        (judge.name, label): one.cell(source, judge)
+        for judge in (*one.judges, *others.values())
         for label, source in controllers.items()
     }
     # The other seeds, under their training conditions.
     for recipe in (one.recipe._replace(seed=seed) for seed in SEEDS[1:]):
-        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = Cell(task, str(recipe.folder), CONTACT)
+        cells[CONTACT.name, f"policy of seed {recipe.seed}"] = one.cell(str(recipe.folder), CONTACT)
     found = dict(zip(cells, results(list(cells.values())), strict=True))
     claims = [_claim(limit, found[limit.judge.name, "policy"]) for limit in one.limits]
     compared = []

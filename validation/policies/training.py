@@ -7,8 +7,12 @@ from concurrent.futures import ProcessPoolExecutor
 from pathlib import Path
 from typing import Any, NamedTuple
 
+from ballbot_rs import Params
+
+ROOT = Path(__file__).parents[2]
+
 #: Folder of runs, kept between calls.
-RUNS = Path(__file__).parents[2] / "runs" / "policies"
+RUNS = ROOT / "runs" / "policies"
 
 #: Concurrent runs, each on one core: the learner is the slower part, and has one thread.
 AT_ONCE = 2
@@ -25,19 +29,28 @@ class Recipe(NamedTuple):
     variant: str | None = None
     events: str | None = None
     seed: int = 0
-    #: Name of a robot; None is the configuration's.
+    #: Name of a robot, or its TOML file in the repository; None is the configuration's.
     robot: str | None = None
 
     @property
     def name(self) -> str:
         """Name of its folder."""
-        parts = (self.task, self.variant, self.events, self.robot, f"seed-{self.seed}")
+        robot = None if self.robot is None else Path(self.robot).stem
+        parts = (self.task, self.variant, self.events, robot, f"seed-{self.seed}")
         return "-".join(str(part) for part in parts if part)
 
     @property
     def folder(self) -> Path:
         """Folder of the run."""
         return RUNS / self.name
+
+    @property
+    def robot_options(self) -> dict[str, Any]:
+        """The option `robot` of its environment, if it names a robot."""
+        if self.robot is None:
+            return {}
+        is_file = self.robot.endswith(".toml")
+        return {"robot": Params.from_toml(ROOT / self.robot).to_dict() if is_file else self.robot}
 
 
 def train_all(recipes: Sequence[Recipe]) -> None:
@@ -54,8 +67,7 @@ def _text(recipe: Recipe) -> str:
     values: dict[str, object] = {"num_threads": 1}
     if recipe.events is not None:
         values["env.events"] = EVENTS.get(recipe.events, recipe.events)
-    if recipe.robot is not None:
-        values["env.robot"] = recipe.robot
+    values |= {f"env.{name}": value for name, value in recipe.robot_options.items()}
     variant = None if recipe.variant is None else Path(recipe.variant)
     return config.with_values(config.load(recipe.task, variant, recipe.robot)[1], values)
 
