@@ -77,6 +77,10 @@ _REAL = Judge(
 _FAST = Judge("`contact`, all at 0.5 m/s", {"path_speed": (0.5, 0.5)})
 
 
+#: The engines of the package, where others cannot simulate the task.
+_OURS = (CONTACT, RIGID)
+
+
 def _in_engines(what: str, name: str, most: float, unit: str, judges: Sequence[Judge] = JUDGES) -> list[Limit]:
     return [Limit(f"{what}, {judge.name}", name, most, unit, judge) for judge in judges]
 
@@ -140,6 +144,20 @@ SHIPPED = (
         ],
         about="Robots move as without the glass, in all engines: its water follows from their motion. `lqr` is faster, "
         "and its water rises higher.",
+    ),
+    Shipped(
+        "Ride",
+        Recipe("ride", robot="validation/policies/own_robots/ride.toml"),
+        [
+            *_in_engines("distance from where the rider begins to brake", "braking_distance", 2.0, "m", _OURS),
+            *_in_engines("time until the robot has stopped", "braking_time", 3.0, "s", _OURS),
+            *_in_engines("episodes without success", "failures", 0.01, "", _OURS),
+        ],
+        judges=_OURS,
+        about="The robot is [60 kg with its rider](../validation/policies/own_robots/ride.toml): name it by `--robot` "
+        "for the laws. MuJoCo is left out: other engines move no rider. Effort is relative to the largest action, "
+        "which is 25 N·m under a law and 8.1 N·m under the policy: both `lqr` and the policy use 1.35 N·m (rms). "
+        "`lqr_pi` stops a little sooner, over a longer way.",
     ),
 )
 

@@ -23,10 +23,11 @@ SUMMARIES_OF_MODELS: Final = {
     "rigid": "rigid bodies in a general engine, to check contact",
 }
 
-#: What the policies of a variant of a task do beyond the task, by the end of the file's name.
-_VARIANTS: Final = {
+#: What policies do beyond their task, by the variant in the file's name, else the task.
+_BEYOND: Final = {
     "any": ", for a robot of any size, named by --robot, from the readings of its sensors",
     "recover": ", from tilts up to 30 deg and after pushes up to 2.2 N·s",
+    "ride": ", on a robot of 60 kg in all",
 }
 
 
@@ -67,7 +68,7 @@ def policies() -> dict[str, str]:
 def _summary_of_policy(name: str) -> str:
     task, _, variant = name.partition("-")
     text: str = TASKS[task]["summary"]
-    return f"{text.removesuffix('.')}{_VARIANTS[variant]}." if variant else text
+    return f"{text.removesuffix('.')}{_BEYOND.get(variant or task, '')}."
 
 
 def _shortest(path: Path) -> str:
