@@ -74,6 +74,7 @@ _REAL = Judge(
     "sensors, 10 ms delay, `mild`",
     {"sensors": "kugle", "observation": "sensors", "actuators": {"delay": 0.01}, "events": "mild"},
 )
+_FIELD = Judge("`contact`, potential field", {"guide": 1})
 _FAST = Judge("`contact`, all at 0.5 m/s", {"path_speed": (0.5, 0.5)})
 
 
@@ -158,6 +159,20 @@ SHIPPED = (
         "for the laws. MuJoCo is left out: other engines move no rider. Effort is relative to the largest action, "
         "which is 25 N·m under a law and 8.1 N·m under the policy: both `lqr` and the policy use 1.35 N·m (rms). "
         "`lqr_pi` stops a little sooner, over a longer way.",
+    ),
+    Shipped(
+        "Navigate",
+        Recipe("navigate"),
+        [
+            *_in_engines("time to a goal relative to the fastest flat move", "time_ratio", 2.0, "", _OURS),
+            *_in_engines("episodes without success", "failures", 0.01, "", _OURS),
+            *_in_engines("collisions in an episode", "collisions", 0.01, "", _OURS),
+        ],
+        judges=(*_OURS, _FIELD),
+        about="Laws track the motion of the task's [guide](obstacles.md#guides), which the policy observes: a control "
+        "barrier function, as in the training, except under the judge that has the potential field. The field "
+        "accelerates up to 0.8 m/s², the barrier function up to 0.43 m/s²: the policy has not met more, and often "
+        "falls. MuJoCo is left out: it simulates no obstacles.",
     ),
 )
 
