@@ -91,7 +91,7 @@ impl PayloadMotion<f64> {
         )
     }
 
-    /// Motions when payloads change, of each as [`PayloadMotion::changed`].
+    /// Motions when payloads change: they keep their deflections, and a new payload begins at its place.
     #[must_use]
     pub fn all_changed(
         motions: &[Self; PAYLOADS],
@@ -102,7 +102,7 @@ impl PayloadMotion<f64> {
         array::from_fn(|i| motions[i].changed(&before[i], &after[i], body))
     }
 
-    /// Motions with other deflections, of each as [`PayloadMotion::deflected`].
+    /// Motions with other deflections; the rests of the springs stay.
     #[must_use]
     pub fn all_deflected(
         motions: &[Self; PAYLOADS],
@@ -113,7 +113,6 @@ impl PayloadMotion<f64> {
         array::from_fn(|i| motions[i].deflected(&payloads[i], body, &deflections[i]))
     }
 
-    /// The payload with another deflection; the rest of its springs stays.
     fn deflected(&self, payload: &Payload<f64>, body: &LaneState<f64>, deflection: &Deflection<f64>) -> Self {
         run_one(
             #[inline(always)]
@@ -130,7 +129,6 @@ impl PayloadMotion<f64> {
         )
     }
 
-    /// The motion when a payload changes: it keeps its deflection, and a new payload begins at its place.
     fn changed(&self, before: &Payload<f64>, after: &Payload<f64>, body: &LaneState<f64>) -> Self {
         let place = Self::at_place(after, body);
         if before.mass == 0.0 {
