@@ -20,7 +20,9 @@ STEPS: Final = 20
 PAPER: Final = bb.Params.paper()
 LOADED: Final = PAPER.with_payload(0.5, position=(0.0, 0.0, 0.3), stiffness=120.0, damping=1.0)
 TWO: Final = LOADED.with_payload(0.1, position=(0.1, 0.0, 0.2), stiffness=30.0, damping=0.3, payload=1)
-POST: Final = {"kind": "post", "radius": 0.05, "height": 1.0}
+POST: Final = {"kind": "post", "radius": 0.05, "height": 0.12}
+#: From a post to the center of the ball, m.
+GAP: Final = PAPER.ball_radius + 0.05 + 0.01
 
 
 def _among(*places: tuple[float, float]) -> bb.Terrain:
@@ -35,7 +37,7 @@ FEATURES: Final[Mapping[str, Mapping[str, Any]]] = {
     "a force from outside": {},
     "a level terrain": {"terrain": bb.Terrain.plane(0.0)},
     "posts, none within 1 m": {"terrain": _among((1.5, 0.0), (-1.5, 0.0), (0.0, 1.5), (0.0, -1.5))},
-    "posts, two within 0.25 m": {"terrain": _among((0.25, 0.0), (-0.25, 0.0))},
+    "posts 1 cm from the ball": {"terrain": _among(*((x, 0.0) for x in (-GAP, GAP)))},
     "patches of friction": {"robot": PAPER.replace(floor_patch_size=0.2, floor_patch_friction=(0.8, 1.2))},
     "a ship": {"robot": PAPER.replace(floor_tilt_amplitude=(0.02, 0.0))},
     "a tram": {"robot": PAPER.replace(floor_acceleration=(0.1, 0.0))},
