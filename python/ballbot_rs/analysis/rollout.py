@@ -207,8 +207,6 @@ def run_one(
         states.append(batch.state(0))
         contacts.append(batch.contacts(0))
         payloads.append(batch.payloads()[0])
-        # Events load and unload robots.
-        carried |= batch.params(0).has_payload
         draws.append(batch.draws(0))
         estimates += _estimates(batch)
         commands.append(_command(batch))
@@ -223,10 +221,12 @@ def run_one(
         if step.truncated[0]:
             # The end of the ground, or of a task that sets its own last step.
             break
+    # Events load and unload robots.
+    carried = carried or batch.params(0).has_payload or bool(np.any(payloads))
     return Run(
         states=states,
         contacts=contacts,
-        payloads=np.array(payloads) if carried else np.zeros((0, 2, 6)),
+        payloads=np.array(payloads if carried else []).reshape(-1, 2, 6),
         torques=np.array(torques).reshape(-1, 3),
         draws=draws,
         estimates=estimates,
