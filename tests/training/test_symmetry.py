@@ -1,14 +1,13 @@
 """The symmetries of a robot: turned or mirrored torques make a turned or mirrored motion, in every row."""
 
-import dataclasses
-
 import numpy as np
 import pytest
 import torch
+from sb3_contrib import RecurrentPPO
 
 import ballbot_rs as bb
 from ballbot_rs._core import TASKS
-from ballbot_rs.training import config, teacher
+from ballbot_rs.training import config, teacher, tied
 from ballbot_rs.training.symmetry import linear_policies, of_batch, symmetries
 from tests.training.test_teacher import FIT, new_model
 
@@ -68,35 +67,100 @@ def test_linear_policies_turn_and_mirror_with_the_robot(task):
     assert len(basis) == 3 * n - np.linalg.matrix_rank(np.vstack(conditions))
 
 
-def test_a_symmetric_fit_makes_a_symmetric_policy():
+def asymmetry(model, of_values=False):
+    """Root mean square of what differs between turned and mirrored robots: their actions, or values."""
     names = tuple(row["name"] for row in TASKS["balance"]["observation"])
-    seen = np.random.default_rng(1).normal(0.0, 0.05, (200, len(names))).astype(np.float32)
+    seen = np.random.default_rng(1).normal(0.0, 0.05, (200, len(names)))
 
-    def asymmetry(symmetric):
-        model = new_model()
-        fit = dataclasses.replace(FIT, symmetric=symmetric)
-        teacher.fit_actor(model, teacher.laws_of(model, fit)[0], fit, 0)
+    def out(observations):
+        given = torch.as_tensor(observations, dtype=torch.float32)
+        with torch.no_grad():
+            return (model.policy.predict_values(given) if of_values else teacher._actions(model, given)).numpy()
 
-        def act(observations):
-            with torch.no_grad():
-                return teacher._actions(model, torch.as_tensor(observations)).numpy()
-
-        differences = [
-            act((seen @ of_rows).astype(np.float32)) - act(seen) @ of_wheels
-            for of_rows, of_wheels in symmetries(names, 1)
-        ]
-        return np.sqrt(np.square(differences).mean())
-
-    assert asymmetry(True) < 0.85 * asymmetry(False)
+    differences = [
+        out(seen @ of_rows) - (out(seen) if of_values else out(seen) @ of_wheels)
+        for of_rows, of_wheels in symmetries(names, 1)
+    ]
+    return np.sqrt(np.square(differences).mean())
 
 
-def test_what_has_no_symmetry_is_rejected():
-    fit = config.Teacher("lqr", symmetric=True)
-    uneven = bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0))
-    with pytest.raises(ValueError, match=r"teacher\.symmetric = True: the wheels of robot 0 are not alike"):
-        teacher.laws_of(new_model(robot=uneven), fit)
-    with pytest.raises(ValueError, match=r"teacher\.symmetric = True: instruments"):
-        teacher.laws_of(new_model(lidar={}), fit)
+def test_tied_policies_stay_symmetric_while_they_learn():
+    free, even = (new_model(net_arch=(12, 18)) for _ in range(2))
+    ties = tied.tie(even, True, pytest.fail)
+    for model in (free, even):
+        law = teacher.laws_of(model, FIT)[0]
+        before = teacher._actor(model)[0].detach().clone()
+        teacher.fit_actor(model, law, FIT, 0, ties if model is even else None)
+        assert (teacher._actor(model)[0] - before).abs().max() > 0.01
+        model.learn(model.n_envs * model.n_steps)
+    assert asymmetry(even) < 1e-6 < 1e-3 < asymmetry(free)
+    assert asymmetry(even, of_values=True) < 1e-5 < 1e-3 < asymmetry(free, of_values=True)
+    assert even.policy.log_std.unique().numel() == 1 < free.policy.log_std.unique().numel()
+
+
+def test_ties_keep_the_size_of_new_weights():
+    free, even = (new_model(net_arch=(60, 60)) for _ in range(2))
+    tied.tie(even, True, pytest.fail)
+    for before, after in zip(teacher._actor(free)[:4:2], teacher._actor(even)[:4:2], strict=True):
+        assert 0.8 < after.std() / before.std() < 1.2
+
+
+@pytest.mark.parametrize(
+    "critic", [{}, {"enable_critic_lstm": False}, {"enable_critic_lstm": False, "shared_lstm": True}]
+)
+def test_tied_recurrent_policies_are_symmetric_over_time(critic):
+    env = bb.BallbotVecEnv(8, model="spatial", num_threads=1)
+    model = RecurrentPPO(
+        "MlpLstmPolicy",
+        env,
+        n_steps=16,
+        batch_size=64,
+        learning_rate=0.03,
+        policy_kwargs={"lstm_hidden_size": 12, "n_lstm_layers": 2, "net_arch": [6], **critic},
+        seed=0,
+    )
+    tied.tie(model, True, pytest.fail)
+    model.learn(2 * 8 * 16)
+    names = tuple(row["name"] for row in TASKS["balance"]["observation"])
+    seen = np.random.default_rng(1).normal(0.0, 1.0, (12, 5, len(names))).astype(np.float32)
+
+    def actions(observations):
+        state, start, found = None, np.ones(5, dtype=bool), []
+        for step in observations:
+            action, state = model.predict(step, state, start, deterministic=True)
+            found.append(action)
+            start = np.zeros(5, dtype=bool)
+        return np.array(found)
+
+    for of_rows, of_wheels in symmetries(names, 1):
+        np.testing.assert_allclose(actions((seen @ of_rows).astype(np.float32)), actions(seen) @ of_wheels, atol=1e-5)
+    assert np.abs(actions(seen)).max() > 0.1
+
+
+UNEVEN = bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"robot": UNEVEN}, "the wheels of robot 0 are not alike"),
+        ({"lidar": {}}, "instruments"),
+        ({"net_arch": (6, 7)}, "a hidden layer of 7 units: expected a multiple of 6"),
+    ],
+)
+def test_what_has_no_symmetry_is_named(options, message):
+    with pytest.raises(ValueError, match=f"symmetric = true: {message}"):
+        tied.tie(new_model(**{"net_arch": (6,), **options}), True, pytest.fail)
+    told = []
+    assert tied.tie(new_model(**{"net_arch": (6,), **options}), "auto", told.append) is None
+    assert message in told[0]
+
+
+def test_algorithms_without_symmetric_policies_are_named():
+    with pytest.raises(ValueError, match="symmetric = true: SAC has no such policies, only PPO and RecurrentPPO"):
+        config.TrainConfig(algorithm="SAC", symmetric=True)
+    with pytest.raises(ValueError, match="symmetric = 1 must be true, false or 'auto'"):
+        config.TrainConfig(symmetric=1)
 
 
 def test_several_robots_have_a_law_each():

@@ -33,9 +33,10 @@ value_rollouts = 1
 FIT = config.Teacher("lqr", rounds=6, steps=60, epochs=30, batch_size=256, learning_rate=1e-2)
 
 
-def new_model(task="balance", seed=0, **options):
+def new_model(task="balance", seed=0, net_arch=(16,), **options):
     env = bb.BallbotVecEnv(32, task=task, model="spatial", num_threads=1, seed=seed, **options)
-    return PPO("MlpPolicy", VecMonitor(env), n_steps=16, batch_size=256, policy_kwargs={"net_arch": [16]}, seed=seed)
+    policy = {"net_arch": list(net_arch)}
+    return PPO("MlpPolicy", VecMonitor(env), n_steps=16, batch_size=256, policy_kwargs=policy, seed=seed)
 
 
 def values(modules):
@@ -205,7 +206,7 @@ class TestFit:
         labels = np.where(np.arange(32)[:, None] % 16 < 8, 0.5, -0.5).repeat(3, axis=1).astype(np.float32)
         optimizer = torch.optim.Adam(teacher._actor(model), lr=2e-2)
         found = Round(seen[None], labels[None], factors[None], np.ones((1, 32), dtype=bool))
-        teacher._regress(model, optimizer, [found], settings, 0, [])
+        teacher._regress(model, optimizer, [found], settings, 0)
         expected = 0.5 * (paper - rezero) / (paper + rezero)
         np.testing.assert_allclose(model.predict(seen[0], deterministic=True)[0], expected, atol=1e-3)
 
@@ -234,7 +235,7 @@ class TestFit:
             optimizer = torch.optim.Adam(teacher._actor(model))
             labels = np.full((1, 32, 3), label, dtype=np.float32)
             ones = np.ones((1, 32), dtype=np.float32)
-            error = teacher._regress(model, optimizer, [Round(seen[None], labels, ones, ones)], settings, 0, [])
+            error = teacher._regress(model, optimizer, [Round(seen[None], labels, ones, ones)], settings, 0)
             assert all(shares(before, of_actor(model))) == (saturates and is_equal)
             assert (error == 0.0) == (saturates and is_equal)
 

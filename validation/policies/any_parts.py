@@ -17,7 +17,7 @@ from stable_baselines3 import PPO
 import ballbot_rs as bb
 from ballbot_rs._core import SAME_ROBOT
 from ballbot_rs.envs.family import is_family
-from ballbot_rs.training import config, teacher
+from ballbot_rs.training import config, teacher, tied
 
 #: Training seeds; each has other robots.
 SEEDS: Final = (0, 1)
@@ -29,20 +29,20 @@ ROUNDS: Final = 18
 #: The family without other ranges.
 USUAL: Final = {"family": NUM_ENVS // SAME_ROBOT}
 
-#: Changed options of the environment, and changed settings of the teacher.
-ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
-    "all parts": ({}, {}),
-    "newest observation only": ({"history": 1}, {}),
-    "one robot, the paper's": ({"robot": "paper"}, {}),
-    "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}),
-    "no symmetries": ({}, {"symmetric": False}),
-    "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}),
+#: Changed options of the environment, changed settings of the teacher, and whether the policy is symmetric.
+ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any], bool]]] = {
+    "all parts": ({}, {}, True),
+    "newest observation only": ({"history": 1}, {}, True),
+    "one robot, the paper's": ({"robot": "paper"}, {}, True),
+    "observations and torques not scaled by the robot": ({"scale_by_robot": False}, {}, True),
+    "no symmetries": ({}, {}, False),
+    "no robots outside the family, all errors alike": ({"robot": USUAL}, {"weights": {}}, True),
 }
 
 
 def fitted(arm: str, seed: int) -> PPO:
     """The policy of an arm."""
-    options, settings = ARMS[arm]
+    options, settings, symmetric = ARMS[arm]
     whole = config.parse(config.default_text("balance", "any"), "balance-any.toml")
     assert whole.teacher is not None
     options = {"robot": {**whole.env["robot"], **USUAL}, **options}
@@ -52,7 +52,7 @@ def fitted(arm: str, seed: int) -> PPO:
     fit = dataclasses.replace(whole.teacher, rounds=ROUNDS, **settings)
     model = PPO("MlpPolicy", env, n_steps=32, batch_size=2048, policy_kwargs=dict(whole.policy), seed=seed)
     (law,) = teacher.laws_of(model, fit)
-    teacher.fit_actor(model, law, fit, seed)
+    teacher.fit_actor(model, law, fit, seed, tied.tie(model, symmetric, print))
     return model
 
 

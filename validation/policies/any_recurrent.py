@@ -16,7 +16,7 @@ from sb3_contrib import RecurrentPPO
 from stable_baselines3 import PPO
 
 import ballbot_rs as bb
-from ballbot_rs.training import config, export, teacher
+from ballbot_rs.training import config, export, teacher, tied
 from validation.policies.any_parts import NUM_ENVS, ROUNDS, SEEDS, USUAL, evaluated
 
 #: Changed options of the environment, and the policy.
@@ -24,7 +24,7 @@ ARMS: Final[Mapping[str, tuple[Mapping[str, Any], Mapping[str, Any]]]] = {
     "history of 0.24 s, no state": ({}, {"net_arch": [30, 30]}),
     "newest observation, no state": ({"history": 1}, {"net_arch": [30, 30]}),
     "newest observation, 24 LSTM units": ({"history": 1}, {"net_arch": [], "lstm_hidden_size": 24}),
-    "history of 0.24 s, 16 LSTM units": ({}, {"net_arch": [], "lstm_hidden_size": 16}),
+    "history of 0.24 s, 18 LSTM units": ({}, {"net_arch": [], "lstm_hidden_size": 18}),
 }
 
 
@@ -40,7 +40,7 @@ def fitted(arm: str, seed: int) -> Any:
     arguments: dict[str, Any] = {"n_steps": 32, "batch_size": 2048, "policy_kwargs": {**whole.policy, **policy}}
     model: Any = kind(name, env, seed=seed, **arguments)
     (law,) = teacher.laws_of(model, fit)
-    teacher.fit_actor(model, law, fit, seed)
+    teacher.fit_actor(model, law, fit, seed, tied.tie(model, whole.symmetric, print))
     return model
 
 

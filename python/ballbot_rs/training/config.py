@@ -20,7 +20,10 @@ from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of
 #: Of Stable-Baselines3, CMA-ES (`training.evolution`), and of sb3-contrib the PPO of recurrent policies.
 ALGORITHMS = ("PPO", "SAC", "CMA", RECURRENT)
 
-#: Algorithms whose policies can be fitted to a teacher first.
+#: The value of `symmetric` that ties a policy's weights where the robots and the policy allow it.
+AUTO: Final = "auto"
+
+#: Algorithms whose policies can be fitted to a teacher first, and whose weights can be tied.
 TAUGHT: Final = ("PPO", RECURRENT)
 
 
@@ -63,9 +66,6 @@ class Teacher:
     #: Whether a round continues the episodes of the last round; else each round resets all robots, and visits nothing
     #: later in an episode than its steps.
     continues: bool = False
-    #: Whether the fit uses the symmetries of three equal wheels 120 degrees apart: what is true of a robot is true of
-    #: the robot turned or mirrored. For robots without a preferred side, alone or on average.
-    symmetric: bool = False
     #: Powers of a robot's scales, by the units of `Params.scale`: their product weights its squared errors.
     weights: dict[str, float] = dataclasses.field(default_factory=dict)
     #: Least action whose squared errors are divided by it, relative to the largest action; errors of larger actions are
@@ -118,7 +118,7 @@ class Teacher:
             except ValueError as error:
                 raise ValueError(f"teacher.weights: {error}") from error
             _check_number(f"teacher.weights.{unit}", power, "-4", "4")
-        for name in ("drawn", "follows_position", "follows_motion", "continues", "symmetric", "saturates"):
+        for name in ("drawn", "follows_position", "follows_motion", "continues", "saturates"):
             if not isinstance(getattr(self, name), bool):
                 raise ValueError(f"teacher.{name} = {getattr(self, name)!r} must be true or false")
         least = {"rounds": 1, "steps": 1, "epochs": 1, "batch_size": 1, "window": 1, "value_rollouts": 0}
@@ -170,6 +170,10 @@ class TrainConfig:
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
     #: None learns only from rewards.
     teacher: Teacher | None = None
+    #: Whether the policy has the symmetries of three equal wheels 120 degrees apart exactly: turned and mirrored robots
+    #: get turned and mirrored torques (`training.tied`). Hidden layers then have multiples of 6 units. "auto" is true
+    #: where robots, observations and hidden layers have the symmetries. `CMA` has an argument of the same name.
+    symmetric: bool | str = False
     algorithm_arguments: dict[str, Any] = dataclasses.field(default_factory=dict)
     schedule: dict[str, str] = dataclasses.field(default_factory=dict)
     policy: dict[str, Any] = dataclasses.field(default_factory=dict)
@@ -206,6 +210,10 @@ class TrainConfig:
                 )
         if self.teacher is not None:
             self._check_teacher(self.teacher)
+        if not isinstance(self.symmetric, bool) and self.symmetric != AUTO:
+            raise ValueError(f"symmetric = {self.symmetric!r} must be true, false or '{AUTO}'")
+        if self.symmetric is True and self.algorithm not in TAUGHT:
+            raise ValueError(f"symmetric = true: {self.algorithm} has no such policies, only {' and '.join(TAUGHT)}")
         for name, kind in self.schedule.items():
             if kind != "linear":
                 raise ValueError(f"schedule.{name} = '{kind}': expected 'linear'")

@@ -22,11 +22,11 @@ from ballbot_rs._state_rows import BALL_POSITION, BODY_QUATERNION
 from ballbot_rs.control import sb3_recurrent
 from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.envs.registration import geometry_of
-from ballbot_rs.training import symmetry, teacher_sequences
+from ballbot_rs.training import teacher_sequences
 from ballbot_rs.training.config import Teacher
 from ballbot_rs.training.teacher_errors import Labels, Weighting, epochs_of, mean_square, set_rate
 from ballbot_rs.training.teacher_rounds import Floats, Round, rounds
-from ballbot_rs.training.teacher_sequences import Alike
+from ballbot_rs.training.tied import Ties
 
 #: Learning rate of the value function's fit; it is fast, as only the result matters.
 VALUE_RATE = 1e-3
@@ -36,7 +36,9 @@ VALUE_EPOCHS = 10
 RANKED_STEPS = 1000
 
 
-def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None]) -> None:
+def fit(
+    model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None], ties: Ties | None = None
+) -> None:
     """Fits the actor and the value function of a new model; its steps are not counted.
 
     Args:
@@ -44,10 +46,11 @@ def fit(model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str],
         teacher: the law or the laws to fit to, and the settings.
         seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
+        ties: between the weights; None for none.
     """
     learner: Any = model
     law = best_law(model, teacher, seed, tell)
-    errors = fit_actor(learner, law, teacher, seed)
+    errors = fit_actor(learner, law, teacher, seed, ties)
     tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
     fit_value(learner, teacher.value_rollouts)
 
@@ -56,8 +59,7 @@ def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
     """The laws, for the robot of a model's environments.
 
     Raises:
-        ValueError: an unknown law, an option that it does not have, a task that it cannot perform, or robots without
-            the symmetries that the fit uses.
+        ValueError: an unknown law, an option that it does not have, or a task that it cannot perform.
     """
     batch = _batch(model)
     if batch.stage is not None and batch.stage.task is not None:
@@ -66,8 +68,6 @@ def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:
         raise ValueError(f"teacher.follows_motion = False: the task {batch.task} commands no velocity")
     if has_several_robots(batch) and not teacher.drawn:
         raise ValueError("teacher.drawn = False: with several robots the law is designed for each, drawn = true")
-    if teacher.symmetric:
-        _symmetries(batch)
     try:
         robot = batch.nominal_params(0)
         return [Controller(name, robot, batch.control_dt, **options) for name, options in teacher.laws.items()]
@@ -106,14 +106,15 @@ def _actions_of(law: Controller, batch: Batch, teacher: Teacher) -> npt.NDArray[
     return batch.control(law, _setpoints(batch, law, teacher), privileged=True, drawn=teacher.drawn)
 
 
-def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[float]:
+def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int, ties: Ties | None = None) -> list[float]:
     """Fits the most likely actions; the root mean square error of each round, over all states so far."""
     environment = model.get_env()
     assert environment is not None
     batch = _batch(model)
     rng = np.random.default_rng(seed)
     optimizer = torch.optim.Adam(_actor(model), lr=teacher.learning_rate)
-    alike = _symmetries(batch) if teacher.symmetric else []
+    if ties is not None:
+        ties.hold_after(optimizer)
     weighting = Weighting(batch, teacher)
 
     def label() -> Labels:
@@ -121,7 +122,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
         return actions, weighting.of(batch, actions)
 
     if sb3_recurrent.is_recurrent(model):
-        return teacher_sequences.fit_actor(model, teacher, rng, label, alike, _actor(model))
+        return teacher_sequences.fit_actor(model, teacher, rng, label, optimizer)
 
     def act(observations: Floats, _: npt.NDArray[np.bool_]) -> Floats:
         with torch.no_grad():
@@ -132,7 +133,7 @@ def fit_actor(model: PPO, law: Controller, teacher: Teacher, seed: int) -> list[
     errors = []
     for done, found in enumerate(rounds(environment, act, label, teacher, rng)):
         visited.append(found)
-        errors.append(_regress(model, optimizer, visited, teacher, done, alike))
+        errors.append(_regress(model, optimizer, visited, teacher, done))
     return errors
 
 
@@ -167,9 +168,8 @@ def _regress(
     visited: list[Round],
     teacher: Teacher,
     done: int,
-    alike: Alike,
 ) -> float:
-    """Some epochs of least squares of weighted errors after `done` rounds, each batch in a form that is `alike`.
+    """Some epochs of least squares of weighted errors after `done` rounds.
 
     Returns:
         The root mean square error in the last epoch.
@@ -183,26 +183,13 @@ def _regress(
         total = 0.0
         batches = torch.split(torch.randperm(len(seen)), teacher.batch_size)
         for i, chosen in enumerate(batches):
-            inputs, expected = seen[chosen], targets[chosen]
-            if alike:
-                of_inputs, of_wanted = alike[int(torch.randint(len(alike), ()))]
-                inputs, expected = inputs @ of_inputs, expected @ of_wanted
-            loss = mean_square(_actions(model, inputs), expected, weights[chosen, None], teacher)
+            loss = mean_square(_actions(model, seen[chosen]), targets[chosen], weights[chosen, None], teacher)
             set_rate(optimizer, teacher, done, epoch + i / len(batches))
             optimizer.zero_grad()
             loss.backward()  # type: ignore[no-untyped-call]
             optimizer.step()
             total += loss.item() * len(chosen)
     return float(np.sqrt(total / len(seen)))
-
-
-def _symmetries(batch: Batch) -> Alike:
-    """The symmetries of the robots on observations and actions."""
-    try:
-        pairs = symmetry.of_batch(batch)
-    except ValueError as error:
-        raise ValueError(f"teacher.symmetric = True: {error}") from error
-    return [tuple(torch.as_tensor(matrix, dtype=torch.float32) for matrix in pair) for pair in pairs]  # type: ignore[misc]
 
 
 def _setpoints(batch: Batch, law: Controller, teacher: Teacher) -> dict[str, npt.NDArray[np.float64]]:

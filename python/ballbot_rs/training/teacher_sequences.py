@@ -26,9 +26,6 @@ MAX_GRADIENT = 1.0
 #: Outputs and cell states of the LSTM layers, each of shape (layers, n, units).
 State = tuple[torch.Tensor, torch.Tensor]
 
-#: Symmetries on observations and on actions, as pairs of matrices.
-Alike = list[tuple[torch.Tensor, torch.Tensor]]
-
 
 @dataclasses.dataclass(frozen=True)
 class Window:
@@ -51,8 +48,7 @@ def fit_actor(
     teacher: Teacher,
     rng: np.random.Generator,
     label: Callable[[], Labels],
-    alike: Alike,
-    parameters: list[torch.nn.Parameter],
+    optimizer: torch.optim.Optimizer,
 ) -> list[float]:
     """Fits the most likely actions of a recurrent policy.
 
@@ -61,15 +57,13 @@ def fit_actor(
         teacher: the settings.
         rng: for the choice of robots that the law drives, and for the noise.
         label: gives the law's actions in the present states.
-        alike: the symmetries that the fit uses; empty for none.
-        parameters: what is fitted.
+        optimizer: of what is fitted.
 
     Returns:
         The root mean square error of each round, over all states so far.
     """
     environment = model.get_env()
     assert environment is not None
-    optimizer = torch.optim.Adam(parameters, lr=teacher.learning_rate)
     windows: list[Window] = []
     errors = []
     state = _zeros(model, environment.num_envs)
@@ -86,7 +80,7 @@ def fit_actor(
         windows += _cut(found, teacher.window)
         for epoch in range(epochs_of(teacher, done)):
             set_rate(optimizer, teacher, done, epoch)
-            error = _epoch(model, optimizer, windows, teacher, alike, parameters)
+            error = _epoch(model, optimizer, windows, teacher)
         errors.append(error)
     return errors
 
@@ -111,18 +105,6 @@ def _cut(found: Round, length: int) -> list[Window]:
     return windows
 
 
-def _turned(windows: list[Window], alike: Alike) -> list[Window]:
-    """The windows with each robot in a form that is `alike`, the same over time."""
-    if not alike:
-        return windows
-    chosen = torch.randint(len(alike), (len(windows[0].begins),))
-    of_inputs, of_wanted = (torch.stack(matrices)[chosen] for matrices in zip(*alike, strict=True))
-    return [
-        dataclasses.replace(one, observations=one.observations @ of_inputs, labels=one.labels @ of_wanted)
-        for one in windows
-    ]
-
-
 def states_before(model: BaseAlgorithm, windows: list[Window]) -> list[State]:
     """The states of all robots where each window begins, by the present network."""
     policy = _policy_of(model)
@@ -143,17 +125,14 @@ def _epoch(
     optimizer: torch.optim.Optimizer,
     windows: list[Window],
     teacher: Teacher,
-    alike: Alike,
-    parameters: list[torch.nn.Parameter],
 ) -> float:
     """An epoch of least squares of weighted errors; returns their root mean square."""
-    turned = _turned(windows, alike)
-    states = states_before(model, turned)
+    states = states_before(model, windows)
     batches: list[tuple[Any, ...]] = []
-    for length in sorted({one.starts.shape[1] for one in turned}):
-        of_length = [k for k, one in enumerate(turned) if one.starts.shape[1] == length]
+    for length in sorted({one.starts.shape[1] for one in windows}):
+        of_length = [k for k, one in enumerate(windows) if one.starts.shape[1] == length]
         observations, labels, factors, starts = (
-            torch.cat([getattr(turned[k], name) for k in of_length])
+            torch.cat([getattr(windows[k], name) for k in of_length])
             for name in ("observations", "labels", "factors", "starts")
         )
         before = [torch.cat([states[k][part] for k in of_length], dim=1) for part in range(2)]
@@ -176,7 +155,8 @@ def _epoch(
         loss = mean_square(found, expected, factors[chosen][:, :, None], teacher)
         optimizer.zero_grad()
         loss.backward()  # type: ignore[no-untyped-call]
-        torch.nn.utils.clip_grad_norm_(parameters, MAX_GRADIENT)
+        for fitted in optimizer.param_groups:
+            torch.nn.utils.clip_grad_norm_(fitted["params"], MAX_GRADIENT)
         optimizer.step()
         total += loss.item() * len(chosen) * expected.shape[1]
         count += len(chosen) * expected.shape[1]

@@ -24,7 +24,7 @@ from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.envs.spaces import observation_width
 from ballbot_rs.training import config as config_module
-from ballbot_rs.training import run_folder, run_state, teacher
+from ballbot_rs.training import run_folder, run_state, teacher, tied
 from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, KeepBest, ProgressBar
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
@@ -107,13 +107,14 @@ def train(
         learn.check(config)
     # Before anything is deleted or written: this rejects an invalid configuration.
     model = _new_model(config, folder, seed)
+    ties = _tie(model, config, tell, learn)
     if config.teacher is not None:
         teacher.laws_of(model, config.teacher)
     with run_folder.held(folder):
         run_folder.begin(folder, text, seed, overwrite=overwrite, versions=VERSIONS)
         keep_best = _keep_best(config, folder, seed, stops)
         if config.teacher is not None:
-            teacher.fit(model, config.teacher, seed, tell)
+            teacher.fit(model, config.teacher, seed, tell, ties)
             # From here a run can be resumed, and the fitted policy may stay the best one.
             Checkpoints(folder).keep(model)
             keep_best.evaluate(model)
@@ -176,6 +177,7 @@ def _resume(
         )
     torch.set_num_threads(config.torch_threads)
     model = _new_model(config, folder, seed)
+    _tie(model, config, tell, learn)
     checkpoint = restore_newest(model, folder)
     if timesteps is not None and timesteps < model.num_timesteps:
         raise ValueError(f"timesteps = {timesteps}: the run has already done {model.num_timesteps} steps")
@@ -277,6 +279,13 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
     (options,) = environment.get_attr("task_options", [0])
     setattr(model, METADATA, metadata(task_of(config.env_id), config.algorithm, options))
     return model
+
+
+def _tie(
+    model: BaseAlgorithm, config: TrainConfig, tell: Callable[[str], None], learn: Learn | None
+) -> tied.Ties | None:
+    """Ties the weights of a model if the configuration says so; another training loop has its own weights."""
+    return tied.tie(model, config.symmetric, tell) if learn is None else None
 
 
 def _keep_best(

@@ -47,6 +47,8 @@ class OnRay:
             RuntimeError: the cluster does not have this version of the package.
         """
         settings.arguments(config)
+        if config.symmetric is True:
+            raise ValueError("symmetric = true: on Ray weights are not tied, expected false or 'auto'")
         self.where.robots_each(config)
         self.where.reach()
         if self.where.address is not None:

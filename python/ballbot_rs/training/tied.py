@@ -1,0 +1,147 @@
+"""Policies that are symmetric exactly: their weights are tied so that a turned robot gets turned torques.
+
+Hidden units come in sixes, a unit for each symmetry of `training.symmetry`; a symmetry exchanges the units of a six
+(regular representation: Cohen and Welling, "Group equivariant convolutional networks", ICML 2016). The value of a state
+is the same for all six.
+"""
+
+from collections.abc import Callable
+from itertools import pairwise
+from typing import Any, Final
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from ballbot_rs.control import sb3_recurrent
+from ballbot_rs.training import symmetry
+from ballbot_rs.training.config import AUTO, TAUGHT
+from ballbot_rs.training.symmetry import Matrix
+
+#: Units that the symmetries exchange.
+ORBIT: Final = 6
+
+#: Gates of an LSTM cell, each with its own rows of the weights.
+_GATES: Final = 4
+
+
+class Ties:
+    """The ties between the weights of a policy's actor and value function.
+
+    Args:
+        model: of PPO, or of RecurrentPPO of sb3-contrib.
+        pairs: of `symmetry.symmetries`.
+
+    Raises:
+        ValueError: hidden units that are not in sixes, or noise that depends on the state.
+    """
+
+    def __init__(self, model: BaseAlgorithm, pairs: list[tuple[Matrix, Matrix]]) -> None:
+        policy: Any = model.policy
+        #: Parameters with how the symmetries change what they give, and what they are given unless it is a constant.
+        self._tied: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor | None]] = []
+        self._exchanges = _exchanges([of_wheels for _, of_wheels in pairs])
+        observations, actions = (_tensor(np.stack(matrices)) for matrices in zip(*pairs, strict=True))
+        if policy.log_std.ndim != 1:
+            raise ValueError("policy.use_sde = true: its noise depends on the state")
+        acted = valued = observations
+        actor = [*_linear(policy.mlp_extractor.policy_net), policy.action_net]
+        critic = [*_linear(policy.mlp_extractor.value_net), policy.value_net]
+        if sb3_recurrent.is_recurrent(model):
+            acted = self._tie_cells(policy.lstm_actor, observations)
+            if policy.lstm_critic is not None:
+                valued = self._tie_cells(policy.lstm_critic, observations)
+            elif policy.critic is not None:
+                critic.insert(0, policy.critic)
+            else:
+                valued = acted
+        self._tie_layers(actor, acted, actions)
+        self._tie_layers(critic, valued, torch.ones(len(pairs), 1, 1))
+        self._tied.append((policy.log_std, actions.abs(), None))
+
+    def _tie_layers(self, layers: list[torch.nn.Linear], given: torch.Tensor, gives: torch.Tensor) -> None:
+        spaces = [given, *(self._space(layer.out_features) for layer in layers[:-1]), gives]
+        for layer, (before, after) in zip(layers, pairwise(spaces), strict=True):
+            self._tied += [(layer.weight, after, before), (layer.bias, after, None)]
+
+    def _tie_cells(self, lstm: torch.nn.LSTM, given: torch.Tensor) -> torch.Tensor:
+        """Ties LSTM cells; returns how the symmetries change their outputs."""
+        own = self._space(lstm.hidden_size)
+        gates = torch.kron(torch.eye(_GATES), own)
+        for layer in range(lstm.num_layers):
+            for name, before in (("weight_ih", given if layer == 0 else own), ("weight_hh", own)):
+                self._tied.append((getattr(lstm, f"{name}_l{layer}"), gates, before))
+            self._tied += [(getattr(lstm, f"{name}_l{layer}"), gates, None) for name in ("bias_ih", "bias_hh")]
+        return own
+
+    def _space(self, width: int) -> torch.Tensor:
+        """How the symmetries change the outputs of a hidden layer."""
+        if width % ORBIT:
+            raise ValueError(f"a hidden layer of {width} units: expected a multiple of {ORBIT}")
+        return _tensor(np.stack([np.kron(np.eye(width // ORBIT), one) for one in self._exchanges]))
+
+    @torch.no_grad()
+    def begin(self) -> None:
+        """Ties new weights, and keeps their size: the mean of independent weights is smaller."""
+        self.hold()
+        for parameter, _, given in self._tied:
+            if given is not None:
+                parameter.mul_(ORBIT**0.5)
+
+    @torch.no_grad()
+    def hold(self) -> None:
+        """Ties the weights again: the mean of each parameter over the symmetries."""
+        for parameter, gives, given in self._tied:
+            turned = parameter @ gives if given is None else gives @ parameter @ given.mT
+            parameter.copy_(turned.mean(dim=0))
+
+    def hold_after(self, optimizer: torch.optim.Optimizer) -> None:
+        """Ties the weights again after each of an optimizer's steps."""
+        optimizer.register_step_post_hook(lambda *_: self.hold())
+
+
+def tie(model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None]) -> Ties | None:
+    """Ties the weights of a new model, and holds them tied after each of its updates.
+
+    Args:
+        model: with new weights.
+        symmetric: whether to tie them; `AUTO` where the robots and the policy allow it.
+        tell: called with the reason why `AUTO` does not tie them.
+
+    Raises:
+        ValueError: `symmetric` is true, and the robots, the rows of their observations or the policy are not.
+    """
+    if symmetric is False:
+        return None
+    environment = model.get_env()
+    assert environment is not None
+    try:
+        if type(model).__name__ not in TAUGHT:
+            raise ValueError(f"{type(model).__name__} has no symmetric policies, only {' and '.join(TAUGHT)}")
+        unwrapped: Any = environment.unwrapped
+        ties = Ties(model, symmetry.of_batch(unwrapped._batch))
+    except ValueError as error:
+        if symmetric == AUTO:
+            tell(f"the policy is not symmetric: {error}")
+            return None
+        raise ValueError(f"symmetric = true: {error}") from error
+    ties.begin()
+    ties.hold_after(model.policy.optimizer)
+    return ties
+
+
+def _linear(layers: torch.nn.Sequential) -> list[torch.nn.Linear]:
+    return [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
+
+
+def _tensor(matrices: Matrix) -> torch.Tensor:
+    return torch.as_tensor(matrices, dtype=torch.float32)
+
+
+def _exchanges(group: list[Matrix]) -> list[Matrix]:
+    """The matrix by which each element of a group exchanges its elements, of rows."""
+    found = []
+    for first in group:
+        products = [first @ second for second in group]
+        found.append(np.array([[float(np.allclose(row, product)) for product in products] for row in group]))
+    return found
