@@ -14,7 +14,7 @@ from ballbot_rs._checks import did_you_mean
 from ballbot_rs._core import CONTROLLERS, TASKS, LinearModel, Params
 from ballbot_rs.control.policy_size import RECURRENT
 from ballbot_rs.envs._batch_env import new_batch
-from ballbot_rs.envs.family import are_several
+from ballbot_rs.envs.family import are_several, is_family
 from ballbot_rs.envs.registration import DEFAULT_TASK, description_of, env_id_of, task_of
 
 #: Of Stable-Baselines3, CMA-ES (`training.evolution`), and of sb3-contrib the PPO of recurrent policies.
@@ -141,6 +141,28 @@ class Teacher:
         return {name: self.options.get(name, {}) for name in self.controller}
 
 
+@dataclasses.dataclass(frozen=True)
+class Refinement:
+    """Evolution of the policy after its fit to a teacher; `training.refinement` has the method."""
+
+    #: Families of robots, as the option `robot` of an environment: tables with `family`, `seed` and `ranges`.
+    robots: list[dict[str, Any]]
+    #: Events of the episodes in place.
+    events: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    generations: int = 40
+    #: Policies of a generation.
+    population: int = 14
+    #: Initial standard deviation of the changed numbers: relative changes of weights.
+    sigma: float = 0.04
+
+    def __post_init__(self) -> None:
+        if not isinstance(self.robots, list) or not self.robots or not all(map(is_family, self.robots)):
+            raise ValueError(f"refinement.robots = {self.robots!r} must be a list of families of robots")
+        _check_whole("refinement.generations", self.generations, 1)
+        _check_whole("refinement.population", self.population, 4)
+        _check_number("refinement.sigma", self.sigma, "1e-6", "1")
+
+
 #: Algorithm arguments that are counts, and those from 0 to 1: a learner accepts other values, but learns nothing.
 WHOLE_ARGUMENTS: Final = ("n_steps", "batch_size", "n_epochs")
 SHARES: Final = ("gamma", "gae_lambda", "tau")
@@ -170,6 +192,8 @@ class TrainConfig:
     evaluation: Evaluation = dataclasses.field(default_factory=Evaluation)
     #: None learns only from rewards.
     teacher: Teacher | None = None
+    #: None keeps the fit as it is.
+    refinement: Refinement | None = None
     #: Whether the policy has the symmetries of three equal wheels 120 degrees apart exactly: turned and mirrored robots
     #: get turned and mirrored torques (`training.tied`). Hidden layers then have multiples of 6 units. "auto" is true
     #: where robots, observations and hidden layers have the symmetries. `CMA` has an argument of the same name.
@@ -310,7 +334,7 @@ def parse(text: str, source: str) -> TrainConfig:
         known = ", ".join(field.name for field in dataclasses.fields(TrainConfig))
         raise ValueError(f"{source}: it is empty, expected at least one of {known}")
     _check_keys(source, table, TrainConfig)
-    inner = {"evaluation": Evaluation, "teacher": Teacher}
+    inner = {"evaluation": Evaluation, "teacher": Teacher, "refinement": Refinement}
     for name, kind in inner.items():
         if name in table:
             if not isinstance(table[name], dict):

@@ -111,6 +111,18 @@ def linear_policies(pairs: list[tuple[Matrix, Matrix]]) -> Matrix:
     return np.reshape(basis, (-1, 3, len(pairs[0][0])))
 
 
+def kinds(pairs: list[tuple[Matrix, Matrix]]) -> npt.NDArray[np.int64]:
+    """The number of each row's kind, from 0 on: rows that symmetries map to each other are of a kind.
+
+    Args:
+        pairs: of `symmetries`.
+    """
+    mapped = np.any([of_rows != 0.0 for of_rows, _ in pairs], axis=0)
+    # Row i of `mapped` is the orbit of row i, as the pairs are a group.
+    firsts = mapped.argmax(axis=1)
+    return np.unique(firsts, return_inverse=True)[1].astype(np.int64)
+
+
 def _on_rows(rows: tuple[str, ...], polar: Matrix, axial: Matrix, wheels: Matrix) -> Matrix:
     """The matrix of a symmetry on the rows of an observation."""
     matrix = np.zeros((len(rows), len(rows)))

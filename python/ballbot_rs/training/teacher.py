@@ -38,7 +38,7 @@ RANKED_STEPS = 1000
 
 def fit(
     model: BaseAlgorithm, teacher: Teacher, seed: int, tell: Callable[[str], None], ties: Ties | None = None
-) -> None:
+) -> Controller:
     """Fits the actor and the value function of a new model; its steps are not counted.
 
     Args:
@@ -47,12 +47,16 @@ def fit(
         seed: for the choice of robots that the law drives, and for the noise.
         tell: called with a text about the fit.
         ties: between the weights; None for none.
+
+    Returns:
+        The law that it is fitted to.
     """
     learner: Any = model
     law = best_law(model, teacher, seed, tell)
     errors = fit_actor(learner, law, teacher, seed, ties)
     tell(f"fitted to {law.name}: root mean square error of the actions {errors[-1]:.3f}")
     fit_value(learner, teacher.value_rollouts)
+    return law
 
 
 def laws_of(model: BaseAlgorithm, teacher: Teacher) -> list[Controller]:

@@ -40,13 +40,15 @@ class Ties:
         policy: Any = model.policy
         #: Parameters with how the symmetries change what they give, and what they are given unless it is a constant.
         self._tied: list[tuple[torch.Tensor, torch.Tensor, torch.Tensor | None]] = []
+        #: Of `symmetry.symmetries`.
+        self.pairs = pairs
         self._exchanges = _exchanges([of_wheels for _, of_wheels in pairs])
         observations, actions = (_tensor(np.stack(matrices)) for matrices in zip(*pairs, strict=True))
         if policy.log_std.ndim != 1:
             raise ValueError("policy.use_sde = true: its noise depends on the state")
         acted = valued = observations
-        actor = [*_linear(policy.mlp_extractor.policy_net), policy.action_net]
-        critic = [*_linear(policy.mlp_extractor.value_net), policy.value_net]
+        actor = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
+        critic = [*linear_layers(policy.mlp_extractor.value_net), policy.value_net]
         if sb3_recurrent.is_recurrent(model):
             acted = self._tie_cells(policy.lstm_actor, observations)
             if policy.lstm_critic is not None:
@@ -79,6 +81,11 @@ class Ties:
         if width % ORBIT:
             raise ValueError(f"a hidden layer of {width} units: expected a multiple of {ORBIT}")
         return _tensor(np.stack([np.kron(np.eye(width // ORBIT), one) for one in self._exchanges]))
+
+    @property
+    def of_last_layer(self) -> list[tuple[Matrix, Matrix]]:
+        """How each symmetry changes a six of hidden units, and actions, as the pairs of `symmetry.symmetries`."""
+        return [(exchange, of_wheels) for exchange, (_, of_wheels) in zip(self._exchanges, self.pairs, strict=True)]
 
     @torch.no_grad()
     def begin(self) -> None:
@@ -130,7 +137,8 @@ def tie(model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None]
     return ties
 
 
-def _linear(layers: torch.nn.Sequential) -> list[torch.nn.Linear]:
+def linear_layers(layers: torch.nn.Sequential) -> list[torch.nn.Linear]:
+    """The linear layers of a network."""
     return [layer for layer in layers if isinstance(layer, torch.nn.Linear)]
 
 

@@ -24,7 +24,7 @@ from ballbot_rs.envs.registration import task_of
 from ballbot_rs.envs.sb3 import BallbotVecEnv
 from ballbot_rs.envs.spaces import observation_width
 from ballbot_rs.training import config as config_module
-from ballbot_rs.training import run_folder, run_state, teacher, tied
+from ballbot_rs.training import refinement, run_folder, run_state, teacher, tied
 from ballbot_rs.training.callbacks import BetweenRollouts, Checkpoints, Ended, KeepBest, ProgressBar
 from ballbot_rs.training.checkpoint import restore_newest
 from ballbot_rs.training.config import TrainConfig
@@ -108,13 +108,16 @@ def train(
     # Before anything is deleted or written: this rejects an invalid configuration.
     model = _new_model(config, folder, seed)
     ties = _tie(model, config, tell, learn)
+    trials = None if config.refinement is None else refinement.Trials(config, config.refinement, seed)
     if config.teacher is not None:
         teacher.laws_of(model, config.teacher)
     with run_folder.held(folder):
         run_folder.begin(folder, text, seed, overwrite=overwrite, versions=VERSIONS)
         keep_best = _keep_best(config, folder, seed, stops)
         if config.teacher is not None:
-            teacher.fit(model, config.teacher, seed, tell, ties)
+            law = teacher.fit(model, config.teacher, seed, tell, ties)
+            if trials is not None and ties is not None:
+                refinement.refine(model, trials, law, ties, seed, tell)
             # From here a run can be resumed, and the fitted policy may stay the best one.
             Checkpoints(folder).keep(model)
             keep_best.evaluate(model)

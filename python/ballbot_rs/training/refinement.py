@@ -1,0 +1,284 @@
+"""Evolution of a policy for any robot after its fit: it recovers from more of what the law just recovers from.
+
+A fit averages over what observations do not show, so near the limits of a robot the policy commands too little torque
+on some robots and too much on others. CMA-ES (Hansen, "The CMA evolution strategy: a tutorial", 2016) changes few
+numbers of a policy with tied weights (`training.tied`): the last layer, and gains of the hidden units, of the rows of
+an observation and of its ages. Each policy of a generation is tried on robots of the training's kind:
+
+- released at tilts, and pushed, by fractions of what the law that is given the robot recovers from;
+- in whole episodes that begin as the task's do.
+"""
+
+import importlib
+from collections.abc import Callable
+from typing import Any, Final
+
+import numpy as np
+import numpy.typing as npt
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from ballbot_rs._core import SAME_ROBOT, Batch, Controller, Params, State
+from ballbot_rs._extras import require
+from ballbot_rs.envs._batch_env import new_batch
+from ballbot_rs.envs.family import robots_of
+from ballbot_rs.envs.registration import DEFAULT_TASK, task_of
+from ballbot_rs.envs.spaces import history_ages
+from ballbot_rs.scenarios.scale import Scale
+from ballbot_rs.training.config import Refinement, TrainConfig
+from ballbot_rs.training.seeds import first_seed
+from ballbot_rs.training.symmetry import kinds, linear_policies
+from ballbot_rs.training.tied import ORBIT, Ties, linear_layers
+
+Array = npt.NDArray[np.float64]
+#: Weights and biases of each layer, from observations to actions.
+Network = list[tuple[Array, Array]]
+
+#: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
+AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
+#: Of the largest tilt and push from which the law recovers.
+FRACTIONS: Final = np.array([0.5, 0.65, 0.8, 0.9, 0.95])
+#: Control steps in which a robot recovers or falls.
+STEPS: Final = 260
+
+#: The law's limits are searched up to these multiples of the holdable lean and the capture impulse.
+_MOST: Final = 1.6
+#: Passes of the search; each divides an interval by the number of fractions.
+_PASSES: Final = 3
+#: Pushes do not count where the law withstands less than this share of the capture impulse.
+_LEAST_PUSH: Final = 0.1
+
+#: Episodes of each robot in place, one for each of its neighbors.
+_EPISODES: Final = SAME_ROBOT
+#: Weights of the objective's parts: the limits, the starts, and the episodes upright and in place.
+_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 2.0, 1.0, 2.0, 5.0
+#: Generations between two trials of the mean.
+_EVERY: Final = 4
+
+
+def refine(
+    model: BaseAlgorithm, trials: "Trials", law: Controller, ties: Ties, seed: int, tell: Callable[[str], None]
+) -> None:
+    """Replaces the actor of a fitted policy by the best policy of the evolution.
+
+    Args:
+        model: of PPO, with a fitted actor.
+        trials: of its configuration.
+        law: whose limits count.
+        ties: between the weights of the actor.
+        seed: of the evolution.
+        tell: called with the parts of the objective.
+    """
+    settings = trials.settings
+    trials.measure(law)
+    policy: Any = model.policy
+    layers = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
+    space = Space([(_of(layer.weight), _of(layer.bias)) for layer in layers], ties, trials.ages)
+    optimizer = trials.cmaes.CMA(
+        mean=np.zeros(space.size), sigma=settings.sigma, seed=seed, population_size=settings.population
+    )
+    best, most = np.zeros(space.size), -np.inf
+    for generation in range(settings.generations + 1):
+        if generation % _EVERY == 0 or generation == settings.generations:
+            parts = trials.parts(space.network(optimizer.mean))
+            if (value := objective(parts)) > most:
+                best, most = optimizer.mean.copy(), value
+            tell(f"refined for {generation} generations: {value:.3f}, {_text(parts)}")
+        if generation < settings.generations:
+            candidates = [optimizer.ask() for _ in range(settings.population)]
+            optimizer.tell([(one, -objective(trials.parts(space.network(one)))) for one in candidates])
+    with torch.no_grad():
+        for layer, (weights, _) in zip(layers, space.network(best), strict=True):
+            layer.weight.copy_(torch.as_tensor(weights, dtype=torch.float32))
+
+
+def objective(parts: dict[str, float]) -> float:
+    """What the evolution maximizes."""
+    limits, starts = (sum(parts[f"{kind} {name}"] for kind in ("tilt", "push")) for name in ("limit", "starts"))
+    return _OF_LIMITS * limits + _OF_STARTS * starts + _OF_UPRIGHT * parts["upright"] + _OF_PLACE * parts["in place"]
+
+
+def _text(parts: dict[str, float]) -> str:
+    return ", ".join(f"{name} {value:.3f}" for name, value in parts.items())
+
+
+def _of(parameter: torch.nn.Parameter) -> Array:
+    return np.asarray(parameter.detach().numpy(), dtype=np.float64)
+
+
+class Space:
+    """What the evolution changes: numbers that are zero for the fitted network.
+
+    Args:
+        network: of the fit.
+        ties: between its weights.
+        ages: how many observations it is given together.
+    """
+
+    def __init__(self, network: Network, ties: Ties, ages: int) -> None:
+        self._network = network
+        last = network[-1][0]
+        sixes = last.shape[1] // ORBIT
+        self._basis = linear_policies(ties.of_last_layer)
+        self._coefficients = np.einsum("bij,ikj->kb", self._basis, last.reshape(3, sixes, ORBIT))
+        self._typical = np.sqrt(np.square(self._coefficients).mean(axis=1, keepdims=True))
+        rows = network[0][0].shape[1] // ages
+        #: Of the rows of one observation.
+        self._kinds = kinds(ties.pairs)[:rows]
+        inner = [len(biases) // ORBIT for _, biases in network[:-1]]
+        self._sizes = [self._coefficients.size, *inner, int(self._kinds.max()) + 1, ages]
+
+    @property
+    def size(self) -> int:
+        """How many numbers there are."""
+        return sum(self._sizes)
+
+    def network(self, numbers: Array) -> Network:
+        """The network of some numbers."""
+        change, *inner, of_kinds, of_ages = np.split(numbers, np.cumsum(self._sizes)[:-1])
+        scales = np.exp(of_ages[:, None] + of_kinds[self._kinds]).ravel()
+        layers = []
+        for (weights, biases), gains in zip(self._network[:-1], inner, strict=True):
+            layers.append((weights * np.exp(np.repeat(gains, ORBIT))[:, None] * scales, biases))
+            scales = np.ones(len(biases))
+        coefficients = self._coefficients + change.reshape(self._coefficients.shape) * self._typical
+        last = np.einsum("kb,bij->ikj", coefficients, self._basis).reshape(3, -1)
+        return [*layers, (last, self._network[-1][1])]
+
+
+class Trials:
+    """What each policy is tried on, the same for all.
+
+    Args:
+        config: whose environment the robots have.
+        settings: the robots.
+        seed: of the noise of their sensors, and of the starts in place.
+
+    Raises:
+        ValueError: another task than balance, a policy without a teacher or without ties, invalid robots or events.
+    """
+
+    def __init__(self, config: TrainConfig, settings: Refinement, seed: int) -> None:
+        _check(config)
+        with require("[refinement]", "train"):
+            self.cmaes = importlib.import_module("cmaes")
+        self.settings = settings
+        robots = [robot for spec in settings.robots for robot in robots_of(spec, SAME_ROBOT * spec["family"])]
+        env = {name: value for name, value in config.env.items() if name not in ("reset_tilt", "events")}
+        seeds = first_seed(seed)
+
+        def batch(episodes: int, **options: Any) -> Batch:
+            each = [robot for robot in robots for _ in range(episodes // SAME_ROBOT)]
+            return new_batch(
+                len(each) * SAME_ROBOT,
+                task=task_of(config.env_id),
+                num_threads=config.num_threads,
+                options={**env, "robot": each, **options},
+                seed=seeds,
+            )
+
+        self._starts = batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
+        self._place = batch(_EPISODES, events=settings.events)
+        self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._place.num_envs)))
+        self._robots = robots
+        self._fall_tilt = config.env.get("fall_tilt", np.inf)
+
+    def measure(self, law: Controller) -> None:
+        """Measures from how much a law recovers; the starts are fractions of it."""
+        scales = [Scale.of(robot) for robot in self._robots]
+        sizes = np.array([[one.holdable_lean for one in scales], [one.capture_impulse for one in scales]])
+        most = _MOST * sizes
+        most[0] = np.minimum(most[0], self._fall_tilt)
+        limits = self._limits(law, most)
+        self._counts = np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]])
+        self._tilts, self._impulses = self._begin(limits[..., None] * FRACTIONS)
+
+    @property
+    def ages(self) -> int:
+        """How many observations a policy is given together."""
+        return len(history_ages(self._place.history))
+
+    def parts(self, network: Network) -> dict[str, float]:
+        """The parts of the objective for a policy, each from 0 to 1."""
+        recovered = self._recovered(network)
+        limit = np.concatenate([[0.0], FRACTIONS])[_first(recovered)]
+        found: dict[str, float] = {}
+        for i, kind in enumerate(("tilt", "push")):
+            counts = self._counts[i]
+            found[f"{kind} limit"] = float(limit[i, counts].mean())
+            found[f"{kind} starts"] = float(recovered[i, counts].mean())
+        self._place.reset(seeds=self._seeds[: self._place.num_envs])
+        ended = self._place.episodes(_tiled(network, self._place.num_envs))
+        found["upright"] = 1.0 - float(ended["terminated"].mean())
+        found["in place"] = float(ended["success"].mean())
+        return found
+
+    def _recovered(self, network: Network) -> npt.NDArray[np.bool_]:
+        """Which starts the policy recovers from, of shape (2, robots, fractions, azimuths)."""
+        self._reset(self._tilts, self._impulses)
+        ended = self._starts.episodes(_tiled(network, self._starts.num_envs), STEPS)
+        return self._by_start(~ended["terminated"])
+
+    def _limits(self, law: Controller, most: Array) -> Array:
+        """Largest tilts (rad) and pushes (N·s) up to which the law recovers in all azimuths, of shape (2, robots)."""
+        low, high = np.zeros_like(most), most
+        steps = np.arange(1, len(FRACTIONS) + 1) / len(FRACTIONS)
+        for _ in range(_PASSES):
+            grid = low[..., None] + (high - low)[..., None] * steps
+            self._reset(*self._begin(grid))
+            upright = np.ones(self._starts.num_envs, dtype=bool)
+            for _ in range(STEPS):
+                terminated = self._starts.step(self._starts.control(law, privileged=True, drawn=True))[2]
+                upright &= ~terminated
+            within = _first(self._by_start(upright))[..., None]
+            bounds = np.concatenate([low[..., None], grid, high[..., None]], axis=-1)
+            low, high = (np.take_along_axis(bounds, within + up, axis=-1)[..., 0] for up in (0, 1))
+        return low
+
+    def _begin(self, sizes: Array) -> tuple[list[State], Array]:
+        """Starts and impulses (N·s) of tilts (rad) and pushes of these sizes, of shape (2, robots, fractions)."""
+        cos, sin = np.cos(AZIMUTHS), np.sin(AZIMUTHS)
+        starts = []
+        for robot, tilts in zip(self._robots, sizes[0], strict=True):
+            axes = [(-tilt * s, tilt * c) for tilt in tilts.tolist() for c, s in zip(cos, sin, strict=True)]
+            starts += [_leaning(robot, axis) for axis in axes] + [_leaning(robot, (0.0, 0.0))] * len(axes)
+        impulses = np.zeros((len(self._robots), 2, len(FRACTIONS), len(AZIMUTHS), 3))
+        impulses[:, 1, :, :, 0] = sizes[1][..., None] * cos
+        impulses[:, 1, :, :, 1] = sizes[1][..., None] * sin
+        return starts, impulses.reshape(-1, 3)
+
+    def _reset(self, starts: list[State], impulses: Array) -> None:
+        self._starts.reset(seeds=self._seeds[: self._starts.num_envs], starts=starts)
+        for i in np.flatnonzero(impulses.any(axis=1)).tolist():
+            self._starts.push(i, impulses[i])
+
+    def _by_start(self, values: npt.NDArray[np.bool_]) -> npt.NDArray[np.bool_]:
+        found: npt.NDArray[np.bool_] = np.reshape(values, (len(self._robots), 2, len(FRACTIONS), len(AZIMUTHS)))
+        return np.swapaxes(found, 0, 1)
+
+
+def _first(recovered: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
+    """How many of the smallest sizes are recovered from in all azimuths, from the shape (..., sizes, azimuths)."""
+    count: npt.NDArray[np.int64] = np.logical_and.accumulate(recovered.all(axis=-1), axis=-1).sum(axis=-1)
+    return count
+
+
+def _leaning(robot: Params, tilt: tuple[float, float]) -> State:
+    return State.at_equilibrium(robot, tilt=tilt)
+
+
+def _tiled(network: Network, count: int) -> list[tuple[Array, Array]]:
+    """The same network for each of some robots."""
+    return [(np.broadcast_to(w, (count, *w.shape)), np.broadcast_to(b, (count, *b.shape))) for w, b in network]
+
+
+def _check(config: TrainConfig) -> None:
+    holds = {
+        f"env_id = '{config.env_id}'": task_of(config.env_id) == DEFAULT_TASK,
+        f"algorithm = '{config.algorithm}'": config.algorithm == "PPO",
+        f"symmetric = {config.symmetric!r}": config.symmetric is True,
+        "there is no [teacher]": config.teacher is not None,
+    }
+    for what, is_right in holds.items():
+        if not is_right:
+            raise ValueError(f"[refinement]: {what}: expected PPO of {DEFAULT_TASK}, symmetric = true, and a teacher")
