@@ -124,7 +124,7 @@ def test_evolution_keeps_the_best_mean(fitted):
         ({"symmetric": "auto"}, r"\[refinement\]: symmetric = 'auto': expected"),
         ({"teacher": None}, r"\[refinement\]: there is no \[teacher\]: expected"),
         ({"refinement": config.Refinement([{"family": 2, "seeds": 1}])}, "'seeds'"),
-        ({"refinement": config.Refinement([ONE], events=[{"term": "nothing"}])}, "nothing"),
+        ({"refinement": config.Refinement([ONE], episodes=[{"events": [{"term": "nothing"}]}])}, "nothing"),
     ],
 )
 def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
@@ -138,6 +138,7 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
     [
         ({"robots": []}, r"refinement\.robots = \[\] must be a list of families"),
         ({"robots": [{"seed": 1}]}, r"refinement\.robots = .* must be a list of families"),
+        ({"robots": [ONE], "episodes": []}, r"refinement\.episodes = \[\] must be a list of tables"),
         ({"robots": [ONE], "generations": 0}, r"refinement\.generations = 0 is out of range"),
         ({"robots": [ONE], "population": 3}, r"refinement\.population = 3 is out of range"),
         ({"robots": [ONE], "sigma": 2.0}, r"refinement\.sigma = 2\.0 is out of range"),

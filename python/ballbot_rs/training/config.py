@@ -147,8 +147,9 @@ class Refinement:
 
     #: Families of robots, as the option `robot` of an environment: tables with `family`, `seed` and `ranges`.
     robots: list[dict[str, Any]]
-    #: Events of the episodes in place.
-    events: list[dict[str, Any]] = dataclasses.field(default_factory=list)
+    #: Options of the environments of whole episodes, which come before the options of the training; each robot has
+    #: eight episodes in each. Without these options they have no events, and the task's starts.
+    episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
     generations: int = 40
     #: Policies of a generation.
     population: int = 14
@@ -158,6 +159,9 @@ class Refinement:
     def __post_init__(self) -> None:
         if not isinstance(self.robots, list) or not self.robots or not all(map(is_family, self.robots)):
             raise ValueError(f"refinement.robots = {self.robots!r} must be a list of families of robots")
+        are_tables = isinstance(self.episodes, list) and all(isinstance(one, dict) for one in self.episodes)
+        if not are_tables or not self.episodes:
+            raise ValueError(f"refinement.episodes = {self.episodes!r} must be a list of tables of options")
         _check_whole("refinement.generations", self.generations, 1)
         _check_whole("refinement.population", self.population, 4)
         _check_number("refinement.sigma", self.sigma, "1e-6", "1")

@@ -6,7 +6,7 @@ numbers of a policy with tied weights (`training.tied`): the last layer, and gai
 an observation and of its ages. Each policy of a generation is tried on robots of the training's kind:
 
 - released at tilts, and pushed, by fractions of what the law that is given the robot recovers from;
-- in whole episodes that begin as the task's do.
+- in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`.
 """
 
 import importlib
@@ -37,7 +37,7 @@ Network = list[tuple[Array, Array]]
 #: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
 AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
 #: Of the largest tilt and push from which the law recovers.
-FRACTIONS: Final = np.array([0.5, 0.65, 0.8, 0.9, 0.95])
+FRACTIONS: Final = np.array([0.5, 0.65, 0.8, 0.9, 1.0])
 #: Control steps in which a robot recovers or falls.
 STEPS: Final = 260
 
@@ -50,8 +50,8 @@ _LEAST_PUSH: Final = 0.1
 
 #: Episodes of each robot in place, one for each of its neighbors.
 _EPISODES: Final = SAME_ROBOT
-#: Weights of the objective's parts: the limits, the starts, and the episodes upright and in place.
-_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 2.0, 1.0, 2.0, 5.0
+#: Weights of the parts of the objective: the limits, the starts, and the episodes upright and in place.
+_OF_LIMITS, _OF_STARTS, _OF_UPRIGHT, _OF_PLACE = 3.0, 1.0, 2.0, 3.0
 #: Generations between two trials of the mean.
 _EVERY: Final = 4
 
@@ -178,8 +178,8 @@ class Trials:
             )
 
         self._starts = batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
-        self._place = batch(_EPISODES, events=settings.events)
-        self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._place.num_envs)))
+        self._whole = [batch(_EPISODES, **options) for options in settings.episodes]
+        self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._whole[0].num_envs)))
         self._robots = robots
         self._fall_tilt = config.env.get("fall_tilt", np.inf)
 
@@ -196,7 +196,7 @@ class Trials:
     @property
     def ages(self) -> int:
         """How many observations a policy is given together."""
-        return len(history_ages(self._place.history))
+        return len(history_ages(self._starts.history))
 
     def parts(self, network: Network) -> dict[str, float]:
         """The parts of the objective for a policy, each from 0 to 1."""
@@ -207,11 +207,14 @@ class Trials:
             counts = self._counts[i]
             found[f"{kind} limit"] = float(limit[i, counts].mean())
             found[f"{kind} starts"] = float(recovered[i, counts].mean())
-        self._place.reset(seeds=self._seeds[: self._place.num_envs])
-        ended = self._place.episodes(_tiled(network, self._place.num_envs))
-        found["upright"] = 1.0 - float(ended["terminated"].mean())
-        found["in place"] = float(ended["success"].mean())
+        ended = [self._episodes(batch, network) for batch in self._whole]
+        found["upright"] = 1.0 - float(np.mean([one["terminated"].mean() for one in ended]))
+        found["in place"] = float(np.mean([one["success"].mean() for one in ended]))
         return found
+
+    def _episodes(self, batch: Batch, network: Network) -> dict[str, npt.NDArray[Any]]:
+        batch.reset(seeds=self._seeds[: batch.num_envs])
+        return batch.episodes(_tiled(network, batch.num_envs))
 
     def _recovered(self, network: Network) -> npt.NDArray[np.bool_]:
         """Which starts the policy recovers from, of shape (2, robots, fractions, azimuths)."""
