@@ -46,7 +46,7 @@ _LEANS: Final = {"success_tilt": 0.1}
 #: Share in place that the policy may have less than the law.
 MARGIN: Final = 0.02
 
-#: Share of the law's largest tilt and push, claimed of the policy where the law withstands any.
+#: Fraction of the law's largest tilt and push, claimed of the policy where the law withstands any.
 LEAST: Final = 0.9
 
 _SCENARIOS: Final = {"S2-rest": "tilt recovered from, deg", "S3-at-once": "push withstood, N·s"}

@@ -28,7 +28,8 @@ what traction allows at μ = 1: on slippery wheels they spin up. The policies we
 friction:
 
 ```sh
-ballbot train balance --seed 0 --run runs/slippery \\
+ballbot train balance --seed 0 --run runs/slippery --timesteps 278528 \\
+  --set num_envs=128 --set algorithm_arguments.batch_size=2048 \\
   --set 'events=[{"term": "wheel_dynamic_friction", "range": [0.15, 1.0]}]'
 ballbot evaluate runs/slippery --controller lqr --episodes 200 \\
   --set 'events=[{"term": "wheel_dynamic_friction", "range": [0.2, 0.2]}]'

@@ -20,6 +20,11 @@ AT_ONCE = 2
 #: Events of recipes, apart from the sets of the package.
 EVENTS: Mapping[str, Any] = {"slippery": [{"term": "wheel_dynamic_friction", "range": [0.15, 1.0]}]}
 
+#: What recipes with events change in the configuration of a task: random robots need larger batches than one robot.
+CHANGES: Mapping[str, Mapping[str, object]] = {
+    "balance": {"num_envs": 128, "algorithm_arguments.batch_size": 2048, "total_timesteps": 278_528}
+}
+
 
 class Recipe(NamedTuple):
     """A run: a configuration that comes with the package, with events and a seed."""
@@ -67,6 +72,7 @@ def _text(recipe: Recipe) -> str:
     values: dict[str, object] = {"num_threads": 1}
     if recipe.events is not None:
         values["env.events"] = EVENTS.get(recipe.events, recipe.events)
+        values |= CHANGES.get(recipe.task, {})
     values |= {f"env.{name}": value for name, value in recipe.robot_options.items()}
     variant = None if recipe.variant is None else Path(recipe.variant)
     return config.with_values(config.load(recipe.task, variant, recipe.robot)[1], values)

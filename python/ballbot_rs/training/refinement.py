@@ -45,7 +45,7 @@ STEPS: Final = 260
 _MOST: Final = 1.6
 #: Passes of the search; each divides an interval by the number of fractions.
 _PASSES: Final = 3
-#: Pushes do not count where the law withstands less than this share of the capture impulse.
+#: Pushes do not count where the law withstands less than this fraction of the capture impulse.
 _LEAST_PUSH: Final = 0.1
 
 #: Episodes of each robot in place, one for each of its neighbors.

@@ -13,8 +13,8 @@ from typing import Any, Final
 from ballbot_rs._core import TASKS
 from ballbot_rs.training.config import TrainConfig, load
 
-#: Times the steps that suffice with tied weights, which rl-zoo3 does not have (docs/training.md).
-_STEPS_WITHOUT_TIES: Final = 4
+#: Times the steps of a run that `ballbot train` continues until its policy succeeds, which rl-zoo3 does not.
+_TIMES_STEPS: Final = 3
 
 #: The task whose PPO arguments serve tasks that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
 _WITHOUT_TEACHER: Final = "goal"
@@ -26,7 +26,7 @@ def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
     for name in learner.schedule:
         arguments[name] = f"lin_{arguments[name]}"
     found: dict[str, Any] = {
-        "n_timesteps": config.total_timesteps * (_STEPS_WITHOUT_TIES if config.symmetric else 1),
+        "n_timesteps": config.total_timesteps * (1 if config.teacher is not None else _TIMES_STEPS),
         "policy": "MlpPolicy",
         "n_envs": config.num_envs,
         "env_kwargs": dict(config.env),

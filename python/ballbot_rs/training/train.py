@@ -287,7 +287,7 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
 def _tie(
     model: BaseAlgorithm, config: TrainConfig, tell: Callable[[str], None], learn: Learn | None
 ) -> tied.Ties | None:
-    """Ties the weights of a model if the configuration says so; another training loop has its own weights."""
+    """Ties the weights of a model if the configuration requires it; another training loop has its own weights."""
     return tied.tie(model, config.symmetric, tell) if learn is None else None
 
 
