@@ -26,7 +26,7 @@ def test_arguments_have_the_names_of_rllib():
         "lambda_": 0.95,
         "clip_param": 0.2,
         "num_epochs": 5,
-        "minibatch_size": 2048,
+        "minibatch_size": 1024,
         "entropy_coeff": 0.01,
         "vf_loss_coeff": 0.5,
         "grad_clip": 0.5,
@@ -79,10 +79,10 @@ def test_settings_that_rllib_does_not_have_are_rejected_by_name(values, message)
 
 def test_robots_are_divided_evenly_or_rejected():
     config = shipped("balance")
-    assert Ray(2).robots_each(config) == 64
-    with pytest.raises(ValueError, match="num_envs = 128 robots are not a multiple of 3 workers"):
+    assert Ray(2).robots_each(config) == 32
+    with pytest.raises(ValueError, match="num_envs = 64 robots are not a multiple of 3 workers"):
         Ray(3).robots_each(config)
-    with pytest.raises(ValueError, match="num_envs = 128 robots are not a multiple of 256 workers"):
+    with pytest.raises(ValueError, match="num_envs = 64 robots are not a multiple of 256 workers"):
         Ray(256).robots_each(config)
 
 

@@ -30,12 +30,14 @@ LEARNING = {
     "training/on_ray/connector.py",
     "training/on_ray/learn.py",
     "training/on_ray/module.py",
+    "training/refinement.py",
     "training/run_state.py",
     "training/scaled_rewards.py",
     "training/teacher.py",
     "training/teacher_errors.py",
     "training/teacher_rounds.py",
     "training/teacher_sequences.py",
+    "training/tied.py",
     "training/train.py",
 }
 
