@@ -22,9 +22,11 @@ WHOLE = config.TrainConfig(symmetric=True, teacher=FIT, refinement=SETTINGS, env
 @pytest.fixture(scope="module")
 def fitted():
     """A tied policy fitted to LQR, with its ties."""
-    model = new_model(net_arch=(12, 12), robot=ROBOT)
+    # A robot of the family has a preferred side, two have none on average.
+    model = new_model(net_arch=(12, 12), robot={"family": 2, "seed": 0})
     ties = tied.tie(model, True, pytest.fail)
-    teacher.fit_actor(model, teacher.laws_of(model, FIT)[0], FIT, 0, ties)
+    fit = dataclasses.replace(FIT, drawn=True)
+    teacher.fit_actor(model, teacher.laws_of(model, fit)[0], fit, 0, ties)
     return model, ties
 
 
@@ -122,9 +124,14 @@ def test_evolution_keeps_the_best_mean(fitted):
     [
         ({"env_id": "ballbot/Goal-v0"}, r"\[refinement\]: env_id = 'ballbot/Goal-v0': expected PPO of balance"),
         ({"symmetric": "auto"}, r"\[refinement\]: symmetric = 'auto': expected"),
+        ({"policy": {"net_arch": []}}, r"\[refinement\]: policy\.net_arch = \[\]: expected"),
         ({"teacher": None}, r"\[refinement\]: there is no \[teacher\]: expected"),
         ({"refinement": config.Refinement([{"family": 2, "seeds": 1}])}, "'seeds'"),
         ({"refinement": config.Refinement([ONE], episodes=[{"events": [{"term": "nothing"}]}])}, "nothing"),
+        (
+            {"refinement": config.Refinement([ONE], episodes=[{"history": 3}])},
+            "has 48 rows, expected 16",
+        ),
     ],
 )
 def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
@@ -138,6 +145,7 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
     [
         ({"robots": []}, r"refinement\.robots = \[\] must be a list of families"),
         ({"robots": [{"seed": 1}]}, r"refinement\.robots = .* must be a list of families"),
+        ({"robots": [ONE], "episodes": [{"robot": "paper"}]}, r"its robots are those of refinement\.robots"),
         ({"robots": [ONE], "episodes": []}, r"refinement\.episodes = \[\] must be a list of tables"),
         ({"robots": [ONE], "generations": 0}, r"refinement\.generations = 0 is out of range"),
         ({"robots": [ONE], "population": 3}, r"refinement\.population = 3 is out of range"),
@@ -147,3 +155,8 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
 def test_settings_are_checked(settings, message):
     with pytest.raises(ValueError, match=message):
         config.Refinement(**settings)
+
+
+def test_a_table_without_robots_is_rejected():
+    with pytest.raises(ValueError, match=r"mine\.toml: \[refinement\]: it has no robots"):
+        config.parse("[refinement]\nsigma = 0.1\n", "mine.toml")

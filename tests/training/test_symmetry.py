@@ -143,7 +143,10 @@ UNEVEN = bb.Params.paper().replace(wheel_azimuths=(0.0, 2.0, 4.0))
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"robot": UNEVEN}, "the wheels of robot 0 are not alike"),
+        ({"robot": UNEVEN}, "the robot has a preferred side: its body or wheels differ"),
+        ({"robot": bb.Params.paper().replace(body_com_offset=(0.01, 0.0))}, "the robot has a preferred side: its body"),
+        ({"robot": bb.Params.paper().replace(floor_tilt=(0.01, 0.0))}, "the robot has a preferred side: floor_tilt"),
+        ({"actuators": {"strength": [0.7, 1.0, 1.2]}}, "the robot has a preferred side: actuators.strength"),
         ({"lidar": {}}, "instruments"),
         ({"net_arch": (6, 7)}, "a hidden layer of 7 units: expected a multiple of 6"),
     ],
@@ -154,6 +157,24 @@ def test_what_has_no_symmetry_is_named(options, message):
     told = []
     assert tied.tie(new_model(**{"net_arch": (6,), **options}), "auto", told.append) is None
     assert message in told[0]
+
+
+def test_several_robots_have_no_preferred_side_on_average():
+    robots = [bb.Params.paper().replace(body_com_offset=(side, 0.0)) for side in (0.01, -0.01)]
+    assert tied.tie(new_model(net_arch=(6,), robot=robots), True, pytest.fail) is not None
+
+
+def test_weights_of_a_checkpoint_must_be_tied_already():
+    """Weights from a loop that does not tie them would be replaced by their mean at the first update."""
+    model, told = new_model(net_arch=(6,)), []
+    before = teacher._actor(model)[0].detach().clone()
+    assert tied.tie(model, "auto", told.append, is_new=False) is None
+    assert "the weights of the checkpoint are not tied" in told[0]
+    assert torch.equal(teacher._actor(model)[0], before)
+    with pytest.raises(ValueError, match="symmetric = true: the weights of the checkpoint are not tied"):
+        tied.tie(model, True, pytest.fail, is_new=False)
+    tied.tie(model, True, pytest.fail)
+    assert tied.tie(model, True, pytest.fail, is_new=False) is not None
 
 
 def test_algorithms_without_symmetric_policies_are_named():

@@ -147,8 +147,8 @@ class Refinement:
 
     #: Families of robots, as the option `robot` of an environment: tables with `family`, `seed` and `ranges`.
     robots: list[dict[str, Any]]
-    #: Options of the environments of whole episodes, which come before the options of the training; each robot has
-    #: eight episodes in each. Without these options they have no events, and the task's starts.
+    #: Options of the environments of whole episodes, in place of the options of the training; each robot has eight
+    #: episodes in each. Without these options they have no events, and the starts of the task.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
     generations: int = 40
     #: Policies of a generation.
@@ -162,6 +162,8 @@ class Refinement:
         are_tables = isinstance(self.episodes, list) and all(isinstance(one, dict) for one in self.episodes)
         if not are_tables or not self.episodes:
             raise ValueError(f"refinement.episodes = {self.episodes!r} must be a list of tables of options")
+        if any("robot" in one for one in self.episodes):
+            raise ValueError(f"refinement.episodes = {self.episodes!r}: its robots are those of refinement.robots")
         _check_whole("refinement.generations", self.generations, 1)
         _check_whole("refinement.population", self.population, 4)
         _check_number("refinement.sigma", self.sigma, "1e-6", "1")
@@ -346,6 +348,8 @@ def parse(text: str, source: str) -> TrainConfig:
             _check_keys(f"{source}: [{name}]", table[name], kind)
     if "controller" not in table.get("teacher", {"controller": None}):
         raise ValueError(f"{source}: [teacher]: it has no controller, expected one of {', '.join(CONTROLLERS)}")
+    if "robots" not in table.get("refinement", {"robots": None}):
+        raise ValueError(f"{source}: [refinement]: it has no robots, expected a list of families of robots")
     try:
         table |= {name: kind(**table[name]) for name, kind in inner.items() if name in table}
         return TrainConfig(**table)

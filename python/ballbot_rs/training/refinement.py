@@ -10,7 +10,7 @@ an observation and of its ages. Each policy of a generation is tried on robots o
 """
 
 import importlib
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -179,6 +179,12 @@ class Trials:
 
         self._starts = batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
         self._whole = [batch(_EPISODES, **options) for options in settings.episodes]
+        for options, one in zip(settings.episodes, self._whole, strict=True):
+            if one.observation_len != self._starts.observation_len:
+                raise ValueError(
+                    f"refinement.episodes: the observation with {options} has {one.observation_len} rows, "
+                    f"expected {self._starts.observation_len}"
+                )
         self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._whole[0].num_envs)))
         self._robots = robots
         self._fall_tilt = config.env.get("fall_tilt", np.inf)
@@ -276,12 +282,17 @@ def _tiled(network: Network, count: int) -> list[tuple[Array, Array]]:
 
 
 def _check(config: TrainConfig) -> None:
+    layers = config.policy.get("net_arch")
+    hidden = layers.get("pi") if isinstance(layers, Mapping) else layers
     holds = {
         f"env_id = '{config.env_id}'": task_of(config.env_id) == DEFAULT_TASK,
         f"algorithm = '{config.algorithm}'": config.algorithm == "PPO",
         f"symmetric = {config.symmetric!r}": config.symmetric is True,
         "there is no [teacher]": config.teacher is not None,
+        f"policy.net_arch = {layers!r}": hidden != [],
     }
     for what, is_right in holds.items():
         if not is_right:
-            raise ValueError(f"[refinement]: {what}: expected PPO of {DEFAULT_TASK}, symmetric = true, and a teacher")
+            raise ValueError(
+                f"[refinement]: {what}: expected PPO of {DEFAULT_TASK}, symmetric = true, a teacher, and hidden layers"
+            )

@@ -13,8 +13,9 @@ from typing import Any, Final
 from ballbot_rs._core import TASKS
 from ballbot_rs.training.config import TrainConfig, load
 
-#: Times the steps of a run that `ballbot train` continues until its policy succeeds, which rl-zoo3 does not.
-_TIMES_STEPS: Final = 3
+#: Factor of the steps of tasks without a teacher: `ballbot train` continues until a policy succeeds, most seeds within
+#: this factor, and rl-zoo3 does not.
+_LONGEST: Final = 3
 
 #: The task whose PPO arguments serve tasks that `ballbot train` begins with a teacher, which rl-zoo3 does not have.
 _WITHOUT_TEACHER: Final = "goal"
@@ -26,7 +27,7 @@ def _hyperparameters(config: TrainConfig) -> dict[str, Any]:
     for name in learner.schedule:
         arguments[name] = f"lin_{arguments[name]}"
     found: dict[str, Any] = {
-        "n_timesteps": config.total_timesteps * (1 if config.teacher is not None else _TIMES_STEPS),
+        "n_timesteps": config.total_timesteps * (1 if config.teacher is not None else _LONGEST),
         "policy": "MlpPolicy",
         "n_envs": config.num_envs,
         "env_kwargs": dict(config.env),

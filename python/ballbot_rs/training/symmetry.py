@@ -20,7 +20,7 @@ Matrix = npt.NDArray[np.float64]
 
 #: Azimuths of wheels with all symmetries, rad.
 WHEEL_AZIMUTHS: Final = (0.0, 2.0 * np.pi / 3.0, 4.0 * np.pi / 3.0)
-AZIMUTH_TOLERANCE: Final = 1e-9
+AZIMUTH_TOLERANCE: Final = 1e-6
 
 #: Length below which the rest of a vector is rounding.
 _DEPENDENT: Final = 1e-6

@@ -13,13 +13,18 @@ import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
+from ballbot_rs._core import Batch
 from ballbot_rs.control import sb3_recurrent
+from ballbot_rs.envs.family import has_several_robots
 from ballbot_rs.training import symmetry
 from ballbot_rs.training.config import AUTO, TAUGHT
 from ballbot_rs.training.symmetry import Matrix
 
 #: Units that the symmetries exchange.
 ORBIT: Final = 6
+
+#: Largest difference between weights that are tied.
+_ROUNDING: Final = 1e-4
 
 #: Gates of an LSTM cell, each with its own rows of the weights.
 _GATES: Final = 4
@@ -45,7 +50,7 @@ class Ties:
         self._exchanges = _exchanges([of_wheels for _, of_wheels in pairs])
         observations, actions = (_tensor(np.stack(matrices)) for matrices in zip(*pairs, strict=True))
         if policy.log_std.ndim != 1:
-            raise ValueError("policy.use_sde = true: its noise depends on the state")
+            raise ValueError("algorithm_arguments.use_sde = true: its noise depends on the state")
         acted = valued = observations
         actor = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
         critic = [*linear_layers(policy.mlp_extractor.value_net), policy.value_net]
@@ -79,7 +84,7 @@ class Ties:
     def _space(self, width: int) -> torch.Tensor:
         """How the symmetries change the outputs of a hidden layer."""
         if width % ORBIT:
-            raise ValueError(f"a hidden layer of {width} units: expected a multiple of {ORBIT}")
+            raise ValueError(f"a hidden layer of {width} units: expected a multiple of {ORBIT}, such as {_near(width)}")
         return _tensor(np.stack([np.kron(np.eye(width // ORBIT), one) for one in self._exchanges]))
 
     @property
@@ -102,18 +107,32 @@ class Ties:
             turned = parameter @ gives if given is None else gives @ parameter @ given.mT
             parameter.copy_(turned.mean(dim=0))
 
+    @torch.no_grad()
+    def holds(self) -> bool:
+        """Whether the weights are tied, but for rounding."""
+        before = [parameter.clone() for parameter, _, _ in self._tied]
+        self.hold()
+        pairs = [(parameter, one) for (parameter, _, _), one in zip(self._tied, before, strict=True)]
+        found = all(torch.allclose(parameter, one, rtol=0.0, atol=_ROUNDING) for parameter, one in pairs)
+        for parameter, one in pairs:
+            parameter.copy_(one)
+        return found
+
     def hold_after(self, optimizer: torch.optim.Optimizer) -> None:
         """Ties the weights again after each of an optimizer's steps."""
         optimizer.register_step_post_hook(lambda *_: self.hold())
 
 
-def tie(model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None]) -> Ties | None:
-    """Ties the weights of a new model, and holds them tied after each of its updates.
+def tie(
+    model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None], *, is_new: bool = True
+) -> Ties | None:
+    """Ties the weights of a model, and holds them tied after each of its updates.
 
     Args:
-        model: with new weights.
+        model: with new weights, or with the weights of a checkpoint.
         symmetric: whether to tie them; `AUTO` where the robots and the policy allow it.
         tell: called with the reason why `AUTO` does not tie them.
+        is_new: whether the weights are new; others must be tied already.
 
     Raises:
         ValueError: `symmetric` is true, and the robots, the rows of their observations or the policy are not.
@@ -126,15 +145,39 @@ def tie(model: BaseAlgorithm, symmetric: bool | str, tell: Callable[[str], None]
         if type(model).__name__ not in TAUGHT:
             raise ValueError(f"{type(model).__name__} has no symmetric policies, only {' and '.join(TAUGHT)}")
         unwrapped: Any = environment.unwrapped
+        _check_sides(unwrapped._batch)
         ties = Ties(model, symmetry.of_batch(unwrapped._batch))
+        if not is_new and not ties.holds():
+            raise ValueError("the weights of the checkpoint are not tied")
     except ValueError as error:
         if symmetric == AUTO:
             tell(f"the policy is not symmetric: {error}")
             return None
         raise ValueError(f"symmetric = true: {error}") from error
-    ties.begin()
+    if is_new:
+        ties.begin()
     ties.hold_after(model.policy.optimizer)
     return ties
+
+
+def _check_sides(batch: Batch) -> None:
+    """Rejects one robot with a preferred side; several robots need none on average only."""
+    robot = batch.nominal_params(0)
+    if has_several_robots(batch):
+        return
+    strength = batch.actuators(0)["strength"]
+    sides = {
+        "its body or wheels differ between directions (Params.is_symmetric)": not robot.is_symmetric,
+        f"floor_tilt = {robot.floor_tilt}": any(robot.floor_tilt),
+        "its floor moves or has a gradient of friction": robot.on_still_floor() != robot,
+        f"actuators.strength = {strength}": len(set(np.ravel(strength).tolist())) > 1,
+    }
+    if found := [side for side, is_there in sides.items() if is_there]:
+        raise ValueError(f"the robot has a preferred side: {', '.join(found)}")
+
+
+def _near(width: int) -> int:
+    return max(round(width / ORBIT), 1) * ORBIT
 
 
 def linear_layers(layers: torch.nn.Sequential) -> list[torch.nn.Linear]:

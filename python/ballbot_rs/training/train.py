@@ -180,8 +180,8 @@ def _resume(
         )
     torch.set_num_threads(config.torch_threads)
     model = _new_model(config, folder, seed)
-    _tie(model, config, tell, learn)
     checkpoint = restore_newest(model, folder)
+    _tie(model, config, tell, learn, is_new=False)
     if timesteps is not None and timesteps < model.num_timesteps:
         raise ValueError(f"timesteps = {timesteps}: the run has already done {model.num_timesteps} steps")
     keep_best = _keep_best(config, folder, seed)
@@ -285,10 +285,14 @@ def _new_model(config: TrainConfig, folder: Path, seed: int) -> BaseAlgorithm:
 
 
 def _tie(
-    model: BaseAlgorithm, config: TrainConfig, tell: Callable[[str], None], learn: Learn | None
+    model: BaseAlgorithm, config: TrainConfig, tell: Callable[[str], None], learn: Learn | None, *, is_new: bool = True
 ) -> tied.Ties | None:
     """Ties the weights of a model if the configuration requires it; another training loop has its own weights."""
-    return tied.tie(model, config.symmetric, tell) if learn is None else None
+    if learn is None:
+        return tied.tie(model, config.symmetric, tell, is_new=is_new)
+    if config.symmetric:
+        tell("the policy is not symmetric: this training loop does not tie weights")
+    return None
 
 
 def _keep_best(
