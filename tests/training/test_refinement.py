@@ -145,7 +145,7 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
     [
         ({"robots": []}, r"refinement\.robots = \[\] must be a list of families"),
         ({"robots": [{"seed": 1}]}, r"refinement\.robots = .* must be a list of families"),
-        ({"robots": [ONE], "episodes": [{"robot": "paper"}]}, r"its robots are those of refinement\.robots"),
+        ({"robots": [ONE], "episodes": [{"robot": "paper"}]}, r"it has no robot, refinement\.robots names them"),
         ({"robots": [ONE], "episodes": []}, r"refinement\.episodes = \[\] must be a list of tables"),
         ({"robots": [ONE], "generations": 0}, r"refinement\.generations = 0 is out of range"),
         ({"robots": [ONE], "population": 3}, r"refinement\.population = 3 is out of range"),

@@ -163,7 +163,7 @@ class Refinement:
         if not are_tables or not self.episodes:
             raise ValueError(f"refinement.episodes = {self.episodes!r} must be a list of tables of options")
         if any("robot" in one for one in self.episodes):
-            raise ValueError(f"refinement.episodes = {self.episodes!r}: its robots are those of refinement.robots")
+            raise ValueError(f"refinement.episodes = {self.episodes!r}: it has no robot, refinement.robots names them")
         _check_whole("refinement.generations", self.generations, 1)
         _check_whole("refinement.population", self.population, 4)
         _check_number("refinement.sigma", self.sigma, "1e-6", "1")
