@@ -9,7 +9,7 @@ use ballbot_core::control::{Controller, LimitOptions, Lqr, LqrWeights, Pid, PidG
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
 use ballbot_core::models::{LinearModel, PlanarModel, SpatialModel, SpatialMotion, WheelInertia, traction_torque};
 use ballbot_core::{Ballbot, Error, Model, ModelKind, Params, State, Wheels, mechanical_energy};
-use nalgebra::{SVector, UnitQuaternion, Vector2, Vector3, Vector6};
+use nalgebra::{DMatrix, SVector, UnitQuaternion, Vector2, Vector3, Vector6};
 use proptest::prelude::*;
 use std::f64::consts::PI;
 
@@ -158,7 +158,8 @@ fn grips(params: &Params, torque: f64) -> bool {
     })
 }
 
-/// A regulator whose weights and sampling go with the size of the robot.
+/// A regulator whose weights go with the size of the robot, and whose sampling goes with how fast it falls: on a light
+/// ball four times as fast as by its natural rate.
 fn regulator(params: &Params) -> Sampled<Lqr> {
     let (length, rate) = (params.body_com().norm(), natural_rate(params));
     let weights = LqrWeights {
@@ -170,7 +171,9 @@ fn regulator(params: &Params) -> Sampled<Lqr> {
         torque: params.body_mass * params.gravity * params.wheel_radius,
         ..LqrWeights::default()
     };
-    Lqr::with_weights(params, 0.05 / rate, &weights, &LimitOptions::capped(params.max_wheel_torque)).unwrap()
+    let open = DMatrix::from_column_slice(10, 10, LinearModel::new(params).a.as_slice()).complex_eigenvalues();
+    let falling = open.iter().map(|pole| pole.re).fold(0.0, f64::max);
+    Lqr::with_weights(params, 0.05 / falling, &weights, &LimitOptions::capped(params.max_wheel_torque)).unwrap()
 }
 
 proptest! {
