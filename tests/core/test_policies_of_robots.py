@@ -95,6 +95,23 @@ def test_a_robot_is_independent_of_others_and_of_threads(model):
             assert alone[name][0] == values[robot], name
 
 
+@pytest.mark.parametrize("model", ["contact", "spatial"])
+@pytest.mark.parametrize("widths", [(16, 3), (16, 8, 3), (16, 5, 7, 3)])
+def test_one_policy_for_all_robots_equals_a_copy_for_each(widths, model):
+    shared = [(weights[0], biases[0]) for weights, biases in layers(widths, 1)]
+    copies = [(np.broadcast_to(w, (N, *w.shape)), np.broadcast_to(b, (N, *b.shape))) for w, b in shared]
+    lists = [(weights.tolist(), biases.tolist()) for weights, biases in shared]
+    first, *others = (batch(model=model).episodes(policies, STEPS) for policies in (shared, copies, lists))
+    for name, values in first.items():
+        for other in others:
+            np.testing.assert_array_equal(other[name], values, err_msg=name)
+    first, second = (
+        batch(model=model).rollout(policies=policies, steps=STEPS, record=["actions"])["actions"]
+        for policies in (shared, copies)
+    )
+    np.testing.assert_array_equal(second, first)
+
+
 @pytest.mark.parametrize("autoreset", ["same_step", "next_step", "disabled"])
 def test_all_robots_can_be_stepped_after_a_reset(autoreset):
     robots = batch(autoreset=autoreset)
@@ -138,6 +155,13 @@ def bad(change):
         (bad(lambda w, b: (w * np.nan, b)), ValueError, r"weights of layer 0\[0\] = NaN .* must be finite"),
         (bad(lambda w, b: (w, b * 1e300)), ValueError, r"biases of layer 0\[0\] = .* must be within ±1e9"),
         (bad(lambda w, b: (w, b[:, :2])), ValueError, r"policies\[0\]\[1\] has shape \(2, 2\), expected \(2, 3\)"),
+        (bad(lambda w, b: (w[0], b)), ValueError, r"policies\[0\]\[1\] has shape \(2, 3\), expected \(3,\)"),
+        (
+            [*bad(lambda w, b: (w[0], b[0])), *layers((3, 3), 2)],
+            ValueError,
+            r"policies\[1\]\[0\] has shape \(2, 3, 3\)",
+        ),
+        (bad(lambda w, b: (w[0, :2], b[0, :2])), ValueError, "outputs of layer 0: 2, expected 3"),
         (bad(lambda w, _: (w,)), TypeError, r"policies\[0\] must be a pair: weights and biases"),
         (bad(lambda w, _: (w, "no")), TypeError, r"policies\[0\]\[1\] must be an array of numbers"),
     ],

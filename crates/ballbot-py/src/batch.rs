@@ -1172,7 +1172,8 @@ impl PyBatch {
     ///
     /// Args:
     ///     policies: (weights, biases) of each layer: the first layer is on the observation, the last gives the action.
-    ///         Weights have the shape (num_envs, outputs, inputs), biases (num_envs, outputs); rounded to float32.
+    ///         Weights have the shape (num_envs, outputs, inputs), biases (num_envs, outputs); rounded to float32. One
+    ///         policy for all robots has weights of the shape (outputs, inputs) and biases (outputs,), and is faster.
     ///     steps: most steps of a robot; None is `max_episode_steps`.
     ///
     /// Returns:

@@ -21,19 +21,20 @@ struct Numbers {
     biases: Vec<f64>,
 }
 
-/// The layers of `n` networks from pairs of weights and biases.
-fn read(of: &str, value: &Bound<'_, PyAny>, n: usize) -> PyResult<Vec<Numbers>> {
+/// The layers of `n` networks from pairs of weights and biases; None is one network, whose arrays have no first axis.
+fn read(of: &str, value: &Bound<'_, PyAny>, n: Option<usize>) -> PyResult<Vec<Numbers>> {
     let mut read = Vec::new();
     for (k, layer) in objects(of, value, MAX_LAYERS)?.iter().enumerate() {
         let name = format!("{of}[{k}]");
         let [weights, biases] = <[_; 2]>::try_from(objects(&name, layer, 2)?)
             .map_err(|_| PyTypeError::new_err(format!("{name} must be a pair: weights and biases")))?;
         let mut numbers = Numbers { shape: [0; 2], weights: Vec::new(), biases: Vec::new() };
-        let shape = [Some(n), None, None];
-        let array = read_elements(&format!("{name}[0]"), &weights, &shape, ANY_COUNT, &mut numbers.weights)?;
-        numbers.shape = [array.shape()[1], array.shape()[2]];
-        let shape = [Some(n), Some(numbers.shape[0])];
-        read_elements(&format!("{name}[1]"), &biases, &shape, ANY_COUNT, &mut numbers.biases)?;
+        let first = usize::from(n.is_none());
+        let shape = &[n, None, None][first..];
+        let array = read_elements(&format!("{name}[0]"), &weights, shape, ANY_COUNT, &mut numbers.weights)?;
+        numbers.shape = [array.shape()[1 - first], array.shape()[2 - first]];
+        let shape = &[n, Some(numbers.shape[0])][first..];
+        read_elements(&format!("{name}[1]"), &biases, shape, ANY_COUNT, &mut numbers.biases)?;
         read.push(numbers);
     }
     Ok(read)
@@ -51,9 +52,17 @@ fn layers(numbers: &[Numbers]) -> Vec<Layer<'_>> {
         .collect()
 }
 
-/// The networks of `n` robots from (weights, biases) of each layer.
+/// The networks of `n` robots from (weights, biases) of each layer; arrays without the axis of the robots are of one
+/// network for all.
 pub(crate) fn networks(value: &Bound<'_, PyAny>, n: usize) -> PyResult<Networks> {
-    Networks::new(n, &layers(&read("policies", value, n)?)).map_err(to_python)
+    let axes = || -> PyResult<usize> {
+        let weights = value.get_item(0)?.get_item(0)?;
+        value.py().import("numpy")?.call_method1("ndim", (weights,))?.extract()
+    };
+    if axes().is_ok_and(|axes| axes == 2) {
+        return Networks::shared(n, &layers(&read("policies", value, None)?)).map_err(to_python);
+    }
+    Networks::new(n, &layers(&read("policies", value, Some(n))?)).map_err(to_python)
 }
 
 /// A policy as a controller; `OnnxPolicy.controller` makes it from a file.
@@ -81,8 +90,8 @@ pub(crate) fn _policy_controller(
     robot: Option<Robot>,
     cells: Option<&Bound<'_, PyAny>>,
 ) -> PyResult<PyController> {
-    let numbers = read("layers", layers, 1)?;
-    let cells = cells.map_or_else(|| Ok(Vec::new()), |cells| read("cells", cells, 1))?;
+    let numbers = read("layers", layers, Some(1))?;
+    let cells = cells.map_or_else(|| Ok(Vec::new()), |cells| read("cells", cells, Some(1)))?;
     let history = crate::options::history(history)?;
     let mut values = Vec::new();
     for (name, value) in options {

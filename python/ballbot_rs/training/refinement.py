@@ -163,7 +163,7 @@ class Trials:
         with require("[refinement]", "train"):
             self.cmaes = importlib.import_module("cmaes")
         self.settings = settings
-        robots = [robot for spec in settings.robots for robot in robots_of(spec, SAME_ROBOT * spec["family"])]
+        robots = [robot for i, spec in enumerate(settings.robots) for robot in _sampled(i, spec)]
         env = {name: value for name, value in config.env.items() if name not in ("reset_tilt", "events")}
         seeds = first_seed(seed)
 
@@ -220,12 +220,12 @@ class Trials:
 
     def _episodes(self, batch: Batch, network: Network) -> dict[str, npt.NDArray[Any]]:
         batch.reset(seeds=self._seeds[: batch.num_envs])
-        return batch.episodes(_tiled(network, batch.num_envs))
+        return batch.episodes(network)
 
     def _recovered(self, network: Network) -> npt.NDArray[np.bool_]:
         """Which starts the policy recovers from, of shape (2, robots, fractions, azimuths)."""
         self._reset(self._tilts, self._impulses)
-        ended = self._starts.episodes(_tiled(network, self._starts.num_envs), STEPS)
+        ended = self._starts.episodes(network, STEPS)
         return self._by_start(~ended["terminated"])
 
     def _limits(self, law: Controller, most: Array) -> Array:
@@ -266,6 +266,14 @@ class Trials:
         return np.swapaxes(found, 0, 1)
 
 
+def _sampled(i: int, spec: Mapping[str, Any]) -> list[Params]:
+    """The robots of family `i` of the settings."""
+    try:
+        return robots_of(spec, SAME_ROBOT * spec["family"])
+    except (TypeError, ValueError) as error:
+        raise ValueError(f"refinement.robots[{i}]: {error}") from error
+
+
 def _first(recovered: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
     """How many of the smallest sizes are recovered from in all azimuths, from the shape (..., sizes, azimuths)."""
     count: npt.NDArray[np.int64] = np.logical_and.accumulate(recovered.all(axis=-1), axis=-1).sum(axis=-1)
@@ -274,11 +282,6 @@ def _first(recovered: npt.NDArray[np.bool_]) -> npt.NDArray[np.int64]:
 
 def _leaning(robot: Params, tilt: tuple[float, float]) -> State:
     return State.at_equilibrium(robot, tilt=tilt)
-
-
-def _tiled(network: Network, count: int) -> list[tuple[Array, Array]]:
-    """The same network for each of some robots."""
-    return [(np.broadcast_to(w, (count, *w.shape)), np.broadcast_to(b, (count, *b.shape))) for w, b in network]
 
 
 def _check(config: TrainConfig) -> None:

@@ -45,7 +45,7 @@ fn acts_as_in<T: Task>(robot: &str, options: &[(&str, &[f64])], ages: &[f64], se
     let mut batch = Batch::new(&config, N, Autoreset::Disabled, Some(1), 3).unwrap();
     let inputs = batch.observation_len();
     let network = Network::new(&[inputs, 12, ACTION_LEN]);
-    let networks = Networks::new(1, &network.layers()).unwrap();
+    let networks = Networks::shared(N, &network.layers()).unwrap();
     let policy = policy_controller(T::NAME, &params, options, &history, &[], &network.layers()).unwrap();
     let torque = config.action_torque();
 
@@ -55,10 +55,9 @@ fn acts_as_in<T: Task>(robot: &str, options: &[(&str, &[f64])], ages: &[f64], se
     let mut lanes = vec![Eight::default(); policy.memory_len()];
     for step in 0..20 {
         let mut actions = [0.0; N * ACTION_LEN];
+        networks.act(&results.observations, &mut actions).unwrap();
         let (mut states, mut setpoints) = (LaneState::<Eight>::default(), LaneSetpoint::<Eight>::default());
         for i in 0..N {
-            let rows = &results.observations[i * inputs..][..inputs];
-            networks.act(rows, &mut actions[i * ACTION_LEN..][..ACTION_LEN]).unwrap();
             states.set_lane(i, &LaneState::from(&batch.state(i).unwrap()));
             setpoints.set_lane(i, &LaneSetpoint::from(&setpoint_of(&mut batch, i)));
         }
