@@ -236,8 +236,7 @@ def evaluated(model: BaseAlgorithm, env: VecEnv, episodes: int, seed: int) -> tu
     if network is None or batch.stage is not None:
         return _evaluated_by_sb3(model, env, episodes, seed)
     batch.reset(seeds=list(range(seed, seed + episodes)))
-    same = [[np.broadcast_to(numbers, (episodes, *numbers.shape)) for numbers in layer] for layer in network]
-    found = batch.episodes([(weights, biases) for weights, biases in same])
+    found = batch.episodes(network)
     return found["returns"], found["lengths"].astype(float), found["success"].astype(float)
 
 

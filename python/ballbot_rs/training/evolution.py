@@ -327,7 +327,8 @@ class Evolution:
     def _judge(self, numbers: Array) -> Judged:
         first, count = first_seed(self._seed) + EVALUATION_SEEDS, self._nominal.num_envs
         self._nominal.reset(seeds=list(range(first, first + count)))
-        found = self._nominal.episodes(self._space.network(np.tile(numbers, (count, 1))))
+        network = self._space.network(numbers[None])
+        found = self._nominal.episodes([(weights[0], biases[0]) for weights, biases in network])
         judged = Judged(
             numbers.copy(),
             self.timesteps,
