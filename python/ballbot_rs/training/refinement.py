@@ -34,9 +34,8 @@ Array = npt.NDArray[np.float64]
 #: Weights and biases of each layer, from observations to actions.
 Network = list[tuple[Array, Array]]
 
-#: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these. Toward 30° one
-#: wheel has to give the most of all azimuths.
-AZIMUTHS: Final = np.radians([0.0, 15.0, 30.0, 60.0])
+#: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
+AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
 #: Of the largest tilt and push from which the law recovers.
 FRACTIONS: Final = np.array([0.5, 0.65, 0.8, 0.9, 1.0])
 #: Control steps in which a robot recovers or falls.
