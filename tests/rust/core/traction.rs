@@ -3,7 +3,7 @@
 use crate::support::general::crooked;
 use ballbot_core::control::{Controller, LimitOptions, Limited, Lqr, LqrWeights, Sampled, Setpoint, TorqueLimits};
 use ballbot_core::kinematics::{Omniwheels, TorqueMap};
-use ballbot_core::models::{LoadMap, SpatialModel};
+use ballbot_core::models::{LoadMap, SpatialModel, capture_impulse};
 use ballbot_core::{Ballbot, LaneState, ModelKind, Params, State, Wheels};
 use nalgebra::{Rotation3, Vector2, Vector3, Vector6};
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -176,21 +176,26 @@ fn a_heading_changes_nothing() {
 }
 
 #[test]
-fn where_a_wheel_slips_the_torques_equal_the_cap() {
-    let params = Params::paper();
+fn where_a_wheel_slips_the_torques_are_capped_and_end_the_slip() {
+    let params = Params { max_wheel_torque: 1.0, ..Params::paper() };
     let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
     let desired = torques(&params, 1.0, 0.4, 0.1);
     let gripping = apply(&params, &state, desired);
-    state.wheel_speeds[1] += 0.11 / params.wheel_radius;
-    let slipping = apply(&params, &state, desired);
-    let capped = TorqueLimits::new(&params, 0.01, &LimitOptions::CAP).unwrap().apply(
-        desired,
-        &LaneState::from(&state),
-        f64::INFINITY,
-    );
-    assert_eq!(slipping.torques, capped.torques);
-    assert_ne!(slipping.torques, gripping.torques);
-    state.wheel_speeds[1] -= 0.02 / params.wheel_radius;
+    let of_cap = |control_dt: f64| TorqueLimits::new(&params, control_dt, &LimitOptions::CAP).unwrap();
+    let capped = of_cap(0.01).apply(desired, &LaneState::from(&state), f64::INFINITY).torques;
+    for (control_dt, time) in [(0.002, 0.02), (0.01, 0.02), (0.04, 0.04)] {
+        for slip in [-0.5, -0.11, 0.11] {
+            let slipping = State { wheel_speeds: Wheels([0.0, -slip / params.wheel_radius, 0.0]), ..state.clone() };
+            let limits = TorqueLimits::new(&params, control_dt, &LimitOptions::TRACTION).unwrap();
+            let found = limits.apply(desired, &LaneState::from(&slipping), f64::INFINITY).torques;
+            let ending = params.wheel_inertia * slip / (params.wheel_radius * time);
+            assert!((found[1] - capped[1] - ending).abs() < 1e-12, "{slip} m/s: {found:?}, capped {capped:?}");
+            assert_eq!((found[0], found[2]), (capped[0], capped[2]));
+        }
+    }
+    state.wheel_speeds[1] = 1e3;
+    assert_eq!(apply(&params, &state, desired).torques[1], -params.max_wheel_torque);
+    state.wheel_speeds[1] = 0.09 / params.wheel_radius;
     assert_eq!(apply(&params, &state, desired).torques, gripping.torques);
 }
 
@@ -230,8 +235,18 @@ fn limits_out_of_range_are_rejected() {
 
 /// A regulator at 100 Hz on `contact`, pushed from the start on for a time, s, with a half sine.
 fn recovers(lqr: &mut Sampled<Lqr>, start: &State, impulse: Vector3<f64>, duration: f64, target: Vector2<f64>) -> bool {
-    let params = Params::paper();
-    let mut robot = Ballbot::new(&params, ModelKind::Contact, SIM_DT).unwrap();
+    recovers_on(&Params::paper(), lqr, start, impulse, duration, target)
+}
+
+fn recovers_on(
+    params: &Params,
+    lqr: &mut Sampled<Lqr>,
+    start: &State,
+    impulse: Vector3<f64>,
+    duration: f64,
+    target: Vector2<f64>,
+) -> bool {
+    let mut robot = Ballbot::new(params, ModelKind::Contact, SIM_DT).unwrap();
     robot.reset(start).unwrap();
     lqr.reset();
     let pushed = (duration / SIM_DT).round() as usize;
@@ -296,6 +311,24 @@ fn with_the_stage_a_regulator_withstands_harder_pushes() {
         falls += u32::from(!recovers(&mut capped, &upright, push(1.85), 0.1, Vector2::zeros()));
     }
     assert!(falls >= 8, "{falls}");
+}
+
+/// At once, by a fraction of the push that the motors could take up: wheels slip, and those of rezero, which has heavy
+/// rotors, kept slipping from 10 % on until it fell.
+#[test]
+fn slipping_wheels_grip_again() {
+    for name in Params::preset_names() {
+        let params = Params::preset(name).unwrap();
+        let mut lqr = Lqr::new(&params, SIM_DT * STEPS as f64).unwrap();
+        let upright = State::upright(&params);
+        for share in [0.05, 0.2, 0.4, 0.6] {
+            for direction in around(12) {
+                let push = Vector3::new(direction.x, direction.y, 0.0) * (share * capture_impulse(&params));
+                let target = Vector2::zeros();
+                assert!(recovers_on(&params, &mut lqr, &upright, push, SIM_DT, target), "{name}, {share}, {direction}");
+            }
+        }
+    }
 }
 
 /// What a user requests with a click, and far beyond.

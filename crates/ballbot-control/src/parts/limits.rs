@@ -23,6 +23,10 @@ pub const DEFAULT_TRACTION: f64 = 0.9;
 /// Slip speed of a wheel above which the maps do not hold, m/s.
 const SLIPPING: f64 = 0.1;
 
+/// Time constant with which torques bring a slipping wheel back to the speed of the ball, s. Without such torques a wheel
+/// whose load has dropped keeps slipping, until the robot falls.
+const GRIP_TIME: f64 = 0.02;
+
 /// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound does not allow torques
 /// that raise it.
 const LEAST_MARGIN: f64 = 1e-9;
@@ -77,7 +81,7 @@ pub struct Limited<L> {
 /// in equilibrium) and no motor exceeds its torque; loads and tractions are from [`LoadMap`]. The floor is assumed to
 /// grip. The yaw torque is reduced first, because it does not balance the robot. The maps hold while all wheels grip:
 /// if a wheel slips by more than 0.1 m/s, as after a push that lifts it, the torques are scaled down together to
-/// [`default_max_torque`]. Derived in `docs/controllers.md`.
+/// [`default_max_torque`], and torques that end the slip are added. Derived in `docs/controllers.md`.
 #[derive(Clone, Debug)]
 pub struct TorqueLimits {
     max_torque: f64,
@@ -105,8 +109,10 @@ struct Traction {
     /// Rows u_i r_k: displacement of a wheel's contact as the ball turns relative to the body.
     surface: Wheels<[f64; 3]>,
     wheel_radius: f64,
-    /// Largest torque while a wheel slips, N·m.
+    /// Largest torque while a wheel slips, but for the torque that ends the slip, N·m.
     slipping_torque: f64,
+    /// Torque that ends the slip, per slip speed, N·s.
+    grip: f64,
 }
 
 /// Two rows for slip and one row for the load of each wheel.
@@ -138,7 +144,7 @@ impl LeanRow {
 }
 
 impl Traction {
-    fn new(params: &Params, share: f64) -> Self {
+    fn new(params: &Params, control_dt: f64, share: f64) -> Self {
         let map = LoadMap::new(params);
         let friction = share * params.wheel_dynamic_friction;
         let rows = std::array::from_fn(|k| {
@@ -172,6 +178,7 @@ impl Traction {
             surface: Wheels::from_fn(|i| std::array::from_fn(|j| wheels.u[(i, j)] * surface)),
             wheel_radius: wheels.traction_radius,
             slipping_torque: default_max_torque(params),
+            grip: params.wheel_inertia / (wheels.traction_radius * control_dt.max(GRIP_TIME)),
         }
     }
 
@@ -190,19 +197,31 @@ impl Traction {
             .number("wheel_radius", self.wheel_radius)
             .number("slipping", SLIPPING)
             .number("slipping_torque", self.slipping_torque)
+            .number("grip", self.grip)
+    }
+
+    /// Speed of the ball's surface relative to each wheel's, m/s; 0 without slip.
+    #[inline(always)]
+    fn slip<L: Lane>(&self, state: &LaneState<L>) -> Wheels<L> {
+        let turned = state.body_quaternion.rotation().apply_transposed(state.ball_angular_velocity);
+        let relative = turned - state.body_angular_velocity;
+        let relative = [relative.x, relative.y, relative.z];
+        Wheels::from_fn(|i| state.wheel_speeds[i].mul_add_all(-self.wheel_radius, dot(&self.surface[i], relative)))
     }
 
     /// Whether a wheel slips.
     #[inline(always)]
-    fn slips<L: Lane>(&self, state: &LaneState<L>) -> L::Mask {
-        let turned = state.body_quaternion.rotation().apply_transposed(state.ball_angular_velocity);
-        let relative = turned - state.body_angular_velocity;
-        let relative = [relative.x, relative.y, relative.z];
-        let mut slip = state.wheel_speeds;
-        for (row, slip) in self.surface.iter().zip(&mut slip) {
-            *slip = slip.mul_add_all(-self.wheel_radius, dot(row, relative));
-        }
-        relative[0].splat(SLIPPING).lt(largest(slip))
+    fn slips<L: Lane>(slip: Wheels<L>) -> L::Mask {
+        slip[0].splat(SLIPPING).lt(largest(slip))
+    }
+
+    /// The torques while a wheel slips, none above `max_torque`.
+    #[inline(always)]
+    fn regrip<L: Lane>(&self, desired: Wheels<L>, slip: Wheels<L>, max_torque: f64) -> Limited<L> {
+        let capped = cap(desired, max_torque.min(self.slipping_torque));
+        let bound = desired[0].splat(max_torque);
+        let torques = Wheels::from_fn(|i| within(slip[i].mul_add_all(self.grip, capped.torques[i]), bound));
+        Limited { torques, ..capped }
     }
 
     /// c of each row.
@@ -246,7 +265,7 @@ impl TorqueLimits {
         let barrier = Barrier::new(params, control_dt, options.speed_limit, options.boundary)?;
         Ok(Self {
             max_torque,
-            traction: options.traction.map(|share| Traction::new(params, share)),
+            traction: options.traction.map(|share| Traction::new(params, control_dt, share)),
             barrier: barrier.map(|barrier| Box::new(Guarded { barrier, frame: BalanceFrame::new(params) })),
         })
     }
@@ -310,8 +329,9 @@ impl TorqueLimits {
         let capped = |torques: Wheels<f64>| torques.map(|torque| torque.clamp(-bound, bound));
         let mut nearest = capped(desired);
         let Some(traction) = &self.traction else { return nearest };
-        if traction.slips(state) {
-            return cap(desired, bound.min(traction.slipping_torque)).torques;
+        let slip = traction.slip(state);
+        if Traction::slips(slip) {
+            return traction.regrip(desired, slip, bound).torques;
         }
         let constants = traction.constants(&traction.frame.pose(state));
         for _ in 0..PROJECTIONS {
@@ -372,13 +392,14 @@ impl TorqueLimits {
         for (row, c) in traction.rows.iter().zip(constants) {
             fits = fits & (dot(&row.per_torque.0, desired.0) + c).le(c.zero());
         }
-        let slips = traction.slips(state);
+        let slip = traction.slip(state);
+        let slips = Traction::slips(slip);
         let limited = slips | !fits;
         let one = bound.splat(1.0);
         if !L::any(limited) {
             return Limited { torques: desired, share: one, yaw_share: one };
         }
-        let capped = cap(desired, max_torque.min(traction.slipping_torque));
+        let gripping = traction.regrip(desired, slip, max_torque);
         let (tilting, yaw) = traction.parts(desired);
         let share = one / excess(traction, &constants, Wheels::zero(bound), tilting, max_torque);
         let base = tilting * share;
@@ -390,14 +411,14 @@ impl TorqueLimits {
         let mut torques = desired;
         for i in 0..WHEELS {
             let scaled = within(yaw[i].mul_add(yaw_share, base[i]), bound);
-            let scaled = L::select(slips, capped.torques[i], scaled);
+            let scaled = L::select(slips, gripping.torques[i], scaled);
             let is_number = desired[i].le(desired[i]);
             torques[i] = L::select(limited & is_number, scaled, desired[i]);
         }
         Limited {
             torques,
-            share: L::select(limited, L::select(slips, capped.share, share), one),
-            yaw_share: L::select(limited, L::select(slips, capped.yaw_share, yaw_share), one),
+            share: L::select(limited, L::select(slips, gripping.share, share), one),
+            yaw_share: L::select(limited, L::select(slips, gripping.yaw_share, yaw_share), one),
         }
     }
 }

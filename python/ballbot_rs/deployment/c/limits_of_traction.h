@@ -1,10 +1,9 @@
-/* Whether a wheel slips on the ball, where the maps below do not hold. */
-static inline int ballbot_slips(const ballbot_state *state)
+/* Speeds of the ball's surface relative to the wheels' surfaces, m/s. */
+static inline void ballbot_slip(const ballbot_state *state, ballbot_real slip[3])
 {
     const ballbot_real *q = state->quaternion;
     const ballbot_real inverse[4] = {q[0], -q[1], -q[2], -q[3]};
     ballbot_real relative[3];
-    ballbot_real slip[3];
     int i;
     ballbot_turned(inverse, state->ball_rate, relative);
     for (i = 0; i < 3; i++) {
@@ -13,7 +12,17 @@ static inline int ballbot_slips(const ballbot_state *state)
     for (i = 0; i < 3; i++) {
         slip[i] = ballbot_dot(BALLBOT_SURFACE[i], relative, 3) - BALLBOT_WHEEL_RADIUS * state->wheel_speeds[i];
     }
-    return ballbot_largest(slip) > BALLBOT_SLIPPING;
+}
+
+/* Torques while a wheel slips, where the maps below do not hold: the slip ends with a time constant. */
+static inline ballbot_limited ballbot_regrip(const ballbot_real desired[3], const ballbot_real slip[3])
+{
+    ballbot_limited limited = ballbot_cap(desired, ballbot_min(BALLBOT_MAX_TORQUE, BALLBOT_SLIPPING_TORQUE));
+    int i;
+    for (i = 0; i < 3; i++) {
+        limited.torques[i] = ballbot_within(limited.torques[i] + BALLBOT_GRIP * slip[i], BALLBOT_MAX_TORQUE);
+    }
+    return limited;
 }
 
 /* By how much torques raise a condition, N. In single precision the rounding of a sum that is zero would be taken for a
@@ -60,6 +69,7 @@ static inline ballbot_limited ballbot_transmitted(
     ballbot_real constants[9];
     ballbot_real yaw[3];
     ballbot_real tilting[3];
+    ballbot_real slip[3];
     int fits = ballbot_largest(desired) <= BALLBOT_MAX_TORQUE;
     int i;
     for (i = 0; i < 9; i++) {
@@ -67,8 +77,9 @@ static inline ballbot_limited ballbot_transmitted(
         constants[i] = row[0] + ballbot_dot(row + 1, pose->tilt, 2) + row[6] * squared;
         fits = fits && ballbot_dot(row + 3, desired, 3) + constants[i] <= 0;
     }
-    if (ballbot_slips(state)) {
-        return ballbot_cap(desired, ballbot_min(BALLBOT_MAX_TORQUE, BALLBOT_SLIPPING_TORQUE));
+    ballbot_slip(state, slip);
+    if (ballbot_largest(slip) > BALLBOT_SLIPPING) {
+        return ballbot_regrip(desired, slip);
     }
     limited.share = 1;
     limited.yaw_share = 1;
