@@ -102,7 +102,23 @@ def test_parts_repeat(trials, fitted):
     assert all(0.0 <= value <= 1.0 for value in parts.values())
     # The fit had small tilts only.
     assert parts["upright"] == 1.0
-    assert parts["tilt limit"] >= 0.5
+    assert parts["tilt limit"] >= FRACTIONS[0]
+
+
+def test_the_hardest_robots_are_kept_with_their_starts(fitted):
+    model, _ = fitted
+    network = network_of(model)
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 5, "seed": 3}])
+    whole, kept = (Trials(WHOLE, settings, seed=0) for _ in range(2))
+    for one in (whole, kept):
+        one.measure(law())
+    of_each = objective(whole._by_robot(network))
+    kept.keep_hardest(network, 2, 1)
+    hardest = set(np.argsort(of_each, kind="stable")[:2].tolist())
+    expected = sorted(hardest | {min(set(range(5)) - hardest)})
+    assert [robot.body_mass for robot in kept._robots] == [whole._robots[i].body_mass for i in expected]
+    np.testing.assert_array_equal(objective(kept._by_robot(network)), of_each[expected])
+    assert len(set(of_each.tolist())) > 1
 
 
 def test_evolution_keeps_the_best_mean(fitted):
@@ -148,6 +164,9 @@ def test_what_cannot_be_refined_is_named_before_the_fit(changes, message):
         ({"robots": [ONE], "episodes": [{"robot": "paper"}]}, r"it has no robot, refinement\.robots names them"),
         ({"robots": [ONE], "episodes": []}, r"refinement\.episodes = \[\] must be a list of tables"),
         ({"robots": [ONE], "generations": 0}, r"refinement\.generations = 0 is out of range"),
+        ({"robots": [ONE], "hardest": 0}, r"refinement\.hardest = 0 is out of range"),
+        ({"robots": [ONE], "hardest": 1, "others": -1}, r"refinement\.others = -1 is out of range"),
+        ({"robots": [ONE], "others": 1}, r"refinement\.others = 1: without refinement\.hardest all robots are kept"),
         ({"robots": [ONE], "population": 3}, r"refinement\.population = 3 is out of range"),
         ({"robots": [ONE], "sigma": 2.0}, r"refinement\.sigma = 2\.0 is out of range"),
     ],

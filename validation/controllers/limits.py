@@ -80,7 +80,7 @@ VARIANTS = {
 }
 DEFAULT = "both (the default)"
 #: Limits of the default in the worst direction: tilt, deg, and pushes, instantaneous and over 0.1 s, N·s.
-BASIN, AT_ONCE, SLOW = 28.0, 2.15, 3.1
+BASIN, AT_ONCE, SLOW = 28.0, 2.2, 3.0
 
 
 @cache

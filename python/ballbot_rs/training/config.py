@@ -150,6 +150,10 @@ class Refinement:
     #: Options of the environments of whole episodes, in place of the options of the training; each robot has eight
     #: episodes in each. Without these options they have no events, and the starts of the task.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
+    #: Of these robots, how many it is tried on: those on which the fit does worst, and the first `others` of the rest.
+    #: None is all robots.
+    hardest: int | None = None
+    others: int = 0
     generations: int = 40
     #: Policies of a generation.
     population: int = 14
@@ -164,6 +168,11 @@ class Refinement:
             raise ValueError(f"refinement.episodes = {self.episodes!r} must be a list of tables of options")
         if any("robot" in one for one in self.episodes):
             raise ValueError(f"refinement.episodes = {self.episodes!r}: it has no robot, refinement.robots names them")
+        if self.hardest is not None:
+            _check_whole("refinement.hardest", self.hardest, 1)
+        elif self.others:
+            raise ValueError(f"refinement.others = {self.others}: without refinement.hardest all robots are kept")
+        _check_whole("refinement.others", self.others, 0)
         _check_whole("refinement.generations", self.generations, 1)
         _check_whole("refinement.population", self.population, 4)
         _check_number("refinement.sigma", self.sigma, "1e-6", "1")

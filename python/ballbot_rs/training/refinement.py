@@ -7,6 +7,8 @@ an observation and of its ages. Each policy of a generation is tried on robots o
 
 - released at tilts, and pushed, by fractions of what the law that is given the robot recovers from;
 - in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`.
+
+Most robots are easy, so it may be tried on those alone on which the fit does worst, and on some others.
 """
 
 import importlib
@@ -37,7 +39,7 @@ Network = list[tuple[Array, Array]]
 #: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
 AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
 #: Of the largest tilt and push from which the law recovers.
-FRACTIONS: Final = np.array([0.5, 0.65, 0.8, 0.9, 1.0])
+FRACTIONS: Final = np.array([0.4, 0.6, 0.8, 0.9, 1.0])
 #: Control steps in which a robot recovers or falls.
 STEPS: Final = 260
 
@@ -70,10 +72,13 @@ def refine(
         tell: called with the parts of the objective.
     """
     settings = trials.settings
-    trials.measure(law)
     policy: Any = model.policy
     layers = [*linear_layers(policy.mlp_extractor.policy_net), policy.action_net]
-    space = Space([(_of(layer.weight), _of(layer.bias)) for layer in layers], ties, trials.ages)
+    network = [(_of(layer.weight), _of(layer.bias)) for layer in layers]
+    space = Space(network, ties, trials.ages)
+    trials.measure(law)
+    if settings.hardest is not None:
+        trials.keep_hardest(network, settings.hardest, settings.others)
     optimizer = trials.cmaes.CMA(
         mean=np.zeros(space.size), sigma=settings.sigma, seed=seed, population_size=settings.population
     )
@@ -92,8 +97,8 @@ def refine(
             layer.weight.copy_(torch.as_tensor(weights, dtype=torch.float32))
 
 
-def objective(parts: dict[str, float]) -> float:
-    """What the evolution maximizes."""
+def objective(parts: Mapping[str, Any]) -> Any:
+    """What the evolution maximizes, of all robots or of each."""
     limits, starts = (sum(parts[f"{kind} {name}"] for kind in ("tilt", "push")) for name in ("limit", "starts"))
     return _OF_LIMITS * limits + _OF_STARTS * starts + _OF_UPRIGHT * parts["upright"] + _OF_PLACE * parts["in place"]
 
@@ -163,31 +168,35 @@ class Trials:
         with require("[refinement]", "train"):
             self.cmaes = importlib.import_module("cmaes")
         self.settings = settings
-        robots = [robot for i, spec in enumerate(settings.robots) for robot in _sampled(i, spec)]
-        env = {name: value for name, value in config.env.items() if name not in ("reset_tilt", "events")}
-        seeds = first_seed(seed)
+        self._config, self._first_seed = config, first_seed(seed)
+        self._fall_tilt = config.env.get("fall_tilt", np.inf)
+        self._begin_with([robot for i, spec in enumerate(settings.robots) for robot in _sampled(i, spec)])
 
-        def batch(episodes: int, **options: Any) -> Batch:
-            each = [robot for robot in robots for _ in range(episodes // SAME_ROBOT)]
-            return new_batch(
-                len(each) * SAME_ROBOT,
-                task=task_of(config.env_id),
-                num_threads=config.num_threads,
-                options={**env, "robot": each, **options},
-                seed=seeds,
-            )
-
-        self._starts = batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
-        self._whole = [batch(_EPISODES, **options) for options in settings.episodes]
-        for options, one in zip(settings.episodes, self._whole, strict=True):
+    def _begin_with(self, robots: list[Params]) -> None:
+        """Makes the environments of some robots."""
+        self._robots = robots
+        self._starts = self._batch(2 * len(FRACTIONS) * len(AZIMUTHS), max_episode_steps=2 * STEPS)
+        self._whole = [self._batch(_EPISODES, **options) for options in self.settings.episodes]
+        for options, one in zip(self.settings.episodes, self._whole, strict=True):
             if one.observation_len != self._starts.observation_len:
                 raise ValueError(
                     f"refinement.episodes: the observation with {options} has {one.observation_len} rows, "
                     f"expected {self._starts.observation_len}"
                 )
+        seeds = self._first_seed
         self._seeds = list(range(seeds, seeds + max(self._starts.num_envs, self._whole[0].num_envs)))
-        self._robots = robots
-        self._fall_tilt = config.env.get("fall_tilt", np.inf)
+
+    def _batch(self, episodes: int, **options: Any) -> Batch:
+        """Environments for a number of episodes of each robot."""
+        env = {name: value for name, value in self._config.env.items() if name not in ("reset_tilt", "events")}
+        each = [robot for robot in self._robots for _ in range(episodes // SAME_ROBOT)]
+        return new_batch(
+            len(each) * SAME_ROBOT,
+            task=task_of(self._config.env_id),
+            num_threads=self._config.num_threads,
+            options={**env, "robot": each, **options},
+            seed=self._first_seed,
+        )
 
     def measure(self, law: Controller) -> None:
         """Measures from how much a law recovers; the starts are fractions of it."""
@@ -196,7 +205,18 @@ class Trials:
         most = _MOST * sizes
         most[0] = np.minimum(most[0], self._fall_tilt)
         limits = self._limits(law, most)
-        self._counts = np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]])
+        self._start_at(limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]]))
+
+    def keep_hardest(self, network: Network, hardest: int, others: int) -> None:
+        """Keeps the robots on which a policy does worst, and the first of the others; after `measure`."""
+        order = np.argsort(objective(self._by_robot(network)), kind="stable")
+        kept = np.sort(np.concatenate([order[:hardest], np.sort(order[hardest:])[:others]]))
+        self._begin_with([self._robots[i] for i in kept])
+        self._start_at(self._sizes[:, kept], self._counts[:, kept])
+
+    def _start_at(self, limits: Array, counts: npt.NDArray[np.bool_]) -> None:
+        """Sets the starts by the limits of the law; only where it counts is there a limit."""
+        self._sizes, self._counts = limits, counts
         self._tilts, self._impulses = self._begin(limits[..., None] * FRACTIONS)
 
     @property
@@ -206,17 +226,29 @@ class Trials:
 
     def parts(self, network: Network) -> dict[str, float]:
         """The parts of the objective for a policy, each from 0 to 1."""
+        return {name: float(np.mean(values[~np.isnan(values)])) for name, values in self._measured(network).items()}
+
+    def _by_robot(self, network: Network) -> dict[str, Array]:
+        """The parts of each robot, of shape (robots,); 1 where there is no limit."""
+        return {name: np.nan_to_num(values, nan=1.0) for name, values in self._measured(network).items()}
+
+    def _measured(self, network: Network) -> dict[str, Array]:
+        """The parts of each robot, of shape (robots,); NaN where there is no limit."""
         recovered = self._recovered(network)
         limit = np.concatenate([[0.0], FRACTIONS])[_first(recovered)]
-        found: dict[str, float] = {}
-        for i, kind in enumerate(("tilt", "push")):
-            counts = self._counts[i]
-            found[f"{kind} limit"] = float(limit[i, counts].mean())
-            found[f"{kind} starts"] = float(recovered[i, counts].mean())
+        found: dict[str, Array] = {}
+        for kind, counts, limits, starts in zip(
+            ("tilt", "push"), self._counts, limit, recovered.mean(axis=(2, 3)), strict=True
+        ):
+            found[f"{kind} limit"] = np.where(counts, limits, np.nan)
+            found[f"{kind} starts"] = np.where(counts, starts, np.nan)
         ended = [self._episodes(batch, network) for batch in self._whole]
-        found["upright"] = 1.0 - float(np.mean([one["terminated"].mean() for one in ended]))
-        found["in place"] = float(np.mean([one["success"].mean() for one in ended]))
-        return found
+
+        def share(name: str) -> Array:
+            of_robots: Array = np.mean([one[name].reshape(len(self._robots), -1) for one in ended], axis=(0, 2))
+            return of_robots
+
+        return {**found, "upright": 1.0 - share("terminated"), "in place": share("success")}
 
     def _episodes(self, batch: Batch, network: Network) -> dict[str, npt.NDArray[Any]]:
         batch.reset(seeds=self._seeds[: batch.num_envs])

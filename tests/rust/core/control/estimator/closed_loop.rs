@@ -117,7 +117,7 @@ fn after_slip(options: &EstimatorOptions) -> (f64, f64, usize) {
     for k in 0..400 {
         let mut torques = lqr.wheel_torques(&plant.robot.state(), &Setpoint::default());
         // A burst on each wheel in turn, with alternating sign.
-        if k % 50 < 3 {
+        if k % 50 < 5 {
             torques[(k / 50) % 3] += if k % 100 < 50 { 0.5 } else { -0.5 };
         }
         plant.step(torques);
