@@ -41,7 +41,7 @@ RUNS = {
     "randomization": (["10"], r"\nnone +lqr upright 100%(.*\n)*friction +lqr upright +([1-9]?\d)%", []),
     "transfer": (
         ["4"],
-        r"contact +policy 100%  lqr 100%\n(.*\n)*friction x 0\.2 .*lqr +0%\n(.*\n)*delay 30 ms +policy 100%  lqr 100%",
+        r"contact +policy 100%  lqr 100%\n(.*\n)*friction x 0\.2 .*lqr +25%\n(.*\n)*delay 30 ms +policy 100%  lqr 100%",
         [],
     ),
     "sweep": (["5"], r"21 points(.*\n)*.*0\.5 +0 +1 +1", ["sweep.svg", "sweep.csv", "sweep-5.json"]),

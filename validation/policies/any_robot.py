@@ -47,7 +47,8 @@ _LEANS: Final = {"success_tilt": 0.1}
 MARGIN: Final = 0.02
 
 #: Fractions of the law's largest tilt and push, claimed of the policy, and of rezero's push.
-LEAST, LEAST_OF_REZERO: Final = 0.9, 0.6
+LEAST: Final = 0.9
+LEAST_OF_REZERO: Final = 0.6
 
 _SCENARIOS: Final = {"S2-rest": "tilt recovered from, deg", "S3-at-once": "push withstood, N·s"}
 
