@@ -5,8 +5,8 @@ $\tau = \mu N\ (f/\tau)^{-1}$ ([stick and
 slip](verification.md#stick-and-slip-the-torque-at-which-the-wheels-break-loose-whatever-the-heading)). The policy
 limits its torques to 0.9 of the torque that tilts the upright robot without slip at $\mu = 1$; LQR limits them by the
 wheel loads of the leaning robot ([controllers](controllers.md)), for the same $\mu$. At a lower coefficient the rest of
-the torque spins the wheels up. LQR made for the robot uses limits for the actual friction. The static coefficient is
-1.1 times the coefficient in the table.
+the torque spins the wheels up, unless the controller ends the slip, as LQR does. LQR made for the robot uses limits for
+the actual friction. The static coefficient is 1.1 times the coefficient in the table.
 
 The friction of the floor matters less: at 0.1 no start falls.
 """

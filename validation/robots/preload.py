@@ -12,13 +12,12 @@ $N$.
 The second table has each preset with LQR made for it, which uses the traction: the largest tilt from which it recovers
 ([scenario](scenarios.md) `S2-rest`) and the largest push that it withstands (`S3-at-once`), in the worst of 24
 directions, and next to them the tilt that traction and motors can hold and the push with which the capture point is
-within it (`Scale`). 0: not all directions recover from the least push that was tried, 0.08 of the capture push without
-preload.
+within it (`Scale`).
 
 Where traction is the limit, tilts grow with the preload: the paper's robot recovers from twice the tilt at one weight.
 Then other limits are met. The motors limit kugle at any preload and asroballet above half a weight, so that more gains
 nothing; and the friction of the floor, which the preload does not load, is the same. Pushes gain less than tilts: from
-none to two weights a half on the paper's robot, where the capture push triples.
+none to two weights three quarters on the paper's robot, where the capture push triples.
 """
 
 import dataclasses
