@@ -10,6 +10,7 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs._core import _policy_controller
 from ballbot_rs.control import network_file
+from ballbot_rs.control import network_file
 from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
 from ballbot_rs.control.resolve import find
 from ballbot_rs.envs._batch_env import new_batch
@@ -126,14 +127,24 @@ def test_a_network_that_is_not_a_chain_makes_no_controller(tmp_path: Path) -> No
     def skipping(graph: Any) -> None:
         graph.node[4].input[0] = graph.node[1].output[0]
 
-    def unbiased(graph: Any) -> None:
-        del graph.node[0].input[2]
-
-    for change in (narrow, skipping, unbiased):
+    for change in (narrow, skipping):
         policy = changed(change)
         assert np.abs(policy.act(np.ones(16, np.float32))).max() <= 1.0
         with pytest.raises(ValueError, match="chain of dense layers"):
             policy.controller()
+
+
+def test_biases_that_an_exporter_left_out_are_zero(tmp_path: Path) -> None:
+    onnx = pytest.importorskip("onnx")
+    model = onnx.load(POLICIES / "balance.onnx")
+    del model.graph.node[0].input[2]
+    onnx.save(model, tmp_path / "unbiased.onnx")
+    (weights, biases), *others = network_file.read(tmp_path / "unbiased.onnx")
+    (expected, _), *rest = network_file.read(POLICIES / "balance.onnx")
+    np.testing.assert_array_equal(weights, expected)
+    np.testing.assert_array_equal(biases, np.zeros(len(expected)))
+    for found, layer in zip(others, rest, strict=True):
+        np.testing.assert_array_equal(found[1], layer[1])
 
 
 def test_weaker_motors_give_their_most() -> None:

@@ -192,8 +192,11 @@ def _dense(
     node: Any, given: Mapping[str, Any], constants: Mapping[str, npt.NDArray[Any]]
 ) -> tuple[npt.NDArray[Any], npt.NDArray[Any]] | None:
     """Weights and biases of a layer; None if they are not constants of the file."""
-    names = list(node.input[1:])
-    if given.get("transA", 0) or len(names) != 2 or not set(names) <= set(constants):
+    # Exporters leave biases out that are zero.
+    names = [name for name in node.input[1:] if name]
+    if given.get("transA", 0) or not 1 <= len(names) <= 2 or not set(names) <= set(constants):
         return None
     weights = constants[names[0]] * given.get("alpha", 1.0)
-    return weights if given.get("transB", 0) else weights.T, constants[names[1]] * given.get("beta", 1.0)
+    weights = weights if given.get("transB", 0) else weights.T
+    biases = constants[names[1]] if len(names) == 2 else np.zeros(len(weights), dtype=weights.dtype)
+    return weights, biases * given.get("beta", 1.0)
