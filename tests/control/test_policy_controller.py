@@ -10,7 +10,6 @@ import pytest
 import ballbot_rs as bb
 from ballbot_rs._core import _policy_controller
 from ballbot_rs.control import network_file
-from ballbot_rs.control import network_file
 from ballbot_rs.control.onnx_policy import ACTING, FOLLOWING
 from ballbot_rs.control.resolve import find
 from ballbot_rs.envs._batch_env import new_batch

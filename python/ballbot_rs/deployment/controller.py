@@ -96,7 +96,7 @@ def _saturation(found: dict[str, Any]) -> list[str]:
     return [
         "Saturation: torques are scaled down, yaw torque first, so that no wheel slips or lifts and none has more than",
         f"{found['max_torque']:.6g} N m; where a wheel slips by more than {found['slipping']:g} m/s, together to",
-        f"{found['slipping_torque']:.6g} N m, plus {found['grip']:.6g} N s times each wheel's slip speed, which ends it.",
+        f"{found['slipping_torque']:.6g} N m, plus {found['grip']:.6g} N s times each wheel's slip speed.",
     ]
 
 
