@@ -195,7 +195,7 @@ def _hardest(policy: str) -> tuple[list[Claim], str]:
             ours, _, best = scores
             least = LEAST_OF_REZERO if (robot, scenario) == ("rezero", "S3-at-once") else LEAST
             what = f"{robot}: {_SCENARIOS[scenario].partition(',')[0]}, missing of {least:g} of `lqr`"
-            claims.append(Claim(what, max(least - ours / best, 0.0), 0.0, 1e-9, "", absolute=True))
+            claims.append(Claim(what, max(least - ours / max(best, 1e-9), 0.0), 0.0, 1e-9, "", absolute=True))
         lines.append([robot, *cells])
     names = ("policy", "`lqr` within its torque", "`lqr`")
     columns = [f"{what}: {name}" for what in _SCENARIOS.values() for name in names]
