@@ -390,8 +390,6 @@ def test_pushes_that_lift_a_wheel_do_not_mislead_the_estimator(seed):
 
 @pytest.mark.parametrize("seed", [4, 14])
 def test_nor_do_pushes_of_a_robot_that_topples_slowly(seed):
-    """With the paper's `slip_walk` rezero lost its velocity for 0.83 s, under the pushes of seed 14."""
     velocity, position = errors_under_pushes("rezero", 2.16, seed)
-    off = np.flatnonzero(np.diff(np.concatenate(([0], velocity > 0.1, [0]))))
-    assert (off[1::2] - off[::2]).max() <= 8, "steps in a row"
+    assert velocity.max() < 0.1
     assert position.max() < 0.1

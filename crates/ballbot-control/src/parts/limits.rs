@@ -206,7 +206,11 @@ impl Traction {
         let turned = state.body_quaternion.rotation().apply_transposed(state.ball_angular_velocity);
         let relative = turned - state.body_angular_velocity;
         let relative = [relative.x, relative.y, relative.z];
-        Wheels::from_fn(|i| state.wheel_speeds[i].mul_add_all(-self.wheel_radius, dot(&self.surface[i], relative)))
+        let mut slip = state.wheel_speeds;
+        for i in 0..WHEELS {
+            slip[i] = slip[i].mul_add_all(-self.wheel_radius, dot(&self.surface[i], relative));
+        }
+        slip
     }
 
     /// Whether a wheel slips.
@@ -220,7 +224,10 @@ impl Traction {
     fn regrip<L: Lane>(&self, desired: Wheels<L>, slip: Wheels<L>, max_torque: f64) -> Limited<L> {
         let capped = cap(desired, max_torque.min(self.slipping_torque));
         let bound = desired[0].splat(max_torque);
-        let torques = Wheels::from_fn(|i| within(slip[i].mul_add_all(self.grip, capped.torques[i]), bound));
+        let mut torques = capped.torques;
+        for i in 0..WHEELS {
+            torques[i] = within(slip[i].mul_add_all(self.grip, torques[i]), bound);
+        }
         Limited { torques, ..capped }
     }
 
