@@ -23,9 +23,9 @@ pub const DEFAULT_TRACTION: f64 = 0.9;
 /// Slip speed of a wheel above which the maps do not hold, m/s.
 const SLIPPING: f64 = 0.1;
 
-/// Time constant with which torques bring a slipping wheel back to the speed of the ball, s. Without such torques a wheel
-/// whose load has dropped keeps slipping, until the robot falls.
-const GRIP_TIME: f64 = 0.02;
+/// Time constant with which a slipping wheel without friction would return to the speed of the ball, s. At its full torque
+/// a wheel whose load has dropped keeps slipping, until the robot falls; less time holds less drive where rims are rough.
+const GRIP_TIME: f64 = 0.06;
 
 /// Least distance of a row from its bound, N. It keeps quotients finite; a row beyond its bound does not allow torques
 /// that raise it.
@@ -81,7 +81,8 @@ pub struct Limited<L> {
 /// in equilibrium) and no motor exceeds its torque; loads and tractions are from [`LoadMap`]. The floor is assumed to
 /// grip. The yaw torque is reduced first, because it does not balance the robot. The maps hold while all wheels grip:
 /// if a wheel slips by more than 0.1 m/s, as after a push that lifts it, the torques are scaled down together to
-/// [`default_max_torque`], and torques that end the slip are added. Derived in `docs/controllers.md`.
+/// [`default_max_torque`], and a torque that drives a wheel into slip is reduced further. Derived in
+/// `docs/controllers.md`.
 #[derive(Clone, Debug)]
 pub struct TorqueLimits {
     max_torque: f64,
@@ -109,9 +110,9 @@ struct Traction {
     /// Rows u_i r_k: displacement of a wheel's contact as the ball turns relative to the body.
     surface: Wheels<[f64; 3]>,
     wheel_radius: f64,
-    /// Largest torque while a wheel slips, but for the torque that ends the slip, N·m.
+    /// Largest torque while a wheel slips, N·m.
     slipping_torque: f64,
-    /// Torque that ends the slip, per slip speed, N·s.
+    /// Reduction of a torque that drives a wheel into slip, per slip speed, N·s.
     grip: f64,
 }
 
@@ -219,14 +220,16 @@ impl Traction {
         slip[0].splat(SLIPPING).lt(largest(slip))
     }
 
-    /// The torques while a wheel slips, none above `max_torque`.
+    /// The torques while a wheel slips, none above `max_torque`. A torque that drives slip is reduced to zero at most: what
+    /// looks like slip, as steps of encoders do, never raises a torque.
     #[inline(always)]
     fn regrip<L: Lane>(&self, desired: Wheels<L>, slip: Wheels<L>, max_torque: f64) -> Limited<L> {
         let capped = cap(desired, max_torque.min(self.slipping_torque));
-        let bound = desired[0].splat(max_torque);
         let mut torques = capped.torques;
         for i in 0..WHEELS {
-            torques[i] = within(slip[i].mul_add_all(self.grip, torques[i]), bound);
+            let torque = torques[i];
+            let reduced = torque + within(slip[i] * self.grip, torque.abs());
+            torques[i] = L::select((torque * slip[i]).lt(torque.zero()), reduced, torque);
         }
         Limited { torques, ..capped }
     }

@@ -14,13 +14,17 @@ static inline void ballbot_slip(const ballbot_state *state, ballbot_real slip[3]
     }
 }
 
-/* Torques while a wheel slips, where the maps below do not hold: the slip ends with a time constant. */
+/* Torques while a wheel slips, where the maps below do not hold: a torque that drives a wheel into slip is reduced, to
+ * zero at most. */
 static inline ballbot_limited ballbot_regrip(const ballbot_real desired[3], const ballbot_real slip[3])
 {
     ballbot_limited limited = ballbot_cap(desired, ballbot_min(BALLBOT_MAX_TORQUE, BALLBOT_SLIPPING_TORQUE));
     int i;
     for (i = 0; i < 3; i++) {
-        limited.torques[i] = ballbot_within(limited.torques[i] + BALLBOT_GRIP * slip[i], BALLBOT_MAX_TORQUE);
+        const ballbot_real torque = limited.torques[i];
+        if (torque * slip[i] < 0) {
+            limited.torques[i] += ballbot_within(BALLBOT_GRIP * slip[i], ballbot_abs(torque));
+        }
     }
     return limited;
 }
