@@ -136,14 +136,23 @@ def test_a_network_that_is_not_a_chain_makes_no_controller(tmp_path: Path) -> No
 def test_biases_that_an_exporter_left_out_are_zero(tmp_path: Path) -> None:
     onnx = pytest.importorskip("onnx")
     model = onnx.load(POLICIES / "balance.onnx")
-    del model.graph.node[0].input[2]
+    dense = [node for node in model.graph.node if node.op_type == "Gemm"]
+    for node in (dense[0], dense[-1]):
+        del node.input[2]
     onnx.save(model, tmp_path / "unbiased.onnx")
-    (weights, biases), *others = network_file.read(tmp_path / "unbiased.onnx")
-    (expected, _), *rest = network_file.read(POLICIES / "balance.onnx")
-    np.testing.assert_array_equal(weights, expected)
-    np.testing.assert_array_equal(biases, np.zeros(len(expected)))
-    for found, layer in zip(others, rest, strict=True):
-        np.testing.assert_array_equal(found[1], layer[1])
+    found = network_file.read(tmp_path / "unbiased.onnx")
+    expected = network_file.read(POLICIES / "balance.onnx")
+    for k, ((weights, biases), (kept, others)) in enumerate(zip(found, expected, strict=True)):
+        np.testing.assert_array_equal(weights, kept)
+        left_out = k in (0, len(expected) - 1)
+        np.testing.assert_array_equal(biases, np.zeros_like(others) if left_out else others)
+    network_file.write(tmp_path / "zero.onnx", found, bb.OnnxPolicy(POLICIES / "balance.onnx").metadata)
+    torques = [
+        bb.OnnxPolicy(tmp_path / name).controller("paper")(bb.State.at_rest("paper", tilt=(0.05, 0.0)))
+        for name in ("unbiased.onnx", "zero.onnx")
+    ]
+    np.testing.assert_array_equal(*torques)
+    assert np.abs(torques[0]).max() > 0.01
 
 
 def test_weaker_motors_give_their_most() -> None:

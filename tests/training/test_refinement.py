@@ -121,18 +121,31 @@ def test_the_hardest_robots_are_kept_with_their_starts(fitted):
     assert len(set(of_each.tolist())) > 1
 
 
-def test_evolution_keeps_the_best_mean(fitted):
+def test_evolution_improves_on_the_fit(fitted):
     model, ties = fitted
+    settings = dataclasses.replace(SETTINGS, robots=[{"family": 3, "seed": 0}], hardest=1, others=1, generations=6)
     # Too weak: it falls from starts from which the fit recovers.
     for parameter in model.policy.action_net.parameters():
         parameter.data *= 0.7
-    trials, told = Trials(WHOLE, SETTINGS, seed=0), []
+    trials, told = Trials(WHOLE, settings, seed=0), []
     refinement.refine(model, trials, law(), ties, 0, told.append)
-    values = [float(text.split(": ")[1].split(",")[0]) for text in told]
-    assert len(values) == 2
-    assert objective(trials.parts(network_of(model))) == pytest.approx(max(values), abs=2e-2)
-    assert max(values) >= values[0]
+    values = {text.split(": ")[0]: float(text.split(": ")[1].split(",")[0]) for text in told}
+    average = "the average of the last half of the generations"
+    assert list(values) == ["the fit", "refined for 4 generations", average]
+    assert values[average] > values["the fit"]
+    assert objective(trials.parts(network_of(model))) == pytest.approx(values[average], abs=2e-2)
     assert asymmetry(model) < 1e-6
+    assert trials.robots == 2
+
+
+def test_a_fit_stays_if_evolution_does_worse(fitted, monkeypatch):
+    model, ties = fitted
+    before = network_of(model)
+    values = iter(range(100, 0, -1))
+    monkeypatch.setattr(refinement, "objective", lambda _: next(values))
+    refinement.refine(model, Trials(WHOLE, SETTINGS, seed=0), law(), ties, 0, lambda _: None)
+    for (weights, _), (kept, _) in zip(before, network_of(model), strict=True):
+        np.testing.assert_array_equal(weights, kept)
 
 
 @pytest.mark.parametrize(
@@ -147,6 +160,10 @@ def test_evolution_keeps_the_best_mean(fitted):
         (
             {"refinement": config.Refinement([ONE], episodes=[{"history": 3}])},
             "has 48 rows, expected 16",
+        ),
+        (
+            {"refinement": config.Refinement([ONE, ONE], hardest=2, others=1)},
+            r"refinement\.hardest = 2 and refinement\.others = 1 are more than the 2 robots",
         ),
     ],
 )

@@ -39,6 +39,7 @@ SWEEP = Sweep(
 _SPEEDS = (0.2, 0.5)
 _SIM_DT = 5e-4
 _WHEEL_RATE = 7.0
+_FALL_TILT = 0.5
 
 
 def spin(params: bb.Params, model: str) -> tuple[float, float, float]:
@@ -60,8 +61,8 @@ def spin(params: bb.Params, model: str) -> tuple[float, float, float]:
     return float(np.ptp(heights)), (len(times) - 1) / (times[-1] - times[0]), rate
 
 
-def gyro(params: bb.Params, speed: float, model: str = "contact") -> float:
-    """Root mean square of the tilt rates of a robot that LQR drives towards its first wheel, rad/s."""
+def gyro(params: bb.Params, speed: float, model: str = "contact") -> float | None:
+    """Root mean square of the tilt rates of a robot that LQR drives towards its first wheel, rad/s; None if it falls."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     lqr = bb.Lqr(PAPER, control_dt=0.01)
     rates = []
@@ -72,6 +73,8 @@ def gyro(params: bb.Params, speed: float, model: str = "contact") -> float:
             robot.step(torques)
             if time >= 3.0:
                 rates.append(np.asarray(robot.state.body_angular_velocity)[:2])
+        if robot.state.tilt > _FALL_TILT:
+            return None
     return float(np.sqrt(np.mean(np.square(rates)) * 2.0))
 
 
@@ -94,7 +97,8 @@ def run() -> Findings:
     robots = [PAPER.replace(roller_ripple=ripple, roller_phases=(0.5, 2.0, -1.5)) for ripple in SWEEP.values]
     heads = [SWEEP.label, *(f"tilt rate at {speed:g} m/s, rms, rad/s" for speed in _SPEEDS)]
     rates = [[gyro(params, speed) for speed in _SPEEDS] for params in robots]
-    rows = [[f"{ripple:g}", *(number(rate, 2) for rate in of)] for ripple, of in zip(SWEEP.values, rates, strict=True)]
+    texts = [["falls" if rate is None else number(rate, 2) for rate in of] for of in rates]
+    rows = [[f"{ripple:g}", *of] for ripple, of in zip(SWEEP.values, texts, strict=True)]
     lines = [1e3 * ripple / math.cos(PAPER.wheel_zenith) for ripple in SWEEP.values]
     dots = [1e3 * spin(PAPER.replace(roller_ripple=r), "contact")[0] if r > 0.0 else 0.0 for r in SWEEP.values]
     findings = Measured(SWEEP).findings(claims(), "bob at 7 rad/s (mm)", lines, dots)

@@ -8,7 +8,7 @@ an observation and of its ages. Each policy of a generation is tried on robots o
 - released at tilts, and pushed, by fractions of what the law that is given the robot recovers from;
 - in whole episodes that begin as the task's do, with the events and limits of `Refinement.episodes`.
 
-Most robots are easy, so it may be tried on those alone on which the fit does worst, and on some others.
+Most robots are easy, so policies can be tried on a part of the robots: on which the fit does worst, and some others.
 """
 
 import importlib
@@ -61,7 +61,7 @@ _EVERY: Final = 4
 def refine(
     model: BaseAlgorithm, trials: "Trials", law: Controller, ties: Ties, seed: int, tell: Callable[[str], None]
 ) -> None:
-    """Replaces the actor of a fitted policy by the best policy of the evolution.
+    """Replaces the actor of a fitted policy by the average policy of the evolution's last half, if it is better.
 
     Args:
         model: of PPO, with a fitted actor.
@@ -82,18 +82,26 @@ def refine(
     optimizer = trials.cmaes.CMA(
         mean=np.zeros(space.size), sigma=settings.sigma, seed=seed, population_size=settings.population
     )
-    best, most = np.zeros(space.size), -np.inf
-    for generation in range(settings.generations + 1):
-        if generation % _EVERY == 0 or generation == settings.generations:
-            parts = trials.parts(space.network(optimizer.mean))
-            if (value := objective(parts)) > most:
-                best, most = optimizer.mean.copy(), value
-            tell(f"refined for {generation} generations: {value:.3f}, {_text(parts)}")
-        if generation < settings.generations:
-            candidates = [optimizer.ask() for _ in range(settings.population)]
-            optimizer.tell([(one, -objective(trials.parts(space.network(one)))) for one in candidates])
+
+    def tried(numbers: Array, what: str) -> float:
+        parts = trials.parts(space.network(numbers))
+        value = float(objective(parts))
+        tell(f"{what}: {value:.3f}, {_text(parts)}")
+        return value
+
+    fit, means = tried(optimizer.mean, "the fit"), []
+    for generation in range(1, settings.generations + 1):
+        candidates = [optimizer.ask() for _ in range(settings.population)]
+        optimizer.tell([(one, -objective(trials.parts(space.network(one)))) for one in candidates])
+        means.append(optimizer.mean.copy())
+        if generation % _EVERY == 0:
+            tried(optimizer.mean, f"refined for {generation} generations")
+    # What the last means have by chance of the robots that they were tried on averages out.
+    average = np.mean(means[settings.generations // 2 :], axis=0)
+    if tried(average, "the average of the last half of the generations") < fit:
+        return
     with torch.no_grad():
-        for layer, (weights, _) in zip(layers, space.network(best), strict=True):
+        for layer, (weights, _) in zip(layers, space.network(average), strict=True):
             layer.weight.copy_(torch.as_tensor(weights, dtype=torch.float32))
 
 
@@ -160,7 +168,8 @@ class Trials:
         seed: of the noise of their sensors, and of the starts in place.
 
     Raises:
-        ValueError: another task than balance, a policy without a teacher or without ties, invalid robots or events.
+        ValueError: another task than balance, a policy without a teacher or without ties, invalid robots or events,
+            fewer robots than those to keep.
     """
 
     def __init__(self, config: TrainConfig, settings: Refinement, seed: int) -> None:
@@ -170,7 +179,13 @@ class Trials:
         self.settings = settings
         self._config, self._first_seed = config, first_seed(seed)
         self._fall_tilt = config.env.get("fall_tilt", np.inf)
-        self._begin_with([robot for i, spec in enumerate(settings.robots) for robot in _sampled(i, spec)])
+        robots = [robot for i, spec in enumerate(settings.robots) for robot in _sampled(i, spec)]
+        if settings.hardest is not None and settings.hardest + settings.others > len(robots):
+            raise ValueError(
+                f"refinement.hardest = {settings.hardest} and refinement.others = {settings.others} are more than "
+                f"the {len(robots)} robots of refinement.robots"
+            )
+        self._begin_with(robots)
 
     def _begin_with(self, robots: list[Params]) -> None:
         """Makes the environments of some robots."""
@@ -208,7 +223,10 @@ class Trials:
         self._start_at(limits, np.array([np.ones(len(scales), dtype=bool), limits[1] > _LEAST_PUSH * sizes[1]]))
 
     def keep_hardest(self, network: Network, hardest: int, others: int) -> None:
-        """Keeps the robots on which a policy does worst, and the first of the others; after `measure`."""
+        """Keeps the robots on which a policy does worst, and the first of the others; after `measure`.
+
+        A kept robot has other noise and other samples of the events from then on.
+        """
         order = np.argsort(objective(self._by_robot(network)), kind="stable")
         kept = np.sort(np.concatenate([order[:hardest], np.sort(order[hardest:])[:others]]))
         self._begin_with([self._robots[i] for i in kept])
@@ -218,6 +236,11 @@ class Trials:
         """Sets the starts by the limits of the law; only where it counts is there a limit."""
         self._sizes, self._counts = limits, counts
         self._tilts, self._impulses = self._begin(limits[..., None] * FRACTIONS)
+
+    @property
+    def robots(self) -> int:
+        """Number of robots on which policies are tried."""
+        return len(self._robots)
 
     @property
     def ages(self) -> int:

@@ -176,25 +176,30 @@ fn a_heading_changes_nothing() {
 }
 
 #[test]
-fn where_a_wheel_slips_the_torques_are_capped_and_end_the_slip() {
+fn where_a_wheel_slips_the_torques_are_capped_and_do_not_drive_it_further() {
     let params = Params { max_wheel_torque: 1.0, ..Params::paper() };
     let mut state = State::tilted(&params, Vector2::new(0.2, 0.1), 0.0);
     let desired = torques(&params, 1.0, 0.4, 0.1);
     let gripping = apply(&params, &state, desired);
     let of_cap = |control_dt: f64| TorqueLimits::new(&params, control_dt, &LimitOptions::CAP).unwrap();
     let capped = of_cap(0.01).apply(desired, &LaneState::from(&state), f64::INFINITY).torques;
-    for (control_dt, time) in [(0.002, 0.02), (0.01, 0.02), (0.04, 0.04)] {
-        for slip in [-0.5, -0.11, 0.11] {
+    assert!(capped[1] < 0.0);
+    for (control_dt, time) in [(0.002, 0.06), (0.01, 0.06), (0.08, 0.08)] {
+        let limits = TorqueLimits::new(&params, control_dt, &LimitOptions::TRACTION).unwrap();
+        // Of the ball's surface relative to the wheel's: a wheel that its torque drives has the other sign.
+        let at = |slip: f64, largest: f64| {
             let slipping = State { wheel_speeds: Wheels([0.0, -slip / params.wheel_radius, 0.0]), ..state.clone() };
-            let limits = TorqueLimits::new(&params, control_dt, &LimitOptions::TRACTION).unwrap();
-            let found = limits.apply(desired, &LaneState::from(&slipping), f64::INFINITY).torques;
-            let ending = params.wheel_inertia * slip / (params.wheel_radius * time);
-            assert!((found[1] - capped[1] - ending).abs() < 1e-12, "{slip} m/s: {found:?}, capped {capped:?}");
+            limits.apply(desired, &LaneState::from(&slipping), largest).torques
+        };
+        for slip in [0.11, 0.3] {
+            let (found, reduction) = (at(slip, f64::INFINITY), params.wheel_inertia * slip / (params.wheel_radius * time));
+            assert!((found[1] - capped[1] - reduction).abs() < 1e-12, "{slip} m/s: {found:?}, capped {capped:?}");
             assert_eq!((found[0], found[2]), (capped[0], capped[2]));
         }
+        assert_eq!(at(100.0, f64::INFINITY), Wheels([capped[0], 0.0, capped[2]]));
+        assert_eq!(at(-0.3, f64::INFINITY), capped);
+        assert!(at(-0.3, 0.05).into_iter().all(|torque| torque.abs() <= 0.05));
     }
-    state.wheel_speeds[1] = 1e3;
-    assert_eq!(apply(&params, &state, desired).torques[1], -params.max_wheel_torque);
     state.wheel_speeds[1] = 0.09 / params.wheel_radius;
     assert_eq!(apply(&params, &state, desired).torques, gripping.torques);
 }
