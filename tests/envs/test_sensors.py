@@ -388,8 +388,10 @@ def test_pushes_that_lift_a_wheel_do_not_mislead_the_estimator(seed):
     assert position.max() < 0.01
 
 
-@pytest.mark.parametrize("seed", [4, 14])
+@pytest.mark.parametrize("seed", [16, 17])
 def test_nor_do_pushes_of_a_robot_that_topples_slowly(seed):
-    velocity, position = errors_under_pushes("rezero", 2.16, seed)
-    assert velocity.max() < 0.1
+    """With the paper's `slip_walk` the velocity of rezero is lost for 8 and 5 steps in a row."""
+    velocity, position = errors_under_pushes("rezero", 4.0, seed)
+    off = np.flatnonzero(np.diff(np.concatenate(([0], velocity > 0.1, [0]))))
+    assert (off[1::2] - off[::2]).max(initial=0) <= 2, "steps in a row"
     assert position.max() < 0.1

@@ -24,8 +24,7 @@ LIMITS: Final = (None, 0.1, 0.08)
 
 _TEXT: Final = """
 The wheels have a friction coefficient below 1, which neither the policies nor LQR are given. LQR limits its torques to
-what traction allows at μ = 1: on slippery wheels they slip. The policies were trained by PPO on robots with random
-friction:
+what traction allows at μ = 1, so slippery wheels slip. The policies were trained by PPO on robots with random friction:
 
 ```sh
 ballbot train balance --seed 0 --run runs/slippery --timesteps 278528 \\

@@ -318,8 +318,8 @@ fn with_the_stage_a_regulator_withstands_harder_pushes() {
     assert!(falls >= 8, "{falls}");
 }
 
-/// At once, by a fraction of the push that the motors could take up: wheels slip, and the wheels of rezero, which have
-/// heavy rotors, kept slipping from 10 % on until it fell.
+/// At once, by a fraction of the push that the motors could take up: wheels slip. With their full torque the wheels of
+/// rezero, which have heavy rotors, kept slipping until it fell, in some directions from 5 % on.
 #[test]
 fn slipping_wheels_grip_again() {
     for name in Params::preset_names() {

@@ -76,7 +76,7 @@ impl EstimatorOptions {
             encoder_noise: (tick / 12.0_f64.sqrt()).clamp(LEAST_ANGLE_ERROR, 1.0),
             start_attitude: sensors.imu_misalignment.max(LEAST_START_ERROR),
             start_velocity: LEAST_START_ERROR,
-            // The slower a robot topples, the longer its wheels slip. Measured: larger ones lose the velocity.
+            // The slower a robot topples, the longer its wheels slip. Measured: larger ones lose the velocity for longer.
             slip_walk: (default.slip_walk / Scale::of(params).time).min(10.0),
             ..default
         }
