@@ -326,7 +326,7 @@ fn slipping_wheels_grip_again() {
         let params = Params::preset(name).unwrap();
         let mut lqr = Lqr::new(&params, SIM_DT * STEPS as f64).unwrap();
         let upright = State::upright(&params);
-        for share in [0.05, 0.2, 0.4, 0.6] {
+        for share in [0.05, 0.2, 0.4, 0.5] {
             for direction in around(12) {
                 let push = Vector3::new(direction.x, direction.y, 0.0) * (share * capture_impulse(&params));
                 let target = Vector2::zeros();
