@@ -282,3 +282,11 @@ def test_offsets_of_a_payload_are_checked():
     batch = bb.Batch(2, robot=tray("paper"))
     with pytest.raises((ValueError, IndexError)):
         batch.move_payload(2, [0.0, 0.0, 0.0])
+
+
+@pytest.mark.parametrize("share", [0.9, 1.12])
+def test_laws_with_equal_poles_in_both_planes_are_stable(share):
+    """Rounding makes the discriminant of a block of the Schur form positive: its poles were NaN."""
+    robot = tray("rezero", share, 1.0).with_payloads_fixed()
+    law = bb.make_controller("cascade_pid", robot, control_dt=0.01)
+    assert bb.simulate(law, robot=robot, tilt=(0.02, 0.0), seconds=2.0).fell_at is None

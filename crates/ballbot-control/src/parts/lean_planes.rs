@@ -151,15 +151,35 @@ pub(crate) fn product<L: Lane, const N: usize>(row: &[f64; N], x: &[L; N]) -> L 
 /// Largest number of steps of the pole search; each pole needs about two.
 const MAX_POLE_STEPS: usize = 10_000;
 
+/// Magnitudes of the eigenvalues of a real Schur form. Equal poles of two planes are blocks whose discriminant may have
+/// either sign by rounding; nalgebra returns NaN for positive ones.
+fn magnitudes(form: &DMatrix<f64>) -> Vec<f64> {
+    let mut found = Vec::with_capacity(form.nrows());
+    let mut k = 0;
+    while k < form.nrows() {
+        if k + 1 == form.nrows() || form[(k + 1, k)] == 0.0 {
+            found.push(form[(k, k)].abs());
+            k += 1;
+            continue;
+        }
+        let half = 0.5 * (form[(k, k)] + form[(k + 1, k + 1)]);
+        let determinant = form[(k, k)] * form[(k + 1, k + 1)] - form[(k, k + 1)] * form[(k + 1, k)];
+        let discriminant = half * half - determinant;
+        found.push(if discriminant < 0.0 { determinant.sqrt() } else { half.abs() + discriminant.sqrt() });
+        k += 2;
+    }
+    found
+}
+
 /// Checks that the poles of a sampled closed loop are within the unit circle.
 pub(crate) fn require_stable(closed_loop: DMatrix<f64>, control_dt: f64) -> Result<()> {
     let schur = Schur::try_new(closed_loop, f64::EPSILON, MAX_POLE_STEPS)
         .ok_or_else(|| Error::Inconsistent("the poles of the closed loop were not found".into()))?;
-    let poles = schur.complex_eigenvalues().map(|pole| pole.norm());
+    let poles = magnitudes(&schur.unpack().1);
     if poles.iter().all(|pole| *pole < 1.0) {
         return Ok(());
     }
-    let pole = poles.max();
+    let pole = poles.into_iter().fold(0.0, f64::max);
     Err(Error::Inconsistent(format!(
         "sampled every control_dt = {control_dt} s, the closed loop of the linear model has a pole of magnitude {pole}: \
          it must be below 1"
