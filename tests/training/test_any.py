@@ -18,6 +18,8 @@ SMALL = {
     "teacher.steps": 5,
     "teacher.epochs": 1,
     "refinement.robots": '[{"family": 1}]',
+    "refinement.hardest": 1,
+    "refinement.others": 0,
     "refinement.generations": 1,
     "refinement.population": 4,
     "evaluation.episodes": 8,
