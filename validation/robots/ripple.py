@@ -62,7 +62,7 @@ def spin(params: bb.Params, model: str) -> tuple[float, float, float]:
 
 
 def gyro(params: bb.Params, speed: float, model: str = "contact") -> float | None:
-    """Root mean square of the tilt rates of a robot that LQR drives towards its first wheel, rad/s; None if it falls."""
+    """RMS of the tilt rates of a robot that LQR drives towards its first wheel, rad/s; None if it falls."""
     robot = bb.Ballbot(params, model=model, sim_dt=1e-3)
     lqr = bb.Lqr(PAPER, control_dt=0.01)
     rates = []

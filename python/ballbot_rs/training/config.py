@@ -150,7 +150,7 @@ class Refinement:
     #: Options of the environments of whole episodes, in place of the options of the training; each robot has eight
     #: episodes in each. Without these options they have no events, and the starts of the task.
     episodes: list[dict[str, Any]] = dataclasses.field(default_factory=lambda: [{}])
-    #: Number of the robots on which policies are tried: on which the fit does worst, and the first `others` of the rest.
+    #: Policies are tried on the robots on which the fit does worst, this many, and on the first `others` of the rest.
     #: None is all robots.
     hardest: int | None = None
     others: int = 0
