@@ -57,7 +57,7 @@ WRONG = [
     ("Push by (N·s)", -1e308),
     ("Push by (N·s)", math.nan),
     ("Push by (N·s)", math.inf),
-    ("Push by (N·s)", 5.1),
+    ("Push by (N·s)", 6.8),
     ("Push by (N·s)", True),
     ("Push by (N·s)", "1.0"),
     ("Push by (N·s)", None),
@@ -87,6 +87,16 @@ NO_NUMBERS = [math.nan, math.inf, -math.inf, 1e308, -1e308, 2**63, True, "1", No
 def test_a_value_that_a_control_cannot_have_does_not_enter_it(view, label, value):
     handle = control(view, label)
     assert messages.accepted(update(handle, value), view.server.controls) is None
+
+
+def test_the_largest_push_topples_the_robot_that_is_chosen(view):
+    handle = control(view, "Push by (N·s)")
+    assert handle.max == pytest.approx(6.7)
+    query(view, lambda session: session.choose(robot="kugle"))
+    wait_until(lambda: handle.max == pytest.approx(48.5))
+    assert messages.accepted(update(handle, 45.0), view.server.controls) is not None
+    query(view, lambda session: session.push(0.0, 45.0))
+    wait_until(lambda: query(view, lambda session: session.robots.fallen.any()))
 
 
 def test_only_valid_values_reach_other_clients(view):

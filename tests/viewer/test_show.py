@@ -88,7 +88,7 @@ def test_errors_reach_the_program_and_change_nothing(page):
         (lambda: page.command(0.0, yaw_rate=np.nan), r"yaw_rate = nan"),
         (lambda: page.go_to(1.0, 0.0), "a click is not a command of the task velocity"),
         (lambda: page.push((1.0, 0.0, 0.0)), r"impulse has shape \(3,\), expected \(2,\)"),
-        (lambda: page.push((100.0, 0.0)), "impulse = 100.0 is out of range"),
+        (lambda: page.push((1001.0, 0.0)), "impulse = 1001.0 is out of range"),
         (lambda: page.choose(model="spherical"), "unknown model 'spherical'"),
         (lambda: page.set_params({"body_mass": 3.0}), "parameters ball_mass, .* are missing"),
         (lambda: page.recorded(), "nothing has been recorded: call record before"),

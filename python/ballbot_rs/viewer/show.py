@@ -204,7 +204,7 @@ class Page:
         self._in_session(lambda session: session.move_setpoint(x, y))
 
     def push(self, impulse: npt.ArrayLike) -> None:
-        """Pushes the body of every robot at its center of mass: impulse (x, y), inertial frame, N·s, at most 20.
+        """Pushes the body of every robot at its center of mass: impulse (x, y), inertial frame, N·s, at most 1000.
 
         Raises:
             ValueError: another shape, or an impulse out of range.

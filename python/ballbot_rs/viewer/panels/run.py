@@ -10,11 +10,14 @@ from ballbot_rs.viewer.panels.controls import add_button, bound, on_client, put
 from ballbot_rs.viewer.server.teleop import HOLD
 from ballbot_rs.viewer.session.commanding import ACCELERATION, CLICKED, DRIVEN, Commanding
 from ballbot_rs.viewer.session.runner import Command, Submit
-from ballbot_rs.viewer.session.session import MAX_SPEED, MIN_SPEED, Session
+from ballbot_rs.viewer.session.session import MAX_IMPULSE, MAX_SPEED, MIN_SPEED, Session
 
 #: Buttons.
 PAUSE, CONTINUE, STEP, RESET = "Pause", "Continue", "Step", "Reset"
 CIRCLE, EIGHT, ORIGIN = "Circle", "Figure eight", "Origin"
+
+#: The largest push gives the body this speed, m/s: more than any preset withstands.
+PUSHED_SPEED = 3.0
 
 
 class RunPanel:
@@ -32,7 +35,7 @@ class RunPanel:
         self.task = gui.add_dropdown("Task", known_tasks(), initial_value=session.task)
         self._time = gui.add_button_group("Time", (PAUSE, STEP, RESET), hint="Step: pauses, then one control step")
         self._time.on_click(on_client(submit, self._of_time))
-        self._add_push()
+        self._add_push(session)
         gui.add_divider()
         self._help = gui.add_markdown("")
         self._sample = add_button(
@@ -79,7 +82,7 @@ class RunPanel:
             return bound(Session.move_setpoint, 0.0, 0.0)
         return bound(Session.follow, "circle" if self._routes.value == CIRCLE else "eight")
 
-    def _add_push(self) -> None:
+    def _add_push(self, session: Session) -> None:
         gui = self._gui
         push = gui.add_button("Push", hint="robots may also be pulled: drag robot 0")
         push.on_click(on_client(self._submit, lambda: bound(Session.push, *self.push)))
@@ -91,7 +94,9 @@ class RunPanel:
             initial_value=0,
             hint="azimuth, from x, seen from above",
         )
-        self._impulse = gui.add_slider("Push by (N·s)", min=0.0, max=5.0, step=0.05, initial_value=0.3)
+        self._impulse = gui.add_slider(
+            "Push by (N·s)", min=0.0, max=largest_push(session), step=0.05, initial_value=0.3
+        )
 
     @property
     def push(self) -> tuple[float, float]:
@@ -102,6 +107,8 @@ class RunPanel:
         """Shows the state of the session."""
         put(self._time, options=(CONTINUE if session.paused else PAUSE, STEP, RESET))
         put(self.task, value=session.task)
+        most = largest_push(session)
+        put(self._impulse, max=most, value=min(self._impulse.value, most))
         if session.speed != self._shown_speed:
             self._shown_speed = session.speed
             put(self._speed, value=session.speed)
@@ -113,6 +120,11 @@ class RunPanel:
         routes = (CIRCLE, EIGHT, ORIGIN) if commanding is None else (ORIGIN,)
         put(self._routes, visible=session.takes_clicks, options=routes)
         put(self.clicks, visible=session.takes_clicks)
+
+
+def largest_push(session: Session) -> float:
+    """Of the slider, N·s; it follows from the mass of the nominal robot."""
+    return min(round(PUSHED_SPEED * session.robots.setup.nominal.body_mass, 1), MAX_IMPULSE)
 
 
 def help_of(commanding: Commanding) -> str:

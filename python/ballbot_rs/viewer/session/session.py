@@ -35,7 +35,7 @@ CLICK_TOLERANCE = 1e-6
 #: Bounds of the page's inputs: simulated time per real time, rad and N·s.
 MIN_SPEED, MAX_SPEED = 0.01, 8.0
 MAX_TILT = math.radians(30.0)
-MAX_IMPULSE = 20.0
+MAX_IMPULSE = 1000.0
 
 
 class Session(Configured):
