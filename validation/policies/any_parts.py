@@ -20,7 +20,7 @@ from ballbot_rs.envs.family import is_family
 from ballbot_rs.training import config, teacher, tied
 
 #: Training seeds; each has other robots.
-SEEDS: Final = (0, 1)
+SEEDS: Final = (0, 1, 2)
 
 #: Robots of a fit, a smaller one than the fit of the policy in the package.
 NUM_ENVS: Final = 512
