@@ -44,9 +44,9 @@ print(bb.simulate(law, robot="kugle", seconds=12.0, reference=circle).metrics().
 <!-- scene: controller=balance-any&robot=kugle&course=circle -->
 
 Driven in this way by commands to 0.5 m/s that do not turn, `balance-any` stays upright in 50 of 50 episodes on each
-preset, with settled errors of 1.2 cm/s (paper), 3.9 (kugle), 3.2 (asroballet) and 0.4 (rezero). It hardly turns while
+preset, with settled errors of 1.1 cm/s (paper), 4.7 (kugle), 3.8 (asroballet) and 0.5 (rezero). It hardly turns while
 it drives on kugle and asroballet, whose friction it was not trained to turn against: commands that turn topple it on
-kugle in 56 % of the episodes. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy
+kugle in 46 % of the episodes. On a circle of 0.5 m in 12 s it falls from none of 24 starts on any preset. The policy
 `velocity` and the laws are the better choice for commands that turn.
 
 ```sh

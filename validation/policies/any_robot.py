@@ -62,12 +62,11 @@ and floor, a law of the *nominal* robot for the robot before events. "In place" 
 0.1 m of the setpoint and within 1° of upright; with `wide`, whose robots lean at rest, within 5.7°
 (`success_tilt=0.1`). In brackets its 95 % interval.
 
-Where it falls short: of the largest push at once, in the worst of 24 directions, it withstands 89 % (paper), 85 %
-(asroballet), 91 % (kugle) and 72 % (rezero) of what `lqr` does, which knows the robot. It recovers from 95 % of the
-law's tilts and more, but on rezero it falls from some of 13 to 15°, and from none that was tried between 15.5 and
-19.7°. Four claims of 90 % therefore fail. The law is the better choice for a robot that is known and pushed hard. An
-action of 1 is 0.4 N·m on the paper's robot, and on another as large in proportion to the torque that holds its largest
-lean, within the limit of its motors.
+Where it falls short: of the largest push at once, in the worst of 24 directions, it withstands 89 % (paper), 82 %
+(asroballet), 88 % (kugle) and 69 % (rezero) of what `lqr` does, which knows the robot. Four claims of 90 % therefore
+fail. It recovers from 92 % of the law's tilts and more. The law is the better choice for a robot that is known and
+pushed hard. An action of 1 is 0.4 N·m on the paper's robot, and on another as large in proportion to the torque that
+holds its largest lean, within the limit of its motors.
 """
 
 

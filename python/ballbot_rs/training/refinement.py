@@ -39,7 +39,7 @@ Network = list[tuple[Array, Array]]
 #: Azimuths of tilts and pushes, rad; robot and policy are symmetric, so all others are like these.
 AZIMUTHS: Final = np.radians([0.0, 20.0, 40.0, 60.0])
 #: Of the largest tilt and push from which the law recovers.
-FRACTIONS: Final = np.array([0.4, 0.6, 0.8, 0.9, 1.0])
+FRACTIONS: Final = np.array([0.5, 0.6, 0.7, 0.8, 0.9, 1.0])
 #: Control steps in which a robot recovers or falls.
 STEPS: Final = 260
 
